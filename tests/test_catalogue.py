@@ -15,8 +15,8 @@ from apollonius.agents.greedy import Greedy
 from apollonius.agents.kind import AbstractKind, Named
 from apollonius.agents.network import make_network
 from apollonius.agents.shield import Shielded
-from apollonius.agents.store import describe, load_header, save_agent
-from apollonius.agents.trained import ZOO, learned_elsewhere, zoo_names
+from apollonius.agents.store import describe, save_agent
+from apollonius.agents.trained import learned_elsewhere
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player, find_pool, player_names
@@ -115,15 +115,6 @@ def test_a_pool_has_trained_agents_random_and_still_side_by_side(pursuer, tmp_pa
 def test_players_that_do_not_go_together_make_no_pool(names):
     with pytest.raises(InvalidInput, match="pursuers = "):
         find_pool(names, Role.PURSUER, PAPER)
-
-
-@pytest.mark.parametrize("name", zoo_names())
-def test_an_agent_of_the_zoo_is_small_and_says_where_it_comes_from(name):
-    header = load_header(ZOO / f"{name}.safetensors")
-    assert header.role == {"P": "pursuer", "E": "evader"}[name[0]]
-    assert (ZOO / f"{name}.safetensors").stat().st_size < 1_000_000
-    assert {"command", "seed", "stage", "env_steps", "episodes", "config"} <= set(header.training)
-    assert header.game["arena"]["discs"] or header.game["scenario"].startswith("suite-v1/")
 
 
 def test_it_is_known_who_has_learned_in_another_arena_only():

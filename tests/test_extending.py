@@ -1,10 +1,6 @@
 """`docs/how-to/extend.md`: a new obstacle, observation or robot is a short file and a line, a new scheme a line."""
 
 import inspect
-import json
-import shutil
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,7 +19,6 @@ from apollonius.arenas.survey import survey
 from apollonius.export.c import Compiled, header
 from apollonius.export.parity import cases_of, compare
 from apollonius.export.player import find_exportable
-from apollonius.export.translate import translated
 from apollonius.export.writing import program_of
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.by_side import BySide
@@ -36,11 +31,9 @@ from apollonius.learn.archive import renew
 from apollonius.observe import registry
 from apollonius.observe.view import look
 from apollonius.play.playout import play_out
-from apollonius.play.replay import as_rows, as_state, play_actions
 from apollonius.show.canvas import Canvas
 from apollonius.show.palette import OBSTACLE
-from apollonius.web.site import PAGE
-from tests import bearing, capsule, car
+from tests import bearing
 from tests.acting import act, robot
 from tests.bearing import BEARING
 from tests.capsule import Capsule
@@ -65,23 +58,7 @@ class WithCars(Game):
 
 
 STEERED = {"pursuer": {"wheelbase": 0.5, "steer_max": 0.4}, "arena": {"discs": [{"x": 5, "y": 5, "radius": 1}]}}
-MAKE_PAGE = """
-import sys
-from itertools import islice
-from pathlib import Path
-from apollonius.web import programs
-from tests.car import Car
-from website.compiled import _text
-
-programs.Body = Car
-Path(sys.argv[1]).write_text(_text([*islice(programs.page_programs(), 8)], ""))
-"""
 WALL = Capsule(3.0, 5.0, 7.0, 6.0, 0.3)
-
-
-@pytest.mark.parametrize("module", [capsule, bearing, car])
-def test_each_is_one_short_file(module):
-    assert len(inspect.getsource(module).splitlines()) <= 80
 
 
 def test_the_document_shows_the_observation_and_names_the_others():
@@ -187,32 +164,3 @@ def test_a_new_robot_is_the_same_in_c_and_its_shield_brakes_as_it_drives():
     uniform = find_exportable("random", Role.EVADER, game).package
     ends = play_out(game, BySide(solo(player.package), solo(uniform)), starts, jax.random.key(1))
     assert not np.isin(ends.outcome, (Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE)).any()
-
-
-@pytest.mark.slow
-@needs_gcc
-@pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
-def test_a_new_robot_plays_the_same_games_in_python_in_c_and_in_the_page(tmp_path):
-    """The page's programs are made with it, as `make page` does, where types are not checked: that takes minutes."""
-    pytest.importorskip("ziglang")
-    page = shutil.copytree(PAGE, tmp_path / "page")
-    subprocess.run([sys.executable, "-c", MAKE_PAGE, str(page / "compiled.js")], check=True, cwd=DOCUMENT.parents[2])
-    game = from_dict(WithCars, STEERED, "a file")
-    start = np.asarray(as_rows(reset_batch(game, jax.random.key(0), 1)))[0]
-    actions = np.random.default_rng(0).integers(9, size=(6, 2), dtype=np.int32).repeat(5, axis=0)
-
-    def played(game, row, actions):
-        states, outcomes = play_actions(game, as_state(row, jnp.asarray(0), 1), actions)
-        return {"outcomes": outcomes, "rows": jnp.stack(jax.tree.leaves(states.robots), axis=-1)}
-
-    expected = jax.jit(played)(game, start, actions)
-    in_c = Compiled(translated(played, game, start, actions, name="played"))(game, start, actions)
-    for found, wanted in zip(in_c, (expected["outcomes"], expected["rows"]), strict=True):
-        np.testing.assert_allclose(found, wanted, atol=1e-5)
-    asked = {
-        "page": str(page),
-        "games": [{"game": to_dict(game), "states": [start.tolist()], "actions": actions.tolist()}],
-    }
-    command = ["node", str(Path(__file__).parent / "web" / "check.mjs")]
-    done = subprocess.run(command, input=json.dumps(asked), capture_output=True, text=True, check=True)
-    np.testing.assert_allclose(json.loads(done.stdout)["games"][0]["rows"], expected["rows"], atol=1e-5)

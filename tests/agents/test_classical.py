@@ -70,11 +70,6 @@ def test_actions_bring_heading_and_speed_as_close_to_the_course_as_one_step_can(
         assert int(jnp.argmax(judge(view(OPEN, Role.PURSUER, robot(*own), robot(*opponent))))) == 3 * thrust + turn
 
 
-def test_a_course_that_is_held_is_held_without_any_control():
-    player = Flee.for_side(OPEN, Role.EVADER)
-    assert int(jnp.argmax(player.values(view(OPEN, Role.EVADER, robot(10, 10, 1.0, 0.02), robot(5, 10))))) == 4
-
-
 def test_a_chaser_is_never_too_fast_for_the_circle_through_its_target():
     """Where the speed is not the top one, the target lies on the circle that full turn makes of it."""
     player = PurePursuit.for_side(OPEN, Role.PURSUER)

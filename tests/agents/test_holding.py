@@ -33,18 +33,6 @@ class Drifting(AbstractPolicy):
         return 3 * (1 + memory % 2) + bits.astype(jnp.int32) % 3, memory + 1
 
 
-def test_one_who_decides_in_every_step_plays_as_without_holding():
-    """To the last game, whatever the places that games share."""
-    player = Drifting()
-    found, expected = (
-        play_out(GAME, BySide(solo(one), solo(RUNNER)), STARTS, KEY, slots=slots)
-        for one, slots in ((Holding(player, 1), 16), (player, 64))
-    )
-    np.testing.assert_array_equal(found.outcome, expected.outcome)
-    np.testing.assert_array_equal(found.steps, expected.steps)
-    assert len(np.unique(found.outcome)) >= 2
-
-
 def test_what_was_decided_is_held_from_the_start_of_each_game():
     """Games begin as others end; its own memory goes on as it decides."""
     players = BySide(solo(Holding(Drifting(), 7)), solo(RUNNER))

@@ -62,15 +62,6 @@ def test_greedy_takes_the_first_of_the_best_actions(values, chosen):
     assert act(Greedy(network_with(values)), NOTHING, WORDS[0]) == chosen
 
 
-def test_a_network_is_layers_of_weights_and_relu():
-    network = make_network("encoded", width=4, depth=2, key=jax.random.key(3))
-    observation = np.linspace(-1, 1, 17, dtype=np.float32)
-    first, second, last = [(np.asarray(layer.weight), np.asarray(layer.bias)) for layer in network.layers]
-    hidden = np.maximum(first[0] @ observation + first[1], 0)
-    hidden = np.maximum(second[0] @ hidden + second[1], 0)
-    np.testing.assert_allclose(network(jnp.asarray(observation)), last[0] @ hidden + last[1], rtol=1e-5, atol=1e-6)
-
-
 def play_still(v, steps):
     """Where a robot that plays `Still` is after a number of steps, from (1, 5) heading 0.5 rad."""
     game = make_game("paper")

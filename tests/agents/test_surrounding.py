@@ -135,18 +135,6 @@ def test_behind_a_wall_ways_are_those_around_it():
     assert sin(float(heading)) > 0.9
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("rule", [Encirclement, VoronoiPursuit])
-def test_where_no_path_leads_they_head_straight_for_the_evader(rule):
-    """Its cost is the same in all directions, but for rounding."""
-    wall = Polygon(((4.8, 0.0), (5.2, 0.0), (5.2, 10.0), (4.8, 10.0)))
-    game = in_teams(charted(Game(arena=Arena(polygons=(wall,)))), 2, 1)
-    player = rule.for_side(game, Role.PURSUER)
-    for own, evader in (((2, 3), (8, 6)), ((3, 8), (7, 1))):
-        heading, _ = player.course(view([own, (2, 5)], evader, game=game))
-        assert float(heading) == pytest.approx(atan2(evader[1] - own[1], evader[0] - own[0]), abs=1e-5)
-
-
 def test_they_play_in_teams_only():
     with pytest.raises(InvalidInput, match=r"pursuers = 1 is not possible: .* 2 at least"):
         find_player("encirclement", Role.PURSUER, paper())

@@ -8,7 +8,6 @@ import tomli_w
 
 from apollonius.arenas.file import find_game, load_game, save_game
 from apollonius.arenas.record import to_dict
-from apollonius.cli.main import main
 from apollonius.game.arena import Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
@@ -84,16 +83,6 @@ def test_json_says_what_toml_says(tmp_path, written):
         find_game(str(tmp_path / "hall.json"))
 
 
-def test_the_commands_play_a_file(tmp_path, capsys):
-    (tmp_path / "hall.toml").write_text(HALL)
-    game = ["--game", str(tmp_path / "hall.toml")]
-    assert main(["evaluate", "random", "still", "--games", "2", *game, "--json"]) == 0
-    assert '"mean_steps"' in capsys.readouterr().out
-    (tmp_path / "hall.toml").write_text(HALL.replace("y_max", "y_mox"))
-    assert main(["evaluate", "random", "still", *game]) == 2
-    assert "'y_mox' is no known key: remove it, or did you mean 'y_max'?" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(
     ("content", "said"),
     [
@@ -107,6 +96,7 @@ def test_the_commands_play_a_file(tmp_path, capsys):
         ("[arena]\ndiscs = 'none'", "arena.discs = none is not possible: it must be a list."),
         ("[arena.discs]\nx = 1", "arena.discs = .'x': 1. is not possible: it must be a list."),
         ("[arena]\ndiscs = [[5, 5, 1]]", r"arena.discs = \[\[5, 5, 1\]\] is not .* a list of tables."),
+        ("[arena]\ny_mox = 3", "'y_mox' is no known key: remove it, or did you mean 'y_max'"),
         ("arena = 7", "arena = 7 is not possible: it must be a table."),
         ("max_steps = 1.5", "max_steps = 1.5 is not possible: it must be a whole number."),
         ("dt = 'soon'", "dt = soon is not possible: it must be a number."),
@@ -119,7 +109,7 @@ def test_the_commands_play_a_file(tmp_path, capsys):
         ("[arena]\nterritory = 3", "wrong kind|territory"),
         ("[arena.territory]\nx = 5\ny = 5\nradius = 0", "territory.radius = 0.0 .* more than 0 m"),
     ],
-    ids=range(21),
+    ids=range(22),
 )
 def test_each_error_is_one_clear_line(content, said, written):
     with pytest.raises(InvalidInput, match=said) as refusal:

@@ -1,15 +1,11 @@
 """The arenas that ship with the package: each is sound, can be played in, and is found by its name."""
 
-from pathlib import Path
-
 import pytest
 
 from apollonius.arenas.file import GALLERY, about_game, find_game, game_names
 from apollonius.arenas.survey import survey
-from apollonius.cli.main import main
 from apollonius.game.presets import PRESETS
 
-GOLDEN = Path(__file__).parents[1] / "golden"
 FILES = [name for name in game_names() if name not in PRESETS]
 
 
@@ -28,9 +24,3 @@ def test_each_is_sound_and_its_starts_have_room(name):
     assert [parts.max() for parts in found.parts] == [1, 1]
     assert 0.02 < found.blocked.mean() < 0.5
     assert game.arena.polygons
-
-
-def test_the_command_lists_them(capsys):
-    assert main(["arena", "list"]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines] == game_names()

@@ -31,15 +31,6 @@ def test_the_presets_are_sound(name):
     assert [parts.max() for parts in found.parts] == [1, 1]
 
 
-def test_a_closed_pocket_is_found():
-    found = survey(Game(arena=Arena(discs=WALL)))
-    assert len(found.wrong) == 2
-    assert "the pursuer's free space falls into 2 parts of" in found.wrong[0]
-    assert "the evader's" in found.wrong[1]
-    left, right = (np.sum(found.parts[0] == part) / 25 for part in (1, 2))
-    assert left == pytest.approx(right, rel=0.01)
-
-
 def test_pockets_and_gates_of_polygons_are_found():
     """Two walls with a gate of 0.2 m between them, and a pillar across one of them."""
     lower, upper = (((4.8, low), (5.2, low), (5.2, high), (4.8, high)) for low, high in ((0.0, 4.9), (5.1, 10.0)))
@@ -73,11 +64,6 @@ def test_a_haven_of_the_evader_is_found():
     assert not found.haven[20, 20]
     may_reach = replace(game, capture_distance=3.0, starts=Starts(clearance=1.4, separation=3.0))
     assert not survey(may_reach).haven.any()
-
-
-def test_too_little_room_to_start_is_found():
-    found = survey(Game(starts=Starts(clearance=4.4)))
-    assert ["can start on 1.44% of the arena only" in line for line in found.wrong] == [True, True]
 
 
 def test_bodies_that_overlap_before_they_are_caught_are_noted():

@@ -4,7 +4,6 @@ import errno
 import json
 import os
 import re
-import signal
 import subprocess
 import sys
 import tomllib
@@ -12,7 +11,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import jax
-import numpy as np
 import pytest
 import tomli_w
 
@@ -25,7 +23,7 @@ from apollonius.arenas.file import load_game
 from apollonius.arenas.random_arena import random_arena
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import player_names
-from apollonius.cli.main import COMMANDS, main
+from apollonius.cli.main import main
 from apollonius.cli.terminal import match_table
 from apollonius.evaluate.match import Match, MatchResult
 from apollonius.game.by_side import BySide
@@ -34,9 +32,8 @@ from apollonius.game.outcome import counts_by_name
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import EXTRAS, InvalidInput
-from apollonius.learn.metrics import measure
 from apollonius.play.replay import load_replay
-from tests.learn.tiny import CHUNK, RUN
+from tests.learn.tiny import RUN
 
 REPOSITORY = Path(__file__).parents[2]
 
@@ -131,17 +128,7 @@ def test_help_version_and_refusals_import_nothing_that_takes_time():
     assert result.stdout.splitlines()[-10:] == ["apollonius 0.1.0", "0", *["2"] * 7, "imported: []"]
 
 
-def test_help_names_every_command_once_under_what_it_is_for(capsys):
-    assert run_main("--help") == 0
-    lines = capsys.readouterr().out.splitlines()
-    headings = [line for line in lines if line.endswith(":") and not line.startswith(" ")]
-    assert headings[1:] == [f"{purpose}:" for purpose in COMMANDS]
-    named = [line.split()[0] for line in lines if line.startswith("  ") and not line.strip().startswith("-")]
-    assert len(named) == len(set(named)) == sum(map(len, COMMANDS.values()))
-    assert max(map(len, lines)) <= 100
-
-
-def test_evaluate_prints_one_json_object_or_a_table_and_records_the_games_that_the_pursuer_lost_first(capsys):
+def test_evaluate_prints_one_json_object_and_records_the_games_that_the_pursuer_lost_first(capsys):
     match = ["evaluate", "random", "random", "--games", "30", "--seed", "4"]
     assert run_main(*match, "--record", "3", "--json") == 0
     printed = capsys.readouterr()
@@ -168,17 +155,6 @@ def test_evaluate_prints_one_json_object_or_a_table_and_records_the_games_that_t
     assert said.startswith("random against random: pursuer ")
     assert "differs from step 5 on" in errors
     assert f"wrote new/game.png ({Path('new/game.png').stat().st_size / 1000:.0f} kB)" in errors
-
-    assert run_main(*match) == 0
-    verdict, pursuer, evader, heading, *lines = capsys.readouterr().out.splitlines()
-    assert verdict == "Nobody surely wins more."
-    assert pursuer.startswith("  random (pursuer) wins ")
-    assert evader.startswith("  random (evader) wins ")
-    assert heading == "30 games, starts: rest"
-    cells = [line.rsplit(maxsplit=3) for line in lines]
-    counted = {name.strip(): int(count) for name, _, count, _ in cells}
-    assert counted == {name.replace("_", " "): count for name, count in result["outcomes"].items() if count}
-    assert [len(bar) for *_, bar in cells] == [-(-40 * count // 30) for count in sorted(counted.values())[::-1]]
 
 
 @pytest.mark.parametrize(
@@ -228,14 +204,6 @@ def test_a_player_that_nobody_has_is_refused_as_it_is_read(capsys, words, naming
         Path(run, "agents").mkdir(parents=True)
         Path(run, "agents", "P_one.safetensors").touch()
     assert_refused(capsys, *words.split(), naming=naming)
-
-
-def test_evaluate_varies_a_number_prints_json_and_draws(capsys):
-    words = ("evaluate", "random", "random", "--games", "5", "--vary", "pursuer.v_max=1:1.5:3")
-    assert run_main(*words, "--json", "--out", "a.png") == 0
-    printed, said = capsys.readouterr()
-    assert [one["pursuer.v_max"] for one in json.loads(printed)["matches"]] == [1, 1.25, 1.5]
-    assert said.splitlines()[-1].startswith("wrote a.png (")
 
 
 def test_slice_draws_an_agent_that_reads_a_chart(capsys):
@@ -376,14 +344,6 @@ def test_an_interface_without_its_library_names_the_extra(monkeypatch):
         _ = apollonius.parallel_env
 
 
-def test_a_full_disk_names_the_file_and_how_to_go_on(capsys, monkeypatch):
-    def full(*_):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "a.toml.tmp")
-
-    monkeypatch.setattr(os, "replace", full)
-    assert_refused(capsys, "arena", "random", "--out", "a.toml", naming=["'a.toml'", "No space left", "make room"])
-
-
 @pytest.mark.parametrize(
     ("config", "naming"),
     [
@@ -457,32 +417,14 @@ def test_train_makes_a_run_and_judges_it_and_force_replaces_it(tiny, capsys, mon
     assert left == {"config.toml", "notes.txt"}
 
 
-def test_seed_0_is_a_seed(monkeypatch):
-    """And not the lack of one: it takes the place of the config's own."""
+def test_seed_0_is_a_seed_and_a_run_that_is_stopped_says_how_to_go_on(capsys, monkeypatch):
+    """It is not the lack of one: it takes the place of the config's own."""
     monkeypatch.setattr("apollonius.learn.run.Run.execute", lambda run: False)
     Path("five.toml").write_text(tomli_w.dumps(to_dict(replace(RUN, seed=5))))
     for asked, seed in (([], 5), (["--seed", "0"], 0)):
         assert main(["train", "--config", "five.toml", *asked, "--out", f"run-{seed}"]) == 130
         assert f"\nseed = {seed}\n" in "\n" + Path(f"run-{seed}/config.toml").read_text()
-
-
-@pytest.mark.slow
-def test_ctrl_c_leaves_a_checkpoint_and_resume_finishes(tiny, capsys, monkeypatch):
-    def measure_and_interrupt(*arguments):
-        if (progress := measure(*arguments)).env_steps == 2 * CHUNK:
-            os.kill(os.getpid(), signal.SIGINT)
-        return progress
-
-    with monkeypatch.context() as patch:
-        patch.setattr("apollonius.learn.run.measure", measure_and_interrupt)
-        assert run_main("train", "--config", tiny, "--stage", "fixed-target", "--out", "run") == 130
-    assert capsys.readouterr().err.splitlines()[-1] == "stopped; go on with: apollonius resume run"
-    assert Path("run/checkpoint.safetensors").is_file()
-    assert len(Path("run/metrics.jsonl").read_text().splitlines()) == 2
-
-    assert run_main("resume", "run") == 0
-    assert "P_stage1 (pursuer) against still (evader)" in capsys.readouterr().out
-    assert len(Path("run/metrics.jsonl").read_text().splitlines()) == 4
+        assert capsys.readouterr().err.splitlines()[-1] == f"stopped; go on with: apollonius resume run-{seed}"
 
 
 @pytest.fixture
@@ -503,15 +445,7 @@ def test_simulate_prints_both_matches_and_records_games(bodies, capsys):
     assert load_replay(replay).outcome == Outcome.NO_RESULT
 
 
-def test_a_drive_of_ones_own_turns_as_slowly_as_its_file_says_and_a_bad_one_is_refused(bodies, capsys):
-    turned = {}
-    for acceleration in (0.5, 5.0):
-        Path("drive.toml").write_text(f"turn_acceleration = {acceleration}\n")
-        assert run_main(*bodies, "--drive", "drive.toml", "--record", "1", "--replays", f"{acceleration}") == 0
-        (file,) = Path(f"{acceleration}").iterdir()
-        turned[acceleration] = np.abs(load_replay(file).states[5] - load_replay(file).states[0])[[3, 7]].sum()
-    assert turned[0.5] < turned[5.0] / 1.2, turned
-    capsys.readouterr()
+def test_a_bad_drive_of_ones_own_is_refused(bodies, capsys):
     Path("drive.toml").write_text("mas = 3.0\n")
     assert_refused(capsys, *bodies, "--drive", "drive.toml", naming=["drive.toml", "did you mean 'mass'"])
 

@@ -51,15 +51,6 @@ def test_the_game_is_solved_once_and_then_loaded(capsys, tables, monkeypatch):
 
 
 @pytest.mark.slow
-def test_its_file_is_a_player(capsys, tables):
-    match = run_json(capsys, "evaluate", tables["pursuer"], "random", "--games", "20")
-    assert match["pursuer"] == "pursuer"
-    assert match["pursuer_win_rate"] > match["evader_win_rate"]
-    naming = "pursuer = ", "evader.safetensors", "solved for the pursuer"
-    assert_refused(capsys, "evaluate", tables["evader"], "random", naming=naming)
-
-
-@pytest.mark.slow
 def test_a_card_is_measured_and_its_worst_games_are_kept(capsys, tables):
     files = ("--tables", tables["evader"], tables["pursuer"])
     options = ("--games", "12", "--record", "2", "--replays", "lost")
@@ -74,24 +65,6 @@ def test_a_card_is_measured_and_its_worst_games_are_kept(capsys, tables):
     assert_refused(capsys, "regret", "random", *files, "--grid", "4x4x2x4", naming=("--grid", "--tables"))
     assert run_main("regret", "still", *files, "--role", "evader", "--games", "5") == 0
     assert "gap to what its own table promises" in capsys.readouterr().out
-
-
-@pytest.mark.slow
-def test_attackers_are_reported_each_and_the_worst_is_judged_on_other_starts(capsys, tables):
-    both = ("--tables", tables["pursuer"], tables["evader"])
-    kinds = ("--attackers", "table", "search-1", "search-4")
-    found = run_json(capsys, "exploit", "evader", "still", *both, *kinds, "--games", "20", "--seed", "4")
-    assert (found["agent"], found["side"]) == ("still", "evader")
-    assert [one["name"] for one in found["attackers"]] == list(kinds[1:])
-    rates = {one["name"]: one["loses"] for one in found["attackers"]}
-    assert rates[found["worst"]["name"]] == max(rates.values()) > 0
-    for one in [*found["attackers"], found["worst"]]:
-        assert one["games"] == 20
-        assert one["interval"][0] <= one["loses"] <= one["interval"][1]
-        assert one["fails"] == 0, "who stands still fails at nothing"
-    again = run_json(capsys, "exploit", "evader", "still", *both, *kinds[:2], "--games", "20", "--seed", "5")
-    if found["worst"]["name"] == "table":
-        assert again["attackers"][0]["loses"] == found["worst"]["loses"], "judged on the games of the next seed"
 
 
 @pytest.mark.slow

@@ -81,21 +81,6 @@ def test_every_odd_value_makes_sense_or_is_refused_as_it_is_read(parse):
     assert [str(path) for path in Path().rglob("*")] == ["folder"]
 
 
-@pytest.mark.parametrize("value", ["folder", "missing.safetensors", "9" * 5_000], ids=["folder", "file", "long"])
-@pytest.mark.parametrize(
-    "words",
-    [
-        "evaluate {} still", "evaluate random {}", "show {} still", "regret {}", "slice {} --opponent 5 5",
-        "exploit pursuer {}", "tournament --pursuers {}", "train --stage self-play --pursuer {}", "play --against {}",
-        "train --stage fixed-target --evader {}", "export {} --to c --out a.c", "arena check {}", "pursuers {}",
-        "solve safety --game {}",
-    ],
-)  # fmt: skip
-def test_no_odd_value_is_the_name_of_anything(capsys, words, value):
-    assert refusal(capsys, lambda: main(words.format(value).split())) is not None
-    assert [str(path) for path in Path().rglob("*")] == ["folder"]
-
-
 def test_counts_are_bounded_by_memory(capsys, monkeypatch):
     assert 10**6 < GAMES.limit <= 2**31 - 1
     monkeypatch.setattr(limits, "available_memory", lambda: 10**6)

@@ -40,19 +40,6 @@ def test_an_observation_that_reads_a_chart_is_that_of_the_charted_game():
     np.testing.assert_allclose(seen, expected(jax.random.key(np.uint32(bits))), atol=1e-5)
 
 
-def test_one_seed_gives_one_game_and_another_seed_another():
-    """Also of a player inside that acts by chance."""
-    env = OneSide(Role.PURSUER)
-
-    def course(seed):
-        return np.concatenate([env.reset(seed=seed)[0], *(env.step(6)[0] for _ in range(20))])
-
-    assert (course(0) == course(0)).all()
-    assert (course(0) != course(1)).any()
-    with pytest.raises(gymnasium.error.ResetNeeded):
-        OneSide(Role.PURSUER).step(0)
-
-
 def test_one_robot_acts_against_a_team_and_a_team_is_for_pettingzoo():
     env = OneSide(Role.EVADER, opponent="pure-pursuit", game="team-3v1")
     env.reset(seed=0)

@@ -2,7 +2,6 @@
 
 import pickle
 
-import gymnasium
 import numpy as np
 import pytest
 
@@ -47,22 +46,3 @@ def test_a_copy_goes_on_alike(name):
     np.testing.assert_equal(follow(copied, 25, 40), follow(env, 25, 40))
     untouched.reset(seed=7)
     np.testing.assert_equal(follow(untouched, 0, 25), until_here)
-
-
-@pytest.mark.slow
-def test_spawned_processes_take_a_game_under_way():
-    """As `AsyncVectorEnv` sends it: what each process tells is what the game here tells."""
-    env = OneSide(Role.PURSUER, opponent="E_scratch")
-    env.reset(seed=3)
-    for _ in range(5):
-        env.step(8)
-    many = gymnasium.vector.AsyncVectorEnv([lambda: env] * 2, context="spawn")
-    try:
-        seen, _ = many.reset(seed=[11, 12])
-        told = [many.step(np.array([8, 8])) for _ in range(10)]
-    finally:
-        many.close()
-    for index, seed in enumerate((11, 12)):
-        np.testing.assert_array_equal(seen[index], env.reset(seed=seed)[0])
-        for step in told:
-            np.testing.assert_array_equal(step[0][index], env.step(8)[0])

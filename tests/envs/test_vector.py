@@ -111,20 +111,6 @@ def test_an_ended_game_begins_again_in_the_same_step_from_a_start_of_its_own(cou
     assert len(np.unique(starts, axis=0)) == len(starts)
 
 
-def test_one_seed_gives_the_same_games_and_another_others(env, course):
-    seen, _ = env.reset(seed=3)
-    assert (seen == course[0][0]).all()
-    for _, actions, told, _ in course[:30]:
-        assert (env.step(actions)[0] == told[0]).all()
-    assert (env.reset(seed=4)[0] != course[0][0]).any()
-
-
-def test_a_game_has_a_chart_where_an_observation_reads_one():
-    egocentric = ManyGames(Role.PURSUER, 2, **OPTIONS | {"observation": "egocentric"})
-    seen, _ = egocentric.reset(seed=0)
-    assert seen.shape == (2, find_observation("egocentric").size)
-
-
 def test_bad_input_is_refused(env):
     with pytest.raises(gymnasium.error.ResetNeeded):
         ManyGames(Role.PURSUER, 2).step(np.zeros(2, int))

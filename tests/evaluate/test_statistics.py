@@ -7,6 +7,7 @@ import pytest
 
 from apollonius.evaluate.statistics import (
     mean_band,
+    mean_interval,
     paired_difference_interval,
     predict,
     wilson_interval,
@@ -35,6 +36,9 @@ def test_the_band_of_a_mean_is_students():
     reach = 4.302653 / math.sqrt(3)  # of Student's t with 2 degrees of freedom; the standard deviation is 1
     np.testing.assert_allclose(low, [2 - reach, 5], rtol=1e-6)
     np.testing.assert_allclose(high, [2 + reach, 5], rtol=1e-6)
+    assert mean_interval([1.0, 2.0, 3.0]) == pytest.approx((2 - reach, 2 + reach))
+    assert mean_interval([1.0, 2.0, 3.0], 0.0, 3.0) == (0.0, 3.0)
+    assert mean_interval([1.0], 0.0, 3.0) == (0.0, 3.0)
 
 
 @pytest.mark.parametrize(("of_rows", "of_columns", "rest", "size"), [
@@ -71,17 +75,6 @@ def test_one_training_of_a_side_says_nothing_of_another():
 def test_a_lone_seed_has_no_band():
     with pytest.raises(ValueError, match="1 seeds"):
         mean_band(np.zeros((1, 4)))
-
-
-@pytest.mark.parametrize(("both", "first", "second"), [(0.3, 0.1, 0.05), (0.0, 0.02, 0.02), (0.5, 0.0, 0.3)])
-def test_the_interval_of_a_paired_difference_holds_it_as_often_as_it_says(both, first, second):
-    """Of rates that something happened in both of a pair, in the first alone, in the second alone."""
-    trials, generator, covered = 200, np.random.default_rng(0), []
-    kinds = generator.choice(4, size=(2000, trials), p=[both, first, second, 1 - both - first - second])
-    for kind in kinds:
-        low, high = paired_difference_interval((kind == 0) | (kind == 1), (kind == 0) | (kind == 2))
-        covered.append(low <= first - second <= high)
-    assert 0.94 <= np.mean(covered) <= 0.99
 
 
 def test_the_interval_of_a_paired_difference_is_bonett_and_prices_formula():

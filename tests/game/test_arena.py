@@ -1,20 +1,15 @@
 """Walls (Eq. 2), clearance, and contact anywhere along a step."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from apollonius.game.arena import Arena, Disc
-from apollonius.game.types import RobotState
+from tests.acting import robot
 
 ARENA = Arena(-1.0, 3.0, 0.0, 2.0, discs=(Disc(0.0, 1.0, 0.25), Disc(2.0, 0.5, 0.3)))
 clearances = jax.jit(jax.vmap(Arena.clearance, in_axes=(None, 0, 0)))
 leaves = jax.jit(Arena.is_out_of_range)
-
-
-def at(x, y):
-    return RobotState(*(jnp.asarray(number, jnp.float32) for number in (x, y, 0, 0)))
 
 
 def test_clearance_is_the_distance_to_the_nearest_boundary_point():
@@ -37,5 +32,5 @@ def test_clearance_is_the_distance_to_the_nearest_boundary_point():
 )
 def test_a_wall_may_be_touched_but_not_passed(wall, outwards, radius):
     touching = np.subtract(wall, np.multiply(radius, outwards))
-    assert not leaves(ARENA, at(*touching), radius)
-    assert leaves(ARENA, at(*(touching + np.multiply(1e-6, outwards))), radius)
+    assert not leaves(ARENA, robot(*touching), radius)
+    assert leaves(ARENA, robot(*(touching + np.multiply(1e-6, outwards))), radius)

@@ -7,17 +7,13 @@ import pytest
 
 from apollonius.game.obstacle import between_nodes
 from apollonius.game.occupancy import OccupancyMap, distance_field
-from apollonius.game.types import RobotState
+from tests.acting import robot
 
 CELL = 0.25
 
 
 def map_of(occupied, x=-1.0, y=2.0):
     return OccupancyMap(jnp.asarray(distance_field(occupied, CELL)), x, y, CELL, "none.yaml", "")
-
-
-def at(x, y):
-    return RobotState(*jnp.asarray([x, y, 0, 0], jnp.float32))
 
 
 def to_occupied(occupied, points):
@@ -29,7 +25,7 @@ def to_occupied(occupied, points):
 
 
 clearances = jax.jit(jax.vmap(OccupancyMap.clearance, in_axes=(None, 0, 0)))
-along = jax.jit(jax.vmap(lambda occupancy, x, y, to_x, to_y: occupancy.clearance_along(at(x, y), at(to_x, to_y)),
+along = jax.jit(jax.vmap(lambda world, *ends: world.clearance_along(robot(*ends[:2]), robot(*ends[2:])),
                          in_axes=(None, 0, 0, 0, 0)))  # fmt: skip
 
 

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
-from apollonius.game.types import RobotState
 from apollonius.io.errors import InvalidInput
+from tests.acting import robot
 from tests.oracle.numpy_game import gaps
 
 SQUARE = ((1.0, 1.0), (3.0, 1.0), (3.0, 3.0), (1.0, 3.0))
@@ -26,12 +26,8 @@ clearances = jax.jit(jax.vmap(lambda polygon, x, y: polygon.clearance(x, y), in_
 along = jax.jit(jax.vmap(lambda polygon, *ends: polygon.clearance_along(*ends), in_axes=(None, 0, 0)))
 
 
-def at(x, y):
-    return RobotState(*jnp.asarray([x, y, 0, 0], jnp.float32))
-
-
 def robots(points):
-    return jax.vmap(lambda place: at(*place))(jnp.asarray(points))
+    return jax.vmap(lambda place: robot(*place))(jnp.asarray(points))
 
 
 @pytest.mark.parametrize("vertices", [STAR, STAR[::-1]])

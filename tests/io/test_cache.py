@@ -1,10 +1,8 @@
 """One cache of files: found by all that was asked for, whole whoever is killed, and never at the price of its bound."""
 
-import json
 import os
 import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -97,14 +95,6 @@ def test_a_process_that_is_killed_while_it_writes_leaves_nothing_broken(words, t
     assert not path.exists()
 
 
-def test_any_number_of_writers_leave_one_whole_file(tmp_path):
-    contents = [bytes([number]) * 300_000 for number in range(8)]
-    with ThreadPoolExecutor(8) as pool:
-        list(pool.map(lambda content: write_atomically(tmp_path / "one", content), contents * 5))
-    assert [path.name for path in tmp_path.iterdir()] == ["one"]
-    assert (tmp_path / "one").read_bytes() in contents
-
-
 @pytest.fixture
 def home(tmp_path, monkeypatch):
     """The person's cache, of 350 bytes for compilations and as much for tables."""
@@ -182,43 +172,8 @@ def test_what_is_remembered_is_found_by_its_content_and_the_latest_stay():
     assert made == [1.0, 2.0, 3.0, 2.0]
 
 
-COMPILES = """
-import json, jax, jax.numpy as jnp
-from apollonius.io.cache import keep_compilations
-
-keep_compilations()
-events = []
-jax.monitoring.register_event_listener(lambda event, **about: events.append(event.rsplit("/", 1)[-1]))
-assert float(jax.jit(lambda x: jnp.sin(x) + 1)(0.0)) == 1
-print(json.dumps({kind: events.count(kind) for kind in ("cache_hits", "cache_misses")}))
-"""
-
-
-def compiled(folder):
-    """Hits and misses of a process that compiles something."""
-    env = {**os.environ, cache.VARIABLE: str(folder), "JAX_PLATFORMS": "cpu"}
-    done = subprocess.run([sys.executable, "-c", COMPILES], env=env, capture_output=True, text=True, check=True)
-    assert done.stderr == ""
-    return json.loads(done.stdout)
-
-
 def entries(folder):
     return sorted(path for path in Path(folder).rglob("*") if path.is_file())
-
-
-@pytest.mark.slow
-def test_what_one_process_compiles_the_next_one_finds_unless_it_is_broken(tmp_path):
-    first = compiled(tmp_path)
-    assert first["cache_hits"] == 0 < first["cache_misses"]
-    assert compiled(tmp_path) == {"cache_hits": first["cache_misses"], "cache_misses": 0}
-
-    found = entries(tmp_path)
-    assert {path.parent.name for path in found} == {cache.environment()}
-    whole = found[0].read_bytes()
-    found[0].write_bytes(whole[: len(whole) // 2])
-    mended = compiled(tmp_path)
-    assert mended == {"cache_hits": first["cache_misses"] - 1, "cache_misses": 1}
-    assert compiled(tmp_path)["cache_misses"] == 0
 
 
 def test_a_folder_that_jax_was_told_of_stays(monkeypatch, tmp_path):

@@ -263,16 +263,6 @@ def test_a_table_is_of_the_size_that_its_header_says(shape, file):
         assert "size" in (told("table", path) or "")
 
 
-def test_a_map_with_aliases_is_refused_at_once(file):
-    path = file("map")
-    bomb = "a0: &a0 [x,x,x,x,x,x,x,x,x]\n" + "".join(
-        f"a{level}: &a{level} [{','.join([f'*a{level - 1}'] * 9)}]\n" for level in range(1, 12)
-    )
-    for key in ("image", "origin", "mode", "resolution"):
-        path.write_text(bomb + f"{key}: *a11\n" + path.read_text())
-        assert "aliases" in (told("map", path) or "")
-
-
 @pytest.mark.parametrize("kind", ["discs", "polygons"])
 def test_more_obstacles_than_a_game_can_have_are_refused_at_once(kind, tmp_path):
     one = "x = 5\ny = 5\nradius = 0.01\n" if kind == "discs" else "vertices = [[5, 5], [6, 5], [5, 6]]\n"
