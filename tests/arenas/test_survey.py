@@ -12,7 +12,6 @@ from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
-from apollonius.game.presets import PRESETS, make_game
 from apollonius.game.starts import Starts
 from apollonius.show.arena import KINDS, kinds_of_places, save_plan
 
@@ -20,15 +19,6 @@ WALL = tuple(Disc(5.0, y / 2, 0.4) for y in range(21))
 """Discs across the whole arena, from wall to wall."""
 GATE = tuple(disc for disc in WALL if disc.y != 5.0)
 """The same with a gate of 2 (0.5 - 0.4) = 0.2 m in the middle."""
-
-
-@pytest.mark.parametrize("name", PRESETS)
-def test_the_presets_are_sound(name):
-    found = survey(make_game(name))
-    assert found.wrong == ()
-    assert found.notes == ()
-    assert not found.haven.any()
-    assert [parts.max() for parts in found.parts] == [1, 1]
 
 
 def test_pockets_and_gates_of_polygons_are_found():

@@ -88,23 +88,3 @@ print("saved")
 sys.exit(5)
 """
     assert interrupted(saving, after=0.2) == (5, "saved\n", "")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("after", "arguments"),
-    [
-        (8.0, ["train", "--preset", "paper", "--out", "run"]),
-        (7.0, ["evaluate", "shielded:P_pool", "E_scratch", "--games", 10**6]),
-        (4.0, ["solve", "game", "--role", "pursuer"]),
-        (5.0, ["play", "--no-open"]),
-        (5.0, ["exploit", "pursuer", "P_stage1", "--env-steps", 10**9]),
-        (6.0, ["reproduce", "--budget", "quick", "--out", "study"]),
-    ],
-    ids=lambda value: value[0] if isinstance(value, list) else str(value),
-)
-def test_every_command_stops_while_it_loads_compiles_or_works(after, arguments, tmp_path):
-    status, _, errors = interrupted(COMMAND, *arguments, after=after, folder=tmp_path)
-    assert (status, errors.splitlines()[-1].split(";")[0]) == (130, "stopped")
-    assert "Traceback" not in errors
-    assert not list(tmp_path.rglob("*.tmp"))

@@ -2,8 +2,6 @@
 
 from dataclasses import replace
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -14,41 +12,11 @@ from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 from apollonius.solve.grid import make_grid
-from apollonius.solve.motion import last, motion_of
+from apollonius.solve.motion import motion_of
 from apollonius.solve.solving import joint_grid, reference_grid
 from apollonius.solve.transition_map import of_courses, transition_map_of
 from tests.oracle import numpy_solver as oracle
 from tests.solve.small import BODY, SMALL, TINY
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("hold", "whole_cells"), [(1, False), (5, False), (5, True)], ids=["between speeds", "whole speeds", "whole cells"]
-)
-def test_shifted_slices_are_the_values_where_the_robot_goes(hold, whole_cells):
-    motion, grid = motion_of(SMALL, Role.PURSUER, hold), make_grid(SMALL.arena, BODY, (5, 7, 5, 8))
-    table = jnp.asarray(np.random.default_rng(0).normal(size=grid.shape), jnp.float32)
-    transitions = transition_map_of(motion, grid, whole_cells=whole_cells)
-    assert transitions.source.shape[-1] == (4 if hold == 1 else 2)
-
-    def straight_there(index, action):
-        v, heading, x, y = jnp.unravel_index(index, grid.shape)
-        before = grid.node(v, heading, x, y)
-        after = last(motion.hold(before, action))
-        if whole_cells:
-            dx, dy, _, _ = grid.spacing
-            x = before.x + dx * jnp.round((after.x - before.x) / dx)
-            y = before.y + dy * jnp.round((after.y - before.y) / dy)
-            after = replace(after, x=x, y=y)
-        return grid.interpolate(table, after)
-
-    for action in range(9):
-
-        def only(index, other, after, action=action):
-            return after if other == action else jnp.full_like(after, -jnp.inf)
-
-        expected = jax.vmap(straight_there, in_axes=(0, None))(jnp.arange(grid.size), jnp.int32(action))
-        np.testing.assert_allclose(transitions.backup(table, only), expected.reshape(grid.shape), atol=1e-4)
 
 
 def test_it_is_the_least_clearance_along_the_hold():
