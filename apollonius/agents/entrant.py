@@ -64,7 +64,7 @@ class EntrantProcess:
         about = {"suffix": path.suffix, "bytes": len(self.content), "observations": self._sizes, "game": game}
         self._about = to_json(about).encode()
         self._running: tuple[subprocess.Popen[bytes], Any] | None = None
-        self.seconds, self.decisions, self.reason = 0.0, 0, ""
+        self.reason = ""
         try:
             said = self.begin(0)
             self.observation, self.is_discrete = said["observation"], said["actions"] == "discrete"
@@ -93,11 +93,6 @@ class EntrantProcess:
         self._running = process, line
         return json.loads(self._exchange(self._about + b"\n" + self.content, _LONGEST_ANSWER, START_SECONDS))
 
-    def add(self, other: "EntrantProcess") -> None:
-        """Add what came of rounds that another process of the agent played."""
-        self.seconds, self.decisions = self.seconds + other.seconds, self.decisions + other.decisions
-        self.reason = self.reason or other.reason
-
     def end(self) -> None:
         """End the process and all that it has started in its session."""
         if self._running:
@@ -118,12 +113,10 @@ class EntrantProcess:
         if not len(rows):
             return actions
         labels = np.stack([np.arange(len(seen)), steps, np.asarray(arenas)], axis=1).astype(np.uint32)
-        words, began = np.hstack([labels, seen.view(np.uint32)])[rows].tobytes(), time.perf_counter()
+        words = np.hstack([labels, seen.view(np.uint32)])[rows].tobytes()
         try:
             answer = self._exchange(words, actions[rows].nbytes, max(1.0, DECISION_SECONDS * len(rows)))
             actions[rows] = np.frombuffer(answer, actions.dtype).reshape(-1, *np.shape(brake))
-            self.seconds += time.perf_counter() - began
-            self.decisions += len(rows)
         except (Failure, ValueError) as reason:  # an answer of another size, too
             self.reason = self.reason or str(reason)
             self.forfeited |= set(slots[rows].tolist())

@@ -9,7 +9,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from apollonius.cli.values import agent_of, count, known_game, new_folder, require_writable, varied, workers
+from apollonius.cli.values import agent_of, count, installed, known_game, new_folder, require_writable, varied
 from apollonius.io.document import to_json
 from apollonius.io.errors import require
 from apollonius.io.limits import GAME_FILES, GAMES, RECORDS, SEED, Counted
@@ -49,7 +49,7 @@ def add_game_options(parser: argparse.ArgumentParser) -> None:
 
 def add_workers(parser: argparse.ArgumentParser, of: str, default: str | None = "processes") -> None:
     about = f"where {of} run: in processes of this machine, on slurm, or on ray (default: {default or 'here'})"
-    parser.add_argument("--on", type=workers, choices=WORKERS, default=default, help=about)
+    parser.add_argument("--on", type=installed, choices=WORKERS, default=default, help=about)
 
 
 def jobs_run(options: argparse.Namespace, logs: Path | None = None) -> Run | None:

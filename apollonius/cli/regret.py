@@ -53,7 +53,7 @@ def run_regret(options: argparse.Namespace) -> int:
     own, other = tables[role], tables[role.other]
     match = Match(game, BySide.of(role, agent, Named(TABLE, other)), options.games, options.seed)
     display.begin("playing against the table", compiles=True)
-    card = measure_card(match, own, display.report)
+    card = measure_card(match, own, other, display.report)
     written = write_replays(options, "game", (record_game(match, lost["game"]) for lost in card.worst))
     about = {"agent": agent.name, "game": options.game, "starts": game.starts.speed, "seed": options.seed}
     about["grid"] = list(own.zero_sum_game.grids[0].counts)

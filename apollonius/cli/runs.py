@@ -3,17 +3,12 @@
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict
-from importlib.util import find_spec
 from pathlib import Path
 
 from apollonius.cli.options import add_json, answer, command, finish
-from apollonius.cli.values import run_folder, runs_folder, unfit
-from apollonius.io.errors import EXTRAS
+from apollonius.cli.values import TRACKERS, installed, run_folder, runs_folder
 from apollonius.io.interrupts import go_on
 from apollonius.io.workers import Job, run_jobs
-
-TRACKERS = {"tensorboard": "tensorboardX", "wandb": "wandb", "mlflow": "mlflow", "trackio": "trackio"}
-"""The module of each tracker."""
 
 
 def add_runs(parser: argparse.ArgumentParser) -> None:
@@ -26,17 +21,8 @@ def add_runs(parser: argparse.ArgumentParser) -> None:
 
 def add_track(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=run_folder, metavar="RUN", help="folder of a training run")
-    parser.add_argument("--to", type=tracker, choices=TRACKERS, required=True, help="the tracker")
+    parser.add_argument("--to", type=installed, choices=TRACKERS, required=True, help="the tracker")
     parser.set_defaults(run=run_track, compiles=False)
-
-
-def tracker(text: str) -> str:
-    """Return the name of a tracker, unless its library is not installed."""
-    module = TRACKERS.get(text)
-    if module and find_spec(module) is None:
-        remedy = f"pip install {EXTRAS['track'][module]} (the extra 'track')"
-        raise unfit(text, f"a tracker whose library is installed: {remedy}")
-    return text
 
 
 def run_runs(options: argparse.Namespace) -> int:

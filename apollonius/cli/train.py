@@ -5,12 +5,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.cli.options import LENGTHS, add_workers, command, finish
-from apollonius.cli.runs import TRACKERS, tracker, train_all
+from apollonius.cli.runs import train_all
 from apollonius.cli.solve import solved_game
 from apollonius.cli.values import (
+    TRACKERS,
     agent_of,
     count,
     existing_file,
+    installed,
     known_game,
     new_folder,
     runs_folder,
@@ -75,7 +77,7 @@ def add_train(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--force", action="store_true", help="overwrite a run that is already there")
     about = "send the metrics of one run to a tracker meanwhile"
-    parser.add_argument("--track", type=tracker, choices=TRACKERS, help=about)
+    parser.add_argument("--track", type=installed, choices=TRACKERS, help=about)
     parser.set_defaults(run=run_train)
 
 

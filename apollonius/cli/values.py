@@ -63,10 +63,15 @@ def real(text: str) -> float:
     return number
 
 
-def workers(text: str) -> str:
-    """Return the place where jobs run, unless what it needs is not installed."""
-    if text in EXTRAS and (remedy := missing(text)):
-        raise unfit(text, f"processes where its library is not installed: {remedy}")
+TRACKERS = {module.removesuffix("X"): module for module in EXTRAS["track"]}
+"""The module of each tracker."""
+
+
+def installed(text: str) -> str:
+    """Return the name of a tracker, or of the place where jobs run, unless what it needs is not installed."""
+    needed = ("track", TRACKERS[text]) if text in TRACKERS else (text,)
+    if needed[0] in EXTRAS and (remedy := missing(*needed)):
+        raise unfit(text, f"another one where its library is not installed: {remedy}")
     if text == "slurm" and shutil.which("sbatch") is None:
         raise unfit(text, "processes where Slurm's sbatch is not on the PATH")
     return text

@@ -11,12 +11,14 @@ from itertools import product
 from pathlib import Path
 from typing import Literal
 
-from apollonius.agents.entrant import EntrantProcess, process_of
+import numpy as np
+
+from apollonius.agents.entrant import process_of
 from apollonius.agents.kind import Named
 from apollonius.arenas.record import from_dict
 from apollonius.evaluate.benchmark import Benchmark, Round, Score, file_of
 from apollonius.evaluate.names import ROUNDS
-from apollonius.game.types import Outcome, Role
+from apollonius.game.types import Role
 from apollonius.io.cache import environment
 from apollonius.io.document import parse_json, read_bytes
 from apollonius.io.errors import require
@@ -33,7 +35,6 @@ class SuiteCard:
     side: Literal["pursuer", "evader"]
     track: Literal["full", "lidar", "team"]
     score: Score
-    decision_us: float
     made_with: str
     digests: dict[str, str]
     opponents: dict[str, tuple[Round, ...]]
@@ -61,9 +62,8 @@ def judge(
         rounds[opponent] += (played,)
     process = process_of(agent.policy)
     return SuiteCard(
-        agent.name, file_of(name)[1], side, benchmark.track, benchmark.score(rounds),
-        benchmark.microseconds(agent), environment(), benchmark.digests, rounds,
-        process.is_isolated if process else True, process.reason if process else "",
+        agent.name, file_of(name)[1], side, benchmark.track, benchmark.score(rounds), environment(),
+        benchmark.digests, rounds, process.is_isolated if process else True, process.reason if process else "",
     )  # fmt: skip
 
 
@@ -75,16 +75,17 @@ def _play(
     alone = replace(benchmark)  # without the games and players that it has found
     jobs = [Job(f"seed {pair[1]} against {pair[0]}", _play_apart, (alone, agent, *pair)) for pair in rounds]
     played = run(jobs) if run else (_play_apart(benchmark, agent, *pair) for pair in rounds)
-    for number, ((opponent, _), (one, other)) in enumerate(zip(rounds, played, strict=True), start=1):
-        if process and other and run:
-            process.add(other)
+    for number, ((opponent, _), (one, reason)) in enumerate(zip(rounds, played, strict=True), start=1):
+        if process:
+            process.reason = process.reason or reason
         yield opponent, one
         report(number, len(rounds))
 
 
-def _play_apart(benchmark: Benchmark, agent: Named, opponent: str, seed: int) -> tuple[Round, EntrantProcess | None]:
-    """Return a round, and the process that asked an agent from outside, which elsewhere is another one."""
-    return benchmark.play(agent, opponent, seed), process_of(agent.policy)
+def _play_apart(benchmark: Benchmark, agent: Named, opponent: str, seed: int) -> tuple[Round, str]:
+    """Return a round, and why an agent from outside failed in it."""
+    played, process = benchmark.play(agent, opponent, seed), process_of(agent.policy)
+    return played, process.reason if process else ""
 
 
 def load_card(path: Path) -> SuiteCard:
@@ -100,14 +101,12 @@ def load_card(path: Path) -> SuiteCard:
     for what, found in benchmark.digests.items():
         bound = f"{found[:12]}..., as of this version; judge the agent again"
         require(card.digests.get(what) == found, f"'{path}': digest of the {what}", card.digests.get(what), bound)
-    games, seeds = len(benchmark.arenas), [*range(ROUNDS)]
-    whole = list(card.opponents) == list(benchmark.panel) and all(
-        [one.seed for one in rounds] == seeds
-        and all(len(column) == games for one in rounds for column in (one.outcomes, one.steps, one.crashed))
-        and all(outcome in [*Outcome] for one in rounds for outcome in one.outcomes)
-        for rounds in card.opponents.values()
+    games, found = len(benchmark.arenas), [(name, one) for name, rounds in card.opponents.items() for one in rounds]
+    sizes = [(name, one.seed, len(one.outcomes), len(one.steps), len(one.crashed)) for name, one in found]
+    whole = [(name, seed, games, games, games) for name, seed in product(benchmark.panel, range(ROUNDS))]
+    require(
+        sizes == whole, f"'{path}': opponents", "some", f"{ROUNDS} rounds of {games} games against each of the panel"
     )
-    require(whole, f"'{path}': opponents", "some", f"{ROUNDS} rounds of {games} games against each of the panel")
     follows = benchmark.score(card.opponents)
     require(card.score == follows, f"'{path}': score", asdict(card.score), f"{asdict(follows)}, as its games say")
     return card
@@ -127,11 +126,10 @@ def verify(
     seeds = range(ROUNDS) if every else [secrets.randbelow(ROUNDS)]
     for opponent, again in _play(benchmark, benchmark.find(name, python), seeds, report):
         said = card.opponents[opponent][again.seed]
-        where = f"'{path}': seed {again.seed} against '{opponent}'"
-        for column in ("outcomes", "steps", "crashed"):
-            both = zip(benchmark.arenas, getattr(said, column), getattr(again, column), strict=True)
-            for arena, given, found in both:
-                require(given == found, f"{where} in {arena}: {column}", given, f"{found}, played again")
+        pairs = [(getattr(said, name), getattr(again, name)) for name in ("outcomes", "steps", "crashed")]
+        differs = np.any([np.not_equal(*pair) for pair in pairs], axis=0)
+        arenas = [arena for arena, wrong in zip(benchmark.arenas, differs, strict=True) if wrong]
         made = "" if card.made_with == environment() else f"; the card was made with {card.made_with}"
-        require(said.course == again.course, f"{where}: course", said.course, f"{again.course}, played again{made}")
+        bound = f"as it comes out, played again, in {', '.join(arenas) or 'its course'}{made}"
+        require(said == again, f"'{path}': seed {again.seed} against '{opponent}'", said.course, bound)
     return card

@@ -87,9 +87,9 @@ EXTRAS = {
 """Modules of each extra, and what pip calls them."""
 
 
-def missing(extra: str) -> str | None:
-    """Return the command that installs what an extra lacks, with and without a checkout; None if nothing is missing."""
-    names = [name for module, name in EXTRAS[extra].items() if find_spec(module) is None]
+def missing(extra: str, *needed: str) -> str | None:
+    """Return the command that installs what an extra lacks, or these modules of it; None if nothing is missing."""
+    names = [EXTRAS[extra][module] for module in needed or EXTRAS[extra] if find_spec(module) is None]
     return f"pip install {' '.join(names)} (the extra '{extra}')" if names else None
 
 

@@ -6,6 +6,7 @@ The libraries of TensorBoard, Weights & Biases, MLflow and trackio are the user'
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -149,52 +150,29 @@ def _read_line(line: bytes, source: str) -> MetricsLine:
     return from_dict(MetricsLine, parse_json(line, f"{source} is no record of training; train again"), source)
 
 
-Sink = tuple[Callable[[dict[str, float], int], object], Callable[[], object]]
-"""A function that takes the values of a record by name and their step, and one that is called at the end."""
-
-
-def _opened(to: str, folder: Path, config: dict[str, Any]) -> Sink:
-    """Begin a run of a tracker, which keeps the configuration."""
+def _opened(to: str, folder: Path, config: dict[str, Any]) -> tuple[Callable[..., object], Callable[[], object]]:
+    """Begin a run of a tracker; return what takes values by name and their step, and what is called at the end."""
+    tracker: Any = import_module({"tensorboard": "tensorboardX"}.get(to, to))
     if to == "tensorboard":
-        from tensorboardX import SummaryWriter  # pyright: ignore[reportMissingImports]
-
-        writer = SummaryWriter(str(folder / "tensorboard"))
-
-        def log(values: dict[str, float], step: int) -> None:
-            for name, value in values.items():
-                writer.add_scalar(name, value, step)
-
-        return log, writer.close
+        writer = tracker.SummaryWriter(str(folder / to), purge_step=0)  # in place of what an earlier one has written
+        return lambda values, step: [writer.add_scalar(*one, step) for one in values.items()], writer.close
     if to == "mlflow":
-        import mlflow  # pyright: ignore[reportMissingImports]
-
-        if "MLFLOW_EXPERIMENT_NAME" not in os.environ:
-            mlflow.set_experiment("apollonius")
-        mlflow.start_run(run_name=folder.name)
-        mlflow.log_dict(config, "config.json")
-        return mlflow.log_metrics, mlflow.end_run
-    if to == "wandb":
-        import wandb  # pyright: ignore[reportMissingImports]
-
-        project = os.environ.get("WANDB_PROJECT", "apollonius")
-        run = wandb.init(project=project, name=folder.name, config=config, dir=str(folder))
-        return run.log, run.finish
-    import trackio  # pyright: ignore[reportMissingImports]
-
-    run = trackio.init(project="apollonius", name=folder.name, config=config, embed=False)
-    return run.log, trackio.finish
+        os.environ.setdefault("MLFLOW_EXPERIMENT_NAME", "apollonius")
+        tracker.start_run(run_name=folder.name)
+        tracker.log_dict(config, "config.json")
+        return tracker.log_metrics, tracker.end_run
+    project = os.environ.get(f"{to.upper()}_PROJECT", "apollonius")  # trackio is made to be used as wandb
+    return tracker.init(project=project, name=folder.name, config=config).log, tracker.finish
 
 
 class Tracker:
     """A run of tensorboard, wandb, mlflow or trackio, to be called with each record of a training.
 
     Raises:
-        InvalidInput: when the library is missing or refuses the run; when TensorBoard's files are there already.
+        InvalidInput: when the library is missing or refuses the run.
     """
 
     def __init__(self, to: str, folder: Path, config: RunConfig) -> None:
-        written = to == "tensorboard" and any(folder.glob("tensorboard/events.*"))
-        require(not written, "tracker", to, f"another tracker, or remove '{folder / 'tensorboard'}', which is there")
         self._before, self._stage, self._steps = 0, "", 0
         try:
             self._log, self.close = _opened(to, folder.resolve(), to_dict(config))

@@ -78,12 +78,10 @@ def test_rounds_as_jobs_make_the_same_card(judged, tmp_path):
     def elsewhere(jobs):
         return pickle.loads(pickle.dumps([job.run()[1] for job in pickle.loads(pickle.dumps(jobs))]))
 
-    one, any_time = Benchmark("full", Role.PURSUER), {"decision_us": 0.0}
-    card = asdict(judge(one, "intercept", sys.executable, run=elsewhere))
-    assert json.dumps(card | any_time) == json.dumps(json.loads(judged) | any_time)
+    one = Benchmark("full", Role.PURSUER)
+    assert json.dumps(asdict(judge(one, "intercept", sys.executable, run=elsewhere))) == judged
     (tmp_path / "mine.py").write_text(GOOD)
     card = judge(one, str(tmp_path / "mine.py"), sys.executable, run=elsewhere)
-    assert card.decision_us > 0
     assert (card.failure, card.score.forfeits) == ("", 0)
 
 
@@ -91,11 +89,11 @@ def test_rounds_as_jobs_make_the_same_card(judged, tmp_path):
     ("change", "naming"),
     [
         (lambda data: data["score"].update(worth=0.99), "score"),
-        (lambda data: data["opponents"]["still"][0]["outcomes"].__setitem__(0, 99), "opponents"),
+        (lambda data: data["opponents"]["still"][0]["outcomes"].__setitem__(0, 99), "score"),
         (lambda data: data["opponents"]["still"].pop(), "opponents"),
         (lambda data: data["digests"].update(panel="0" * 64), "digest of the panel"),
         (lambda data: data.update(sha256="0" * 64), "SHA-256 of the agent"),
-        (lambda data: data["opponents"]["still"][1]["steps"].__setitem__(2, 1), "floors-00: steps"),
+        (lambda data: data["opponents"]["still"][1]["steps"].__setitem__(2, 1), "floors-00"),
         (lambda data: data["opponents"]["random"][0].update(course="0" * 16), "course"),
         (lambda data: data.update(track="none"), "track"),
     ],
@@ -116,7 +114,7 @@ def test_an_outcome_that_was_not_is_refused_though_the_score_follows(card):
     data["score"] = asdict(one.score(found.opponents))
     card.write_text(json.dumps(data))
     load_card(card)
-    with pytest.raises(InvalidInput, match="fences-00: outcomes"):
+    with pytest.raises(InvalidInput, match="fences-00"):
         verify(card, None, sys.executable, every=True)
 
 
@@ -125,7 +123,6 @@ def test_an_agent_from_outside_plays_whole_games_bit_for_bit(tmp_path):
     first, again = (one.play(agent, "still", 1) for _ in range(2))
     assert first == again
     assert FORFEIT not in first.outcomes
-    assert agent.policy.process.decisions >= 2 * sum(first.steps)
 
 
 FAILING = {

@@ -13,7 +13,6 @@ from apollonius.agents.network import make_actor
 from apollonius.evaluate.card import measure_card
 from apollonius.evaluate.match import begin, play_match
 from apollonius.game.types import Role
-from apollonius.io.errors import InvalidInput
 from apollonius.solve.grid import make_grid
 from apollonius.solve.joint import make_duel, solve_duel
 from apollonius.solve.players import SaddlePolicy
@@ -44,7 +43,7 @@ def test_its_numbers_are_those_of_the_match_and_the_tables(tables, role):
     own, other = tables if role == Role.PURSUER else tables[::-1]
     agent = Uniform() if role == Role.EVADER else SquashedMean(make_actor("encoded", 16, 2, jax.random.key(0)))
     asked = a_match(QUICK, *((agent, other) if role == Role.PURSUER else (other, agent)), GAMES, seed=3)
-    card, match, starts = measure_card(asked, own), play_match(asked), begin(asked)[0]
+    card, match, starts = measure_card(asked, own, other), play_match(asked), begin(asked)[0]
     rates = (match.pursuer_win_rate, match.evader_win_rate)
     assert (card.role, card.games) == (role.name.lower(), GAMES)
     assert (card.won, card.lost) == (rates if role == Role.PURSUER else rates[::-1])
@@ -59,8 +58,3 @@ def test_its_numbers_are_those_of_the_match_and_the_tables(tables, role):
     assert worst == sorted(worst, reverse=True)
     assert worst[0] >= card.gap
     json.dumps(asdict(card))
-
-
-def test_tables_of_one_side_are_refused(tables):
-    with pytest.raises(InvalidInput, match="tables = of one side"):
-        measure_card(a_match(QUICK, tables[0], tables[0], GAMES), tables[0])
