@@ -1,7 +1,6 @@
 """`apollonius export` and `replay`: a player as C or ONNX, which need no JAX, and what a robot recorded of one."""
 
 import argparse
-from dataclasses import asdict
 from pathlib import Path
 
 from apollonius.cli.options import add_json, answer, command, finish, warn
@@ -87,8 +86,8 @@ def run_replay(options: argparse.Namespace) -> int:
     ]
     rows = [("  time", "step", "u1, u2 then", "u1, u2 now")]
     for one in found[:SHOWN]:
-        then, now = ("{:+.2f}, {:+.2f}".format(*controls) for controls in (one.then, one.now))
-        rows.append((f"  {one.time:.2f} s", str(one.step), then, now))
-    facts = {"player": name, "asked": asked, "braked": braked, "differences": [asdict(one) for one in found]}
+        then, now = ("{:+.2f}, {:+.2f}".format(*one[when]) for when in ("then", "now"))
+        rows.append((f"  {one['time']:.2f} s", str(one["step"]), then, now))
+    facts = {"player": name, "asked": asked, "braked": braked, "differences": found}
     answer(options, facts, "\n".join([*lines, *(columns(rows) if found else [])]))
     return 0

@@ -170,7 +170,7 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display", to: 
     """Train to the end or to Ctrl-C; at the end judge the new agents."""
     from apollonius.arenas.suite import each_alone
     from apollonius.cli.terminal import match_table, training_notes
-    from apollonius.evaluate.pairings import JUDGED_GAMES, evaluate_run
+    from apollonius.evaluate.pairings import evaluate_run
     from apollonius.learn.metrics import Tracker
     from apollonius.learn.run import Run
     from apollonius.learn.teacher import TABLES
@@ -212,7 +212,7 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display", to: 
         finish(folder, then=command("exploit", config.distillation.role, agent))
         return 0
     display.begin("judging", compiles=True)
-    evaluate_run(folder, config.game, JUDGED_GAMES, tell, display.report)
+    evaluate_run(folder, config.game, tell, display.report)
     display.end()
     finish(folder, then=command("report", folder))
     return 0

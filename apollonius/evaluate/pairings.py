@@ -51,12 +51,11 @@ def last_matches(run: Path, game: Game, games: int, seed: int) -> dict[tuple[str
 def evaluate_run(
     run: Path,
     game: Game,
-    games: int,
-    on_match: Callable[[Match, MatchResult], None],
+    on_match: Callable[[Match, MatchResult], None] = lambda match, result: None,
     report: Report = lambda done, total: None,
 ) -> None:
     """Play the matches of a run's last agents, and keep what they come to in its `EVALUATION`."""
-    matches = last_matches(run, game, games, seed=1)
+    matches = last_matches(run, game, JUDGED_GAMES, seed=1)
     results = play_matches([*matches.values()], on_match, report)
     record = {" against ".join(pair): result.to_dict() for pair, result in zip(matches, results, strict=True)}
     write_atomically(run / EVALUATION, to_json(record, indent=2).encode())

@@ -37,16 +37,6 @@ class Bag:
         return from_dict(Game, self.record, "the bag's game; give --game")
 
 
-@dataclass(frozen=True)
-class Difference:
-    """A step in which the agent acts otherwise: time since the first [s], controls u1 [m/s^2] and u2 [rad/s]."""
-
-    time: float
-    step: int
-    then: tuple[float, float]
-    now: tuple[float, float]
-
-
 def load_bag(folder: Path) -> Bag:
     """Read a bag; raises InvalidInput where `rosbags` is not installed, and for a folder that is no bag of the node."""
     require_extra("bag", "reading a bag")
@@ -67,14 +57,16 @@ def load_bag(folder: Path) -> Bag:
     return Bag(export["player"], Role[export["side"].upper()], export["game"], said["decisions"])
 
 
-def ask_again(bag: Bag, name: str, game: Game) -> list[Difference]:
+def ask_again(bag: Bag, name: str, game: Game) -> list[dict[str, Any]]:
     """Return where an agent, with its memory since the game began, acts otherwise than was recorded.
+
+    That is the `time` since the first step [s], the `step`, and the controls u1 [m/s^2] and u2 [rad/s] `then` and `now`.
 
     Raises:
         InvalidInput: as `find_exportable`, and for a game of other numbers of robots.
     """
     player = find_exportable(name, bag.side, game)
-    decide, memory, differences = jax.jit(player.decide), player.policy.memory, list[Difference]()
+    decide, memory, differences = jax.jit(player.decide), player.policy.memory, list[dict[str, Any]]()
     for one in bag.asked:
         states = np.array(one["states"], np.float32)
         require(len(states) == player.robots, "robots in the bag", len(states), f"{player.robots}, as in {game.size}")
@@ -84,5 +76,5 @@ def ask_again(bag: Bag, name: str, game: Game) -> list[Difference]:
         memory, now = made["memory"], np.asarray(made["controls"])
         if (np.abs(now - np.array(one["controls"])) > TOLERANCE * player.largest).any():
             since = one["time"] - bag.decisions[0]["time"]
-            differences.append(Difference(since, one["step"], tuple(one["controls"]), tuple(now.tolist())))
+            differences.append({"time": since, "step": one["step"], "then": one["controls"], "now": now.tolist()})
     return differences

@@ -133,12 +133,11 @@ def load_metrics(path: Path, size: int | None = None, within: Path | None = None
 
 def last_lines(path: Path) -> tuple[MetricsLine | None, Evaluation | None]:
     """Return the last line of a `metrics.jsonl` that may be written to, and the last evaluation in it, if any."""
-    if not path.exists():
-        return None, None
-    *whole, _ = read_bytes(path, "a run's metrics", "train again", _MOST_BYTES).split(b"\n")
-    evaluated = next((line for line in reversed(whole) if b'"evaluation"' in line), None)
-    last = _read_line(whole[-1], f"the last line of '{path}'") if whole else None
-    return last, _read_line(evaluated, f"'{path}'").evaluation if evaluated else None
+    content = read_bytes(path, "a run's metrics", "train again", _MOST_BYTES) if path.exists() else b""
+    *whole, _ = content.split(b"\n")
+    evaluated = [line for line in whole if b'"evaluation"' in line]
+    last, judged = (_read_line(some[-1], f"'{path}'") if some else None for some in (whole, evaluated))
+    return last, judged and judged.evaluation
 
 
 def evaluations_of(lines: Sequence[MetricsLine], stage: str) -> list[Evaluation]:

@@ -39,8 +39,8 @@ def test_only_what_was_changed_differs(name, game):
     then[1] += 0.1
     assert len(bag.asked) == 15
     (one,) = ask_again(bag, name, bag.game)
-    assert (one.time, one.step, one.then) == (pytest.approx(1.2), 2, tuple(then))
-    assert one.now[1] == pytest.approx(then[1] - 0.1)
+    assert (one["time"], one["step"], one["then"]) == (pytest.approx(1.2), 2, then)
+    assert one["now"][1] == pytest.approx(then[1] - 0.1)
 
 
 def test_a_game_of_other_robots_is_refused():
