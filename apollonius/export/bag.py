@@ -60,7 +60,7 @@ def load_bag(folder: Path) -> Bag:
 def ask_again(bag: Bag, name: str, game: Game) -> list[dict[str, Any]]:
     """Return where an agent, with its memory since the game began, acts otherwise than was recorded.
 
-    That is the `time` since the first step [s], the `step`, and the controls u1 [m/s^2] and u2 [rad/s] `then` and `now`.
+    That is the `time` since the first step [s], the `step`, and the controls `then` and `now`: u1 [m/s^2], u2 [rad/s].
 
     Raises:
         InvalidInput: as `find_exportable`, and for a game of other numbers of robots.

@@ -94,7 +94,7 @@ class References:
         limits: Float[np.ndarray, "robots 2"],
         steps: int,
         h: float,
-        turn_acceleration: Float[np.ndarray, " robots"] | None = None,
+        turn_acceleration: Float[np.ndarray, " robots"],
     ) -> Float[np.ndarray, "games steps wheels"]:
         """Return the wheel speeds [rad/s] asked for over one step of the game: left and right of each robot in turn.
 
@@ -102,10 +102,10 @@ class References:
             chosen: acceleration [m/s^2] and turn rate [rad/s] of all robots.
             limits: lowest and highest speed [m/s] of each.
             steps, h: of the physics in one step of the game, and their duration [s].
-            turn_acceleration: of each robot [rad/s^2], where it is not the drive's.
+            turn_acceleration: of each robot [rad/s^2].
         """
         asked = np.empty((len(self.v), steps, *self.v.shape[1:], 2))
-        reach = (drive.turn_acceleration if turn_acceleration is None else turn_acceleration) * h
+        reach = turn_acceleration * h
         for step in range(steps):
             if step * h >= drive.latency - 1e-9:
                 self.controls = chosen

@@ -24,7 +24,9 @@ def wheels(v, turn_rate):
 def follow(drive, controls, v=(0.5, 0.0), references=None):
     """What is followed after one step of 0.1 s of both sides' controls."""
     references = references or References(np.array([v]))
-    asked = references.follow(drive, np.array([controls], float), LIMITS, 20, 0.005)
+    asked = references.follow(
+        drive, np.array([controls], float), LIMITS, 20, 0.005, np.full(2, drive.turn_acceleration)
+    )
     return references, asked
 
 
