@@ -6,7 +6,8 @@ from dataclasses import asdict
 from pathlib import Path
 
 from apollonius.cli.options import add_json, answer, command, finish
-from apollonius.cli.values import TRACKERS, installed, run_folder, runs_folder
+from apollonius.cli.values import installed, run_folder, runs_folder
+from apollonius.io.errors import TRACKERS
 from apollonius.io.interrupts import go_on
 from apollonius.io.workers import Job, run_jobs
 

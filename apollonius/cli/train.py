@@ -8,7 +8,6 @@ from apollonius.cli.options import LENGTHS, add_workers, command, finish
 from apollonius.cli.runs import train_all
 from apollonius.cli.solve import solved_game
 from apollonius.cli.values import (
-    TRACKERS,
     agent_of,
     count,
     existing_file,
@@ -19,7 +18,7 @@ from apollonius.cli.values import (
     seeds,
     varied_field,
 )
-from apollonius.io.errors import require
+from apollonius.io.errors import TRACKERS, require
 from apollonius.io.interrupts import asked_to_stop, go_on
 from apollonius.io.limits import SEED
 from apollonius.learn.opponents import SCHEMES

@@ -18,7 +18,7 @@ from typing import Any
 from apollonius.agents.names import BUILT_IN, FROM_ZOO, SEARCHING, SHIELDED, agents_folders, side_of, zoo_names
 from apollonius.arenas.names import game_names, unknown_game
 from apollonius.game.names import TEAM
-from apollonius.io.errors import EXTRAS, missing, nearest, require, shown, unknown_name
+from apollonius.io.errors import EXTRAS, TRACKERS, missing, nearest, require, shown, unknown_name
 from apollonius.io.limits import ENTRANTS, GAME_FILES, SEED, TRAININGS, Counted
 
 LARGEST = 1e6
@@ -61,10 +61,6 @@ def real(text: str) -> float:
     if not abs(number) <= LARGEST:
         raise unfit(text, f"a number within {LARGEST:g} of 0")
     return number
-
-
-TRACKERS = {module.removesuffix("X"): module for module in EXTRAS["track"]}
-"""The module of each tracker."""
 
 
 def installed(text: str) -> str:

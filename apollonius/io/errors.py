@@ -85,6 +85,8 @@ EXTRAS = {
     "bag": {"rosbags": "rosbags"},
 }  # fmt: skip
 """Modules of each extra, and what pip calls them."""
+TRACKERS = {module.removesuffix("X"): module for module in EXTRAS["track"]}
+"""The module of each tracker."""
 
 
 def missing(extra: str, *needed: str) -> str | None:

@@ -15,7 +15,7 @@ import numpy as np
 from apollonius.arenas.record import from_dict, to_dict
 from apollonius.game.outcome import counts_by_name, require_counts
 from apollonius.io.document import parse_json, read_bytes, to_json
-from apollonius.io.errors import InvalidInput, require, require_within
+from apollonius.io.errors import TRACKERS, InvalidInput, require, require_within
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import Evaluation, Standing
 from apollonius.learn.loop import Metrics
@@ -151,7 +151,7 @@ def _read_line(line: bytes, source: str) -> MetricsLine:
 
 def _opened(to: str, folder: Path, config: dict[str, Any]) -> tuple[Callable[..., object], Callable[[], object]]:
     """Begin a run of a tracker; return what takes values by name and their step, and what is called at the end."""
-    tracker: Any = import_module({"tensorboard": "tensorboardX"}.get(to, to))
+    tracker: Any = import_module(TRACKERS[to])
     if to == "tensorboard":
         writer = tracker.SummaryWriter(str(folder / to), purge_step=0)  # in place of what an earlier one has written
         return lambda values, step: [writer.add_scalar(*one, step) for one in values.items()], writer.close
