@@ -76,8 +76,7 @@ def test_numbers_that_each_game_draws_are_spread_as_asked():
         Spread(("sensors.pursuer.noise.heading", "evader.v_max"), 0.5, 1.0),
     ]
     game = randomised(make_game("paper"), spreads)
-    states = jax.vmap(game.reset)(jax.random.split(jax.random.key(0), 2000))
-    drawn = jax.vmap(lambda state: game.at(state))(states)
+    drawn = jax.jit(jax.vmap(lambda key: game.at(game.reset(key))))(jax.random.split(jax.random.key(0), 2000))
     assert np.bincount(drawn.drives.pursuer.lag.astype(int)) / 2000 == pytest.approx([1 / 3] * 3, abs=0.12)
     heading, speed = np.asarray(drawn.sensors.pursuer.noise.heading), np.asarray(drawn.evader.v_max)
     for values in (heading, speed):

@@ -99,8 +99,8 @@ def slow(*values):
 @pytest.mark.parametrize(
     ("sizes", "profile", "count"),
     [
-        ((1, 1), "paper", 80),
-        ((1, 1), "zero-sum", 80),
+        ((1, 1), "paper", 40),
+        ((1, 1), "zero-sum", 40),
         (TEAMS, "paper", 10),
         slow(TEAMS, "paper", 100),
         slow(TEAMS, "zero-sum", 100),

@@ -77,6 +77,8 @@ def polygon_pass(vertices, before, after):
         least = min(least, *(closest_pass(start, end, place, place) for place in (before, after)))
         if intersect(before, after, start, end):
             least = 0.0
+    if least > 0 and not winds_around(vertices, before):
+        return least
     shares = [step / 200 for step in range(201)]
     places = [[b + share * (a - b) for b, a in zip(before[:2], after[:2], strict=True)] for share in shares]
     depths = [distance_to_edges(vertices, place) for place in places if winds_around(vertices, place)]
