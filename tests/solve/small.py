@@ -2,16 +2,12 @@
 
 from dataclasses import replace
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
-from apollonius.agents.network import make_network
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.starts import Starts
-from apollonius.game.types import NUM_ACTIONS
 
 BODY = Unicycle(v_max=0.6, radius=0.05)
 SMALL = Game(
@@ -42,9 +38,3 @@ def as_table(values, counts):
     """A dictionary by (x, y, v, heading) as an array (v, heading, x, y)."""
     array = np.array([values[index] for index in np.ndindex(*counts)]).reshape(counts)
     return array.transpose(2, 3, 0, 1)
-
-
-def always(action):
-    """A network that thinks one action best, whatever it sees."""
-    zero = jax.tree.map(jnp.zeros_like, make_network("paper", 4, 1, jax.random.key(0)))
-    return jax.tree.map(lambda leaf: leaf.at[action].set(1.0) if leaf.shape == (NUM_ACTIONS,) else leaf, zero)
