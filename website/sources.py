@@ -55,13 +55,13 @@ def cards() -> str:
 def leaderboard() -> str:
     """Return MyST source: a row for each card of the benchmark, the best of each track and side first."""
     cards = [json.loads(path.read_text()) for path in (REPOSITORY / "benchmarks" / "leaderboard").glob("*.json")]
-    rows = ["| track | side | agent | worth | worst against | worst tenth | crashes | forfeits |"]
-    rows.append("|---|---|---|---|---|---|---|---|")
+    rows = ["| track | side | agent | worth | worst against | worst tenth | crashes | forfeits | us a decision |"]
+    rows.append("|---|---|---|---|---|---|---|---|---|")
     for card in sorted(cards, key=lambda card: (card["track"], card["side"], -card["score"]["worth"])):
         score, (low, high) = card["score"], card["score"]["interval"]
         cells = [card["track"], card["side"], f"`{card['agent']}`", f"{score['worth']:+.2f} [{low:+.2f}, {high:+.2f}]"]
         cells += [f"`{score['against']}`", f"{score['worst_tenth']:+.2f}", f"{score['crashes']:.1%}"]
-        cells.append(f"{score['forfeits']:.1%}")
+        cells += [f"{score['forfeits']:.1%}", f"{card['decision_us']:.0f}"]
         rows.append(f"| {' | '.join(cells)} |")
     return "\n## The cards\n\n" + "\n".join(rows) + "\n"
 

@@ -72,7 +72,7 @@ def _answer(options: argparse.Namespace, card: "SuiteCard", before: str = "") ->
     text = (
         f"{before}{card.agent} ({card.side}, {card.track}): {score.worth:+.3f} [{score.interval[0]:+.3f}, "
         f"{score.interval[1]:+.3f}] against {score.against}, worst tenth {score.worst_tenth:+.3f}, "
-        f"crashes {score.crashes:.1%}, forfeits {score.forfeits:.1%}"
+        f"crashes {score.crashes:.1%}, forfeits {score.forfeits:.1%}, {card.decision_us:.4g} us a decision"
     )
-    facts = {"agent": card.agent, "side": card.side, "track": card.track}
+    facts = {"agent": card.agent, "side": card.side, "track": card.track, "decision_us": card.decision_us}
     answer(options, facts | asdict(score), text + (f"\nit failed: {card.failure}" if card.failure else ""))

@@ -3,9 +3,10 @@
 A round is a game in every arena, by a seed of its own.
 """
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, Literal
@@ -34,13 +35,17 @@ from apollonius.game.presets import in_teams, make_game
 from apollonius.game.types import Outcome, RobotStatus, Role
 from apollonius.io.cache import digest
 from apollonius.io.limits import ENTRANTS
+from apollonius.observe.observation import perceive
+from apollonius.play import rollout
 from apollonius.play.playout import AbstractWatcher, Results, play_out
+from apollonius.play.random_bits import random_bits
 from apollonius.play.rollout import Transition
 
 FORFEIT = int(Outcome.ONGOING)
 """In the place of an outcome: an agent from outside failed, and its game counts as lost."""
 _SLOTS = 32
 _FAILED = BySide(PURSUER_FAILS, EVADER_FAILS)
+_CALLS = 10
 
 
 @dataclass(frozen=True)
@@ -138,8 +143,7 @@ class Benchmark:
 
     def play(self, agent: Named, opponent: str, seed: int) -> Round:
         """Play a round."""
-        match = Match(self.game, BySide.of(self.role, agent, self._opponents[opponent]), len(self.arenas), seed)
-        process = process_of(agent.policy)
+        match, process = self._match(agent, opponent, seed), process_of(agent.policy)
         if process:
             process.begin(match.games)
         slots = match.games if process else _SLOTS
@@ -151,6 +155,25 @@ class Benchmark:
         words = np.stack([outcomes, steps, crashed, np.asarray(results.watched)]).astype("<u4").tobytes()
         played, lengths, crashes = (tuple(column.tolist()) for column in (outcomes, steps, crashed))
         return Round(seed, played, lengths, crashes, sha256(words).hexdigest()[:16])
+
+    def _match(self, agent: Named, opponent: str, seed: int) -> Match:
+        return Match(self.game, BySide.of(self.role, agent, self._opponents[opponent]), len(self.arenas), seed)
+
+    def microseconds(self, agent: Named) -> float:
+        """Return the time of a decision [us], as one of a round's first ones, all at once."""
+        match, process = self._match(agent, self.panel[0], 0), process_of(agent.policy)
+        if process:
+            process.begin(match.games)
+        starts, key = begin(match)
+        bits = random_bits(key, (2, match.games))
+        games, spent = rollout.begin(match.rules, starts, match.pools, bits), []
+        for _ in range(_CALLS + 1):  # the first one compiles
+            began = time.perf_counter()
+            jax.block_until_ready(_act(match.rules, match.pools[self.role], games, bits, self.role))
+            spent.append(time.perf_counter() - began)
+        if process:
+            process.end()
+        return _rounded(1e6 * float(np.median(spent[1:])) / (match.games * len(self.game.bodies[self.role])))
 
     @cached_property
     def _opponents(self) -> dict[str, Named]:
@@ -183,6 +206,11 @@ class Benchmark:
         lost = np.isin(one.outcomes, evader_winning(time_limit_wins=True)).astype(float)
         worth = won - lost if self.role == Role.PURSUER else lost - won
         return np.where(np.array(one.outcomes) == FORFEIT, -1.0, worth)
+
+
+@partial(jax.jit, static_argnames="role")
+def _act(game: Game, pool: Any, games: rollout.Games, bits: Array, role: Role) -> Any:
+    return rollout.decide(pool, games.sides[role], perceive(pool.observation, game, games.state, role), bits[role])
 
 
 def _cells(game: Game) -> dict[str, Any]:

@@ -35,6 +35,7 @@ class SuiteCard:
     side: Literal["pursuer", "evader"]
     track: Literal["full", "lidar", "team"]
     score: Score
+    decision_us: float
     made_with: str
     digests: dict[str, str]
     opponents: dict[str, tuple[Round, ...]]
@@ -61,9 +62,10 @@ def judge(
     for opponent, played in _play(benchmark, agent, range(ROUNDS), report, run):
         rounds[opponent] += (played,)
     process = process_of(agent.policy)
+    failure, spent = process.reason if process else "", benchmark.microseconds(agent)
     return SuiteCard(
-        agent.name, file_of(name)[1], side, benchmark.track, benchmark.score(rounds), environment(),
-        benchmark.digests, rounds, process.is_isolated if process else True, process.reason if process else "",
+        agent.name, file_of(name)[1], side, benchmark.track, benchmark.score(rounds), spent, environment(),
+        benchmark.digests, rounds, process.is_isolated if process else True, failure,
     )  # fmt: skip
 
 
