@@ -10,11 +10,11 @@ neighbour or nowhere, then the evader, and so on; it is caught where a pursuer i
 1983; Aigner and Fromme, 1984).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_array
 
 from apollonius.arenas.free_space import FreeSpace, Tiling, tile
@@ -35,11 +35,16 @@ ALWAYS = 3
 
 @dataclass(frozen=True)
 class Reading:
-    """A graph, those of its nodes on which the game is solved, and how many pursuers are enough on it."""
+    """A graph, the number of its nodes that matter, and how many pursuers are enough on it.
+
+    `exact` is whether fewer are surely not; `places` those of pursuers who search, from turn to turn [m].
+    """
 
     tiling: Tiling
-    core: Int[np.ndarray, " kept"]
+    core: int
     pursuers: int
+    exact: bool = True
+    places: Float[np.ndarray, "turns pursuers 2"] | None = None
 
 
 @dataclass(frozen=True)
@@ -66,32 +71,47 @@ class Enough:
         if self.pursuers is None:
             said = sorted({reading.pursuers for reading in self.readings[-AGREEING:]})
             return f"the graphs do not agree or are too few: {' or '.join(map(str, said))}"
-        enough = ("1 pursuer is enough", "2 pursuers are enough, 1 is not", "3 pursuers are enough, 2 are not")
-        return f"{enough[self.pursuers - 1]}, for idealised robots on this graph"
+        fewer, exact = self.pursuers - 1, all(reading.exact for reading in self.readings[-AGREEING:])
+        rest = f"{fewer} {'is' if fewer == 1 else 'are'} not" if exact else f"{fewer} may be"
+        enough = f"{self.pursuers} pursuers are enough, {rest}" if fewer else "1 pursuer is enough"
+        return f"{enough}, for idealised robots on this graph"
 
 
-def how_many(space: FreeSpace, report: Callable[[float], None]) -> Enough:
-    """Judge an arena on graphs from coarse to fine, of reported spacings [m], until three in a row agree."""
+def how_many(
+    space: FreeSpace,
+    report: Callable[[float], None],
+    read: "Callable[[Tiling], Reading | None] | None" = None,
+    sizes: Sequence[int] = SIZES,
+) -> Enough:
+    """Judge an arena on graphs from coarse to fine, of reported spacings [m], until three in a row agree.
+
+    Args:
+        read: judges a graph, by default `read_chase`; None for one that is too large.
+        sizes: about the numbers of their nodes.
+    """
     readings: list[Reading] = []
-    for number, size in enumerate(SIZES):
+    for number, size in enumerate(sizes):
         spacing = float(np.sqrt(2 * space.area / np.sqrt(3) / size))
         report(spacing)
-        tiling = tile(space, spacing, (number + 1) % 2 * _TURN)
-        kept = core(tiling.adjacency)
-        if len(kept) > MOST_NODES:
+        reading = (read or read_chase)(tile(space, spacing, (number + 1) % 2 * _TURN))
+        if reading is None:
             break
-        readings.append(_read(tiling, kept))
+        readings.append(reading)
         found = Enough(space, tuple(readings))
         if found.agree and all(reading.tiling.holes == space.islands for reading in readings[-AGREEING:]):
             break
     return Enough(space, tuple(readings))
 
 
-def _read(tiling: Tiling, kept: Int[np.ndarray, " kept"]) -> Reading:
-    inner, pursuers = tiling.adjacency[np.ix_(kept, kept)], 1
+def read_chase(tiling: Tiling) -> Reading | None:
+    """Return how many pursuers are enough to catch an evader on a graph; None where it is too large."""
+    kept, pursuers = core(tiling.adjacency), 1
+    if len(kept) > MOST_NODES:
+        return None
+    inner = tiling.adjacency[np.ix_(kept, kept)]
     while len(kept) > 1 and pursuers < ALWAYS and not solve_chase(inner, pursuers).all():
         pursuers += 1
-    return Reading(tiling, kept, pursuers)
+    return Reading(tiling, len(kept), pursuers)
 
 
 def core(adjacency: Adjacency) -> Int[np.ndarray, " kept"]:

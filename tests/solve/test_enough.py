@@ -11,17 +11,16 @@ SMALL[50:62, 50:62] = False
 """An island that large cells do not see."""
 
 
-def count(free, monkeypatch, sizes):
-    monkeypatch.setattr(enough, "SIZES", sizes)
+def count(free, sizes):
     told = []
-    found = enough.how_many(largest_part(free, 0.0, 0.0, 0.1), told.append)
+    found = enough.how_many(largest_part(free, 0.0, 0.0, 0.1), told.append, sizes=sizes)
     assert set(told) >= {reading.tiling.spacing for reading in found.readings}
     return found
 
 
 @pytest.mark.parametrize(("free", "known"), [(ROOM, 1), (BENT, 1), (ANNULUS, 2)], ids=["room", "bent room", "annulus"])
-def test_known_arenas(free, known, monkeypatch):
-    found = count(free, monkeypatch, (60, 100, 150))
+def test_known_arenas(free, known):
+    found = count(free, (60, 100, 150))
     assert found.agree
     assert found.pursuers == known
     assert found.verdict.startswith(("1 pursuer is enough", "2 pursuers are enough, 1 is not")[known - 1])
@@ -37,8 +36,8 @@ def test_known_arenas(free, known, monkeypatch):
     ],
     ids=["disagree", "two", "go on", "stop"],
 )
-def test_three_graphs_in_a_row_must_see_every_island_and_agree(free, sizes, pursuers, islands, said, monkeypatch):
-    found = count(free, monkeypatch, sizes)
+def test_three_graphs_in_a_row_must_see_every_island_and_agree(free, sizes, pursuers, islands, said):
+    found = count(free, sizes)
     assert [reading.pursuers for reading in found.readings] == pursuers
     assert [reading.tiling.holes for reading in found.readings] == islands
     assert said in found.verdict
@@ -47,6 +46,6 @@ def test_three_graphs_in_a_row_must_see_every_island_and_agree(free, sizes, purs
 
 def test_what_would_take_too_long_is_left_out(monkeypatch):
     monkeypatch.setattr(enough, "MOST_NODES", 20)
-    found = count(ANNULUS, monkeypatch, (60, 600))
+    found = count(ANNULUS, (60, 600))
     assert len(found.readings) == 1
     assert found.pursuers is None
