@@ -192,7 +192,7 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display", to: 
     run = Run(config, folder, report)
     distils = config.stages == "distillation"
     go_on(f"go on with: apollonius resume {folder}")
-    if distils:
+    if distils and config.distillation.solves:
         for game in each_alone(config.game):
             solved_game(display, game, config.distillation.grid, folder / TABLES)
     trackers += [Tracker(to, folder, config)] if to else []

@@ -18,15 +18,15 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from apollonius.agents.holding import Holding
 from apollonius.agents.network import Network, QNetwork
+from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.pool import AbstractPlayers, Apart, solo
 from apollonius.agents.trained import exploring, greedy
 from apollonius.game.by_side import BySide
-from apollonius.game.dynamics import Unicycle, wrap_angle
-from apollonius.game.game import Game, reset_batch
-from apollonius.game.types import NUM_ACTIONS, GameState, Real, RobotState, Scalar
+from apollonius.game.types import NUM_ACTIONS, Scalar
 from apollonius.learn import dqn
 from apollonius.learn.learner_config import linear
 from apollonius.learn.loop import Metrics, iterated
+from apollonius.learn.queries import queries, starts_of
 from apollonius.learn.replay_buffer import ReplayBuffer, add
 from apollonius.learn.stage_config import DistillationConfig, Plan
 from apollonius.learn.teacher import Setting
@@ -37,19 +37,13 @@ from apollonius.solve.players import RolloutSearch
 
 ORDER = 10.0
 """Weight of the differences between a state's actions, relative to their mean: the choice depends on them alone."""
-SPREAD = (0.25, 0.25, 0.15, 0.3)
-"""Standard deviation of queries around a state: of x, y [m], v [m/s] and heading [rad]."""
-NEARBY = 3.0
-"""Largest distance beyond a capture of two robots that are put close together [m]."""
-_EDGE = 0.02
-"""Least distance from the walls at which a robot is put [m]."""
 _PLANS = ((10, 1, NUM_ACTIONS), (10, 2, 3))
 """Plans of near-sighted and far-sighted attackers: steps of a hold, holds, and plans that are followed further; one
 and two seconds, in a game with steps of 0.1 s."""
 
 
 Labels = tuple[Float[Array, "rows size"], Float[Array, "rows 9"]]
-"""Observations and the teacher's values of the nine actions there."""
+"""Observations and the teacher's values of the nine actions there, NaN where there is nothing to learn."""
 
 
 def start_distillation(
@@ -60,7 +54,7 @@ def start_distillation(
     learner = first_learner(plan, network_key, network)
     keys = jax.random.split(start_key, len(settings))
     begun = [_first_games(plan, learner.network, *each) for each in zip(settings, keys, strict=True)]
-    block = len(jax.eval_shape(query_states, settings[0].game, begun[0].state, key).steps)
+    block = len(jax.eval_shape(functools.partial(queries, _config(plan)), settings[0], begun[0], key)[0].steps)
     rows, size = max(1, plan.learner.replay_capacity // block) * block, learner.network.observation.size
     head, filled, iterations, env_steps, episodes = (jnp.zeros((), jnp.int32) for _ in range(5))
     buffer = ReplayBuffer((jnp.zeros((rows, size)), jnp.zeros((rows, NUM_ACTIONS))), head, filled)
@@ -71,8 +65,8 @@ def start_distillation(
 
 @functools.partial(jax.jit, static_argnames="plan")
 def _first_games(plan: Plan, network: QNetwork, setting: Setting, key: PRNGKeyArray) -> Games:
-    starts, bits = fresh_starts(setting.game, plan.learner.games, key), jnp.zeros((2, plan.learner.games), jnp.uint32)
-    return begin(setting.game, starts, _players(plan, network, setting, key), bits)
+    bits = jnp.zeros((2, plan.learner.games), jnp.uint32)
+    return begin(setting.game, starts_of(setting, plan.learner.games, key), _players(plan, network, setting, key), bits)
 
 
 def distillation(
@@ -105,10 +99,11 @@ def _iterate(plan: Plan, state: TrainState, setting: Setting) -> tuple[TrainStat
     query_key, player_key, play_key, start_key, learn_key = jax.random.split(key, 5)
     assert isinstance(side.learner, dqn.DQNLearner)
     network = side.learner.network
-    queries = query_states(game, state.games.state, query_key)
-    _, seen = perceive(network.observation, game, queries, role)
-    buffer = add(side.buffer, (seen, setting.teacher.values(game, queries, role)))
-    starts = jax.tree.map(lambda leaf: leaf[None], fresh_starts(game, config.games, start_key))
+    known, states, learns = queries(_config(plan), setting, state.games, query_key)
+    _, seen = perceive(network.observation, game, known, role)
+    values = setting.teacher.values(game, states, role)
+    buffer = add(side.buffer, (seen, jnp.where(learns[:, None], values, jnp.nan)))
+    starts = jax.tree.map(lambda leaf: leaf[None], starts_of(setting, config.games, start_key))
     players = _players(plan, network, setting, player_key)
     games, played = collect(game, players, state.games, starts, play_key, config.steps_per_iteration)
     env_steps = state.env_steps + config.env_steps_per_iteration
@@ -121,17 +116,21 @@ def _players(plan: Plan, network: QNetwork, setting: Setting, key: PRNGKeyArray)
     config, table, games = _config(plan), setting.table, plan.learner.games
     explores = solo(exploring(network, jnp.float32(config.epsilon[config.side])))
     student = replace(explores, bits=jax.random.bits(key, (games,), jnp.uint32))
-    attackers = [
-        Holding(
-            RolloutSearch(table.zero_sum_game, table.table, greedy(network), *ahead),
-            plan.learner.steps_per_iteration,
-        )
-        for ahead in _PLANS
-    ]
+    attackers: list[AbstractPolicy] = (
+        []
+        if table is None
+        else [
+            Holding(
+                RolloutSearch(table.zero_sum_game, table.table, greedy(network), *ahead),
+                plan.learner.steps_per_iteration,
+            )
+            for ahead in _PLANS
+        ]
+    )
     kinds, left = len(setting.opponents), games - config.near_sighted - config.far_sighted
     shares = [left // kinds + (number < left % kinds) for number in range(kinds)]
     shares += [config.near_sighted, config.far_sighted]
-    opponents = [pair for pair in zip((*setting.opponents, *attackers), shares, strict=True) if pair[1]]
+    opponents = [pair for pair in zip((*setting.opponents, *attackers), shares, strict=False) if pair[1]]
     return BySide.of(config.side, student, Apart(*map(tuple, zip(*opponents, strict=True))))
 
 
@@ -155,7 +154,7 @@ def _fit(
 def _error(network: QNetwork, labels: Labels) -> Scalar:
     """Return the mean squared error of the differences between a state's actions, and of their mean."""
     observation, values = labels
-    wrong = network.batch(observation) - values
+    wrong = jnp.where(jnp.isnan(values), 0.0, network.batch(observation) - values)
     mean = jnp.mean(wrong, axis=1)
     return ORDER * jnp.mean(jnp.sum((wrong - mean[:, None]) ** 2, axis=1)) + jnp.mean(mean**2)
 
@@ -163,61 +162,3 @@ def _error(network: QNetwork, labels: Labels) -> Scalar:
 def _config(plan: Plan) -> DistillationConfig:
     assert isinstance(plan.stage, DistillationConfig)
     return plan.stage
-
-
-def query_states(game: Game, visited: GameState, key: PRNGKeyArray) -> GameState:
-    """Return states to learn from: those visited, as many around them, and a quarter as many each with the robots close
-    together and anywhere, leaves `[games]`.
-
-    An opponent that knows the student forces it into states that its own games do not visit. The key is consumed.
-    """
-    around_key, close_key, anywhere_key = jax.random.split(key, 3)
-    games, some = len(visited.steps), len(visited.steps) // 4
-    around = jax.vmap(_around, in_axes=(None, 0, 0))(game, visited, jax.random.split(around_key, games))
-    far = _anywhere(game, some, close_key)
-    close = jax.vmap(_closer, in_axes=(None, 0, 0))(game, far, jax.random.split(close_key, some))
-    parts = visited, around, close, _anywhere(game, some, anywhere_key)
-    return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
-
-
-def fresh_starts(game: Game, games: int, key: PRNGKeyArray) -> GameState:
-    """Return starts of games: every other one as the game draws it, the rest moving and anywhere."""
-    rest_key, moving_key = jax.random.split(key)
-    starts, others = reset_batch(game, rest_key, games), _anywhere(game, games, moving_key)
-    even = jnp.arange(games) % 2 == 0
-    return jax.tree.map(lambda one, other: jnp.where(even, one, other), starts, others)
-
-
-def _anywhere(game: Game, games: int, key: PRNGKeyArray) -> GameState:
-    """Return robots at all speeds, nearly up to the walls and nearly up to a capture."""
-    starts = replace(game.starts, speed="moving", clearance=0.05, separation=game.capture_distance + 0.05)
-    return jax.vmap(lambda key: starts.sample(key, game.arena, game.bodies))(jax.random.split(key, games))
-
-
-def _around(game: Game, state: GameState, key: PRNGKeyArray) -> GameState:
-    """Return a state not far from this one."""
-    pursuer, evader = jax.random.normal(key, (2, 4)) * jnp.array([SPREAD])
-    robots = _moved(game, game.pursuer, state.pursuer, *pursuer), _moved(game, game.evader, state.evader, *evader)
-    return GameState.of_two(*robots, state.steps)
-
-
-def _closer(game: Game, state: GameState, key: PRNGKeyArray) -> GameState:
-    """Return the state with the pursuer not far from the evader."""
-    away, angle = jax.random.uniform(key, (2,), minval=jnp.array([0, -jnp.pi]), maxval=jnp.array([NEARBY, jnp.pi]))
-    away = game.capture_distance + away
-    there = replace(state.pursuer, x=state.evader.x, y=state.evader.y)
-    pursuer = _moved(game, game.pursuer, there, away * jnp.cos(angle), away * jnp.sin(angle))
-    return GameState.of_two(pursuer, state.evader, state.steps)
-
-
-def _moved(
-    game: Game, body: Unicycle, robot: RobotState, x: Scalar, y: Scalar, v: Real = 0.0, heading: Real = 0.0
-) -> RobotState:
-    """Return a robot whose numbers differ by these, inside the walls and within its limits."""
-    arena = game.arena
-    return RobotState(
-        jnp.clip(robot.x + x, arena.x_min + _EDGE, arena.x_max - _EDGE),
-        jnp.clip(robot.y + y, arena.y_min + _EDGE, arena.y_max - _EDGE),
-        jnp.clip(robot.v + v, body.v_min, body.v_max),
-        wrap_angle(robot.heading + heading),
-    )

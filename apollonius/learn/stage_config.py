@@ -112,14 +112,23 @@ class DistillationConfig(StageConfig):
     """Clearance [m] below which labels weigh it against the teacher's values; 0 ignores clearance."""
     updates: int = 8
     """Updates in a round."""
+    informed: float = 3.0
+    """Time since a side with sensors saw an opponent [s] up to which it learns what its teacher, who sees it, does."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self, "updates")
         require(len(self.opponents) >= 1, "opponents", "none", "one at least")
-        require_within(self, 0, 10**9, "clearance", "near_sighted", "far_sighted")
-        require(not self.randomise, "randomise", "some numbers", "left out: tables know the rules' own robots only")
+        require_within(self, 0, 10**9, "clearance", "near_sighted", "far_sighted", "informed")
+        bound = "left out: tables know the rules' own robots only"
+        require(not (self.randomise and self.solves), "randomise", "some numbers", bound)
         require(self.grid is None or len(self.grid) == 4, "grid", self.grid, "four numbers of nodes, or left out")
+
+    @property
+    def solves(self) -> bool:
+        """True if somebody needs the tables of solved games."""
+        searches = self.near_sighted + self.far_sighted + self.clearance > 0
+        return searches or TABLE in (self.teacher, *self.opponents)
 
     @property
     def side(self) -> Role:

@@ -16,6 +16,7 @@ from apollonius.game.game import Game
 from apollonius.game.types import NUM_ACTIONS, GameState, Real, RobotState, Role
 from apollonius.io.errors import require
 from apollonius.learn.config import RunConfig
+from apollonius.learn.stage_config import DistillationConfig
 from apollonius.observe.observation import perceive
 from apollonius.solve.grid import make_grid
 from apollonius.solve.motion import motion_of
@@ -79,32 +80,38 @@ class Teacher(eqx.Module):
 
 
 class Setting(eqx.Module):
-    """The game in one arena, the teacher there, and the student's opponents.
+    """The game, the teacher there, and the student's opponents.
 
     Attributes:
         opponents: each plays an equal part of the games that the attackers leave.
-        table: the other side's player by the solved game, by which the attackers look ahead.
+        table: the other side's player by the game solved in this one arena, by which the attackers look ahead; None
+            where nobody needs it.
     """
 
     game: Game
     teacher: Teacher
     opponents: tuple[AbstractPolicy, ...]
-    table: SaddlePolicy
+    table: SaddlePolicy | None
 
 
 def make_settings(config: RunConfig, game: Game, folder: Path | None) -> list[Setting]:
-    """Return the settings of a run, one in each arena; games are solved whose tables do not lie in the folder.
+    """Return the settings of a run: one, or where tables are needed one in each arena.
 
-    All have one shape, so that one compilation serves all.
+    Games are solved whose tables do not lie in the folder. All settings have one shape, so that one compilation serves
+    all.
 
     Args:
         game: that of the run, with charts where players read them.
 
     Raises:
-        InvalidInput: when a player cannot be found, the teacher does not value the nine actions, or robots are of
-            several kinds.
+        InvalidInput: when a player cannot be found, the teacher does not value the nine actions, or robots of a solved
+            game are of several kinds.
     """
     stage, role, scenario = config.distillation, config.distillation.side, game.scenario
+    if not stage.solves:
+        trained = stage.trained_in(game)
+        players = _named_players(stage, trained)
+        return [Setting(trained, _teacher(stage, players, trained, None), _opponents(stage, players), None)]
     kinds = "robots of several kinds"
     require(scenario is None or scenario.kinds is None, "game", kinds, "of one kind: the solved game has its robots")
     alone = each_alone(game)
@@ -113,21 +120,36 @@ def make_settings(config: RunConfig, game: Game, folder: Path | None) -> list[Se
 
     def setting(number: int, one: Game) -> Setting:
         here = game if scenario is None else game.in_place(jnp.asarray(number))
-        named = {(name, role.other) for name in stage.opponents} | {(stage.teacher, role)}
-        players = {each: find_player(*each, here) for each in named if each[0] != TABLE}
-        values = stage.teacher == TABLE or isinstance(players[stage.teacher, role].policy, AbstractActionValuePolicy)
-        require(values, "teacher", stage.teacher, "one that values the nine actions: table, or an agent trained by DQN")
+        players = _named_players(stage, here)
         tables = cached_tables(one, stage.grid, folder, played=here)
         players |= {(TABLE, side): Named(TABLE, tables[side]) for side in Role}
-        found = players[stage.teacher, role]
-        assert isinstance(found.policy, AbstractActionValuePolicy)
         clearance = None
         if stage.clearance > 0:
             grid = make_grid(here.arena, here.body(role), counts)
             safety = solve_safety(here, role, grid, grids[0][1])
             clearance = Clearance(motion_of(here, role, _AHEAD), grid, safety.table, stage.clearance)
-        teacher = Teacher(found.policy, price_of_losing(found, here), clearance)
-        opponents = tuple(players[name, role.other].policy for name in stage.opponents)
-        return Setting(here, teacher, opponents, tables[role.other])
+        teacher = _teacher(stage, players, here, clearance)
+        return Setting(here, teacher, _opponents(stage, players), tables[role.other])
 
     return [setting(number, one) for number, one in enumerate(alone)]
+
+
+Players = dict[tuple[str, Role], Named]
+"""The players of a setting, by name and side."""
+
+
+def _named_players(stage: DistillationConfig, game: Game) -> Players:
+    named = {(name, stage.side.other) for name in stage.opponents} | {(stage.teacher, stage.side)}
+    return {each: find_player(*each, game) for each in named if each[0] != TABLE}
+
+
+def _teacher(stage: DistillationConfig, players: Players, game: Game, clearance: Clearance | None) -> Teacher:
+    found = players[stage.teacher, stage.side]
+    policy, bound = found.policy, "one that values the nine actions: table, or an agent trained by DQN"
+    require(isinstance(policy, AbstractActionValuePolicy), "teacher", stage.teacher, bound)
+    assert isinstance(policy, AbstractActionValuePolicy)
+    return Teacher(policy, price_of_losing(found, game), clearance)
+
+
+def _opponents(stage: DistillationConfig, players: Players) -> tuple[AbstractPolicy, ...]:
+    return tuple(players[name, stage.side.other].policy for name in stage.opponents)

@@ -10,18 +10,24 @@ import pytest
 
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
+from apollonius.agents.pool import solo
 from apollonius.agents.store import load_agent
 from apollonius.game.arena import Arena
+from apollonius.game.by_side import BySide
 from apollonius.game.game import reset_batch
 from apollonius.game.presets import in_arenas
+from apollonius.game.sensing import Sensing, Sensors
 from apollonius.game.types import NUM_ACTIONS, Role
 from apollonius.io.errors import InvalidInput
+from apollonius.learn import distillation
 from apollonius.learn.config import RunConfig
-from apollonius.learn.distillation import fresh_starts, query_states
 from apollonius.learn.learner_config import DQNConfig
+from apollonius.learn.queries import fresh_starts, queries, query_states, starts_of
 from apollonius.learn.run import Run
 from apollonius.learn.stage_config import DistillationConfig
 from apollonius.learn.teacher import COSTLIEST, DEEPEST, STEEPNESS, Clearance, Teacher, make_settings
+from apollonius.play.rollout import begin as begin_games
+from apollonius.play.rollout import collect
 from apollonius.solve.motion import motion_of
 from apollonius.solve.solving import reference_grid
 from tests.acting import of_views
@@ -145,6 +151,57 @@ def test_a_run_leaves_an_agent_that_has_learned_what_the_table_says(uninterrupte
         return np.mean(values.max(axis=1) - values[np.arange(len(values)), chosen])
 
     assert lost(agent.network) < 0.6 * lost(make_network("encoded", 32, 1, jax.random.key(0)))
+
+
+SEEING = replace(
+    STAGE, role="pursuer", teacher="P_pool", opponents=("still", "flee"), near_sighted=0, far_sighted=0, clearance=0.0,
+    informed=0.35, evaluations=1,
+)  # fmt: skip
+SHORT_SIGHTED = replace(GAME, sensors=Sensing(pursuer=Sensors(range=1.5)))
+
+
+def test_without_tables_a_student_learns_in_states_that_it_visits_while_its_sighting_is_fresh():
+    run = replace(RUN, game=SHORT_SIGHTED, distillation=SEEING)
+    (setting,) = make_settings(run, SHORT_SIGHTED, None)
+    assert setting.table is None
+    players = BySide(solo(Greedy(make_network("paper", 4, 1, jax.random.key(3)))), solo(setting.opponents[1]))
+
+    @jax.jit
+    def played(key):
+        starts = starts_of(setting, 64, key)
+        games = begin_games(SHORT_SIGHTED, starts, players, jnp.zeros((2, 64), jnp.uint32))
+        games, _ = collect(SHORT_SIGHTED, players, games, jax.tree.map(lambda leaf: leaf[None], starts), key, 12)
+        return games, queries(SEEING, setting, games, key)
+
+    games, (known, states, learns) = played(jax.random.key(0))
+    assert np.all(np.asarray(games.state.pursuer.x) == states.pursuer.x)
+    (age,), sight = known.sight.ages, np.hypot(states.pursuer.x - states.evader.x, states.pursuer.y - states.evader.y)
+    np.testing.assert_array_equal(np.asarray(age) == 0, sight <= 1.5)
+    np.testing.assert_array_equal(learns, np.asarray(age) < 0.35)
+    hidden = np.asarray((age > 0) & (age < 0.35))
+    assert hidden.any()
+    assert np.all(np.asarray(known.evader.x != states.evader.x)[hidden]), "the teacher sees where it went"
+
+
+def test_where_there_is_nothing_to_learn_nothing_is_learned():
+    network = make_network("paper", 4, 1, jax.random.key(3))
+    rows, values = jax.random.normal(jax.random.key(1), (8, 8)), jax.random.normal(jax.random.key(2), (8, 9))
+    half = values.at[::2].set(jnp.nan)
+    slope = jax.grad(lambda network, labels: distillation._error(network, labels))
+    some, all_known = slope(network, (rows, half)), slope(network, (rows[1::2], values[1::2]))
+    for one, other in zip(jax.tree.leaves(some), jax.tree.leaves(all_known), strict=True):
+        np.testing.assert_allclose(one, other / 2, atol=1e-6)
+
+
+@pytest.mark.slow
+def test_a_run_with_sensors_learns(tmp_path):
+    longer, wider = replace(SEEING, updates=24, env_steps=163_840), replace(FITTING, width=64, depth=2)
+    run = replace(RUN, game=SHORT_SIGHTED, dqn=wider, distillation=longer)
+    folder = begin(tmp_path / "run", run)
+    assert Run(run, folder).execute()
+    losses = [line["losses"]["pursuer"] for line in metrics(folder)]
+    assert losses[-1] < 0.8 * max(losses)
+    assert not (folder / "tables").exists()
 
 
 @pytest.mark.slow

@@ -41,7 +41,9 @@ def escapes(adjacency, seen, found):
     near = adjacency | np.eye(len(adjacency), dtype=bool)
     could = {node for node in range(len(near)) if not any(seen[at, node] for at in found[0])}
     for before, after in itertools.pairwise(found):
-        reached = any(all(near[one, to] for one, to in zip(before, other)) for other in itertools.permutations(after))
+        reached = any(
+            all(near[one, to] for one, to in zip(before, other, strict=True)) for other in itertools.permutations(after)
+        )
         assert reached, "a searcher moves to a neighbour or nowhere"
         could = {to for node in could for to in np.flatnonzero(near[node]).tolist()}
         could = {node for node in could if not any(seen[at, node] for at in after)}

@@ -1,0 +1,107 @@
+"""The states that a student and its teacher are asked about, and the starts of their games."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, PRNGKeyArray, UInt32
+
+from apollonius.game.dynamics import Unicycle, wrap_angle
+from apollonius.game.game import Game, reset_batch
+from apollonius.game.types import GameState, Real, RobotState, Scalar
+from apollonius.learn.stage_config import DistillationConfig
+from apollonius.learn.teacher import Setting
+from apollonius.observe.tracking import Track, believed, follow
+from apollonius.play.rollout import Games
+
+SPREAD = (0.25, 0.25, 0.15, 0.3)
+"""Standard deviation of queries around a state: of x, y [m], v [m/s] and heading [rad]."""
+NEARBY = 3.0
+"""Largest distance beyond a capture of two robots that are put close together [m]."""
+_EDGE = 0.02
+"""Least distance from the walls at which a robot is put [m]."""
+
+
+def queries(
+    config: DistillationConfig, setting: Setting, games: Games, key: PRNGKeyArray
+) -> tuple[GameState, GameState, Bool[Array, " rows"]]:
+    """Return states to learn from as the student knows them and as they are, and in which of them it is to learn.
+
+    The teacher sees everything (Chen et al., "Learning by cheating", 2019), which says nothing to a student that has
+    not seen an opponent for long. In games with tables whose robots see everything they are those of `query_states`,
+    else those visited.
+    """
+    game, role, track = setting.game, config.side, games.sides[config.side].track
+    if setting.table is not None and track is None:
+        states = query_states(game, games.state, key)
+        return states, states, jnp.ones(states.steps.shape, bool)
+
+    def known(track: Track | None, state: GameState, bits: UInt32[Array, ""]) -> GameState:
+        return believed(game, follow(game, track, state, role, bits), state, role)
+
+    seen = jax.vmap(known)(track, games.state, jax.random.bits(key, games.state.steps.shape, jnp.uint32))
+    ages = jnp.zeros((1, *games.state.steps.shape)) if seen.sight is None else jnp.stack(seen.sight.ages)
+    return seen, games.state, jnp.min(ages, axis=0) < config.informed
+
+
+def starts_of(setting: Setting, games: int, key: PRNGKeyArray) -> GameState:
+    """Return starts of games: with tables `fresh_starts`, else as the game draws them. The key is consumed."""
+    return reset_batch(setting.game, key, games) if setting.table is None else fresh_starts(setting.game, games, key)
+
+
+def query_states(game: Game, visited: GameState, key: PRNGKeyArray) -> GameState:
+    """Return states to learn from: those visited, as many around them, and a quarter as many each with the robots close
+    together and anywhere, leaves `[games]`.
+
+    An opponent that knows the student forces it into states that its own games do not visit. The key is consumed.
+    """
+    around_key, close_key, anywhere_key = jax.random.split(key, 3)
+    games, some = len(visited.steps), len(visited.steps) // 4
+    around = jax.vmap(_around, in_axes=(None, 0, 0))(game, visited, jax.random.split(around_key, games))
+    far = _anywhere(game, some, close_key)
+    close = jax.vmap(_closer, in_axes=(None, 0, 0))(game, far, jax.random.split(close_key, some))
+    parts = visited, around, close, _anywhere(game, some, anywhere_key)
+    return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
+
+
+def fresh_starts(game: Game, games: int, key: PRNGKeyArray) -> GameState:
+    """Return starts of games: every other one as the game draws it, the rest moving and anywhere."""
+    rest_key, moving_key = jax.random.split(key)
+    starts, others = reset_batch(game, rest_key, games), _anywhere(game, games, moving_key)
+    even = jnp.arange(games) % 2 == 0
+    return jax.tree.map(lambda one, other: jnp.where(even, one, other), starts, others)
+
+
+def _anywhere(game: Game, games: int, key: PRNGKeyArray) -> GameState:
+    """Return robots at all speeds, nearly up to the walls and nearly up to a capture."""
+    starts = replace(game.starts, speed="moving", clearance=0.05, separation=game.capture_distance + 0.05)
+    return jax.vmap(lambda key: starts.sample(key, game.arena, game.bodies))(jax.random.split(key, games))
+
+
+def _around(game: Game, state: GameState, key: PRNGKeyArray) -> GameState:
+    """Return a state not far from this one."""
+    pursuer, evader = jax.random.normal(key, (2, 4)) * jnp.array([SPREAD])
+    robots = _moved(game, game.pursuer, state.pursuer, *pursuer), _moved(game, game.evader, state.evader, *evader)
+    return GameState.of_two(*robots, state.steps)
+
+
+def _closer(game: Game, state: GameState, key: PRNGKeyArray) -> GameState:
+    """Return the state with the pursuer not far from the evader."""
+    away, angle = jax.random.uniform(key, (2,), minval=jnp.array([0, -jnp.pi]), maxval=jnp.array([NEARBY, jnp.pi]))
+    away = game.capture_distance + away
+    there = replace(state.pursuer, x=state.evader.x, y=state.evader.y)
+    pursuer = _moved(game, game.pursuer, there, away * jnp.cos(angle), away * jnp.sin(angle))
+    return GameState.of_two(pursuer, state.evader, state.steps)
+
+
+def _moved(
+    game: Game, body: Unicycle, robot: RobotState, x: Scalar, y: Scalar, v: Real = 0.0, heading: Real = 0.0
+) -> RobotState:
+    """Return a robot whose numbers differ by these, inside the walls and within its limits."""
+    arena = game.arena
+    return RobotState(
+        jnp.clip(robot.x + x, arena.x_min + _EDGE, arena.x_max - _EDGE),
+        jnp.clip(robot.y + y, arena.y_min + _EDGE, arena.y_max - _EDGE),
+        jnp.clip(robot.v + v, body.v_min, body.v_max),
+        wrap_angle(robot.heading + heading),
+    )
