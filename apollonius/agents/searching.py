@@ -6,7 +6,7 @@ from jaxtyping import Array, Bool, Float, Int, UInt32
 
 from apollonius.agents.chasing import arc_speed
 from apollonius.agents.classical import AbstractSteering, direction, separation
-from apollonius.agents.policy import AbstractActionValuePolicy, Memory
+from apollonius.agents.policy import AbstractActionValuePolicy, Memory, mixed
 from apollonius.game.chart import COARSE, Chart
 from apollonius.game.sensing import Sensors
 from apollonius.game.types import RobotState, Scalar
@@ -25,8 +25,6 @@ _RECENT = 1.05
 """Age of a sighting [s] up to which it is driven to: longer than any delay."""
 _AT_HAND = 1.0
 """Length of a path [m] up to which a cell is at hand."""
-_PLACES = 6
-"""Number folded into random bits for the places that are drawn."""
 _CAUTION = 8.0
 """Length of a pursuer's way [m] beyond which a place is no safer."""
 
@@ -79,7 +77,8 @@ class Search(AbstractWayfinder):
         return jnp.full((), -1, jnp.int32)
 
     def weigh(self, seen: View, memory: Int[Array, ""], bits: UInt32[Array, ""]) -> tuple[Float[Array, "9"], Memory]:
-        shares = jax.random.uniform(jax.random.fold_in(jax.random.key(bits), _PLACES), (COARSE**2,))
+        words = mixed(bits, jnp.arange(1, COARSE**2 + 1, dtype=jnp.uint32))
+        shares = (words >> 8).astype(jnp.float32) / 2**24
         return (self.values(seen), memory) if seen.belief is None else self.look_on(seen, memory, shares)
 
     def look_on(

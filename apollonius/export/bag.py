@@ -66,11 +66,11 @@ def ask_again(bag: Bag, name: str, game: Game) -> list[dict[str, Any]]:
         InvalidInput: as `find_exportable`, and for a game of other numbers of robots.
     """
     player = find_exportable(name, bag.side, game)
-    decide, memory, differences = jax.jit(player.decide), player.policy.memory, list[dict[str, Any]]()
+    decide, memory, differences = jax.jit(player.decide), player.memory, list[dict[str, Any]]()
     for one in bag.asked:
         states = np.array(one["states"], np.float32)
         require(len(states) == player.robots, "robots in the bag", len(states), f"{player.robots}, as in {game.size}")
-        memory = player.policy.memory if one["step"] == 0 else memory
+        memory = player.memory if one["step"] == 0 else memory
         active = jnp.asarray(one["active"]) if player.robots > 2 else None
         made = decide(player.policy, player.game, jnp.asarray(states), active, memory, jnp.uint32(one["bits"]))
         memory, now = made["memory"], np.asarray(made["controls"])

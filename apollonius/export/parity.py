@@ -3,7 +3,7 @@
 import functools
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
@@ -12,14 +12,16 @@ import numpy as np
 from jaxtyping import Array, Bool, Float32, PRNGKeyArray, UInt32
 
 from apollonius.agents.classical import Uniform
-from apollonius.agents.policy import AbstractActionValuePolicy, Memory
+from apollonius.agents.policy import AbstractActionValuePolicy
 from apollonius.agents.pool import Pool, solo
 from apollonius.agents.shield import MARGIN, Shielded
-from apollonius.export.player import Player, state_of
+from apollonius.export.player import LARGEST, Player, known_state
+from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import ROLES, GameState, Role
+from apollonius.observe.tracking import Track, delayed, sensed
 from apollonius.observe.view import look
-from apollonius.play.rollout import Games, begin, collect
+from apollonius.play.rollout import Games, SideState, begin, collect
 
 BREADTH = 1e-5
 """How far around a state [m, m/s, rad] the package's player may do what an exported one does in it: single precision
@@ -66,14 +68,37 @@ class Parity:
 
 def cases_of(player: Player, count: int, seed: int = 0) -> Cases:
     """Return states of games against a random opponent, 100 at a time; a game that ends begins again."""
-    policy = solo(player.package)
-    states, memory, bits = _play(player.game, policy, player.role, jax.random.key(seed), -(-count // _GAMES))
-    rows = [np.stack(jax.tree.leaves(robot), axis=-1) for robot in _own_first(states.robots, player.role)]
+    policy, role = solo(player.package), player.role
+    states, side, bits = _play(player.game, policy, role, jax.random.key(seed), -(-count // _GAMES))
+    memory, seen = side.memory, states
+    if side.track is not None:
+        seen = as_given(player.game, side.track, states, role, bits)
+        memory = jax.tree.map(lambda leaf: leaf[:, None], replace(side.track, sightings=None)), side.memory
+    rows = [np.stack(jax.tree.leaves(robot), axis=-1) for robot in _own_first(seen.robots, role)]
     active = None
     if states.status is not None:
         active = np.stack(jax.device_get(_own_first(states.active, player.role)), axis=-1)[:count]
     first = jax.tree.map(lambda leaf: np.asarray(leaf)[:count, 0], memory)
     return Cases(np.stack(rows, axis=1)[:count], active, first, np.asarray(bits)[:count])
+
+
+@functools.partial(jax.jit, static_argnames="role")
+def as_given(game: Game, tracks: Track, states: GameState, role: Role, bits: UInt32[Array, " cases"]) -> GameState:
+    """Return the states as a robot with sensors is given them: opponents that it does not see now are far away."""
+
+    def given(track: Track, state: GameState, bits: UInt32[Array, ""]) -> GameState:
+        sensors = game.sensors and game.sensors[role]
+        assert sensors is not None, "it tracks by them"
+        now = sensed(game, sensors, state, role, bits)
+        _, past = delayed(sensors, track.late, now)
+        far = jax.tree.map(lambda number: jnp.full_like(number, 2 * LARGEST), state.robots[role][0])
+        opponents = [
+            jax.tree.map(lambda number, no, seen=seen: jnp.where(seen, number, no), opponent, far)
+            for opponent, seen in zip(past.opponents, past.seen, strict=True)
+        ]
+        return replace(state, robots=BySide.of(role, now.own, tuple(opponents)))
+
+    return jax.vmap(given)(tracks, states, bits)
 
 
 def _own_first(sides: Any, role: Role) -> list[Any]:
@@ -83,21 +108,21 @@ def _own_first(sides: Any, role: Role) -> list[Any]:
 @functools.partial(jax.jit, static_argnames=("role", "rows"))
 def _play(
     game: Game, player: Pool, role: Role, key: PRNGKeyArray, rows: int
-) -> tuple[GameState, Memory, UInt32[Array, " cases"]]:
+) -> tuple[GameState, SideState, UInt32[Array, " cases"]]:
     start_key, word_key, play_key, bits_key = jax.random.split(key, 4)
     players = ROLES.map(lambda side: player if side == role else solo(Uniform()))
     starts = jax.tree.map(lambda leaf: leaf.reshape(rows, _GAMES), reset_batch(game, start_key, rows * _GAMES))
     first = jax.tree.map(lambda leaf: leaf[0], starts)
     games = begin(game, first, players, jax.random.bits(word_key, (2, _GAMES), jnp.uint32))
 
-    def step(games: Games, row: Array) -> tuple[Games, tuple[GameState, Memory]]:
+    def step(games: Games, row: Array) -> tuple[Games, tuple[GameState, SideState]]:
         fresh = jax.tree.map(lambda leaf: leaf[row][None], starts)
         after, _ = collect(game, players, games, fresh, jax.random.fold_in(play_key, row), _SPACING)
-        return after, (games.state, games.sides[role].memory)
+        return after, (games.state, games.sides[role])
 
     kept = jax.lax.scan(step, games, jnp.arange(rows))[1]
-    states, memory = jax.tree.map(lambda leaf: leaf.reshape(rows * _GAMES, *leaf.shape[2:]), kept)
-    return states, memory, jax.random.bits(bits_key, (rows * _GAMES,), jnp.uint32)
+    states, side = jax.tree.map(lambda leaf: leaf.reshape(rows * _GAMES, *leaf.shape[2:]), kept)
+    return states, side, jax.random.bits(bits_key, (rows * _GAMES,), jnp.uint32)
 
 
 def reference(player: Player, cases: Cases) -> tuple[np.ndarray, Float32[np.ndarray, "cases 2"]]:
@@ -151,7 +176,8 @@ def _is_as_good(player: Player, cases: Cases, place: int, action: int, own: int)
     policy, (state, active, memory, bits) = player.package, _case(cases, place)
     sides = player.game.bodies.map(len)
     in_play = None if active is None else jnp.asarray(active)
-    view = look(player.game, state_of(jnp.asarray(state), in_play, player.role, sides), player.role)
+    known, _, memory = known_state(player.game, player.role, sides, jnp.asarray(state), in_play, memory)
+    view = look(player.game, known, player.role)
     if isinstance(policy, Shielded):
         left = policy.backup.of(view).clearance_after(view.own.state, jnp.int32(action))
         if left <= MARGIN - BREADTH:

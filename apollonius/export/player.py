@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool, Float, Float32, UInt32
 
 from apollonius.agents.built_in import PLAYERS
 from apollonius.agents.classical import BRAKE_STRAIGHT
-from apollonius.agents.names import SHIELDED
+from apollonius.agents.names import SEARCHING, SHIELDED
 from apollonius.agents.policy import AbstractPolicy, Memory, reads_chart
 from apollonius.agents.trained import find_trained
 from apollonius.arenas.charting import charted
@@ -23,8 +23,11 @@ from apollonius.game.by_side import BySide
 from apollonius.game.chart import Chart
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
+from apollonius.game.sensing import Percept, Sensing
 from apollonius.game.types import GameState, RobotState, RobotStatus, Role
 from apollonius.io.errors import require
+from apollonius.observe.tracking import Track, believed, delayed, learn
+from apollonius.observe.tracking import begin as known_first
 from apollonius.observe.view import look
 
 LARGEST = 1e6
@@ -67,7 +70,14 @@ class Player:
         """Return arguments of `decide`, the last three but examples."""
         active = jnp.ones(self.robots, bool) if self.robots > 2 else None
         states = jnp.zeros((self.robots, 4), jnp.float32)
-        return self.policy, self.game, states, active, self.policy.memory, jnp.uint32(0)
+        return self.policy, self.game, states, active, self.memory, jnp.uint32(0)
+
+    @property
+    def memory(self) -> Memory:
+        """The memory with which every game begins: the policy's; with sensors what is known of opponents before it."""
+        state = GameState.at_start(self.game.bodies.map(lambda side: (RobotState(*jnp.zeros(4)),) * len(side)))
+        track, own = known_first(self.game, state, self.role), self.policy.memory
+        return own if track is None else (replace(track, sightings=None), own)
 
     @property
     def decide(self) -> Callable[..., dict[str, Any]]:
@@ -75,9 +85,9 @@ class Player:
 
         Its arguments are the player and the game; x [m], y [m], speed [m/s] and heading [rad] of every robot, its own
         first, then its mates', then its opponents'; in teams whether each is in play; the memory that it returned last,
-        or that of the policy where a game begins; and 32 random bits. It returns the action (`types.Action`), the
-        controls u1 [m/s^2] and u2 [rad/s], and the memory. A state with a NaN, or a number beyond `LARGEST`, is
-        answered by full braking, straight ahead.
+        or `self.memory` where a game begins; and 32 random bits. It returns the action (`types.Action`), the controls
+        u1 [m/s^2] and u2 [rad/s], and the memory. A state with a NaN, or a number beyond `LARGEST`, is answered by full
+        braking, straight ahead; with sensors an opponent of such a state is not seen now.
         """
         return _decide(self.role, self.game.bodies.map(len))
 
@@ -93,20 +103,38 @@ def _decide(role: Role, sides: BySide[int]) -> Callable[..., dict[str, Any]]:
         bits: UInt32[Array, ""],
     ) -> dict[str, Any]:
         policy = transposed(player)
-        seen = policy.observation(look(game, state_of(state, active, role, sides), role))
-        action, memory = policy(seen, memory, bits)
-        sane = jnp.sum(state * state) <= LARGEST**2
+        known, track, own = known_state(game, role, sides, state, active, memory)
+        action, own = policy(policy.observation(look(game, known, role)), own, bits)
+        given = state if track is None else state[: sides[role]]
+        sane = jnp.sum(given * given) <= LARGEST**2
         brake = jnp.array(_FALLBACK) if policy.continuous else jnp.int32(BRAKE_STRAIGHT)
         action = jnp.where(sane, action, brake)
         controls = game.bodies[role][0].controls(action)
-        return {"action": action, "controls": jnp.stack(controls), "memory": memory}
+        return {"action": action, "controls": jnp.stack(controls), "memory": own if track is None else (track, own)}
 
     return decide
 
 
+def known_state(
+    game: Game, role: Role, sides: BySide[int], state: Array, active: Array | None, memory: Memory
+) -> tuple[GameState, Track | None, Memory]:
+    """Return the state as a side knows it, by what it is given in this step and its memory, and that memory's parts."""
+    sensors = game.sensors and game.sensors[role]
+    if sensors is None:
+        return state_of(state, active, role, sides), None, memory
+    track, own_memory = memory
+    seen = jnp.sum(state * state, axis=1) <= LARGEST**2
+    now = state_of(jnp.where(seen[:, None], state, 0.0), active, role, sides)
+    own, opponents = now.robots[role], now.robots[role.other]
+    percept = Percept(own, opponents, tuple(seen[len(own) :]), jnp.ones((), bool))
+    late, past = delayed(sensors, track.late, percept)  # what is seen of opponents comes late already
+    after = learn(game, replace(track, own=own, late=late), replace(percept, own=past.own), now, role)
+    return believed(game, after, now, role), after, own_memory
+
+
 def side_of(name: str, given: str | None = None) -> Role:
     """Return the side that a player plays, or the given one of a player of either; raises InvalidInput otherwise."""
-    bare = name.removeprefix(SHIELDED)
+    bare = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
     sides = PLAYERS[bare][1] if bare in PLAYERS else (Role[find_trained(bare)[0].header.role.upper()],)
     named = [side.name.lower() for side in sides]
     require(given is None or given in named, "side", given, f"{' or '.join(named)}, which '{name}' plays")
@@ -116,7 +144,7 @@ def side_of(name: str, given: str | None = None) -> Role:
 
 def home_of(name: str) -> Game:
     """Return the game that a player was made for, `paper` for none; raises InvalidInput for many arenas."""
-    bare = name.removeprefix(SHIELDED)
+    bare = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
     if bare in PLAYERS:
         return make_game("paper")
     header = find_trained(bare)[0].header
@@ -140,8 +168,11 @@ def find_exportable(name: str, role: Role, game: Game) -> Player:
     body = game.bodies[role][0]
     bound = "0 m/s and more than 0 m/s^2, so that braking, the answer to a broken state, ends at rest"
     require(body.v_min == 0 and body.u1_max > 0, "v_min, u1_max", (float(body.v_min), float(body.u1_max)), bound)
-    known = replace(charted(game) if reads_chart(policy) else game, sensors=None, drives=None)  # the robot has its own
-    if known.arena.chart is not None:
+    seeing = game.sensors and game.sensors[role]
+    sensors = Sensing(**{role.name.lower(): seeing}) if seeing else None
+    rules = charted(game) if reads_chart(policy) else game
+    known = replace(rules, sensors=sensors, drives=None)  # the robot has its own drive
+    if known.arena.chart is not None and sensors is None:
         known = replace(known, arena=replace(known.arena, chart=replace(known.arena.chart, links=None)))
     return Player(name, role, known, policy, transposed(_without_charts(policy)))
 

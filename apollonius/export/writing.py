@@ -194,6 +194,7 @@ def _about(program: Program, player: Player) -> list[str]:
         "",
         *(f"{name}: {words}." for name, words in said.items() if name == files != "" or name in names),
         "",
-        f"A state with a NaN, an infinity or a number beyond {LARGEST:,.0f} gets full braking, straight ahead.",
+        f"A state with a NaN, an infinity or a number beyond {LARGEST:,.0f} gets full braking, straight ahead"
+        + (", but for an opponent's: that is not seen now." if game.sensors else "."),
         "Nothing is allocated, and nothing is kept between calls.",
     ]

@@ -33,7 +33,7 @@ class Track(eqx.Module):
         ages: times since then [s].
         late: what they saw in the latest steps and do not know yet, the newest first; None without a delay.
         belief: as old as what they know; None without a chart.
-        sightings: in the game so far.
+        sightings: in the game so far; None where nobody counts them.
     """
 
     own: tuple[RobotState, ...]
@@ -41,7 +41,7 @@ class Track(eqx.Module):
     ages: tuple[Scalar, ...]
     late: Percept | None
     belief: Belief | None
-    sightings: Sightings
+    sightings: Sightings | None
 
 
 def begin(game: Game, state: GameState, role: Role) -> Track | None:
@@ -69,26 +69,49 @@ def follow(game: Game, track: Track | None, state: GameState, role: Role, bits: 
     here = game.at(state)
     if (sensors := here.sensors and here.sensors[role]) is None or track is None:
         return None
-    ours, theirs = (list(zip(state.robots[one], state.active[one], strict=True)) for one in (role, role.other))
-    percept = sense(sensors, here.arena, ours, theirs, bits)
+    percept = sensed(here, sensors, state, role, bits)
     in_sight, before = functools.reduce(operator.or_, percept.seen), track.sightings
+    assert before is not None, "it counts them from the start"
     first = jnp.where((before.first < 0) & in_sight, state.steps, before.first)
     sightings = Sightings(first, before.steps + in_sight.astype(jnp.int32))
-    own, late, age = percept.own, None, jnp.zeros(())
-    if sensors.delay is not None:
-        late = jax.tree.map(lambda new, old: jnp.concatenate([new[None], old[:-1]]), percept, track.late)
-        delay = jnp.asarray(sensors.delay, jnp.float32)
-        percept, age = jax.tree.map(lambda leaf: leaf[delay.astype(jnp.int32)], late), delay * here.dt
+    late, past = delayed(sensors, track.late, percept)
+    return learn(here, replace(track, own=percept.own, late=late, sightings=sightings), past, state, role)
+
+
+def sensed(game: Game, sensors: Sensors, state: GameState, role: Role, bits: UInt32[Array, ""]) -> Percept:
+    """Return what the robots of one side see in a state, in one arena."""
+    ours, theirs = (list(zip(state.robots[one], state.active[one], strict=True)) for one in (role, role.other))
+    return sense(sensors, game.arena, ours, theirs, bits)
+
+
+def delayed(sensors: Sensors, late: Percept | None, percept: Percept) -> tuple[Percept | None, Percept]:
+    """Return what a side sees in the latest steps, and what it saw as long ago as its sensors' delay."""
+    if sensors.delay is None:
+        return None, percept
+    late = jax.tree.map(lambda new, old: jnp.concatenate([new[None], old[:-1]]), percept, late)
+    return late, jax.tree.map(lambda leaf: leaf[jnp.asarray(sensors.delay).astype(jnp.int32)], late)
+
+
+def learn(game: Game, track: Track, percept: Percept, state: GameState, role: Role) -> Track:
+    """Return what one side knows after a percept as old as its sensors' delay.
+
+    Args:
+        game: in one arena, with sensors of this side.
+        state: only who is in play counts.
+    """
+    sensors = game.sensors and game.sensors[role]
+    assert sensors is not None, "a side without them knows everything"
+    age = jnp.zeros(()) if sensors.delay is None else jnp.asarray(sensors.delay, jnp.float32) * game.dt
     opponents = tuple(
         jax.tree.map(lambda new, old, seen=seen: jnp.where(seen, new, old), new, old)
         for new, old, seen in zip(percept.opponents, track.opponents, percept.seen, strict=True)
     )
     ages = tuple(
-        jnp.where(seen, age, jnp.minimum(old + here.dt, NEVER))
+        jnp.where(seen, age, jnp.minimum(old + game.dt, NEVER))
         for old, seen in zip(track.ages, percept.seen, strict=True)
     )
-    after = track.belief and _believed(here, sensors, track.belief, percept, state, role)
-    return Track(own, opponents, ages, late, after, sightings)
+    after = track.belief and _believed(game, sensors, track.belief, percept, state, role)
+    return replace(track, opponents=opponents, ages=ages, belief=after)
 
 
 def _believed(game: Game, sensors: Sensors, before: Belief, percept: Percept, state: GameState, role: Role) -> Belief:

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 
-from apollonius.agents.policy import Memory
+from apollonius.agents.policy import Memory, mixed
 from apollonius.agents.pool import AbstractPlayers, Pool, Read
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
@@ -189,15 +189,7 @@ def decide(
 
 def bits_of_team(bits: UInt32[Array, " games"], robots: int) -> UInt32[Array, " rows"]:
     """Return random bits for each robot of a team in many games, from those of its side: the first robot's."""
-    return jnp.concatenate([bits, *(_mixed(bits, number) for number in range(1, robots))])
-
-
-def _mixed(bits: UInt32[Array, " games"], number: int) -> UInt32[Array, " games"]:
-    """Mix in a number: an odd step of the golden ratio and the finaliser of MurmurHash3 (Appleby, 2011)."""
-    mixed = bits + jnp.uint32(number * 0x9E3779B9 & 0xFFFFFFFF)
-    mixed = (mixed ^ (mixed >> 16)) * jnp.uint32(0x85EBCA6B)
-    mixed = (mixed ^ (mixed >> 13)) * jnp.uint32(0xC2B2AE35)
-    return mixed ^ (mixed >> 16)
+    return jnp.concatenate([bits, *(mixed(bits, jnp.uint32(number)) for number in range(1, robots))])
 
 
 def collect(

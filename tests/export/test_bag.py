@@ -15,13 +15,13 @@ from apollonius.io.errors import InvalidInput
 def recorded(name, game, steps):
     """A bag of decisions in states at random, some of them braking, in two games."""
     player, rng = find_exportable(name, Role.PURSUER, game), np.random.default_rng(0)
-    decisions, memory, decide = [], player.policy.memory, jax.jit(player.decide)
+    decisions, memory, decide = [], player.memory, jax.jit(player.decide)
     for step in range(steps):
         told = {"time": 100 + 0.1 * step, "step": step % 10, "trouble": "late" if step % 4 == 3 else ""}
         if not told["trouble"]:
             states, bits = rng.uniform(1, 4, (player.robots, 4)), int(rng.integers(2**32))
             active = [True] * player.robots
-            memory = player.policy.memory if step % 10 == 0 else memory
+            memory = player.memory if step % 10 == 0 else memory
             given = np.array(active) if player.robots > 2 else None
             made = decide(player.policy, player.game, states.astype(np.float32), given, memory, np.uint32(bits))
             memory = made["memory"]

@@ -10,19 +10,24 @@ import numpy as np
 import pytest
 
 from apollonius.agents.built_in import PLAYERS
+from apollonius.agents.classical import Uniform
 from apollonius.agents.names import zoo_names
+from apollonius.agents.pool import solo
 from apollonius.agents.trained import find_trained
 from apollonius.arenas.file import find_game
 from apollonius.arenas.suite import suite_arena, suite_names
 from apollonius.cli.main import main
 from apollonius.export import writing
 from apollonius.export.c import FLAGS, Compiled
-from apollonius.export.parity import Cases, _is_as_good, cases_of, compare, reference
+from apollonius.export.parity import Cases, _is_as_good, as_given, cases_of, compare, reference
 from apollonius.export.player import find_exportable, side_of
 from apollonius.export.writing import check, program_of, write_c
+from apollonius.game.by_side import BySide
+from apollonius.game.game import reset_batch
 from apollonius.game.scenario import stack_arenas
 from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput
+from apollonius.play.rollout import begin, step_games
 from tests.export.test_translate import needs_gcc
 from tests.web.test_parity import as_on_the_page, ask, needs_node
 
@@ -34,6 +39,9 @@ ALL = [
     for name in [*zoo_names(), *CLASSICAL]
     for shield in ("", "shielded:")
     for language in ("c", "page")
+]
+ALL += [
+    pytest.param("lidar", f"shielded:{name}", "c", marks=pytest.mark.slow) for name in ("search", "searching:P_any")
 ]
 """In a map and in many arenas too."""
 DRAWN = 200
@@ -126,6 +134,35 @@ def test_players_decide_as_the_packages(game, name, language):
     total = {word: sum(getattr(one, word) for one in found) for word in ("states", "ties", "errors")}
     print(game, name, language, total, f"controls within {max(one.away for one in found):.0e}")
     assert (total["states"], total["errors"]) == (states, 0)
+
+
+def test_with_sensors_it_knows_what_the_packages_player_knows_in_the_same_game():
+    """Only what is seen is given to it; its memory is what it returned last."""
+    player = exportable("lidar", "shielded:search")
+    players, game, role = BySide(solo(player.package), solo(Uniform())), player.game, Role.PURSUER
+
+    @jax.jit
+    def played(key):
+        games = begin(game, reset_batch(game, key, 8), players, jax.random.bits(key, (2, 8), jnp.uint32))
+        first = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (8, *jnp.shape(leaf))), player.memory)
+
+        def step(carry, key):
+            games, memory = carry
+            bits = jax.random.bits(key, (2, 8), jnp.uint32)
+            given = as_given(game, games.sides[role].track, games.state, role, bits[role])
+            robots = given.robots.pursuer + given.robots.evader
+            states = jnp.stack([jnp.stack(jax.tree.leaves(robot), axis=-1) for robot in robots], axis=1)
+            made = jax.vmap(player.decide, in_axes=(None, None, 0, None, 0, 0))(
+                player.policy, game, states, None, memory, bits[role]
+            )
+            after, moved = step_games(game, players, games, bits)
+            return (after, made["memory"]), (made["action"], moved.sides[role].action, states[:, 1, 0] > 1e6)
+
+        return jax.lax.scan(step, (games, first), jax.random.split(key, 60))[1]
+
+    made, own, hidden = map(np.asarray, played(jax.random.key(1)))
+    assert 0.1 < hidden.mean() < 0.9
+    np.testing.assert_array_equal(made, own)
 
 
 def test_one_that_decides_otherwise_is_not_written(tmp_path, monkeypatch):

@@ -28,7 +28,7 @@ PACKAGE = Path(__file__).parents[2] / "ros2" / "apollonius_ros"
 OWN, OPPONENT = (2.0, 3.0, 0.5, 0.1), (7.0, 6.0, 0.0, -1.5)
 FACTS = {
     "player": "P_any", "mates": 0, "opponents": 1, "dt": 0.1, "max_steps": 100,
-    "v_max": 1.2, "u1_max": 0.3, "u2_max": 0.8,
+    "v_max": 1.2, "u1_max": 0.3, "u2_max": 0.8, "game": {},
 }  # fmt: skip
 
 
@@ -76,6 +76,18 @@ def test_the_speed_stays_within_its_limits_and_near_the_measured_one(pilot):
     assert max(speeds) == pytest.approx(0.5 + 0.2 + 0.03)
     pilot.robots[0].state = (2.0, 3.0, 1.2, 0.1)
     assert [pilot.command(10.0).speed for _ in range(40)][-1] == pytest.approx(1.2)
+
+
+def test_a_player_with_sensors_is_told_that_an_opponent_is_not_seen_now(pilot):
+    pilot.player.facts["game"] = {"sensors": {"pursuer": {"range": 5.0}}}
+    assert not pilot.command(10.1).trouble
+    for hidden in ({"seen": 9.6}, {"state": None, "seen": -math.inf}):
+        other(**hidden)(pilot)
+        made = pilot.command(10.1)
+        assert (made.trouble, made.controls) == ("", [0.3, 0.8])
+        assert pilot.player.asked[-1] == ([OWN, (1e9,) * 4], [True, True])
+    own(seen=9.6)(pilot)
+    assert "own: seen" in pilot.command(10.1).trouble
 
 
 def answer(*controls):
@@ -184,12 +196,12 @@ def test_it_decides_as_the_package_from_call_to_call(name, game, tmp_path):
     assert (facts["u1_max"], facts["u2_max"]) == (body.u1_max, body.u2_max)
     assert 1 + facts["mates"] + facts["opponents"] == player.robots
     rng = np.random.default_rng(0)
-    decide, memory = jax.jit(player.decide), player.policy.memory
+    decide, memory = jax.jit(player.decide), player.memory
     for step in range(20):
         states = rng.uniform(1, 4, (player.robots, 4)).astype(np.float32)
         active = [step % 3 > 0 or place == 0 for place in range(player.robots)]
         export.begin() if step == 10 else None
-        memory = player.policy.memory if step == 10 else memory
+        memory = player.memory if step == 10 else memory
         action, controls = export.decide(states.tolist(), active, 7 * step)
         given = np.array(active) if player.robots > 2 else None
         made = decide(player.policy, player.game, states, given, memory, np.uint32(7 * step))

@@ -9,6 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+NOT_SEEN = (1e9,) * 4
+"""The state of an opponent that a player for a game with sensors does not see now."""
+
 
 @dataclass
 class Decision:
@@ -108,6 +111,9 @@ class Pilot:
         """Return a robot's last state, if it is to be trusted or does not matter; raises otherwise."""
         if not active:
             return robot.state or (0.0,) * 4
+        searches = robot in self.robots[1 + self.player.facts["mates"] :] and self.player.facts["game"].get("sensors")
+        if searches and not abs(now - robot.seen) <= self.patience:
+            return NOT_SEEN
         if robot.state is None:
             raise ValueError(f"{robot.name}: never seen")
         if not abs(now - robot.seen) <= self.patience:  # also where either is NaN, or a clock is ahead
