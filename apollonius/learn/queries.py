@@ -25,11 +25,11 @@ _EDGE = 0.02
 def queries(
     config: DistillationConfig, setting: Setting, games: Games, key: PRNGKeyArray
 ) -> tuple[GameState, GameState, Bool[Array, " rows"]]:
-    """Return states to learn from as the student knows them and as they are, and in which of them it is to learn.
+    """Return states to learn from, as the student knows them and as they are, and where its sighting is fresh.
 
     The teacher sees everything (Chen et al., "Learning by cheating", 2019), which says nothing to a student that has
-    not seen an opponent for long. In games with tables whose robots see everything they are those of `query_states`,
-    else those visited.
+    not seen an opponent for long. In games with tables whose robots see everything the states are those of
+    `query_states`, else those visited.
     """
     game, role, track = setting.game, config.side, games.sides[config.side].track
     if setting.table is not None and track is None:
