@@ -50,10 +50,6 @@ class Egocentric(AbstractObservation):
 
     def __call__(self, view: View) -> Float[Array, " size"]:
         """Return the numbers of a view; raises InvalidInput in an arena without a chart."""
-        return self.with_courses(view)[0]
-
-    def with_courses(self, view: View) -> tuple[Float[Array, " size"], Courses]:
-        """Return the numbers of a view, and the courses by which paths are compared; errors as of a call."""
         chart, own, opponent = view.chart, view.own.state, view.opponent.state
         cos, sin = turned(own.heading)
         dx, dy = opponent.x - own.x, opponent.y - own.y
@@ -65,7 +61,7 @@ class Egocentric(AbstractObservation):
         rays = 1 / (1 + jnp.maximum(ranges - view.own.body.radius, 0.0))
         every = RAYS // COURSES
         courses = ranges[::every], directions[0][::every], directions[1][::every]
-        return jnp.concatenate([robots, rays, _paths(view, chart, (dx, dy), distance, courses)]), courses
+        return jnp.concatenate([robots, rays, _paths(view, chart, (dx, dy), distance, courses)])
 
 
 def _robots(
@@ -111,7 +107,7 @@ def _paths(
     is_seen = chart.is_seen(own.x, own.y, *away, distance)
     there, here = chart.cell_weights(opponent.x, opponent.y), chart.cell_weights(own.x, own.y)
     cell = there[0][jnp.argmax(there[1])]
-    detours = paths_from(chart, cell, own, here, courses)
+    detours = _detours(chart, cell, own, here, courses)
     along, theirs = _from_ahead(chart, cell, own, courses, AHEAD)
     mine, later = along * view.opponent.body.v_max, theirs * view.own.body.v_max
     first = (later - mine) / (later + mine + 1e-3)
@@ -119,7 +115,7 @@ def _paths(
     return jnp.concatenate([is_seen[None].astype(jnp.float32), length, detours, first])
 
 
-def paths_from(
+def _detours(
     chart: Chart, cell: Int[Array, ""], own: RobotState, here: CellWeights, courses: Courses
 ) -> Float[Array, "18"]:
     """Return how much longer the paths from a coarse cell to points around a robot are, and where they are shorter."""

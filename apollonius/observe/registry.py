@@ -1,14 +1,13 @@
 """All observations by name: a new one is a file beside this one, and a line here."""
 
 from apollonius.io.errors import require
-from apollonius.observe.believing import BELIEVING
 from apollonius.observe.egocentric import EGOCENTRIC
 from apollonius.observe.encoded import ENCODED
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.paper import PAPER
 from apollonius.observe.team import TEAM
 
-_ALL = PAPER, ENCODED, EGOCENTRIC, TEAM, BELIEVING
+_ALL = PAPER, ENCODED, EGOCENTRIC, TEAM
 OBSERVATIONS: dict[str, AbstractObservation] = {one.name: one for one in _ALL}
 """By their names in files and configurations."""
 

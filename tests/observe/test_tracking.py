@@ -21,7 +21,7 @@ from apollonius.game.types import ROLES, Role
 from apollonius.observe import belief, tracking
 from apollonius.observe.observation import WHOLE, perceive
 from apollonius.play.rollout import begin, collect, reset_where_done, step_games
-from tests.acting import observe, robot
+from tests.acting import robot
 
 LIDAR = Sensors(line_of_sight=True, range=4.0)
 ROUGH = Sensors(
@@ -188,37 +188,10 @@ def test_a_look_is_worth_more_where_it_is_long_ago_and_near():
     assert worth[near] == pytest.approx(20.0 / (lengths[near] + belief.NEAR))
     assert lengths[far] > np.hypot(30 - 4, 30 - 4) * 0.25
     assert np.all(worth[unseen < 0] < 0)
-    assert int(belief.best_look(chart, jnp.asarray(unseen), here)) == np.argmax(worth) == 30 * COARSE + 30
-    unseen[far] = 21.0
-    assert int(belief.best_look(chart, jnp.asarray(unseen), here)) == 8 * COARSE + 8
-    unseen[near], unseen[far] = 1e3, 150.0  # both long ago: the nearer one
-    assert int(belief.best_look(chart, jnp.asarray(unseen), here)) == 8 * COARSE + 8
-
-
-def test_numbers_of_a_belief():
-    """Those of `egocentric`, then age, share and the place to look at; a side that sees all believes what it sees."""
-    game = sensing("one-large", LIDAR)
-    _, known = looking(game, [robot(8.0, 5.0)] * 2 + [robot(2.0, 5.0)] * 3, robot(8.0, 7.0))
-    see = jax.jit(observe, static_argnames=("role", "name"))
-    numbers, first = (np.asarray(see(game, known, Role.PURSUER, name)) for name in ("belief", "egocentric"))
-    np.testing.assert_allclose(numbers[: len(first)], first, atol=1e-6)
-    age, more = float(known.sight.ages[0]), numbers[len(first) :]
-    assert age == pytest.approx(0.3)
-    assert more[:2] == pytest.approx([1 / 1.3, np.log(1.3) / 2])
-    assert more[2] == pytest.approx(np.mean(np.asarray(known.sight.belief) >= 0))
-    chart = game.arena.chart
-    cell = int(belief.best_look(chart, known.sight.belief, known.pursuer))
-    x, y = (cell % COARSE + 0.5) / 4 - 2.0, (cell // COARSE + 0.5) / 4 - 5.0
-    away = np.hypot(x, y)
-    assert more[3:7] == pytest.approx([x / away, y / away, 1 / (1 + away), np.log1p(away) / 2], abs=1e-5)
-    here = chart.cell_weights(known.pursuer.x, known.pursuer.y)
-    length = max(away, float(chart.path_length_from(jnp.int32(cell), here)))
-    assert more[7:9] == pytest.approx([1 / (1 + length), np.log1p(length) / 2], abs=1e-5)
-    all_seen = replace(known, sight=None)
-    sure = np.asarray(see(game, all_seen, Role.PURSUER, "belief"))[len(first) :]
-    assert sure[:3] == pytest.approx([1.0, 0.0, 0.0])
-    assert sure[3] > 0.9, "the last place of the evader lies ahead"
-    assert np.argmin(more[9:25]) in (0, 1, 15), "the way to a place beyond the disc leads ahead"
+    assert np.argmax(worth) == 30 * COARSE + 30
+    for near_age, far_age in ((20.0, 21.0), (1e3, 150.0)):  # of two long ago the nearer one
+        unseen[near], unseen[far] = near_age, far_age
+        assert np.argmax(belief.prospects(chart, jnp.asarray(unseen), here)) == 8 * COARSE + 8
 
 
 def test_nothing_of_an_unseen_opponent_reaches_a_player():
