@@ -136,9 +136,10 @@ def test_players_decide_as_the_packages(game, name, language):
     assert (total["states"], total["errors"]) == (states, 0)
 
 
-def test_with_sensors_it_knows_what_the_packages_player_knows_in_the_same_game():
+@pytest.mark.parametrize("name", ["P_pool", pytest.param("shielded:search", marks=pytest.mark.slow)])
+def test_with_sensors_it_knows_what_the_packages_player_knows_in_the_same_game(name):
     """Only what is seen is given to it; its memory is what it returned last."""
-    player = exportable("lidar", "shielded:search")
+    player = exportable("lidar", name)
     players, game, role = BySide(solo(player.package), solo(Uniform())), player.game, Role.PURSUER
 
     @jax.jit

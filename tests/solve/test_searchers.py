@@ -84,7 +84,8 @@ def test_sensors_of_a_game_count(monkeypatch):
     assert found.pursuers == 2
     assert "2 pursuers are enough, 1 is not" in found.verdict
     assert {reading.tiling.spacing for reading in found.readings} == spacings
-    for sensors, known in ((far, 2), (Sensors(range=30.0), 1), (Sensors(range=2.0), 2)):
+    monkeypatch.setattr(searchers, "SIZES", (40,))
+    for sensors, known in ((far, 2), (Sensors(range=30.0), 1), (Sensors(range=3.0), 2)):
         one = how_many_to_see(replace(game, sensors=Sensing(sensors)), space, told.append).readings[0]
         assert one.pursuers == known
 
