@@ -31,7 +31,7 @@ _QUEUE_LOOKS = 15
 _SLURM_MINUTES = 24 * 60
 """Time limit of a Slurm job, unless SBATCH_TIMELIMIT says another; a job that reaches it is requeued."""
 Ending = tuple[str, Any]
-"""How a job ended, and what it returned."""
+"""The ending of a job, and the value that it returned."""
 
 
 @dataclass(frozen=True)

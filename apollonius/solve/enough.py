@@ -77,32 +77,6 @@ class Enough:
         return f"{enough}, for idealised robots on this graph"
 
 
-def how_many(
-    space: FreeSpace,
-    report: Callable[[float], None],
-    read: "Callable[[Tiling], Reading | None] | None" = None,
-    sizes: Sequence[int] = SIZES,
-) -> Enough:
-    """Judge an arena on graphs from coarse to fine, of reported spacings [m], until three in a row agree.
-
-    Args:
-        read: judges a graph, by default `read_chase`; None for one that is too large.
-        sizes: about the numbers of their nodes.
-    """
-    readings: list[Reading] = []
-    for number, size in enumerate(sizes):
-        spacing = float(np.sqrt(2 * space.area / np.sqrt(3) / size))
-        report(spacing)
-        reading = (read or read_chase)(tile(space, spacing, (number + 1) % 2 * _TURN))
-        if reading is None:
-            break
-        readings.append(reading)
-        found = Enough(space, tuple(readings))
-        if found.agree and all(reading.tiling.holes == space.islands for reading in readings[-AGREEING:]):
-            break
-    return Enough(space, tuple(readings))
-
-
 def read_chase(tiling: Tiling) -> Reading | None:
     """Return how many pursuers are enough to catch an evader on a graph; None where it is too large."""
     kept, pursuers = core(tiling.adjacency), 1
@@ -112,6 +86,32 @@ def read_chase(tiling: Tiling) -> Reading | None:
     while len(kept) > 1 and pursuers < ALWAYS and not solve_chase(inner, pursuers).all():
         pursuers += 1
     return Reading(tiling, len(kept), pursuers)
+
+
+def how_many(
+    space: FreeSpace,
+    report: Callable[[float], None],
+    read: Callable[[Tiling], Reading | None] = read_chase,
+    sizes: Sequence[int] = SIZES,
+) -> Enough:
+    """Judge an arena on graphs from coarse to fine, of reported spacings [m], until three in a row agree.
+
+    Args:
+        read: judges a graph; None for one that is too large.
+        sizes: about the numbers of their nodes.
+    """
+    readings: list[Reading] = []
+    for number, size in enumerate(sizes):
+        spacing = float(np.sqrt(2 * space.area / np.sqrt(3) / size))
+        report(spacing)
+        reading = read(tile(space, spacing, (number + 1) % 2 * _TURN))
+        if reading is None:
+            break
+        readings.append(reading)
+        found = Enough(space, tuple(readings))
+        if found.agree and all(reading.tiling.holes == space.islands for reading in readings[-AGREEING:]):
+            break
+    return Enough(space, tuple(readings))
 
 
 def core(adjacency: Adjacency) -> Int[np.ndarray, " kept"]:

@@ -1,4 +1,4 @@
-"""How many pursuers are enough to be sure to see an evader, for idealised robots on the graph of an arena.
+"""The number of pursuers that are sure to see an evader, for idealised robots on the graph of an arena.
 
 The evader is as fast as they, knows where they are, and can be wherever nobody would have seen it: the contaminated
 nodes (Parsons, "Pursuit-evasion in a graph", 1978; Guibas et al., "A visibility-based pursuit-evasion problem", 1999).
@@ -27,8 +27,9 @@ SIZES = (100, 150, 200, 250)
 """Cells that the free space is cut into, as of `apollonius.solve.enough`."""
 MOST_STATES = 40_000
 """Most states that are examined for a number of pursuers: some seconds."""
-BRANCHES = 6
-"""Most moves of a team that are followed from a state: those that leave the fewest contaminated nodes. All of one."""
+BRANCHES = 6, 12
+"""Most moves of a team that are followed from a state, those that leave the fewest contaminated nodes: in a deep search
+and, where that finds nothing, in a wide one. Of one pursuer all are."""
 MOST_SEARCHERS = 4
 """Most pursuers that are tried."""
 Team = tuple[int, ...]
@@ -49,7 +50,8 @@ def _read(arena: Arena, sensors: Sensors, tiling: Tiling) -> Reading | None:
     """Return how many pursuers are enough on a graph, and their strategy; None where none is found."""
     seen, exact = sights(arena, sensors, tiling.places), True
     for pursuers in range(1, MOST_SEARCHERS + 1):
-        found, all_examined = clearing(tiling.adjacency, seen, pursuers)
+        searches = (clearing(tiling.adjacency, seen, pursuers, branches) for branches in BRANCHES)
+        found, all_examined = next((one for one in searches if any(one)), ([], False))
         if found:
             return Reading(tiling, len(seen), pursuers, exact, tiling.places[np.array(found)])
         exact = all_examined
@@ -69,7 +71,7 @@ def sights(arena: Arena, sensors: Sensors, places: Float[np.ndarray, "nodes 2"])
 
 
 def clearing(
-    adjacency: Adjacency, seen: Bool[np.ndarray, "nodes nodes"], pursuers: int, most: int = MOST_STATES
+    adjacency: Adjacency, seen: Bool[np.ndarray, "nodes nodes"], pursuers: int, branches: int, most: int = MOST_STATES
 ) -> tuple[list[Team], bool]:
     """Return the nodes of a team from turn to turn until no evader can be left, and whether all states were examined.
 
@@ -104,7 +106,7 @@ def clearing(
         after = spreads @ contaminated.astype(np.float32) > 0
         teams = sorted({tuple(sorted(nodes)) for nodes in itertools.product(*(around[at] for at in ways[number][0]))})
         rest = after & ~np.any(seen[np.array(teams)], axis=1)
-        best = np.argsort(rest.sum(axis=1), kind="stable")[: len(teams) if pursuers == 1 else BRANCHES]
+        best = np.argsort(rest.sum(axis=1), kind="stable")[: len(teams) if pursuers == 1 else branches]
         whole = whole and len(best) == len(teams)
         for move in best.tolist():
             add(teams[move], rest[move], number)

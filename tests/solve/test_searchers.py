@@ -58,7 +58,7 @@ def test_searching_random_graphs(seed):
     seen = np.triu(random.random((5, 5)) < 0.3, 1) | np.eye(5, dtype=bool)
     seen |= seen.T | (adjacency & (random.random() < 0.5))
     for pursuers in (1, 2):
-        found, all_examined = clearing(adjacency, seen, pursuers)
+        found, all_examined = clearing(adjacency, seen, pursuers, 6)
         possible = is_cleared_plainly(adjacency, seen, pursuers)
         if found:
             assert possible
@@ -71,9 +71,9 @@ def test_searching_random_graphs(seed):
 @pytest.mark.parametrize(("adjacency", "known"), [(path(9), 1), (cycle(9), 2)], ids=["path", "cycle"])
 def test_who_sees_the_next_nodes_clears_a_path_alone_and_a_cycle_with_a_second(adjacency, known):
     seen = adjacency | np.eye(len(adjacency), dtype=bool)
-    assert [bool(clearing(adjacency, seen, pursuers)[0]) for pursuers in (1, 2)] == [known == 1, True]
-    assert clearing(adjacency, seen, 1)[1] == (known == 2)
-    assert clearing(adjacency, seen, 2, most=1) == ([], False)
+    assert [bool(clearing(adjacency, seen, pursuers, 6)[0]) for pursuers in (1, 2)] == [known == 1, True]
+    assert clearing(adjacency, seen, 1, 6)[1] == (known == 2)
+    assert clearing(adjacency, seen, 2, 6, most=1) == ([], False)
 
 
 def test_sensors_of_a_game_count(monkeypatch):
