@@ -14,7 +14,6 @@ from apollonius.catalogue import find_player as find_player
 from apollonius.envs.pettingzoo import parallel_env as parallel_env
 from apollonius.evaluate.card import measure_card as measure_card
 from apollonius.evaluate.match import Match as Match
-from apollonius.evaluate.match import StartFilter as StartFilter
 from apollonius.evaluate.match import play_match as play_match
 from apollonius.evaluate.match import record_game as record_game
 from apollonius.evaluate.result import MatchResult as MatchResult

@@ -40,7 +40,7 @@ def run_tournament(options: argparse.Namespace) -> int:
     from apollonius.game.by_side import BySide
     from apollonius.game.types import ROLES
 
-    game, starts = starting(find_game(options.game), options.starts)
+    game, viable = starting(find_game(options.game), options.starts)
     asked = BySide(options.pursuers, options.evaders)
     names = ROLES.map(lambda role: asked[role] or player_names(role, game))
     players = ROLES.map(lambda role: [find_player(name, role, game) for name in names[role]])
@@ -52,14 +52,15 @@ def run_tournament(options: argparse.Namespace) -> int:
             options.display.tell(f"{who}: {result.pursuer_win_rate:.1%}")
 
     options.display.begin(f"playing {len(players.pursuer) * len(players.evader)} matches", compiles=True)
-    asked_for = game, players, options.games, options.seed, starts
+    asked_for = game, players, options.games, options.seed, viable
     tournament = play_tournament(*asked_for, tell, options.display.report, jobs_run(options))
     if options.plot:
         from apollonius.show.matches import draw_tournament
 
         draw_tournament(tournament, options.plot)
-    settings = {"game": options.game, "starts": starts.word(game), "games": options.games, "seed": options.seed}
-    answer(options, settings | tournament.to_dict(), tournament_table(tournament, starts.word(game)))
+    starts = options.starts or game.starts.speed
+    settings = {"game": options.game, "starts": starts, "games": options.games, "seed": options.seed}
+    answer(options, settings | tournament.to_dict(), tournament_table(tournament, starts))
     if options.plot:
         best = [side[rated.points.argmax()] for side, rated in zip(names, tournament.ratings, strict=True)]
         then = command("show", *best, *chosen_rules(options), "--out", "best.gif")

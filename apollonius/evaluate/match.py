@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
 from functools import cached_property
 
 import jax
@@ -27,35 +26,8 @@ from apollonius.play.replay import Replay, as_rows, trace
 from apollonius.solve.viability import doomed_start_rate, solve_viability, viable_starts
 
 
-class StartFilter(Enum):
-    """The starts of a game that are played."""
-
-    ALL = "all"
-    VIABLE = "viable"
-    """Starts from which both robots can stay clear of everything (`apollonius.solve.viability`)."""
-
-    def sample(self, game: Game, key: PRNGKeyArray, games: int) -> GameState:
-        """Draw initial states of several games, leaves `[games]`; errors as of `viable_starts`. The key is consumed."""
-        if self is StartFilter.ALL or _starts_at_rest(game):
-            return sample_starts(game, key, games)
-        return viable_starts(game, solve_viability(game), key, games)
-
-    def word(self, game: Game) -> str:
-        """Return the word for these starts of a game: `rest`, `moving` or `viable`, as of `starting`."""
-        return self.value if self is StartFilter.VIABLE else game.starts.speed
-
-    def doomed_rate(self, game: Game) -> float | None:
-        """Return the share of these starts that are lost before they begin; None where it cannot be solved for."""
-        if self is StartFilter.VIABLE or _starts_at_rest(game):
-            return 0.0
-        try:
-            return doomed_start_rate(game, solve_viability(game))
-        except InvalidInput:  # several arenas, several kinds of robots, a grid that memory has no room for
-            return None
-
-
-def starting(game: Game, starts: str | None) -> tuple[Game, StartFilter]:
-    """Return a game with the starts that a word asks for, and the filter of those that are played.
+def starting(game: Game, starts: str | None) -> tuple[Game, bool]:
+    """Return a game with the starts that a word asks for, and whether the viable ones alone are played.
 
     Args:
         starts: initial speeds, `rest` or `moving`; or `viable`: moving, but for starts that are lost before they begin.
@@ -65,12 +37,11 @@ def starting(game: Game, starts: str | None) -> tuple[Game, StartFilter]:
         InvalidInput: for `viable` in several arenas.
     """
     if starts is None:
-        return game, StartFilter.ALL
+        return game, False
     if starts == "viable":
         game.require_one_arena("a match from viable starts")
     speed = "rest" if starts == "rest" else "moving"
-    which = StartFilter.VIABLE if starts == "viable" else StartFilter.ALL
-    return replace(game, starts=replace(game.starts, speed=speed)), which
+    return replace(game, starts=replace(game.starts, speed=speed)), starts == "viable"
 
 
 def _starts_at_rest(game: Game) -> bool:
@@ -80,17 +51,18 @@ def _starts_at_rest(game: Game) -> bool:
 
 @dataclass(frozen=True)
 class Match:
-    """A match that is asked for: a number of games, from those of the game's starts that the filter lets pass.
+    """A match that is asked for: a number of games, from all starts of the game or the `viable` ones alone, from which
+    both robots can stay clear of everything (`apollonius.solve.viability`).
 
-    Its starts depend on the game, the number of games, the seed and the filter alone, so matches of other players with
-    the same ones are paired: they meet the very same starts.
+    Its starts depend on the game, the number of games, the seed and that alone, so matches of other players with the
+    same ones are paired: they meet the very same starts.
     """
 
     game: Game
     players: BySide[Named]
     games: int
     seed: int = 0
-    starts: StartFilter = StartFilter.ALL
+    viable: bool = False
 
     def __post_init__(self) -> None:
         GAMES.require("games", self.games)
@@ -105,10 +77,10 @@ class Match:
         Raises:
             InvalidInput: as `find_game` and `find_player`, for less than one game, and for a seed below 0.
         """
-        rules, which = starting(find_game(game) if isinstance(game, str) else game, starts)
+        rules, viable = starting(find_game(game) if isinstance(game, str) else game, starts)
         names = BySide(pursuer, evader)
         players = ROLES.map(lambda role: find_player(names[role], role, rules))
-        return cls(rules, players, games, seed, which)
+        return cls(rules, players, games, seed, viable)
 
     @cached_property
     def rules(self) -> Game:
@@ -118,7 +90,7 @@ class Match:
     @property
     def starts_played(self) -> str:
         """The word for its starts, as of `starting`."""
-        return self.starts.word(self.game)
+        return "viable" if self.viable else self.game.starts.speed
 
     @property
     def pools(self) -> BySide[Pool]:
@@ -187,9 +159,21 @@ def record_game(match: Match, index: int) -> Replay:
 
 
 def begin(match: Match) -> tuple[GameState, PRNGKeyArray]:
-    """Return the starts of a match, and the key of everything random in its games."""
-    start_key, play_key = keys_of(np.uint32(match.seed))
-    return match.starts.sample(match.game, start_key, match.games), play_key
+    """Return the starts of a match, and the key of everything random in its games; errors as of `viable_starts`."""
+    game, (start_key, play_key) = match.game, keys_of(np.uint32(match.seed))
+    if match.viable and not _starts_at_rest(game):
+        return viable_starts(game, solve_viability(game), start_key, match.games), play_key
+    return sample_starts(game, start_key, match.games), play_key
+
+
+def _doomed_rate(match: Match) -> float | None:
+    """Return the share of the starts that are lost before they begin; None where it cannot be solved for."""
+    if match.viable or _starts_at_rest(match.game):
+        return 0.0
+    try:
+        return doomed_start_rate(match.game, solve_viability(match.game))
+    except InvalidInput:  # several arenas, several kinds of robots, a grid that memory has no room for
+        return None
 
 
 def count(match: Match, results: Results) -> MatchResult:
@@ -200,7 +184,7 @@ def count(match: Match, results: Results) -> MatchResult:
         outcomes=counts_by_name(np.bincount(outcome, minlength=len(Outcome))),
         mean_steps=float(np.mean(steps)),
         mean_capture_steps=float(np.mean(steps[captured])) if captured.any() else None,
-        doomed_start_rate=match.starts.doomed_rate(match.game),
+        doomed_start_rate=_doomed_rate(match),
         time_limit_wins=match.game.reward.time_limit_wins,
         arenas=count_by_arena(match.game.scenario, results) if match.game.scenario else None,
         detours=None if (found := _detours(match)) is None else count_by_detour(found, results),

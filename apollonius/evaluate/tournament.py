@@ -12,7 +12,7 @@ import scipy  # its parts are loaded where they are used
 from jaxtyping import Float
 
 from apollonius.agents.kind import Named
-from apollonius.evaluate.match import Match, MatchResult, StartFilter, play_matches
+from apollonius.evaluate.match import Match, MatchResult, play_matches
 from apollonius.evaluate.statistics import Z
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
@@ -107,7 +107,7 @@ def play_tournament(
     players: BySide[Sequence[Named]],
     games: int,
     seed: int,
-    starts: StartFilter = StartFilter.ALL,
+    viable: bool = False,
     on_match: Callable[[Match, MatchResult], None] = lambda match, result: None,
     report: Report = lambda done, total: None,
     run: Run | None = None,
@@ -120,6 +120,6 @@ def play_tournament(
     names = players.map(lambda side: tuple(player.name for player in side))
     for side, named in zip(("pursuers", "evaders"), names, strict=True):
         require(named and len({*named}) == len(named), side, ", ".join(named) or "none", "one at least, each once")
-    matches = [Match(game, BySide(*pair), games, seed, starts) for pair in itertools.product(*players)]
+    matches = [Match(game, BySide(*pair), games, seed, viable) for pair in itertools.product(*players)]
     results = iter(play_matches(matches, on_match, report, run=run))
     return Tournament(*names.pair, tuple(tuple(next(results) for _ in names.evader) for _ in names.pursuer))

@@ -4,7 +4,7 @@ import functools
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -34,18 +34,21 @@ _SPACING = 5
 _CHUNK = 500
 _AROUND = 64
 
-Decide = Callable[[Float32[np.ndarray, "robots 4"], Any, Any, np.uint32], tuple[np.ndarray, np.ndarray]]
+Decide = Callable[[Float32[np.ndarray, "robots 4"], Any, Any, Any], tuple[np.ndarray, np.ndarray]]
 """From state, who is in play, memory and random bits to action and controls, as `Player.decide`."""
 
 
-@dataclass(frozen=True)
-class Cases:
+class Cases(NamedTuple):
     """What a player is asked, leaves `[cases]`; see `Player.decide`."""
 
-    states: Float32[np.ndarray, "cases robots 4"]
-    active: Bool[np.ndarray, "cases robots"] | None
+    states: Float32[np.ndarray, "*cases robots 4"]
+    active: Bool[np.ndarray, "*cases robots"] | None
     memory: Any
-    bits: UInt32[np.ndarray, " cases"]
+    bits: UInt32[np.ndarray, "*cases"]
+
+    def at(self, index: Any) -> "Cases":
+        """Return some cases, or one."""
+        return jax.tree.map(lambda leaf: leaf[index], self)
 
 
 @dataclass(frozen=True)
@@ -127,12 +130,10 @@ def _play(
 
 def reference(player: Player, cases: Cases) -> tuple[np.ndarray, Float32[np.ndarray, "cases 2"]]:
     """Return the actions and the controls of the package's player."""
-    decide = _batched(player.decide)
-    asked = (cases.states, cases.active, cases.memory, cases.bits)
-    found = []
+    decide, found = _batched(player.decide), []
     for first in range(0, len(cases.states), _CHUNK):
         index = np.minimum(np.arange(first, first + _CHUNK), len(cases.states) - 1)  # one compilation serves all
-        made = decide(player.policy, player.game, *jax.tree.map(lambda leaf, index=index: leaf[index], asked))
+        made = decide(player.policy, player.game, *cases.at(index))
         found.append(jax.device_get((made["action"], made["controls"])))
     actions, controls = (np.concatenate(parts)[: len(cases.states)] for parts in zip(*found, strict=True))
     return actions, controls
@@ -149,7 +150,7 @@ def compare(decide: Decide, player: Player, cases: Cases) -> Parity:
     body, largest = player.game.bodies[player.role][0], player.largest
     said, driven = [], []
     for place in range(len(cases.states)):
-        action, both = decide(*_case(cases, place))
+        action, both = decide(*cases.at(place))
         said.append(action)
         driven.append(both)
     away = np.abs(np.array(driven) - controls) / largest
@@ -167,13 +168,9 @@ def compare(decide: Decide, player: Player, cases: Cases) -> Parity:
     return Parity(len(actions), ties, int(differ.sum()) - ties, float(away[~differ].max(initial=0)))
 
 
-def _case(cases: Cases, place: int) -> tuple[Any, ...]:
-    return jax.tree.map(lambda leaf: leaf[place], (cases.states, cases.active, cases.memory, cases.bits))
-
-
 def _is_as_good(player: Player, cases: Cases, place: int, action: int, own: int) -> bool:
     """Return whether a player values this action as its own, to `TOLERANCE`, and its shield allows it."""
-    policy, (state, active, memory, bits) = player.package, _case(cases, place)
+    policy, (state, active, memory, bits) = player.package, cases.at(place)
     sides = player.game.bodies.map(len)
     in_play = None if active is None else jnp.asarray(active)
     known, _, memory = known_state(player.game, player.role, sides, jnp.asarray(state), in_play, memory)
@@ -191,7 +188,7 @@ def _is_as_good(player: Player, cases: Cases, place: int, action: int, own: int)
 
 def _is_tie(player: Player, cases: Cases, place: int, driven: np.ndarray) -> bool:
     """Return whether the package's player drives so around a state; if continuous, whether this is in its range."""
-    state, *rest = _case(cases, place)
+    state, *rest = cases.at(place)
     moved = np.random.default_rng(0).uniform(-BREADTH, BREADTH, (_AROUND, *state.shape)).astype(np.float32)
     many = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (_AROUND, *np.shape(leaf))), tuple(rest))
     _, controls = reference(player, Cases(state + moved, *many))

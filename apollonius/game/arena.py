@@ -137,12 +137,8 @@ class Arena(Walls):
 
     def reaches_territory(self, before: RobotState, after: RobotState) -> Bool[Array, ""]:
         """Return whether a robot's centre enters the territory anywhere along the segment between two states."""
-        goal = self.territory
-        assert goal is not None, "callers look first"
-        approach = closest_approach_squared(
-            before.x - goal.x, before.y - goal.y, after.x - before.x, after.y - before.y
-        )
-        return approach < goal.radius**2
+        assert self.territory is not None, "callers look first"
+        return self.territory.is_hit(before, after, 0.0)
 
     def is_out_of_range(self, after: RobotState, radius: Real) -> Bool[Array, ""]:
         """Return whether a body of this radius [m] reaches beyond a wall (Eq. 2).

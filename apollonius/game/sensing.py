@@ -220,23 +220,14 @@ DriveStates = tuple[DriveState, ...]
 """The drives of the robots of a side."""
 
 
-def at_rest(drives: Drives | None, role: Role, robots: int) -> DriveStates | None:
-    """Return the drives of a side's robots at the start of a game; None where nothing limits them."""
-    drive = drives and drives[role]
-    return None if drive is None else (drive.begin(),) * robots
+def drive_of(drives: Drives | None, role: Role) -> Drive:
+    """Return the drive of each robot of a side."""
+    return (drives and drives[role]) or Drive()
 
 
 def respond(
-    drives: Drives | None,
-    role: Role,
-    states: DriveStates | None,
-    bodies: Sequence[Unicycle],
-    actions: Sequence[Action],
-    dt: Real,
-) -> tuple[tuple[tuple[Scalar, Scalar], ...], DriveStates | None]:
-    """Return the controls that a side's robots hold in this step, and their drives after it."""
-    drive = drives and drives[role]
-    if drive is None or states is None:
-        return tuple(body.controls(action) for body, action in zip(bodies, actions, strict=True)), None
+    drive: Drive, states: DriveStates, bodies: Sequence[Unicycle], actions: Sequence[Action], dt: Real
+) -> tuple[tuple[tuple[Scalar, Scalar], ...], DriveStates]:
+    """Return the controls that robots with such a drive hold in this step, and their drives after it."""
     made = [drive.respond(*robot, dt) for robot in zip(states, bodies, actions, strict=True)]
     return tuple(controls for controls, _ in made), tuple(after for _, after in made)

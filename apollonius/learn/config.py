@@ -3,7 +3,7 @@
 import difflib
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -80,7 +80,8 @@ class RunConfig:
             self._check_distillation()
 
     def _check_distillation(self) -> None:
-        self.game.require_two("a distillation")
+        for game in (self.game, *(task.game for task in self.distillation.tasks)):
+            game.require_two("a distillation")
         require(self.sac is None, "sac", "given", "left out for distillation, which fits the values of nine actions")
         stage, games = self.distillation, self.dqn.games
         attackers = stage.near_sighted + stage.far_sighted
@@ -101,8 +102,8 @@ class RunConfig:
 
     @property
     def plans(self) -> dict[str, Plan]:
-        """The plans of the stages in their order, by name."""
-        stages = (self.fixed_target, self.self_play, self.distillation)
+        """The plans of the stages in their order, by name; the tasks of a distillation are in its settings."""
+        stages = (self.fixed_target, self.self_play, replace(self.distillation, tasks=()))
         asked = STAGES[:2] if self.stages == "both" else [self.stages]
         return {name: Plan(self.learner, stage) for name, stage in zip(STAGES, stages, strict=True) if name in asked}
 

@@ -3,7 +3,7 @@
 The student plays, greedy but for some random actions, against several opponents; among them some that know it and
 search (`solve.players`). The teacher labels these states and others, and the network is fitted to the labels
 (Ross, Gordon, Bagnell, "A reduction of imitation learning and structured prediction to no-regret online learning",
-2011; Rusu et al., "Policy distillation", 2016).
+2011; Rusu et al., "Policy distillation", 2016, with several tasks too).
 """
 
 import functools
@@ -13,7 +13,6 @@ from dataclasses import replace
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from apollonius.agents.holding import Holding
@@ -58,9 +57,8 @@ def start_distillation(
     rows, size = max(1, plan.learner.replay_capacity // block) * block, learner.network.observation.size
     head, filled, iterations, env_steps, episodes = (jnp.zeros((), jnp.int32) for _ in range(5))
     buffer = ReplayBuffer((jnp.zeros((rows, size)), jnp.zeros((rows, NUM_ACTIONS))), head, filled)
-    games = jax.tree.map(lambda *leaves: jnp.stack(leaves), *begun)
     learners = {_config(plan).side: LearnerState(learner, buffer)}
-    return TrainState(games, learners, train_key, iterations, env_steps, episodes)
+    return TrainState(tuple(begun), learners, train_key, iterations, env_steps, episodes)
 
 
 @functools.partial(jax.jit, static_argnames="plan")
@@ -74,22 +72,20 @@ def distillation(
 ) -> Iterator[tuple[TrainState, Metrics]]:
     """Train the stage chunk by chunk, in settings that take turns; each state is consumed by the next one."""
     for chunk in range(done, plan.chunks):
-        number = chunk % len(settings)
-        state, metrics = _play_and_learn(plan, state, settings[number], np.int32(number))
+        number, games = chunk % len(settings), list(state.games)
+        state, metrics = _play_and_learn(plan, replace(state, games=games[number]), settings[number])
+        games[number] = state.games
+        state = replace(state, games=tuple(games))
         yield state, metrics
 
 
 @functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
-def _play_and_learn(
-    plan: Plan, state: TrainState, setting: Setting, number: Int[Array, ""]
-) -> tuple[TrainState, Metrics]:
-    """Train one chunk in the arena of this number, whose games are played on."""
-    here = replace(state, games=jax.tree.map(lambda leaf: leaf[number], state.games))
+def _play_and_learn(plan: Plan, state: TrainState, setting: Setting) -> tuple[TrainState, Metrics]:
+    """Train one chunk in one setting, whose games are played on."""
     after, metrics = jax.lax.scan(
-        lambda state, _: _iterate(plan, state, setting), here, None, plan.iterations_per_chunk
+        lambda state, _: _iterate(plan, state, setting), state, None, plan.iterations_per_chunk
     )
-    games = jax.tree.map(lambda leaf, new: leaf.at[number].set(new), state.games, after.games)
-    return replace(after, games=games), jax.tree.map(lambda leaf: jnp.sum(leaf, axis=0), metrics)
+    return after, jax.tree.map(lambda leaf: jnp.sum(leaf, axis=0), metrics)
 
 
 def _iterate(plan: Plan, state: TrainState, setting: Setting) -> tuple[TrainState, Metrics]:

@@ -204,7 +204,7 @@ class Run:
         for percent in percents:
             if before < -(-plan.chunks * percent // 100) <= standing.chunks:
                 for role, side in train.learners.items():
-                    name = f"{role.name[0]}_{'optimal' if stage == DISTILLATION else kind}"
+                    name = f"{role.name[0]}_{'distilled' if stage == DISTILLATION else kind}"
                     self._save_agent(side.learner.average, role, name, record, stage, percent)
 
     def _save_agent(

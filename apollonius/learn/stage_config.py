@@ -86,6 +86,19 @@ class SelfPlayConfig(StageConfig):
 
 
 @dataclass(frozen=True)
+class Task:
+    """A further game of a distillation, with its own teacher and opponents.
+
+    Attributes:
+        opponents: as many as those of the stage; none for the same.
+    """
+
+    game: Game
+    teacher: str
+    opponents: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class DistillationConfig(StageConfig):
     """One side learns a teacher's action values, in the states of its own games."""
 
@@ -114,6 +127,8 @@ class DistillationConfig(StageConfig):
     """Updates in a round."""
     informed: float = 3.0
     """Time since a side with sensors saw an opponent [s] up to which it learns what its teacher, who sees it, does."""
+    tasks: tuple[Task, ...] = ()
+    """Further games, which take turns with the run's own; their teachers' values count in units of lost games."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -122,6 +137,9 @@ class DistillationConfig(StageConfig):
         require_within(self, 0, 10**9, "clearance", "near_sighted", "far_sighted", "informed")
         bound = "left out: tables know the rules' own robots only"
         require(not (self.randomise and self.solves), "randomise", "some numbers", bound)
+        require(not (self.tasks and self.solves), "tasks", "some", "left out where tables of solved games are needed")
+        alike = all(len(task.opponents) in (0, len(self.opponents)) for task in self.tasks)
+        require(alike, "tasks: opponents", "given", f"{len(self.opponents)} names, as those of the stage, or left out")
         require(self.grid is None or len(self.grid) == 4, "grid", self.grid, "four numbers of nodes, or left out")
 
     @property

@@ -1,5 +1,7 @@
 """The teacher of a distillation: values of the nine actions, and the clearance that they leave."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import equinox as eqx
@@ -10,14 +12,18 @@ from jaxtyping import Array, Float
 
 from apollonius.agents.kind import Named
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
+from apollonius.agents.shield import Backup, Shielded
+from apollonius.arenas.charting import charted, largest_radius
 from apollonius.arenas.suite import each_alone
 from apollonius.catalogue import TABLE, find_player, price_of_losing
 from apollonius.game.game import Game
 from apollonius.game.types import NUM_ACTIONS, GameState, Real, RobotState, Role
 from apollonius.io.errors import require
 from apollonius.learn.config import RunConfig
-from apollonius.learn.stage_config import DistillationConfig
-from apollonius.observe.observation import perceive
+from apollonius.learn.stage_config import DistillationConfig, Task
+from apollonius.observe.observation import WHOLE, perceive
+from apollonius.observe.registry import find_observation
+from apollonius.observe.view import View
 from apollonius.solve.grid import make_grid
 from apollonius.solve.motion import motion_of
 from apollonius.solve.players import SaddlePolicy
@@ -35,6 +41,8 @@ STEEPNESS = 10.0
 """Cost of a missing metre of clearance."""
 COSTLIEST = 0.8
 """Largest cost of missing clearance."""
+AMPLE = 0.05
+"""Clearance [m] that a player behind a shield wants to be left when it has braked."""
 
 
 class Clearance(KeptClearance):
@@ -43,15 +51,24 @@ class Clearance(KeptClearance):
     wanted: Real
 
     def weighed(self, behind: Float[Array, "9"], robot: RobotState) -> Float[Array, "9"]:
-        """Return the differences to the best action, less the cost of missing clearance.
+        """Return the differences to the best action as `by_clearance`."""
+        return by_clearance(behind, self.after(robot, jnp.arange(NUM_ACTIONS)), self.wanted)
 
-        As clearance runs out, the given differences fade, and clearance alone decides in the end: a wall is reached by
-        many steps, none of which leaves much less clearance than another would.
-        """
-        left = jnp.minimum(self.after(robot, jnp.arange(NUM_ACTIONS)), self.wanted)
-        most = jnp.max(left)
-        ease = jnp.clip(most / self.wanted, 0.0, 1.0)
-        return ease * behind - jnp.minimum(STEEPNESS * (most - left), COSTLIEST)
+
+def by_clearance(behind: Float[Array, "9"], left: Float[Array, "9"], wanted: Real) -> Float[Array, "9"]:
+    """Return differences to the best action, less the cost of missing clearance.
+
+    As clearance runs out, the given differences fade, and clearance alone decides in the end: a wall is reached by
+    many steps, none of which leaves much less clearance than another would.
+
+    Args:
+        left: clearance that each action leaves [m].
+        wanted: clearance above which more is worth nothing [m].
+    """
+    left = jnp.minimum(left, wanted)
+    most = jnp.max(left)
+    ease = jnp.clip(most / wanted, 0.0, 1.0)
+    return ease * behind - jnp.minimum(STEEPNESS * (most - left), COSTLIEST)
 
 
 class Teacher(eqx.Module):
@@ -60,15 +77,20 @@ class Teacher(eqx.Module):
     Attributes:
         policy: the player.
         scale: price of a lost game in its values.
+        unit: that price in the student's.
         clearance: of the student's robot; None leaves it out.
+        backup: the manoeuvres of a player behind a shield, which leave clearance too; None for others.
     """
 
     policy: AbstractActionValuePolicy
     scale: Real
+    unit: Real
     clearance: Clearance | None
+    backup: Backup | None = None
 
     def values(self, game: Game, states: GameState, role: Role) -> Float[Array, "games 9"]:
-        """Return one side's values of the nine actions in states, leaves `[games]`; the best has the player's value."""
+        """Return one side's values of the nine actions in states, leaves `[games]`; the best has the player's value, in
+        the student's unit."""
         read, rows = perceive(self.policy.observation, game, states, role)
         bits = jnp.zeros((), jnp.uint32)
         values = jax.vmap(lambda row: self.policy.weigh(read(row), self.policy.memory, bits)[0])(rows)
@@ -76,7 +98,19 @@ class Teacher(eqx.Module):
         behind = jnp.maximum((values - best) / self.scale, -DEEPEST)
         if self.clearance is not None:
             behind = jax.vmap(self.clearance.weighed)(behind, states.robots[role][0])
-        return best + self.scale * (behind - jnp.max(behind, axis=1, keepdims=True))
+        if self.backup is not None:
+            view, rows = perceive(WHOLE, game, states, role)
+            behind = jax.vmap(by_clearance, in_axes=(0, 0, None))(
+                behind, jax.vmap(lambda row: self._left(view(row)))(rows), AMPLE
+            )
+        return best * (self.unit / self.scale) + self.unit * (behind - jnp.max(behind, axis=1, keepdims=True))
+
+    def _left(self, view: View) -> Float[Array, "9"]:
+        """Return the clearance [m] with which the robot can still brake to rest after each action."""
+        assert self.backup is not None, "the player is behind a shield"
+        return jax.vmap(self.backup.of(view).clearance_after, in_axes=(None, 0))(
+            view.own.state, jnp.arange(NUM_ACTIONS)
+        )
 
 
 class Setting(eqx.Module):
@@ -95,10 +129,10 @@ class Setting(eqx.Module):
 
 
 def make_settings(config: RunConfig, game: Game, folder: Path | None) -> list[Setting]:
-    """Return the settings of a run: one, or where tables are needed one in each arena.
+    """Return the settings of a run: one for each task, or where tables are needed one in each arena.
 
-    Games are solved whose tables do not lie in the folder. All settings have one shape, so that one compilation serves
-    all.
+    Games are solved whose tables do not lie in the folder. The settings of all arenas have one shape, so that one
+    compilation serves all.
 
     Args:
         game: that of the run, with charts where players read them.
@@ -109,9 +143,7 @@ def make_settings(config: RunConfig, game: Game, folder: Path | None) -> list[Se
     """
     stage, role, scenario = config.distillation, config.distillation.side, game.scenario
     if not stage.solves:
-        trained = stage.trained_in(game)
-        players = _named_players(stage, trained)
-        return [Setting(trained, _teacher(stage, players, trained, None), _opponents(stage, players), None)]
+        return _task_settings(config, game)
     kinds = "robots of several kinds"
     require(scenario is None or scenario.kinds is None, "game", kinds, "of one kind: the solved game has its robots")
     alone = each_alone(game)
@@ -134,6 +166,30 @@ def make_settings(config: RunConfig, game: Game, folder: Path | None) -> list[Se
     return [setting(number, one) for number, one in enumerate(alone)]
 
 
+def _task_settings(config: RunConfig, game: Game) -> list[Setting]:
+    """Return the settings of the run's own game and of the further tasks, all in the unit of the first teacher."""
+    stage, settings, known = config.distillation, list[Setting](), [game]
+    for task in (Task(game, stage.teacher), *stage.tasks):
+        known.append(_charted_as(task.game, known, find_observation(config.learner.observation).charted))
+        here = stage.trained_in(known[-1])
+        asked = replace(stage, teacher=task.teacher, opponents=task.opponents or stage.opponents, tasks=())
+        players = _named_players(asked, here)
+        teacher = _teacher(asked, players, here, None)
+        if settings:
+            teacher = replace(teacher, unit=settings[0].teacher.unit)
+        settings.append(Setting(here, teacher, _opponents(asked, players), None))
+    return settings
+
+
+def _charted_as(game: Game, others: Sequence[Game], are_read: bool) -> Game:
+    """Return a game with the charts of another one in the same arenas and with as large robots, or with its own."""
+    for other in others:
+        ours, theirs = game.scenario, other.scenario
+        if ours and theirs and ours.name and ours.name == theirs.name and largest_radius(game) == largest_radius(other):
+            return replace(game, scenario=replace(ours, arenas=theirs.arenas))
+    return charted(game, are_read)
+
+
 Players = dict[tuple[str, Role], Named]
 """The players of a setting, by name and side."""
 
@@ -145,10 +201,14 @@ def _named_players(stage: DistillationConfig, game: Game) -> Players:
 
 def _teacher(stage: DistillationConfig, players: Players, game: Game, clearance: Clearance | None) -> Teacher:
     found = players[stage.teacher, stage.side]
-    policy, bound = found.policy, "one that values the nine actions: table, or an agent trained by DQN"
+    policy, backup = (
+        (found.policy.policy, found.policy.backup) if isinstance(found.policy, Shielded) else (found.policy, None)
+    )
+    bound = "one that values the nine actions: table, or an agent trained by DQN"
     require(isinstance(policy, AbstractActionValuePolicy), "teacher", stage.teacher, bound)
     assert isinstance(policy, AbstractActionValuePolicy)
-    return Teacher(policy, price_of_losing(found, game), clearance)
+    price = price_of_losing(found, game)
+    return Teacher(policy, price, price, clearance, backup)
 
 
 def _opponents(stage: DistillationConfig, players: Players) -> tuple[AbstractPolicy, ...]:

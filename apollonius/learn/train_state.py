@@ -18,7 +18,7 @@ from apollonius.learn import archive, dqn, replay_buffer, sac
 from apollonius.learn.learner_config import DQNConfig, SACConfig
 from apollonius.learn.stage_config import Plan
 from apollonius.observe.registry import find_observation
-from apollonius.play.rollout import Games, begin
+from apollonius.play.rollout import begin
 
 Learner = dqn.DQNLearner | sac.SACLearner
 """One side's networks and optimisers: `network` plays while it learns, `average` in evaluations."""
@@ -37,10 +37,10 @@ class TrainState(eqx.Module):
     """Everything that changes while a stage is trained.
 
     `key` is folded with the number of iterations, never replaced. `env_steps` counts steps of single games. `archives`
-    hold the earlier versions of both sides; None where the scheme has none.
+    hold the earlier versions of both sides; None where the scheme has none. A distillation has games in each setting.
     """
 
-    games: Games
+    games: Any
     learners: dict[Role, LearnerState]
     key: PRNGKeyArray
     iterations: Int[Array, ""]

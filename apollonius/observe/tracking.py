@@ -7,7 +7,7 @@ from dataclasses import replace
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Int, UInt32
+from jaxtyping import Array, Float, Int, UInt32
 
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
@@ -38,7 +38,7 @@ class Track(eqx.Module):
 
     own: tuple[RobotState, ...]
     opponents: tuple[RobotState, ...]
-    ages: tuple[Scalar, ...]
+    ages: tuple[Float[Array, "*batch"], ...]
     late: Percept | None
     belief: Belief | None
     sightings: Sightings | None

@@ -17,7 +17,7 @@ from apollonius.agents.policy import Memory, mixed
 from apollonius.agents.pool import AbstractPlayers, Pool, Read
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.sensing import DriveStates, at_rest, respond
+from apollonius.game.sensing import DriveStates, drive_of, respond
 from apollonius.game.types import ROLES, Action, Actions, GameState, Role, Timestep
 from apollonius.observe import tracking
 from apollonius.observe.observation import WHOLE, perceive
@@ -62,14 +62,14 @@ class SideState(eqx.Module):
     """What one side of each game carries from start to end.
 
     Team mates are the same member. `episode_return` has an axis of robots in teams only, leaves of `memory` always.
-    `track` is what a side with sensors knows, `drives` those of its robots where they have any.
+    `track` is what a side with sensors knows, `drives` those of its robots.
     """
 
     member: Int[Array, " games"]
     episode_return: Float[Array, "games *robots"]
     memory: Memory = ()
     track: Track | None = None
-    drives: DriveStates | None = None
+    drives: DriveStates = ()
 
 
 class Games(eqx.Module):
@@ -94,7 +94,7 @@ def begin(game: Game, starts: GameState, players: BySide[AbstractPlayers], bits:
         )
         returns = of_robots([jnp.zeros(own.shape, jnp.float32)] * robots)
         track = jax.vmap(lambda state: tracking.begin(game, state, role))(starts)
-        drives = jax.vmap(lambda state: at_rest(game.at(state).drives, role, robots))(starts)
+        drives = jax.vmap(lambda state: (drive_of(game.at(state).drives, role).begin(),) * robots)(starts)
         return SideState(players[role].sample(own), returns, first, track, drives)
 
     return Games(starts, ROLES.map(side))
@@ -160,11 +160,11 @@ def step_games(
 
 
 def step_driven(
-    game: Game, state: GameState, drives: BySide[DriveStates | None], actions: BySide[tuple[Action, ...]]
-) -> tuple[Timestep, BySide[DriveStates | None]]:
+    game: Game, state: GameState, drives: BySide[DriveStates], actions: BySide[tuple[Action, ...]]
+) -> tuple[Timestep, BySide[DriveStates]]:
     """Let all robots hold for a step what their drives make of their actions; return the drives after it, too."""
     limits, bodies = game.at(state).drives, game.at(state).bodies
-    made = ROLES.map(lambda role: respond(limits, role, drives[role], bodies[role], actions[role], game.dt))
+    made = ROLES.map(lambda role: respond(drive_of(limits, role), drives[role], bodies[role], actions[role], game.dt))
     return game.step_controls(state, made.map(lambda one: one[0])), made.map(lambda one: one[1])
 
 

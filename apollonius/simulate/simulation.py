@@ -1,6 +1,7 @@
 """Games between robots with bodies, which the game's own referee judges, beside the same games by the rules."""
 
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Any
 
 import jax
@@ -16,7 +17,7 @@ from apollonius.game.dynamics import stack_actions
 from apollonius.game.game import Game
 from apollonius.game.judge import judge
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
-from apollonius.game.sensing import Drives, respond
+from apollonius.game.sensing import drive_of, respond
 from apollonius.game.types import ROLES, Action, GameState, Outcome, Role
 from apollonius.io.limits import SIMULATED_GAMES
 from apollonius.play import rollout
@@ -104,10 +105,9 @@ def simulate(
 
 def _turn_acceleration(game: Game, drive: Drive, role: Role) -> float:
     """Return how fast the turn rate of one side's robots can change [rad/s^2]."""
-    slow = game.drives and game.drives[role]
-    if not slow or slow.turn_time is None:
-        return drive.turn_acceleration
-    return min(drive.turn_acceleration, float(game.bodies[role][0].u2_max) / max(float(slow.turn_time), 1e-6))
+    time = drive_of(game.drives, role).turn_time
+    slow = inf if time is None else float(game.bodies[role][0].u2_max) / max(float(time), 1e-6)
+    return min(drive.turn_acceleration, slow)
 
 
 def simulate_match(match: Match, drive: Drive, report: Report = lambda done, total: None) -> Simulated:
@@ -130,14 +130,14 @@ def _choose(
     """Return all robots' actions, the controls u1 [m/s^2] and u2 [rad/s] that their bodies get, and the sides after."""
     steps = games.state.steps
     after, moves = step_games(game, players, games, random_bits_of(key, jnp.arange(len(steps)), steps))
-    late = game.drives and Drives(*game.drives.map(lambda drive: drive and replace(drive, turn_time=None)))
+    late = ROLES.map(lambda role: replace(drive_of(game.drives, role), turn_time=None))
 
     def of_each(role: Role) -> tuple[Array, ...]:
         action, robots = moves.sides[role].action, len(game.bodies[role])
         return (action,) if robots == 1 else tuple(action[:, robot] for robot in range(robots))
 
     def held(drives: Any, actions: BySide[tuple[Action, ...]]) -> Float[Array, "robots 2"]:
-        made = ROLES.map(lambda role: respond(late, role, drives[role], game.bodies[role], actions[role], game.dt)[0])
+        made = ROLES.map(lambda role: respond(late[role], drives[role], game.bodies[role], actions[role], game.dt)[0])
         return jnp.stack([jnp.stack(controls) for side in made for controls in side])
 
     actions = ROLES.map(of_each)

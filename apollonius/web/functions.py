@@ -13,12 +13,10 @@ from jaxtyping import Array, Float, Int
 from apollonius.agents.searching import Search, is_found
 from apollonius.agents.shield import MARGIN
 from apollonius.arenas.charting import clearances, paths
-from apollonius.game.by_side import BySide
 from apollonius.game.chart import Chart, entries
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.sensing import Sensing, Sensors
-from apollonius.game.teams import Teams
 from apollonius.game.types import GameState, RobotState, Role, Scalar
 from apollonius.observe import tracking
 from apollonius.observe.belief import NEVER
@@ -44,18 +42,13 @@ def step(
     left: Int[Array, ""],
 ) -> dict[str, Any]:
     """Return the robots after a step, pursuers first, and the outcome; `left` steps remain until the time limit."""
-    (first, *pursuers), (other, *evaders) = (robots.side(robots.bodies, second) for second in (False, True))
-    teams = Teams(tuple(pursuers), tuple(evaders))
-    game = Game(first, other, floor.arena(field), capture_distance, dt, left, teams=teams)
-
-    def both(values: Any) -> BySide[tuple[Any, ...]]:
-        return BySide(robots.side(values, False), robots.side(values, True))
-
-    before = GameState(both(robots.states), jnp.zeros((), jnp.int32), status=both(robots.status))
-    after = game.step(before, list(levels[:ROBOTS]), list(levels[ROBOTS:]))
-    states = jax.tree.map(lambda *leaves: jnp.stack(leaves), *after.state.robots.pursuer, *after.state.robots.evader)
+    game = robots.game(floor.arena(field), capture_distance, dt, left)
+    after = game.step(robots.state, list(levels[:ROBOTS]), list(levels[ROBOTS:]))
     assert after.state.status is not None
-    status = jnp.stack([*after.state.status.pursuer, *after.state.status.evader])
+    states, status = (
+        jax.tree.map(lambda *leaves: jnp.stack(leaves), *both.pursuer, *both.evader)
+        for both in (after.state.robots, after.state.status)
+    )
     return {"states": states, "status": status, "outcome": after.outcome}
 
 
@@ -153,16 +146,14 @@ def search(
     state = GameState.of_two(own.state, other.state, jnp.zeros((), jnp.int32))
     first = tracking.begin(game, state, role)
     assert first is not None, "it has sensors"
-    before = jax.tree.map(lambda new, old: jnp.where(known.age < 0, new, old), first, known.track(first))
-    track = tracking.follow(game, before, state, role, jnp.uint32(0))
-    view = look(game, tracking.believed(game, track, state, role), role)
-    values, cell = Search(dt).look_on(view, jnp.where(known.age < 0, -1, known.cell), shares)
+    begins, begun = known.track.ages[0] < 0, Known(first, jnp.full((), -1, jnp.int32))
+    before = jax.tree.map(lambda new, old: jnp.where(begins, new, old), begun, known)
+    track = tracking.follow(game, before.track, state, role, jnp.uint32(0))
     assert track is not None, "it has sensors"
-    assert track.belief is not None, "it has a chart"
-    last, age = track.opponents[0], track.ages[0]
-    after = Known(last, age, track.belief.credit, track.belief.unseen, cell)
-    sight = jnp.stack([is_found(view), age < NEVER]).astype(jnp.int32)
-    return {"after": after, "values": values, "sight": sight}
+    view = look(game, tracking.believed(game, track, state, role), role)
+    values, cell = Search(dt).look_on(view, before.cell, shares)
+    sight = jnp.stack([is_found(view), track.ages[0] < NEVER]).astype(jnp.int32)
+    return {"after": Known(track, cell), "values": values, "sight": sight}
 
 
 def chart(

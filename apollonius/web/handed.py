@@ -1,7 +1,6 @@
 """Games as the page writes them: the numbers of robots, obstacles and cells are data."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -11,15 +10,17 @@ from jaxtyping import Array, Bool, Float, Int
 
 from apollonius.agents.shield import Backup
 from apollonius.game.arena import Arena, Disc
+from apollonius.game.by_side import BySide
 from apollonius.game.chart import Chart
 from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game
 from apollonius.game.obstacle import AbstractObstacle
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Edge, Edges
-from apollonius.game.types import Real, RobotState, RobotStatus, Scalar
-from apollonius.observe.belief import Belief
+from apollonius.game.teams import Teams
+from apollonius.game.types import GameState, Real, RobotState, Role, Scalar
 from apollonius.observe.tracking import Track
-from apollonius.observe.view import Robot, View
+from apollonius.observe.view import View, look
 from apollonius.web.site import ROBOTS
 
 Field = Float[Array, " corners"]
@@ -130,40 +131,33 @@ class Robots(eqx.Module):
     states: RobotState
     status: Int[Array, " robots"]
 
-    def side(self, values: Any, second: bool) -> tuple[Any, ...]:
-        """Return the bodies, states or statuses of one side."""
-        return tuple(at(values, number + second * ROBOTS) for number in range(ROBOTS))
+    @property
+    def state(self) -> GameState:
+        """The state of the game, the first side its pursuers."""
+        return GameState(_by_side(self.states), jnp.zeros((), jnp.int32), status=_by_side(self.status))
+
+    def game(self, arena: Arena, capture_distance: Scalar, dt: Real = 1.0, max_steps: int | Array = 1) -> Game:
+        """Return the game between them."""
+        (first, *pursuers), (other, *evaders) = _by_side(self.bodies)
+        teams = Teams(tuple(pursuers), tuple(evaders))
+        return Game(first, other, arena, capture_distance, dt, max_steps, teams=teams)
 
     def seen(self, arena: Arena, capture_distance: Scalar) -> View:
         """Return the view of the first robot."""
-
-        def side(second: bool) -> tuple[Robot, ...]:
-            parts = (self.side(values, second) for values in (self.bodies, self.states, self.status))
-            return tuple(
-                Robot(body, state, status == RobotStatus.ACTIVE) for body, state, status in zip(*parts, strict=True)
-            )
-
-        own, *mates = side(False)
-        return View(arena, own, tuple(mates), side(True), capture_distance)
+        return look(self.game(arena, capture_distance), self.state, Role.PURSUER)
 
 
 class Known(eqx.Module):
-    """Knowledge of a robot with a line of sight about its one opponent: the last sighting, its age [s], and the belief.
+    """Knowledge of a robot with a line of sight, and the cell that it searches (`apollonius.agents.searching`)."""
 
-    Attributes:
-        credit, unseen: as of `apollonius.observe.belief.Belief`.
-        cell: that it searches (`apollonius.agents.searching.Search`).
-    """
-
-    last: RobotState
-    age: Scalar
-    credit: Float[Array, "rows columns"]
-    unseen: Float[Array, "rows columns"]
+    track: Track
     cell: Int[Array, ""]
 
-    def track(self, first: Track) -> Track:
-        """Return it in the place of what is known at first."""
-        return replace(first, opponents=(self.last,), ages=(self.age,), belief=Belief(self.credit, self.unseen))
+
+def _by_side(values: Any) -> BySide[tuple[Any, ...]]:
+    """Return the bodies, states or statuses of robots by side."""
+    rows = [at(values, number) for number in range(2 * ROBOTS)]
+    return BySide(tuple(rows[:ROBOTS]), tuple(rows[ROBOTS:]))
 
 
 def at(values: Any, number: int | Int[Array, ""]) -> Any:

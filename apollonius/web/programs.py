@@ -23,7 +23,9 @@ from apollonius.game.polygon import Edge
 from apollonius.game.teams import Body
 from apollonius.game.types import RobotState, Scalar
 from apollonius.io.errors import require
+from apollonius.observe.belief import Belief
 from apollonius.observe.registry import find_observation
+from apollonius.observe.tracking import Sightings, Track
 from apollonius.web.functions import (
     cell_weights,
     chart,
@@ -140,7 +142,7 @@ def _examples() -> dict[str, Any]:
     body, robot = Body(*[number] * len(fields(Body))), RobotState(number, number, number, number)
     disc, edge = Disc(number, number, number), Edge(number, number, number, number, whole())
     lengths, visible = jnp.zeros((1, COARSE**2, COARSE**2), jnp.uint16), jnp.zeros((1, SIDE, SIDE), jnp.uint16)
-    links = jnp.zeros((1, COARSE, COARSE), jnp.uint32)
+    links, belief = jnp.zeros((1, COARSE, COARSE), jnp.uint32), Belief(real(COARSE, COARSE), real(COARSE, COARSE))
     return {
         "body": body,
         "robot": robot,
@@ -148,7 +150,7 @@ def _examples() -> dict[str, Any]:
         "floor": Floor(real(4), disc, several(MOST_DISCS, disc), several(MOST_EDGES, edge), real(3), whole(4)),
         "field": real(_ENDLESS),
         "chart": Chart(real(1, SIDE + 1, SIDE + 1), lengths, visible, real(1), real(1), real(1), links, whole()),
-        "known": Known(robot, number, real(COARSE, COARSE), real(COARSE, COARSE), whole()),
+        "known": Known(Track((robot,), (robot,), (number,), None, belief, Sightings(whole(), whole())), whole()),
         "shares": real(COARSE**2),
         "corners": real(2, SIDE + 1),
         "levels": real(many, 2),

@@ -12,7 +12,7 @@ from apollonius.agents.classical import Still, Uniform
 from apollonius.arenas.suite import scenario_game
 from apollonius.cli.terminal import match_table
 from apollonius.evaluate import match
-from apollonius.evaluate.match import Match, StartFilter, count, play_games, play_match, record_game
+from apollonius.evaluate.match import Match, count, play_games, play_match, record_game
 from apollonius.evaluate.result import count_robots, read_result
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.by_side import BySide
@@ -136,7 +136,7 @@ def test_viable_starts_of_several_arenas_are_refused_before_any_player_is_looked
 @pytest.mark.slow
 def test_viable_starts_are_met_by_all_players_and_are_not_doomed(starts):
     for pursuer in (Uniform(), Still()):
-        play_match(a_match(MOVING, pursuer, Still(), GAMES, seed=0, starts=StartFilter.VIABLE))
+        play_match(a_match(MOVING, pursuer, Still(), GAMES, seed=0, viable=True))
     assert identical(*starts)
     assert starts[0].pursuer.x.shape == (GAMES,)
     assert np.all(jax.vmap(solve_viability(MOVING))(jax.tree.map(jnp.asarray, starts[0])))

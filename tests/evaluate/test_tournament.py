@@ -11,7 +11,7 @@ from scipy.special import expit
 from apollonius.catalogue import find_player
 from apollonius.cli.main import main
 from apollonius.cli.terminal import tournament_table
-from apollonius.evaluate.match import Match, MatchResult, StartFilter, play_matches
+from apollonius.evaluate.match import Match, MatchResult, play_matches
 from apollonius.evaluate.tournament import MEAN, SCALE, play_tournament, rate
 from apollonius.game.by_side import BySide
 from apollonius.game.outcome import counts_by_name
@@ -52,11 +52,11 @@ def tournament(players, played):
 def test_every_cell_is_the_match_of_its_two_players_on_the_same_starts(players, played):
     told, reported = [], []
     found = play_tournament(
-        GAME, BySide(players[0], players[1][:1]), 40, 3, StartFilter.VIABLE,
+        GAME, BySide(players[0], players[1][:1]), 40, 3, True,
         lambda match, result: told.append((match, result)), lambda *numbers: reported.append(numbers),
     )  # fmt: skip
     pairs = [BySide(pursuer, players[1][0]) for pursuer in players[0]]
-    assert played == [Match(GAME, pair, 40, 3, StartFilter.VIABLE) for pair in pairs]
+    assert played == [Match(GAME, pair, 40, 3, True) for pair in pairs]
     assert told == list(zip(played, (result for row in found.matches for result in row), strict=True))
     assert found.win_rates.tolist() == [[10 / 40], [30 / 40]]
     assert reported == [(40, 80), (80, 80)]

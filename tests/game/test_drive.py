@@ -12,7 +12,7 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.presets import in_teams, make_game, randomised
 from apollonius.game.scenario import Spread
-from apollonius.game.sensing import MOST_LAG, Drive, Drives, at_rest
+from apollonius.game.sensing import MOST_LAG, Drive, Drives, drive_of
 from apollonius.game.types import ROLES
 from apollonius.io.errors import InvalidInput
 from apollonius.play.rollout import step_driven
@@ -60,7 +60,7 @@ def test_each_robot_of_a_team_has_the_drive_of_its_side():
     """Late pursuers stand while the evader drives off; both pursuers turn as one alone would."""
     game = replace(in_teams(make_game("paper"), 2, 1), drives=Drives(pursuer=Drive(lag=3)))
     state = game.reset(jax.random.key(0))
-    drives = ROLES.map(lambda role: at_rest(game.drives, role, len(game.bodies[role])))
+    drives = ROLES.map(lambda role: (drive_of(game.drives, role).begin(),) * len(game.bodies[role]))
     speeds = []
     for _ in range(5):
         after, drives = step_driven(game, state, drives, BySide((jnp.asarray(7), jnp.asarray(7)), (jnp.asarray(7),)))

@@ -13,11 +13,15 @@ from apollonius.learn.config import PRESETS, RunConfig
 from apollonius.learn.folder import create_run, load_config
 from apollonius.learn.learner_config import DQNConfig, SACConfig, linear
 from apollonius.learn.opponents import OpponentConfig
-from apollonius.learn.stage_config import DistillationConfig, SelfPlayConfig, StageConfig
+from apollonius.learn.stage_config import DistillationConfig, SelfPlayConfig, StageConfig, Task
 from tests.documents import REPOSITORY
 
 TEAM = in_teams(make_game("paper"), 2, 1)
 WINS, HUNTED = (in_teams(make_game("zero-sum"), *size) for size in ((2, 1), (1, 2)))
+
+
+TASK = Task(make_game("paper"), "P_optimal", ("still",))
+FREE = {"near_sighted": 0, "far_sighted": 0, "clearance": 0.0, "teacher": "P_optimal", "opponents": ("still", "flee")}
 
 
 def met_by(scheme, **numbers):
@@ -71,6 +75,8 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
         (DistillationConfig, {"grid": (3, 3)}, "four numbers of nodes"),
         (DistillationConfig, {"updates": 0}, "updates = 0"),
         (DistillationConfig, {"randomise": (Spread(("pursuer.v_max",), 1.0, 2.0),)}, "randomise = "),
+        (DistillationConfig, {"tasks": (TASK,)}, "tasks = some .*left out where tables"),
+        (DistillationConfig, {"tasks": (TASK,), **FREE}, "tasks: opponents = given .* 2 names"),
         (RunConfig, {"stages": "distillation", "sac": SACConfig()}, "sac = given .*must be left out"),
         (RunConfig, {"stages": "distillation", "dqn": DQNConfig(games=256)}, "games = 256 .*more than the 256"),
     ],

@@ -11,11 +11,12 @@ import pytest
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
 from apollonius.agents.pool import solo
+from apollonius.agents.shield import MARGIN
 from apollonius.agents.store import load_agent
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide
 from apollonius.game.game import reset_batch
-from apollonius.game.presets import in_arenas
+from apollonius.game.presets import in_arenas, make_game
 from apollonius.game.sensing import Sensing, Sensors
 from apollonius.game.types import NUM_ACTIONS, Role
 from apollonius.io.errors import InvalidInput
@@ -24,8 +25,8 @@ from apollonius.learn.config import RunConfig
 from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.queries import fresh_starts, queries, query_states, starts_of
 from apollonius.learn.run import Run
-from apollonius.learn.stage_config import DistillationConfig
-from apollonius.learn.teacher import COSTLIEST, DEEPEST, STEEPNESS, Clearance, Teacher, make_settings
+from apollonius.learn.stage_config import DistillationConfig, Task
+from apollonius.learn.teacher import AMPLE, COSTLIEST, DEEPEST, STEEPNESS, Clearance, Teacher, make_settings
 from apollonius.play.rollout import begin as begin_games
 from apollonius.play.rollout import collect
 from apollonius.solve.motion import motion_of
@@ -81,7 +82,7 @@ def teacher_of(values, room=None):
     """One that values the actions so, everywhere."""
     network = jax.tree.map(jnp.zeros_like, make_network("paper", 4, 1, jax.random.key(0)))
     network = eqx.tree_at(lambda one: one.layers[-1].bias, network, jnp.asarray(values, jnp.float32))
-    return Teacher(Greedy(network), 10.0, room)
+    return Teacher(Greedy(network), 10.0, 10.0, room)
 
 
 def test_a_teacher_says_the_values_of_its_player_and_cuts_off_how_bad_is_bad(visited):
@@ -135,9 +136,9 @@ def test_each_of_several_arenas_has_a_teacher_that_says_what_it_would_alone(sett
 
 @pytest.mark.slow
 def test_a_run_leaves_an_agent_that_has_learned_what_the_table_says(uninterrupted, setting, visited):
-    assert list(agents(uninterrupted)) == ["E_optimal"]
+    assert list(agents(uninterrupted)) == ["E_distilled"]
     assert len(list((uninterrupted / "tables").iterdir())) == 2
-    agent = load_agent(uninterrupted / "agents" / "E_optimal.safetensors")
+    agent = load_agent(uninterrupted / "agents" / "E_distilled.safetensors")
     assert agent.header.role == "evader"
     assert agent.header.training["config"]["distillation"]["teacher"] == "table"
     losses = [line["losses"]["evader"] for line in metrics(uninterrupted)]
@@ -193,9 +194,50 @@ def test_where_there_is_nothing_to_learn_nothing_is_learned():
         np.testing.assert_allclose(one, other / 2, atol=1e-6)
 
 
+FURTHER = Task(make_game("paper"), "P_optimal", ("E_optimal", "flee"))
+
+
+def test_a_task_has_its_own_game_teacher_and_opponents_and_values_in_the_unit_of_the_first(visited):
+    taught_by_a_table = Task(make_game("paper"), "E_optimal", ("P_optimal", "still"))
+    stage = replace(
+        SEEING, role="evader", teacher="E_scratch", opponents=("still", "random"), tasks=(taught_by_a_table,)
+    )
+    own, further = make_settings(replace(RUN, game=SHORT_SIGHTED, distillation=stage), SHORT_SIGHTED, None)
+    assert (own.game.sensors, further.game.sensors) == (SHORT_SIGHTED.sensors, None)
+    assert further.game.arena == taught_by_a_table.game.arena
+    assert [type(one) for one in further.opponents] == [Greedy, type(own.opponents[0])]
+    assert (own.teacher.scale, further.teacher.scale, further.teacher.unit) == (10.0, 1.0, 10.0)
+    alone = replace(further.teacher, unit=1.0)
+    found, usual = (teacher.values(further.game, visited, Role.EVADER) for teacher in (further.teacher, alone))
+    np.testing.assert_allclose(found, 10 * usual, rtol=1e-4, atol=1e-4)
+
+
+def test_a_teacher_behind_a_shield_prefers_actions_after_which_the_robot_can_brake():
+    game, stage = make_game("paper"), replace(SEEING, teacher="shielded:P_pool")
+    (setting,) = make_settings(replace(RUN, game=game, distillation=stage), game, None)
+    teacher, backup = setting.teacher, setting.teacher.backup
+    states = jax.jit(fresh_starts, static_argnames="games")(game, games=4000, key=jax.random.key(3))
+
+    @jax.jit
+    def judged(states):
+        left = jax.vmap(lambda robot: jax.vmap(lambda one: backup.clearance_after(robot, one))(jnp.arange(9)))
+        bare = replace(teacher, backup=None)
+        values, usual = (one.values(game, states, Role.PURSUER) for one in (teacher, bare))
+        return values, usual, left(states.pursuer)
+
+    values, usual, left = map(np.asarray, judged(states))
+    ample, some = left.min(axis=1) >= AMPLE, (left.max(axis=1) > MARGIN) & (left.min(axis=1) < MARGIN)
+    assert min(ample.sum(), some.sum()) > 10
+    np.testing.assert_allclose(values[ample], usual[ample], atol=1e-5)
+    chosen = left[np.arange(len(left)), values.argmax(axis=1)]
+    assert (chosen[some] > 0).all()
+    assert (left[np.arange(len(left)), usual.argmax(axis=1)][some] <= 0).any(), "bare it would crash"
+
+
 @pytest.mark.slow
-def test_a_run_with_sensors_learns(tmp_path):
-    longer, wider = replace(SEEING, updates=24, env_steps=163_840), replace(FITTING, width=64, depth=2)
+def test_a_run_with_sensors_and_a_further_task_learns(tmp_path):
+    longer = replace(SEEING, updates=24, env_steps=163_840, tasks=(FURTHER,))
+    wider = replace(FITTING, width=64, depth=2)
     run = replace(RUN, game=SHORT_SIGHTED, dqn=wider, distillation=longer)
     folder = begin(tmp_path / "run", run)
     assert Run(run, folder).execute()

@@ -162,13 +162,13 @@ export function search(game, state, who, before) {
   writeView("search", game, state, who);
   const into = given.known();
   if (before) for (const key of Object.keys(into)) into[key].set(before.known[key]);
-  else into.age[0] = -1;
+  else into.track_ages_0[0] = -1;
   given.shares().set(Array.from({ length: CELLS ** 2 }, Math.random));
   const found = run.search(game.capture_distance, game.dt);
   const known = Object.fromEntries(Object.entries(found.after()).map(([key, values]) => [key, values.slice()]));
-  const last = Object.fromEntries(ROBOT.map((key) => [key, known[`last_${key}`][0]]));
+  const last = Object.fromEntries(ROBOT.map((key) => [key, known[`track_opponents_0_${key}`][0]]));
   const [isFound, isSeen] = found.sight();
-  return { known, last, age: known.age[0], isFound, isSeen, credit: known.credit, values: [...found.values()] };
+  return { known, last, age: known.track_ages_0[0], isFound, isSeen, credit: known.track_belief_credit, values: [...found.values()] };
 }
 
 const FOR_TEAMS = ["voronoi-pursuit", "encirclement"];
