@@ -23,7 +23,7 @@ from apollonius.game.starts import Starts
 from apollonius.learn.config import RunConfig
 from apollonius.learn.learner_config import DQNConfig, SACConfig
 from apollonius.learn.opponents import OpponentConfig
-from apollonius.learn.stage_config import DistillationConfig, SelfPlayConfig, StageConfig
+from apollonius.learn.stage_config import DistillationConfig, SelfPlayConfig, StageConfig, Task
 
 _NOT_FOR_CALLERS = {"reproduce", "__main__", "cli", "version"}
 """Rooms of the command, and data."""
@@ -38,6 +38,7 @@ _RECORDS: dict[str, type] = {
     "self_play": SelfPlayConfig,
     "self_play.opponents": OpponentConfig,
     "distillation": DistillationConfig,
+    "distillation.tasks": Task,
     "game": Game,
     "game.pursuer": Unicycle,
     "game.sensors.pursuer": Sensors,

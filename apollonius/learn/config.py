@@ -80,10 +80,10 @@ class RunConfig:
             self._check_distillation()
 
     def _check_distillation(self) -> None:
-        for game in (self.game, *(task.game for task in self.distillation.tasks)):
-            game.require_two("a distillation")
         require(self.sac is None, "sac", "given", "left out for distillation, which fits the values of nine actions")
         stage, games = self.distillation, self.dqn.games
+        if stage.solves:
+            self.game.require_two("a distillation by tables")
         attackers = stage.near_sighted + stage.far_sighted
         bound = f"more than the {attackers} of its attackers, so that each opponent has one"
         require(games - attackers >= len(stage.opponents), "games", games, bound)

@@ -53,7 +53,8 @@ def start_distillation(
     learner = first_learner(plan, network_key, network)
     keys = jax.random.split(start_key, len(settings))
     begun = [_first_games(plan, learner.network, *each) for each in zip(settings, keys, strict=True)]
-    block = len(jax.eval_shape(functools.partial(queries, _config(plan)), settings[0], begun[0], key)[0].steps)
+    asked = functools.partial(queries, _config(plan))
+    block = max(len(jax.eval_shape(asked, *each, key)[2]) for each in zip(settings, begun, strict=True))
     rows, size = max(1, plan.learner.replay_capacity // block) * block, learner.network.observation.size
     head, filled, iterations, env_steps, episodes = (jnp.zeros((), jnp.int32) for _ in range(5))
     buffer = ReplayBuffer((jnp.zeros((rows, size)), jnp.zeros((rows, NUM_ACTIONS))), head, filled)
@@ -110,8 +111,9 @@ def _iterate(plan: Plan, state: TrainState, setting: Setting) -> tuple[TrainStat
 def _players(plan: Plan, network: QNetwork, setting: Setting, key: PRNGKeyArray) -> BySide[AbstractPlayers]:
     """Return the student, whose random actions last for a round, and its opponents, each in games of its own."""
     config, table, games = _config(plan), setting.table, plan.learner.games
+    robots = len(setting.game.bodies[config.side])
     explores = solo(exploring(network, jnp.float32(config.epsilon[config.side])))
-    student = replace(explores, bits=jax.random.bits(key, (games,), jnp.uint32))
+    student = replace(explores, bits=jax.random.bits(key, (games * robots,), jnp.uint32))
     attackers: list[AbstractPolicy] = (
         []
         if table is None

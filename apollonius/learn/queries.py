@@ -25,7 +25,9 @@ _EDGE = 0.02
 def queries(
     config: DistillationConfig, setting: Setting, games: Games, key: PRNGKeyArray
 ) -> tuple[GameState, GameState, Bool[Array, " rows"]]:
-    """Return states to learn from, as the student knows them and as they are, and where its sighting is fresh.
+    """Return states to learn from, as the student knows them and as they are, and which of its robots learn there.
+
+    A robot of a team learns while it is in play. Rows are those of `perceive`.
 
     The teacher sees everything (Chen et al., "Learning by cheating", 2019), which says nothing to a student that has
     not seen an opponent for long. In games with tables whose robots see everything the states are those of
@@ -41,7 +43,8 @@ def queries(
 
     seen = jax.vmap(known)(track, games.state, jax.random.bits(key, games.state.steps.shape, jnp.uint32))
     ages = jnp.zeros((1, *games.state.steps.shape)) if seen.sight is None else jnp.stack(seen.sight.ages)
-    return seen, games.state, jnp.min(ages, axis=0) < config.informed
+    fresh = jnp.min(ages, axis=0) < config.informed
+    return seen, games.state, jnp.concatenate([active & fresh for active in games.state.active[role]])
 
 
 def starts_of(setting: Setting, games: int, key: PRNGKeyArray) -> GameState:

@@ -8,14 +8,15 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from apollonius.agents.kind import Named
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
-from apollonius.agents.shield import Backup, Shielded
+from apollonius.agents.shield import MARGIN, Shielded
 from apollonius.arenas.charting import charted, largest_radius
 from apollonius.arenas.suite import each_alone
 from apollonius.catalogue import TABLE, find_player, price_of_losing
+from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.types import NUM_ACTIONS, GameState, Real, RobotState, Role
 from apollonius.io.errors import require
@@ -41,8 +42,8 @@ STEEPNESS = 10.0
 """Cost of a missing metre of clearance."""
 COSTLIEST = 0.8
 """Largest cost of missing clearance."""
-AMPLE = 0.05
-"""Clearance [m] that a player behind a shield wants to be left when it has braked."""
+AMPLE = 0.03
+"""Radius [m] by which a shield takes the body of a teacher to be larger: its students are not as exact."""
 
 
 class Clearance(KeptClearance):
@@ -51,24 +52,15 @@ class Clearance(KeptClearance):
     wanted: Real
 
     def weighed(self, behind: Float[Array, "9"], robot: RobotState) -> Float[Array, "9"]:
-        """Return the differences to the best action as `by_clearance`."""
-        return by_clearance(behind, self.after(robot, jnp.arange(NUM_ACTIONS)), self.wanted)
+        """Return the differences to the best action, less the cost of missing clearance.
 
-
-def by_clearance(behind: Float[Array, "9"], left: Float[Array, "9"], wanted: Real) -> Float[Array, "9"]:
-    """Return differences to the best action, less the cost of missing clearance.
-
-    As clearance runs out, the given differences fade, and clearance alone decides in the end: a wall is reached by
-    many steps, none of which leaves much less clearance than another would.
-
-    Args:
-        left: clearance that each action leaves [m].
-        wanted: clearance above which more is worth nothing [m].
-    """
-    left = jnp.minimum(left, wanted)
-    most = jnp.max(left)
-    ease = jnp.clip(most / wanted, 0.0, 1.0)
-    return ease * behind - jnp.minimum(STEEPNESS * (most - left), COSTLIEST)
+        As clearance runs out, the given differences fade, and clearance alone decides in the end: a wall is reached by
+        many steps, none of which leaves much less clearance than another would.
+        """
+        left = jnp.minimum(self.after(robot, jnp.arange(NUM_ACTIONS)), self.wanted)
+        most = jnp.max(left)
+        ease = jnp.clip(most / self.wanted, 0.0, 1.0)
+        return ease * behind - jnp.minimum(STEEPNESS * (most - left), COSTLIEST)
 
 
 class Teacher(eqx.Module):
@@ -79,14 +71,14 @@ class Teacher(eqx.Module):
         scale: price of a lost game in its values.
         unit: that price in the student's.
         clearance: of the student's robot; None leaves it out.
-        backup: the manoeuvres of a player behind a shield, which leave clearance too; None for others.
+        shield: in front of the player, which then values least what the shield forbids; None without one.
     """
 
     policy: AbstractActionValuePolicy
     scale: Real
     unit: Real
     clearance: Clearance | None
-    backup: Backup | None = None
+    shield: Shielded | None = None
 
     def values(self, game: Game, states: GameState, role: Role) -> Float[Array, "games 9"]:
         """Return one side's values of the nine actions in states, leaves `[games]`; the best has the player's value, in
@@ -98,19 +90,22 @@ class Teacher(eqx.Module):
         behind = jnp.maximum((values - best) / self.scale, -DEEPEST)
         if self.clearance is not None:
             behind = jax.vmap(self.clearance.weighed)(behind, states.robots[role][0])
-        if self.backup is not None:
+        if self.shield is not None:
             view, rows = perceive(WHOLE, game, states, role)
-            behind = jax.vmap(by_clearance, in_axes=(0, 0, None))(
-                behind, jax.vmap(lambda row: self._left(view(row)))(rows), AMPLE
-            )
+            forbidden = jax.vmap(lambda row, values: self._forbidden(view(row), values))(rows, values)
+            behind = behind - COSTLIEST * forbidden
         return best * (self.unit / self.scale) + self.unit * (behind - jnp.max(behind, axis=1, keepdims=True))
 
-    def _left(self, view: View) -> Float[Array, "9"]:
-        """Return the clearance [m] with which the robot can still brake to rest after each action."""
-        assert self.backup is not None, "the player is behind a shield"
-        return jax.vmap(self.backup.of(view).clearance_after, in_axes=(None, 0))(
-            view.own.state, jnp.arange(NUM_ACTIONS)
-        )
+    def _forbidden(self, view: View, values: Float[Array, "9"]) -> Bool[Array, "9"]:
+        """Return the actions that the shield of a larger body does not let the player do; never all nine."""
+        assert self.shield is not None, "only a shield forbids anything"
+        seen = replace(view, own=replace(view.own, body=_larger(view.own.body)))
+        search = self.shield.held_back(seen, values)
+        return (search.clearances <= MARGIN) & (jnp.arange(NUM_ACTIONS) != search.action)
+
+
+def _larger(body: Unicycle) -> Unicycle:
+    return replace(body, radius=body.radius + AMPLE)
 
 
 class Setting(eqx.Module):
@@ -201,14 +196,14 @@ def _named_players(stage: DistillationConfig, game: Game) -> Players:
 
 def _teacher(stage: DistillationConfig, players: Players, game: Game, clearance: Clearance | None) -> Teacher:
     found = players[stage.teacher, stage.side]
-    policy, backup = (
-        (found.policy.policy, found.policy.backup) if isinstance(found.policy, Shielded) else (found.policy, None)
-    )
+    policy, shield = found.policy, None
+    if isinstance(policy, Shielded):
+        policy, shield = policy.policy, replace(policy, backup=replace(policy.backup, body=_larger(policy.backup.body)))
     bound = "one that values the nine actions: table, or an agent trained by DQN"
     require(isinstance(policy, AbstractActionValuePolicy), "teacher", stage.teacher, bound)
     assert isinstance(policy, AbstractActionValuePolicy)
     price = price_of_losing(found, game)
-    return Teacher(policy, price, price, clearance, backup)
+    return Teacher(policy, price, price, clearance, shield)
 
 
 def _opponents(stage: DistillationConfig, players: Players) -> tuple[AbstractPolicy, ...]:

@@ -11,13 +11,14 @@ import pytest
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
 from apollonius.agents.pool import solo
-from apollonius.agents.shield import MARGIN
+from apollonius.agents.shield import MARGIN, brakes
 from apollonius.agents.store import load_agent
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide
 from apollonius.game.game import reset_batch
 from apollonius.game.presets import in_arenas, make_game
 from apollonius.game.sensing import Sensing, Sensors
+from apollonius.game.teams import Body
 from apollonius.game.types import NUM_ACTIONS, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import distillation
@@ -212,31 +213,46 @@ def test_a_task_has_its_own_game_teacher_and_opponents_and_values_in_the_unit_of
     np.testing.assert_allclose(found, 10 * usual, rtol=1e-4, atol=1e-4)
 
 
-def test_a_teacher_behind_a_shield_prefers_actions_after_which_the_robot_can_brake():
+def test_a_teacher_behind_a_shield_values_least_what_the_shield_of_a_larger_body_forbids():
     game, stage = make_game("paper"), replace(SEEING, teacher="shielded:P_pool")
     (setting,) = make_settings(replace(RUN, game=game, distillation=stage), game, None)
-    teacher, backup = setting.teacher, setting.teacher.backup
     states = jax.jit(fresh_starts, static_argnames="games")(game, games=4000, key=jax.random.key(3))
+    backup = brakes(replace(game, pursuer=Body(radius=AMPLE)), Role.PURSUER)
+    backup = replace(backup, arena=game.arena, anywhere=False)
 
     @jax.jit
     def judged(states):
-        left = jax.vmap(lambda robot: jax.vmap(lambda one: backup.clearance_after(robot, one))(jnp.arange(9)))
-        bare = replace(teacher, backup=None)
-        values, usual = (one.values(game, states, Role.PURSUER) for one in (teacher, bare))
-        return values, usual, left(states.pursuer)
+        bare = replace(setting.teacher, shield=None)
+        values, usual = (one.values(game, states, Role.PURSUER) for one in (setting.teacher, bare))
+        after = jax.vmap(backup.clearance_after, in_axes=(None, 0))
+        return values, usual, jax.vmap(lambda robot: after(robot, jnp.arange(9)))(states.pursuer)
 
     values, usual, left = map(np.asarray, judged(states))
-    ample, some = left.min(axis=1) >= AMPLE, (left.max(axis=1) > MARGIN) & (left.min(axis=1) < MARGIN)
-    assert min(ample.sum(), some.sum()) > 10
-    np.testing.assert_allclose(values[ample], usual[ample], atol=1e-5)
-    chosen = left[np.arange(len(left)), values.argmax(axis=1)]
-    assert (chosen[some] > 0).all()
-    assert (left[np.arange(len(left)), usual.argmax(axis=1)][some] <= 0).any(), "bare it would crash"
+    chosen, wanted = (np.eye(9, dtype=bool)[one.argmax(axis=1)] for one in (values, usual))
+    allowed, hopeless = left > MARGIN, (left <= MARGIN).all(axis=1)
+    assert min(hopeless.sum(), (~allowed[wanted] & ~hopeless).sum()) > 5
+    np.testing.assert_allclose(left[hopeless][chosen[hopeless]], left[hopeless].max(axis=1), atol=1e-5)
+    best = np.where(allowed, usual, -np.inf).max(axis=1)
+    np.testing.assert_allclose(usual[chosen][~hopeless], best[~hopeless], atol=1e-4)
+    np.testing.assert_allclose(values[allowed[wanted]], usual[allowed[wanted]], atol=1e-5)
+
+
+def test_the_robots_of_a_team_learn_while_they_are_in_play():
+    game = make_game("team-2v1")
+    (setting,) = make_settings(replace(RUN, game=game, distillation=SEEING), game, None)
+    starts = jax.jit(starts_of, static_argnums=1)(setting, 16, jax.random.key(0))
+    states = eqx.tree_at(lambda state: state.status.pursuer[1], starts, jnp.int32(np.arange(16) == 3))
+    players = BySide(solo(Greedy(make_network("paper", 4, 1, jax.random.key(3)))), solo(setting.opponents[1]))
+    games = begin_games(game, states, players, jnp.zeros((2, 16), jnp.uint32))
+    _, asked, learns = queries(SEEING, setting, games, jax.random.key(1))
+    np.testing.assert_array_equal(np.flatnonzero(~np.asarray(learns)), [16 + 3])
+    assert setting.teacher.values(game, asked, Role.PURSUER).shape == (32, 9)
 
 
 @pytest.mark.slow
-def test_a_run_with_sensors_and_a_further_task_learns(tmp_path):
-    longer = replace(SEEING, updates=24, env_steps=163_840, tasks=(FURTHER,))
+def test_a_run_with_sensors_and_further_tasks_learns(tmp_path):
+    team = Task(make_game("team-2v1"), "P_pool")
+    longer = replace(SEEING, updates=24, env_steps=163_840, tasks=(FURTHER, team))
     wider = replace(FITTING, width=64, depth=2)
     run = replace(RUN, game=SHORT_SIGHTED, dqn=wider, distillation=longer)
     folder = begin(tmp_path / "run", run)
