@@ -9,43 +9,35 @@ from jaxtyping import Array, Float, Int, UInt32
 from apollonius.agents.classical import uniform_action
 from apollonius.agents.network import GaussianActor, QNetwork, inferred
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractContinuous, AbstractPolicy, Memory
-from apollonius.game.chart import Chart
 from apollonius.game.types import Scalar
-from apollonius.observe.observation import AbstractObservation, Charted, Whole
+from apollonius.observe.observation import AbstractObservation
 
 
-class AbstractGreedy(AbstractPolicy):
-    """A player at its network's best; `chart` is the arena's, for a network that reads one where the game has none."""
+class AbstractByNetwork(AbstractPolicy):
+    """A player by a network, which reads that network's observation."""
 
     network: eqx.AbstractVar[Any]
-    chart: eqx.AbstractVar[Chart | None]
 
     @property
-    def observation(self) -> Whole:
-        reads = self.network.observation
-        return reads if self.chart is None else Charted(reads, self.chart)
+    def observation(self) -> AbstractObservation:
+        return self.network.observation
 
 
-class Greedy(AbstractGreedy, AbstractActionValuePolicy):
+class Greedy(AbstractByNetwork, AbstractActionValuePolicy):
     """The action of highest value; among equals, the lowest index."""
 
     network: QNetwork
-    chart: Chart | None = None
 
     def values(self, seen: Float[Array, " size"]) -> Float[Array, "9"]:
         """Return the network's action values."""
         return inferred(self.network, seen)
 
 
-class EpsilonGreedy(AbstractPolicy):
+class EpsilonGreedy(AbstractByNetwork):
     """With probability `epsilon` (to 1.5e-5) a uniformly random action, otherwise the greedy one."""
 
     network: QNetwork
     epsilon: Scalar
-
-    @property
-    def observation(self) -> AbstractObservation:
-        return self.network.observation
 
     def __call__(
         self, seen: Float[Array, " size"], memory: Memory, bits: UInt32[Array, ""]
@@ -55,11 +47,10 @@ class EpsilonGreedy(AbstractPolicy):
         return jnp.where(explore, uniform_action(bits), best), memory
 
 
-class SquashedMean(AbstractGreedy, AbstractContinuous):
+class SquashedMean(AbstractByNetwork, AbstractContinuous):
     """The hyperbolic tangents of the means: what a trained agent does when it counts."""
 
     network: GaussianActor
-    chart: Chart | None = None
 
     def __call__(
         self, seen: Float[Array, " size"], memory: Memory, bits: UInt32[Array, ""]
@@ -67,15 +58,11 @@ class SquashedMean(AbstractGreedy, AbstractContinuous):
         return jnp.tanh(self.network(seen)[0]), memory
 
 
-class SquashedGaussian(AbstractContinuous):
+class SquashedGaussian(AbstractByNetwork, AbstractContinuous):
     """Drawn from the distributions, their standard deviations multiplied by `spread`: by 0 it is `SquashedMean`."""
 
     network: GaussianActor
     spread: Scalar
-
-    @property
-    def observation(self) -> AbstractObservation:
-        return self.network.observation
 
     def __call__(
         self, seen: Float[Array, " size"], memory: Memory, bits: UInt32[Array, ""]

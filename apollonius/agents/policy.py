@@ -8,7 +8,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree, UInt32
 
-from apollonius.game.chart import Chart
 from apollonius.game.dynamics import action_levels
 from apollonius.game.types import NUM_ACTIONS, Action, Scalar
 from apollonius.observe.observation import WHOLE, Whole
@@ -35,7 +34,7 @@ class AbstractPolicy(eqx.Module):
 
     @property
     def charted(self) -> bool:
-        """True if it plays by a chart, which a game in several arenas then must have (`apollonius.arenas.charting`)."""
+        """True if it plays by a chart, which the game then must have (`apollonius.arenas.charting`)."""
         return self.observation.charted
 
     @property
@@ -122,9 +121,3 @@ class AbstractContinuous(AbstractPolicy):
             return (level_u1 - own[0]) ** 2 + (level_u2 - own[1]) ** 2
 
         return jnp.argmin(jnp.where(allowed, jax.vmap(away)(jnp.arange(NUM_ACTIONS)), jnp.inf)).astype(jnp.int32)
-
-
-def reads_chart(policy: AbstractPolicy) -> bool:
-    """Return whether a player reads a chart: the game's, or one that it has with it."""
-    leaves = jax.tree.leaves(policy, is_leaf=lambda node: isinstance(node, Chart))
-    return policy.charted or any(isinstance(leaf, Chart) for leaf in leaves)

@@ -9,7 +9,6 @@ from apollonius.agents.kind import AbstractKind, Named, unknown
 from apollonius.agents.names import AGENTS, FROM_ZOO, ZOO, agents_folders, zoo_names
 from apollonius.agents.network import Network, QNetwork
 from apollonius.agents.store import Agent, load_agent, load_header
-from apollonius.arenas.charting import charted
 from apollonius.arenas.record import from_dict, to_dict
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
@@ -51,10 +50,7 @@ class Trained(AbstractKind):
         if _file_of(name) is None:
             return None
         agent, path = _find_for(name, role)
-        policy = greedy(agent.network)
-        if policy.charted and game.scenario is None:
-            policy = replace(policy, chart=charted(game).arena.chart)
-        return Named(name if name.startswith(FROM_ZOO) else called(path), policy, agent.header)
+        return Named(name if name.startswith(FROM_ZOO) else called(path), greedy(agent.network), agent.header)
 
 
 TRAINED = Trained()

@@ -126,7 +126,6 @@ def warn(options: argparse.Namespace, game: "Game", players: "Iterable[Named]" =
 
     Games that ship with the package are sound, so only those of files are surveyed.
     """
-    from apollonius.agents.policy import reads_chart
     from apollonius.agents.trained import ANY, learned_elsewhere
     from apollonius.game.types import Role
 
@@ -145,7 +144,7 @@ def warn(options: argparse.Namespace, game: "Game", players: "Iterable[Named]" =
     from apollonius.arenas.passages import missed_passage  # which load SciPy
     from apollonius.arenas.survey import map_notes, survey
 
-    passage = missed_passage(game) if any(reads_chart(player.policy) for player in found) else None
+    passage = missed_passage(game) if any(player.policy.charted for player in found) else None
     for line in (*survey(game).wrong, *map_notes(game.arena), *([str(passage)] if passage else [])):
         options.display.tell(f"{options.game}: {line}")
 

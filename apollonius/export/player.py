@@ -14,13 +14,12 @@ from jaxtyping import Array, Bool, Float, Float32, UInt32
 from apollonius.agents.built_in import PLAYERS
 from apollonius.agents.classical import BRAKE_STRAIGHT
 from apollonius.agents.names import SEARCHING, SHIELDED
-from apollonius.agents.policy import AbstractPolicy, Memory, reads_chart
+from apollonius.agents.policy import AbstractPolicy, Memory
 from apollonius.agents.trained import find_trained
 from apollonius.arenas.charting import charted
 from apollonius.arenas.record import from_dict
 from apollonius.catalogue import find_player
 from apollonius.game.by_side import BySide
-from apollonius.game.chart import Chart
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.sensing import Percept, Sensing
@@ -45,7 +44,7 @@ class Player:
         role: its side.
         game: the game, with the arena's chart if the player reads one.
         package: the player as the package plays it.
-        policy: the same without charts of its own, its layers' weights transposed: `[in, out]`.
+        policy: the same, its layers' weights transposed: `[in, out]`.
     """
 
     name: str
@@ -170,11 +169,11 @@ def find_exportable(name: str, role: Role, game: Game) -> Player:
     require(body.v_min == 0 and body.u1_max > 0, "v_min, u1_max", (float(body.v_min), float(body.u1_max)), bound)
     seeing = game.sensors and game.sensors[role]
     sensors = Sensing(**{role.name.lower(): seeing}) if seeing else None
-    rules = charted(game) if reads_chart(policy) else game
+    rules = charted(game) if policy.charted else game
     known = replace(rules, sensors=sensors, drives=None)  # the robot has its own drive
     if known.arena.chart is not None and sensors is None:
         known = replace(known, arena=replace(known.arena, chart=replace(known.arena.chart, links=None)))
-    return Player(name, role, known, policy, transposed(_without_charts(policy)))
+    return Player(name, role, known, policy, transposed(policy))
 
 
 def state_of(
@@ -198,10 +197,3 @@ def transposed(tree: Any) -> Any:
         return eqx.tree_at(lambda layer: layer.weight, part, part.weight.T) if is_layer else part
 
     return jax.tree.map(turned, tree, is_leaf=lambda part: isinstance(part, eqx.nn.Linear))
-
-
-def _without_charts(policy: AbstractPolicy) -> AbstractPolicy:
-    def kept(part: Any) -> Any:
-        return None if isinstance(part, Chart) else part
-
-    return jax.tree.map(kept, policy, is_leaf=lambda part: isinstance(part, Chart))

@@ -81,6 +81,7 @@ class Run:
         self.checkpoint = self.folder / "checkpoint.safetensors"
         self.metrics = self.folder / "metrics.jsonl"
         self.evaders = find_pool(self.config.evaders, Role.EVADER, self.game)
+        self.game = charted(self.game, self.evaders.members.charted)
         self.plans = self.config.plans
 
     @cached_property

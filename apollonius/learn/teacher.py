@@ -147,7 +147,7 @@ def make_settings(config: RunConfig, game: Game, folder: Path | None) -> list[Se
 
     def setting(number: int, one: Game) -> Setting:
         here = game if scenario is None else game.in_place(jnp.asarray(number))
-        players = _named_players(stage, here)
+        here, players = _cast(stage, here)
         tables = cached_tables(one, stage.grid, folder, played=here)
         players |= {(TABLE, side): Named(TABLE, tables[side]) for side in Role}
         clearance = None
@@ -168,7 +168,7 @@ def _task_settings(config: RunConfig, game: Game) -> list[Setting]:
         known.append(_charted_as(task.game, known, find_observation(config.learner.observation).charted))
         here = stage.trained_in(known[-1])
         asked = replace(stage, teacher=task.teacher, opponents=task.opponents or stage.opponents, tasks=())
-        players = _named_players(asked, here)
+        here, players = _cast(asked, here)
         teacher = _teacher(asked, players, here, None)
         if settings:
             teacher = replace(teacher, unit=settings[0].teacher.unit)
@@ -189,9 +189,11 @@ Players = dict[tuple[str, Role], Named]
 """The players of a setting, by name and side."""
 
 
-def _named_players(stage: DistillationConfig, game: Game) -> Players:
+def _cast(stage: DistillationConfig, game: Game) -> tuple[Game, Players]:
+    """Return a game, with charts where its players read them, and these."""
     named = {(name, stage.side.other) for name in stage.opponents} | {(stage.teacher, stage.side)}
-    return {each: find_player(*each, game) for each in named if each[0] != TABLE}
+    players = {each: find_player(*each, game) for each in named if each[0] != TABLE}
+    return charted(game, any(player.policy.charted for player in players.values())), players
 
 
 def _teacher(stage: DistillationConfig, players: Players, game: Game, clearance: Clearance | None) -> Teacher:

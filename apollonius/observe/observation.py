@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, ClassVar
 
@@ -47,18 +47,6 @@ class AbstractObservation(Whole):
     @abstractmethod
     def __call__(self, view: View) -> Float[Array, " size"]:
         """Return the numbers of a view."""
-
-
-@dataclass(frozen=True)
-class Charted(Whole):
-    """An observation that needs a chart, with that of the arena, for games whose arena has none."""
-
-    observation: AbstractObservation
-    chart: Chart
-
-    def __call__(self, view: View) -> Float[Array, " size"]:
-        """Return the numbers of a view."""
-        return self.observation(replace(view, arena=replace(view.arena, chart=self.chart)))
 
 
 def perceive(observation: Whole, game: Game, states: GameState, role: Role) -> tuple[Callable[[Any], Any], Any]:

@@ -44,8 +44,8 @@ class Track(eqx.Module):
     sightings: Sightings | None
 
 
-def begin(game: Game, state: GameState, role: Role) -> Track | None:
-    """Return what one side knows before it has looked; None without sensors."""
+def begin(game: Game, state: GameState, role: Role, believes: bool = True) -> Track | None:
+    """Return what one side knows before it has looked, its belief if it has one; None without sensors."""
     here = game.at(state)
     if (sensors := here.sensors and here.sensors[role]) is None:
         return None
@@ -59,7 +59,7 @@ def begin(game: Game, state: GameState, role: Role) -> Track | None:
     if sensors.delay is not None:
         nothing = Percept(own, unseen, (no,) * len(unseen), no)
         late = jax.tree.map(lambda leaf: jnp.repeat(leaf[None], MOST_DELAY + 1, axis=0), nothing)
-    anywhere = None if arena.chart is None else belief.anywhere(arena.chart)
+    anywhere = belief.anywhere(arena.chart) if believes and arena.chart is not None else None
     sightings = Sightings(jnp.full((), -1, jnp.int32), jnp.zeros((), jnp.int32))
     return Track(own, unseen, (jnp.float32(NEVER),) * len(unseen), late, anywhere, sightings)
 

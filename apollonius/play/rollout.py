@@ -93,7 +93,8 @@ def begin(game: Game, starts: GameState, players: BySide[AbstractPlayers], bits:
             lambda leaf: jnp.broadcast_to(leaf, (len(own), robots, *jnp.shape(leaf))), players[role].memory
         )
         returns = of_robots([jnp.zeros(own.shape, jnp.float32)] * robots)
-        track = jax.vmap(lambda state: tracking.begin(game, state, role))(starts)
+        believes = players[role].observation == WHOLE  # no numbers are made of a belief
+        track = jax.vmap(lambda state: tracking.begin(game, state, role, believes))(starts)
         drives = jax.vmap(lambda state: (drive_of(game.at(state).drives, role).begin(),) * robots)(starts)
         return SideState(players[role].sample(own), returns, first, track, drives)
 
