@@ -1,7 +1,7 @@
 """Players without a network: the one that stands still, the random one, and what those with a rule share."""
 
 from abc import abstractmethod
-from typing import Any
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -11,6 +11,7 @@ from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy, 
 from apollonius.game.dynamics import Unicycle, wrap_angle
 from apollonius.game.game import Game
 from apollonius.game.types import NUM_ACTIONS, Real, RobotState, Role, Scalar
+from apollonius.io.errors import require
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.paper import PAPER
 from apollonius.observe.view import Robot, View
@@ -56,6 +57,8 @@ class AbstractClassical(AbstractActionValuePolicy):
     """A player that reads the view and follows a rule; controls are held for `dt` [s]."""
 
     dt: Real
+    misfit: ClassVar[tuple[str, str, str]] = ("game", "another", "one for this player")
+    """The refusal of a game that its rule does not fit: name, value and bound."""
 
     @classmethod
     def fits(cls, game: Game) -> bool:
@@ -65,6 +68,7 @@ class AbstractClassical(AbstractActionValuePolicy):
     @classmethod
     def for_side(cls, game: Game, role: Role, **rule: Any) -> "AbstractClassical":
         """Return the player of one side of a game; raises InvalidInput where its rule does not fit the game."""
+        require(cls.fits(game), *cls.misfit)
         return cls(game.dt, **rule)
 
     def hold(self, robot: Robot, action: Int[Array, ""]) -> RobotState:

@@ -9,7 +9,6 @@ from apollonius.agents.chasing import arc_speed
 from apollonius.agents.classical import AbstractClassical, AbstractSteering, direction
 from apollonius.game.game import Game
 from apollonius.game.types import Real, RobotState, Role, Scalar
-from apollonius.io.errors import require
 from apollonius.observe.view import View
 
 _EQUAL = 1e-3
@@ -63,6 +62,7 @@ class Territory(AbstractSteering):
     """
 
     guards: bool = eqx.field(static=True, default=True)
+    misfit = "arena.territory", "none", "a disc for 'territory' to guard or to reach, as in the game called territory"
 
     @classmethod
     def fits(cls, game: Game) -> bool:
@@ -70,9 +70,6 @@ class Territory(AbstractSteering):
 
     @classmethod
     def for_side(cls, game: Game, role: Role, **rule: Any) -> AbstractClassical:
-        """Return the player of one side; raises InvalidInput where there is nothing to guard."""
-        bound = "a disc for 'territory' to guard or to reach, as in the game called territory"
-        require(cls.fits(game), "arena.territory", "none", bound)
         return super().for_side(game, role, guards=role == Role.PURSUER, **rule)
 
     def course(self, seen: View) -> tuple[Scalar, Scalar]:

@@ -6,18 +6,16 @@ obstacles count; without a chart paths are straight lines.
 
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from apollonius.agents.chasing import arc_speed
-from apollonius.agents.classical import AbstractClassical, AbstractSteering, direction, facing_speed, separation
+from apollonius.agents.classical import AbstractSteering, direction, facing_speed, separation
 from apollonius.game.chart import COARSE, NO_PATH
 from apollonius.game.game import Game
-from apollonius.game.types import Real, RobotState, Role, Scalar
-from apollonius.io.errors import require
+from apollonius.game.types import Real, RobotState, Scalar
 from apollonius.observe.view import Robot, View
 
 _DIRECTIONS = 16
@@ -44,6 +42,7 @@ class AbstractSurrounding(AbstractSteering):
 
     ahead: Real = 0.75
     near: Real = 1.6
+    misfit = "pursuers", "1", "2 at least, who surround an evader: as team-2v1"
 
     @property
     def charted(self) -> bool:
@@ -52,12 +51,6 @@ class AbstractSurrounding(AbstractSteering):
     @classmethod
     def fits(cls, game: Game) -> bool:
         return len(game.bodies.pursuer) > 1
-
-    @classmethod
-    def for_side(cls, game: Game, role: Role, **rule: Any) -> AbstractClassical:
-        """Return the player of one side; raises InvalidInput where there is one pursuer only."""
-        require(cls.fits(game), "pursuers", len(game.bodies.pursuer), "2 at least, who surround an evader: as team-2v1")
-        return super().for_side(game, role, **rule)
 
     def course(self, seen: View) -> tuple[Scalar, Scalar]:
         """Return the direction of the falling cost, and the speed that the turn still to be made allows."""

@@ -59,9 +59,8 @@ def jobs_run(options: argparse.Namespace, logs: Path | None = None) -> Run | Non
 
 def chosen_rules(options: argparse.Namespace) -> list[str]:
     """Return the words that choose the game and its starts in another command, where they are not the defaults."""
-    usual = {"game": "paper", "starts": None}
-    chosen = {name: getattr(options, name, usual[name]) for name in usual}
-    return [word for name, value in chosen.items() if value not in (usual[name], None) for word in (f"--{name}", value)]
+    chosen = {"game": options.game, "starts": getattr(options, "starts", None)}
+    return [word for name, value in chosen.items() if value not in ("paper", None) for word in (f"--{name}", value)]
 
 
 def add_match_options(parser: argparse.ArgumentParser, games: Counted = GAMES) -> None:

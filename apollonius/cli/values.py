@@ -37,28 +37,28 @@ def unfit(text: str, bound: str) -> argparse.ArgumentTypeError:
     return argparse.ArgumentTypeError(f"= {shown(text) or 'nothing'} is not possible: it must be {bound}.")
 
 
-def count(counted: Counted) -> Callable[[str], int]:
-    """Return the reader of a whole number of something that is counted."""
-    return partial(_count, counted)
-
-
-def _count(counted: Counted, text: str) -> int:
+def _number(text: str) -> float:
     try:
-        number = float(text)  # so that 1e4 is one too
+        return float(text)
     except ValueError:
-        number = math.nan
-    if not number.is_integer() or not counted.least <= number <= counted.limit:
-        raise unfit(text, counted.bound())
-    return int(number)
+        return math.nan
+
+
+def count(counted: Counted) -> Callable[[str], int]:
+    """Return the reader of a whole number of something that is counted; 1e4 is one, too."""
+
+    def read(text: str) -> int:
+        number = _number(text)
+        if not number.is_integer() or not counted.least <= number <= counted.limit:
+            raise unfit(text, counted.bound())
+        return int(number)
+
+    return read
 
 
 def real(text: str) -> float:
     """Return a finite number of modest size."""
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not abs(number) <= LARGEST:
+    if not abs(number := _number(text)) <= LARGEST:
         raise unfit(text, f"a number within {LARGEST:g} of 0")
     return number
 
@@ -78,7 +78,7 @@ def seeds(text: str) -> tuple[int, ...]:
     found: dict[int, None] = {}
     for part in text.split(","):
         first, dash, last = part.partition("-")
-        low, high = _count(SEED, first), _count(SEED, last if dash else first)
+        low, high = map(count(SEED), (first, last if dash else first))
         if not low <= high < low + TRAININGS.most:
             raise unfit(text, f"seeds as 0-9 or 0,3,7, at most {TRAININGS.most:,}")
         found |= dict.fromkeys(range(low, high + 1))
@@ -104,7 +104,7 @@ def varied(text: str) -> tuple[str, tuple[float, ...]]:
     ends = numbers.split(":")
     if not (field.strip() and equals and len(ends) == 3):
         raise unfit(text, "FIELD=FROM:TO:COUNT, as pursuer.v_max=0.8:1.6:5")
-    low, high, steps = real(ends[0]), real(ends[1]), _count(VALUES, ends[2]) - 1
+    low, high, steps = real(ends[0]), real(ends[1]), count(VALUES)(ends[2]) - 1
     if low == high:
         raise unfit(text, "FIELD=FROM:TO:COUNT with different ends")
     return field, tuple(float(f"{low * (1 - i / steps) + high * i / steps:.12g}") for i in range(steps + 1))
@@ -169,45 +169,42 @@ def known_game(text: str) -> str:
     return text
 
 
-def existing_file(text: str) -> Path:
-    path = Path(named(text))
-    if not _is(path.is_file):
-        raise unfit(text, "a file that is there; check the path")
-    return path
+def _path(is_fit: Callable[[Path], bool], bound: str) -> Callable[[str], Path]:
+    """Return the reader of a path that fits."""
+
+    def read(text: str) -> Path:
+        path = Path(named(text))
+        if not _is(lambda: is_fit(path)):
+            raise unfit(text, bound)
+        return path
+
+    return read
 
 
-def run_folder(text: str) -> Path:
-    path = Path(named(text))
-    if not _is((path / "config.toml").is_file):
-        raise unfit(text, "the folder of a training run; check the path")
-    return path
-
-
-def runs_folder(text: str) -> Path:
-    """Return the folder of a training run, or one that holds several."""
-    path = Path(named(text))
-    if not _is(path.is_dir) or not _is(lambda: any(path.rglob("config.toml"))):
-        raise unfit(text, "the folder of training runs; check the path")
-    return path
+existing_file = _path(Path.is_file, "a file that is there; check the path")
+run_folder = _path(lambda path: (path / "config.toml").is_file(), "the folder of a training run; check the path")
+runs_folder = _path(
+    lambda path: path.is_dir() and any(path.rglob("config.toml")), "the folder of training runs; check the path"
+)
 
 
 def new_file(*suffixes: str, needs: Mapping[str, str] = _NEEDED) -> Callable[[str], Path]:
     """Return the reader of a file to write with one of these suffixes; `needs` has the extras that some take."""
-    return partial(_new_file, suffixes, needs)
 
+    def read(text: str) -> Path:
+        path = Path(named(text))
+        if path.suffix not in suffixes:
+            kinds = f"one of {', '.join(suffixes)}" if len(suffixes) > 1 else "".join(suffixes)
+            raise unfit(text, f"a file that ends in {kinds}")
+        if _is(path.exists) and not _is(path.is_file):
+            raise unfit(text, "a file, and something else has that name; choose another")
+        if reason := _unwritable(path, path.parent):
+            raise unfit(text, reason)
+        if path.suffix in needs and (remedy := missing(needs[path.suffix])):
+            raise unfit(text, f"of another kind where libraries are not installed: {remedy}")
+        return path
 
-def _new_file(suffixes: tuple[str, ...], needs: Mapping[str, str], text: str) -> Path:
-    path = Path(named(text))
-    if path.suffix not in suffixes:
-        kinds = f"one of {', '.join(suffixes)}" if len(suffixes) > 1 else "".join(suffixes)
-        raise unfit(text, f"a file that ends in {kinds}")
-    if _is(path.exists) and not _is(path.is_file):
-        raise unfit(text, "a file, and something else has that name; choose another")
-    if reason := _unwritable(path, path.parent):
-        raise unfit(text, reason)
-    if path.suffix in needs and (remedy := missing(needs[path.suffix])):
-        raise unfit(text, f"of another kind where libraries are not installed: {remedy}")
-    return path
+    return read
 
 
 def new_folder(text: str) -> Path:

@@ -33,22 +33,19 @@ RENDER_MODES = ["rgb_array"]
 _OUTCOMES = [outcome.name.lower() for outcome in Outcome]
 
 
-def observation_space(observation: str, robots: int = 1) -> gymnasium.spaces.Box:
-    """Return the space of observations of some robots, of which several have an axis; raises InvalidInput if unknown.
+def observation_space(observation: str) -> gymnasium.spaces.Box:
+    """Return the space of a robot's observations; raises InvalidInput if they are unknown.
 
     They are within 2 of 0 unless a robot goes half an arena beyond the walls in one step.
     """
-    size = find_observation(observation).size
-    return gymnasium.spaces.Box(-2.0, 2.0, (size,) if robots == 1 else (robots, size), np.float32)
+    return gymnasium.spaces.Box(-2.0, 2.0, (find_observation(observation).size,), np.float32)
 
 
-def action_space(actions: str, robots: int = 1) -> gymnasium.spaces.Space[Any]:
-    """Return the space of a kind of actions of some robots, of which several have an axis; raises InvalidInput."""
+def action_space(actions: str) -> gymnasium.spaces.Space[Any]:
+    """Return the space of a robot's actions of a kind; raises InvalidInput if it is unknown."""
     require(actions in ("discrete", "continuous"), "actions", actions, "one of discrete, continuous")
-    if actions == "continuous":
-        return gymnasium.spaces.Box(-1.0, 1.0, (2,) if robots == 1 else (robots, 2), np.float32)
-    several = gymnasium.spaces.MultiDiscrete([NUM_ACTIONS] * robots)
-    return gymnasium.spaces.Discrete(NUM_ACTIONS) if robots == 1 else several
+    continuous = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
+    return continuous if actions == "continuous" else gymnasium.spaces.Discrete(NUM_ACTIONS)
 
 
 def as_actions(given: Any, kind: str, batch: tuple[int, ...] = ()) -> np.ndarray:

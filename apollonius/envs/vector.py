@@ -79,8 +79,9 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.metadata = type(self).metadata | {"autoreset_mode": mode}
         self.num_envs = num_envs
         robots = len(game.bodies[role])
-        self.single_observation_space = observation_space(observation, robots)
-        self.single_action_space = action_space(actions, robots)
+        spaces = observation_space(observation), action_space(actions)
+        several = spaces if robots == 1 else (batch_space(one, robots) for one in spaces)
+        self.single_observation_space, self.single_action_space = several
         self._kind, self._acting = actions, (num_envs,) if robots == 1 else (num_envs, robots)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)

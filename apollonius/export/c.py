@@ -91,6 +91,11 @@ def source(program: Program) -> str:
     return "\n\n".join([opening, *helpers, *constants, *bodies]) + "\n"
 
 
+def files(program: Program) -> dict[str, str]:
+    """Return the texts of the header and the source by their names."""
+    return {f"{program.name}.h": header(program), f"{program.name}.c": source(program)}
+
+
 def _structs(program: Program) -> Iterator[Record]:
     """The records that are structs, each layout once."""
     seen = set()
@@ -144,8 +149,8 @@ class Compiled:
             raise InvalidInput("a program in C cannot be checked here: there is no gcc.")
         with tempfile.TemporaryDirectory() as folder:
             library = Path(folder) / "program.so"
-            Path(folder, f"{program.name}.h").write_text(header(program))
-            Path(folder, f"{program.name}.c").write_text(source(program))
+            for name, text in files(program).items():
+                Path(folder, name).write_text(text)
             words = ["gcc", *flags, "-shared", "-fPIC", f"{program.name}.c", "-lm", "-o", str(library)]
             subprocess.run(words, check=True, cwd=folder)
             self._function = getattr(ctypes.CDLL(str(library)), program.name)

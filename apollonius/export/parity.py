@@ -148,11 +148,7 @@ def compare(decide: Decide, player: Player, cases: Cases) -> Parity:
     """Return in how many cases an exported policy differs from the package's player."""
     actions, controls = reference(player, cases)
     body, largest = player.game.bodies[player.role][0], player.largest
-    said, driven = [], []
-    for place in range(len(cases.states)):
-        action, both = decide(*cases.at(place))
-        said.append(action)
-        driven.append(both)
+    said, driven = zip(*(decide(*cases.at(place)) for place in range(len(cases.states))), strict=True)
     away = np.abs(np.array(driven) - controls) / largest
     differ = ~(away <= TOLERANCE).all(axis=1)  # also where one is NaN
     if not player.policy.continuous:

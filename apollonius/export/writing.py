@@ -12,7 +12,7 @@ import numpy as np
 
 from apollonius.agents.names import SHIELDED
 from apollonius.arenas.record import to_dict
-from apollonius.export.c import Compiled, Program, header, source
+from apollonius.export.c import Compiled, Program, files, header, source
 from apollonius.export.parity import Decide, cases_of, compare, microseconds
 from apollonius.export.player import LARGEST, Player
 from apollonius.export.record import Record
@@ -45,8 +45,7 @@ def translate(function: Callable[..., Any], *arguments: Any, name: str = "progra
     Raises:
         InvalidInput: for a primitive or a number type that cannot be translated, with the line that it comes from.
     """
-    program = translated(function, *arguments, name=name)
-    return {f"{name}.h": header(program), f"{name}.c": source(program)}
+    return files(translated(function, *arguments, name=name))
 
 
 def write_c(player: Player, out: Path, constants: bool = False, states: int = STATES) -> Written:
@@ -66,14 +65,14 @@ def write_c(player: Player, out: Path, constants: bool = False, states: int = ST
     require(allowed, "file", out, "a file whose name begins with a letter and goes on with letters, digits and _")
     program = program_of(player, out.stem, constants)
     checked = _check(program, player, constants, states)
-    files = {out: source(program).encode(), out.with_suffix(".h"): header(program, _about(program, player)).encode()}
+    kept = {out: source(program).encode(), out.with_suffix(".h"): header(program, _about(program, player)).encode()}
     for record, argument in zip(program.arguments, _given(player, constants), strict=False):
         if record.name in ("player", "game", "memory") and record.leaves:
-            files[out.with_suffix(f".{record.name}")] = record.pack(argument)
-    files[out.with_suffix(ABOUT)] = to_json(_facts(program, player, files)).encode()
-    for file, content in files.items():
+            kept[out.with_suffix(f".{record.name}")] = record.pack(argument)
+    kept[out.with_suffix(ABOUT)] = to_json(_facts(program, player, kept)).encode()
+    for file, content in kept.items():
         write_atomically(file, content)
-    return Written(tuple(files), (f"The {player.role.name.lower()} {player.name}", *checked))
+    return Written(tuple(kept), (f"The {player.role.name.lower()} {player.name}", *checked))
 
 
 def write_onnx(player: Player, out: Path) -> Written:

@@ -152,9 +152,7 @@ def _packed(polygon: Polygon) -> Polygon:
     return Polygon(jnp.asarray(np.asarray(polygon.vertices, np.float32)))
 
 
-def padded(
-    arena: Arena, discs: int, polygons: int, corners: int, corners_of_map: tuple[int, int] | None = None
-) -> Arena:
+def padded(arena: Arena, discs: int, polygons: int, corners: int, corners_of_map: tuple[int, int] | None) -> Arena:
     """Return an arena with these numbers of discs, polygons and corners of each; what is added is far from everywhere.
 
     Args:

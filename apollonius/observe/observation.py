@@ -14,7 +14,7 @@ from apollonius.game.arena import Arena
 from apollonius.game.chart import Chart
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.game import Game
-from apollonius.game.types import GameState, Real, Role, Scalar
+from apollonius.game.types import GameState, Role, Scalar
 from apollonius.observe.view import Robot, View, look_from, rows_of
 
 
@@ -61,11 +61,6 @@ def perceive(observation: Whole, game: Game, states: GameState, role: Role) -> t
     return lambda numbers: numbers, jax.vmap(lambda row: observation(view(row)))(rows)
 
 
-def scaled(value: Scalar, low: Real, high: Real) -> Scalar:
-    """Map a number from [low, high] to [-1, 1]."""
-    return (2 * value - (low + high)) / jnp.maximum(high - low, 1e-6)
-
-
 @fusion_barrier
 def turned(heading: Scalar) -> tuple[Scalar, Scalar]:
     """Return cosine and sine of a heading, which several numbers share."""
@@ -78,13 +73,3 @@ def clearances_ahead(seen: Arena | Chart, robot: Robot, cos: Scalar, sin: Scalar
     braking = jnp.maximum(state.v, 0.0) ** 2 / jnp.maximum(2 * body.u1_max, 1e-6)
     here, there = seen.clearance(state.x, state.y), seen.clearance(state.x + braking * cos, state.y + braking * sin)
     return [jnp.clip(clearance - body.radius, -1.0, 1.0) for clearance in (here, there)]
-
-
-def position_and_speed(arena: Arena, robot: Robot) -> list[Scalar]:
-    """Return a robot's x, y and v, mapped from their limits to [-1, 1]."""
-    body, state = robot.body, robot.state
-    return [
-        scaled(state.x, arena.x_min, arena.x_max),
-        scaled(state.y, arena.y_min, arena.y_max),
-        scaled(state.v, body.v_min, body.v_max),
-    ]

@@ -2,9 +2,8 @@
 
 from apollonius.io.errors import require
 from apollonius.observe.egocentric import EGOCENTRIC
-from apollonius.observe.encoded import ENCODED
 from apollonius.observe.observation import AbstractObservation
-from apollonius.observe.paper import PAPER
+from apollonius.observe.paper import ENCODED, PAPER
 from apollonius.observe.team import TEAM
 
 _ALL = PAPER, ENCODED, EGOCENTRIC, TEAM

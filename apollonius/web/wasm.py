@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from apollonius.agents.policy import AbstractPolicy
-from apollonius.export.c import Program, header, source
+from apollonius.export.c import Program, files
 from apollonius.io.document import write_atomically
 from apollonius.io.errors import require
 from apollonius.web.programs import player_program
@@ -29,11 +29,7 @@ _OF_PLAYER = (
 
 def sources(programs: Iterable[Program]) -> dict[str, str]:
     """Return the C files of all programs by their names."""
-    return {
-        name: text
-        for one in programs
-        for name, text in ((f"{one.name}.h", header(one)), (f"{one.name}.c", source(one)))
-    }
+    return {name: text for one in programs for name, text in files(one).items()}
 
 
 def digest(files: dict[str, str]) -> str:
@@ -44,13 +40,13 @@ def digest(files: dict[str, str]) -> str:
 def compiled(programs: Sequence[Program], flags: Sequence[str]) -> bytes:
     """Return the module with some programs; raises InvalidInput where the compiler is not installed."""
     require(find_spec("ziglang") is not None, "ziglang", "missing", "installed, as it compiles: pip install ziglang")
-    files = sources(programs)
+    texts = sources(programs)
     with tempfile.TemporaryDirectory() as folder:
-        for name, text in files.items():
+        for name, text in texts.items():
             Path(folder, name).write_text(text)
         command = [sys.executable, "-m", "ziglang", "cc", *_FLAGS, *flags]
         command += [*(f"-Wl,--export={program.name}" for program in programs), "-o", "programs.wasm"]
-        command += [*(name for name in files if name.endswith(".c")), "-lm"]
+        command += [*(name for name in texts if name.endswith(".c")), "-lm"]
         subprocess.run(command, cwd=folder, check=True)
         return Path(folder, "programs.wasm").read_bytes()
 

@@ -24,9 +24,8 @@ from apollonius.game.game import Game, reset_batch
 from apollonius.game.presets import in_teams, make_game, randomised
 from apollonius.game.scenario import Spread
 from apollonius.game.types import GameState, Outcome, RobotState, Role
-from apollonius.observe.encoded import ENCODED
 from apollonius.observe.observation import AbstractObservation
-from apollonius.observe.paper import PAPER
+from apollonius.observe.paper import ENCODED, PAPER
 from apollonius.play.playout import play_out
 from apollonius.play.rollout import begin, collect
 from tests.acting import identical, observe

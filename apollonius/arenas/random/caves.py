@@ -7,6 +7,7 @@ import numpy as np
 import scipy  # its parts are loaded where they are used: `scipy.ndimage` alone takes 0.4 s
 from jaxtyping import Bool
 
+from apollonius.arenas.map_file import connected
 from apollonius.arenas.random.scattered import Layout
 from apollonius.game.arena import Arena
 from apollonius.game.occupancy import OccupancyMap, distance_field
@@ -62,8 +63,7 @@ def caves(layout: Layout, rng: np.random.Generator) -> Arena:
 
 def _pillars(free: Bool[np.ndarray, "rows columns"]) -> int:
     """Count the pieces of rock that do not touch the walls, not even corner to corner."""
-    _, count = scipy.ndimage.label(np.pad(~free, 1, constant_values=True), np.ones((3, 3)))  # pyright: ignore[reportGeneralTypeIssues]
-    return int(count) - 1
+    return connected(np.pad(~free, 1, constant_values=True))[1] - 1
 
 
 def _worn(rock: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows columns"]:
@@ -90,10 +90,10 @@ def _widened(rock: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows c
 
 def _parts(corners: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows columns"]:
     """Return the largest part that is joined along edges."""
-    numbered, count = scipy.ndimage.label(corners)  # pyright: ignore[reportGeneralTypeIssues]
-    sizes = np.bincount(np.asarray(numbered).ravel(), minlength=count + 1)
+    numbered, count = connected(corners, corners=False)
+    sizes = np.bincount(numbered.ravel(), minlength=count + 1)
     sizes[0] = 0
-    return (np.asarray(numbered) == np.argmax(sizes)) & corners
+    return (numbered == np.argmax(sizes)) & corners
 
 
 def _clearances(rock: Bool[np.ndarray, "rows columns"]) -> np.ndarray:
