@@ -172,8 +172,8 @@ def test_in_fog_the_opponent_is_drawn_where_it_is_in_sight_and_the_package_shows
     drawn = """async (number) => {
       const { fogOf } = await import("./fog.js");
       const match = apollonius.page.match.from(number);
-      const fog = fogOf({ ...match, isOver: false }, "evader", { ink: "black" });
-      return [fog.isHidden, fog.cells.flatMap((colour, cell) => (colour ? [cell] : []))];
+      const fog = fogOf({ ...match, isOver: false }, "evader");
+      return [fog.isHidden, [...fog.credit].flatMap((credit, cell) => (credit < 0 ? [] : [cell]))];
     }"""
     red = """() => {
       const { width, height } = document.getElementById("canvas");

@@ -4,7 +4,6 @@ import { CELLS, search } from "./calls.js";
 import { PURSUER, other } from "./game.js";
 
 const LINE_OF_SIGHT = { line_of_sight: true };
-const NOTHING = []; // is shaded where the opponent is in sight
 const memories = new WeakMap(); // by a state of a game: what the robot of either side knows then
 
 /** Return a game of two robots in fog. */
@@ -35,27 +34,26 @@ export function bySight(player, byValue) {
   };
 }
 
-/** Return the cells in one colour where an opponent can be, as the robot of a side knows. */
-export function shades(known, colour) {
-  if (known.shades?.colour !== colour) known.shades = { colour, cells: Array.from(known.credit, (credit) => (credit < 0 ? null : colour)) };
-  return known.shades.cells;
-}
-
 /**
  * What a person sees of a match in fog, or null where all is seen.
  *
- * @returns {rival, isHidden, last, cells}: the other side, whether its robot is out of sight, where it was seen last, or null, and
- *   where it can be
+ * @returns {rival, isHidden, last, credit}: the other side, whether its robot is out of sight, where it was seen last, or null, and
+ *   in which cells it can be, as `search` says
  */
-export function fogOf({ game, states, isOver }, me, colours) {
+export function fogOf({ game, states, isOver }, me) {
   if (!me || isOver || !isFoggy(game, me)) return null;
   const found = knowledge(game, states, me);
   const isHidden = found.age > 0;
-  return { rival: other(me), isHidden, last: isHidden && found.isSeen ? found.last : null, cells: isHidden ? shades(found, colours.ink) : NOTHING };
+  return { rival: other(me), isHidden, last: isHidden && found.isSeen ? found.last : null, credit: found.credit };
 }
 
-/** Draw cells of an arena's chart, from the bottom: each in the colour that it has, if any. */
-export function drawCells(context, arena, opacity, colours) {
+/** Draw where an opponent can be: in which cells of an arena's chart. */
+export function drawBelief(context, arena, opacity, credit, colours) {
+  drawCells(context, arena, opacity, credit, colours, (one) => (one < 0 ? null : colours.ink));
+}
+
+/** Draw cells of an arena's chart, from the bottom: each in the colour that its value has, if any. */
+export function drawCells(context, arena, opacity, values, colours, colourOf) {
   const { x_min: x, x_max: right, y_min: y, y_max: top } = arena;
   const cell = Math.max(right - x, top - y) / CELLS;
   context.save();
@@ -64,22 +62,22 @@ export function drawCells(context, arena, opacity, colours) {
   context.clip();
   context.globalAlpha = opacity;
   context.imageSmoothingEnabled = true;
-  context.drawImage(picture(colours), x, y, cell * CELLS, cell * CELLS);
+  context.drawImage(picture(values, colours, colourOf), x, y, cell * CELLS, cell * CELLS);
   context.restore();
 }
 
-const pictures = new WeakMap();
+const pictures = new WeakMap(); // by the values of cells
 
-/** A pixel for each cell; the colours of what is drawn again are not painted again. */
-function picture(colours) {
-  if (pictures.has(colours)) return pictures.get(colours);
+/** A pixel for each cell; what is drawn again in the same colours is not painted again. */
+function picture(values, colours, colourOf) {
+  const painted = pictures.get(values);
+  if (painted?.colours === colours) return painted.canvas;
   const canvas = new OffscreenCanvas(CELLS, CELLS);
   const context = canvas.getContext("2d");
-  colours.forEach((colour, cell) => {
-    if (!colour) return;
-    context.fillStyle = colour;
+  values.forEach((value, cell) => {
+    context.fillStyle = colourOf(value) ?? "transparent";
     context.fillRect(cell % CELLS, Math.floor(cell / CELLS), 1, 1);
   });
-  pictures.set(colours, canvas);
+  pictures.set(values, { colours, canvas });
   return canvas;
 }

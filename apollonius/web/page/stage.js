@@ -31,7 +31,7 @@ export class Stage {
     const [before, after] = states.slice(-2);
     const share = isReplaying ? replayed % 1 : phase === "over" ? 1 : time / match.game.dt;
     const own = people.map((role) => ({ role, number: 0 })).filter((who) => isActive(robotOf(match.state, who)));
-    const fog = fogOf(match, session.me, colours);
+    const fog = fogOf(match, session.me);
     const layers = this.layers.length && !isReplaying && !fog ? layersOf(match, this.#knownOf(match), colours) : null;
     draw(element("canvas"), {
       game: match.game,

@@ -3,7 +3,7 @@
 
 import { CELLS, canStop, move, pathsFrom } from "./calls.js";
 import { circle, cross, path } from "./draw.js";
-import { drawCells, isFoggy, knowledge, shades } from "./fog.js";
+import { drawBelief, drawCells, isFoggy, knowledge } from "./fog.js";
 import { ACTIONS, EVADER, PURSUER, ROLES, bodyOf, isActive, robotOf, robotsOf } from "./game.js";
 
 const HELD = 1; // for how long actions are held to show where they lead [s]
@@ -87,7 +87,7 @@ export function known(game, states, shown, values = () => null) {
     stops: shown.includes("brakes") ? stoppable(game, bodyOf(game, who), robotOf(state, who)) : null,
   }));
   const belief = shown.includes("belief") && isFoggy(game, PURSUER) ? knowledge(game, states, PURSUER) : null;
-  return { robots, leads: shown.includes("regions") ? leads(game, state) : null, belief };
+  return { robots, leads: shown.includes("regions") ? widened(widened(leads(game, state))) : null, belief };
 }
 
 // ---- how it is drawn
@@ -95,8 +95,9 @@ export function known(game, states, shown, values = () => null) {
 /** Return functions that draw what is known of a state: on the bare ground, and above the trails. */
 export function layersOf({ game, state }, { leads, robots, belief }, colours) {
   const beneath = (context) => {
-    if (leads) drawCells(context, game.arena, FAINT, regionsOf(leads, colours));
-    if (belief) drawCells(context, game.arena, DENSE, shades(belief, colours.ink));
+    const first = (lead) => (Number.isNaN(lead) ? null : colours[lead > 0 ? EVADER : PURSUER]);
+    if (leads) drawCells(context, game.arena, FAINT, leads, colours, first);
+    if (belief) drawBelief(context, game.arena, DENSE, belief.credit, colours);
   };
   const above = (context) => {
     context.save();
@@ -104,15 +105,6 @@ export function layersOf({ game, state }, { leads, robots, belief }, colours) {
     context.restore();
   };
   return { beneath, above };
-}
-
-let painted = {}; // leads, and the colours of cells that show them
-
-/** Return each cell in the colour of who is first there. */
-function regionsOf(leads, colours) {
-  const colour = (lead) => (Number.isNaN(lead) ? null : colours[lead > 0 ? EVADER : PURSUER]);
-  if (painted.leads !== leads) painted = { leads, cells: Array.from(widened(widened(leads)), colour) };
-  return painted.cells;
 }
 
 /** Return leads where each cell without a path, as beside walls, takes the lead of one next to it. */
