@@ -18,8 +18,9 @@ from apollonius.agents.shield import MARGIN, Shielded
 from apollonius.export.player import LARGEST, Player, known_state
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
+from apollonius.game.sensing import sense
 from apollonius.game.types import ROLES, GameState, Role
-from apollonius.observe.tracking import Track, delayed, sensed
+from apollonius.observe.tracking import Track, delayed
 from apollonius.observe.view import look
 from apollonius.play.rollout import Games, SideState, begin, collect
 
@@ -92,7 +93,7 @@ def as_given(game: Game, tracks: Track, states: GameState, role: Role, bits: UIn
     def given(track: Track, state: GameState, bits: UInt32[Array, ""]) -> GameState:
         sensors = game.sensors and game.sensors[role]
         assert sensors is not None, "it tracks by them"
-        now = sensed(game, sensors, state, role, bits)
+        now = sense(sensors, game.arena, state, role, bits)
         _, past = delayed(sensors, track.late, now)
         far = jax.tree.map(lambda number: jnp.full_like(number, 2 * LARGEST), state.robots[role][0])
         opponents = [

@@ -18,7 +18,7 @@ from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle, wrap_angle
 from apollonius.game.fusion_barrier import fusion_barrier
-from apollonius.game.types import Action, Real, RobotState, Role, Scalar
+from apollonius.game.types import Action, GameState, Real, RobotState, Role, Scalar
 from apollonius.io.errors import require
 
 MOST_DELAY = MOST_LAG = 10
@@ -132,27 +132,23 @@ class Percept(eqx.Module):
     looked: Bool[Array, ""]
 
 
-Robots = Sequence[tuple[RobotState, Bool[Array, ""]]]
-"""States of robots, and whether they are in play."""
-
-
-def sense(sensors: Sensors, arena: Arena, own: Robots, opponents: Robots, bits: UInt32[Array, ""]) -> Percept:
-    """Return what the robots of one side see of the other, by random bits of this side in this step."""
-    ours, theirs = ([state for state, _ in robots] for robots in (own, opponents))
+def sense(sensors: Sensors, arena: Arena, state: GameState, role: Role, bits: UInt32[Array, ""]) -> Percept:
+    """Return what the robots of one side see of the other in a state, by random bits of this side in this step."""
+    ours, theirs = state.robots[role], state.robots[role.other]
     looked = jnp.ones((), bool)
     if sensors.drop_out is not None:
         key = jax.random.fold_in(jax.random.key(bits), _DROPPED)
         looked = jax.random.uniform(key) >= sensors.drop_out
 
     def is_seen(other: RobotState, there: Bool[Array, ""]) -> Bool[Array, ""]:
-        some = [active & sensors.reaches(arena, robot, other) for robot, active in own]
+        looks = zip(ours, state.active[role], strict=True)
+        some = [active & sensors.reaches(arena, robot, other) for robot, active in looks]
         return looked & there & functools.reduce(operator.or_, some)
 
-    seen = tuple(is_seen(*opponent) for opponent in opponents)
     return Percept(
-        own=sensors.own_noise.added(ours, bits, _OWN) if sensors.own_noise else tuple(ours),
-        opponents=sensors.noise.added(theirs, bits, _OPPONENTS) if sensors.noise else tuple(theirs),
-        seen=seen,
+        own=sensors.own_noise.added(ours, bits, _OWN) if sensors.own_noise else ours,
+        opponents=sensors.noise.added(theirs, bits, _OPPONENTS) if sensors.noise else theirs,
+        seen=tuple(map(is_seen, theirs, state.active[role.other])),
         looked=looked,
     )
 

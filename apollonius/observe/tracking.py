@@ -69,19 +69,13 @@ def follow(game: Game, track: Track | None, state: GameState, role: Role, bits: 
     here = game.at(state)
     if (sensors := here.sensors and here.sensors[role]) is None or track is None:
         return None
-    percept = sensed(here, sensors, state, role, bits)
+    percept = sense(sensors, here.arena, state, role, bits)
     in_sight, before = functools.reduce(operator.or_, percept.seen), track.sightings
     assert before is not None, "it counts them from the start"
     first = jnp.where((before.first < 0) & in_sight, state.steps, before.first)
     sightings = Sightings(first, before.steps + in_sight.astype(jnp.int32))
     late, past = delayed(sensors, track.late, percept)
     return learn(here, replace(track, own=percept.own, late=late, sightings=sightings), past, state, role)
-
-
-def sensed(game: Game, sensors: Sensors, state: GameState, role: Role, bits: UInt32[Array, ""]) -> Percept:
-    """Return what the robots of one side see in a state, in one arena."""
-    ours, theirs = (list(zip(state.robots[one], state.active[one], strict=True)) for one in (role, role.other))
-    return sense(sensors, game.arena, ours, theirs, bits)
 
 
 def delayed(sensors: Sensors, late: Percept | None, percept: Percept) -> tuple[Percept | None, Percept]:

@@ -9,10 +9,11 @@ import pytest
 
 from apollonius.arenas.file import find_game
 from apollonius.game.arena import Arena, Disc
+from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.occupancy import OccupancyMap, distance_field
 from apollonius.game.sensing import BOUND, Noise, Sensing, Sensors, sense
-from apollonius.game.types import RobotState
+from apollonius.game.types import GameState, RobotState, Role
 from apollonius.io.errors import InvalidInput
 from tests.acting import robot
 from tests.oracle.numpy_sight import meets_cells, meets_disc, meets_polygon
@@ -20,6 +21,13 @@ from tests.oracle.numpy_sight import meets_cells, meets_disc, meets_polygon
 OPEN = Arena()
 WORDS = jnp.asarray(np.random.default_rng(0).integers(2**32, size=4000, dtype=np.uint32))
 YES = jnp.ones((), bool)
+
+
+def percept(sensors, arena, own, other, bits):
+    """What pursuers perceive of an evader, each given with whether it is in play."""
+    robots, active = zip(*(zip(*side, strict=True) for side in (own, [other])), strict=True)
+    status = BySide(*(tuple(jnp.where(one, 0, 1) for one in side) for side in active))
+    return sense(sensors, arena, GameState(BySide(*robots), jnp.int32(0), status=status), Role.PURSUER, bits)
 
 
 def hidden(arena, starts, ends):
@@ -91,7 +99,7 @@ def test_cells_hide_what_numpy_says():
     ],
 )
 def test_range_and_field_of_view(sensors, other, seen):
-    found = sense(sensors, OPEN, [(robot(5, 5, 0.0, np.pi), YES)], [(other, YES)], WORDS[0])
+    found = percept(sensors, OPEN, [(robot(5, 5, 0.0, np.pi), YES)], (other, YES), WORDS[0])
     assert bool(found.seen[0]) is seen
 
 
@@ -104,14 +112,14 @@ def test_a_side_sees_what_any_of_its_active_robots_sees_of_robots_in_play():
         ([(behind, YES), (beside, ~YES)], YES, False),
         ([(beside, YES)], ~YES, False),
     ):
-        assert bool(sense(sensors, arena, own, [(other, there)], WORDS[0]).seen[0]) is seen
+        assert bool(percept(sensors, arena, own, (other, there), WORDS[0]).seen[0]) is seen
 
 
 def test_errors_have_the_size_asked_for_and_a_bound():
     noise, own = Noise(0.05, 0.1, 0.02), Noise(position=0.2)
     sensors = Sensors(noise=noise, own_noise=own)
     here, there = robot(1, 2, 0.5, 3.1), robot(4, 4, 0.3, -3.1)
-    found = jax.vmap(lambda bits: sense(sensors, OPEN, [(here, YES)], [(there, YES)], bits))(WORDS)
+    found = jax.vmap(lambda bits: percept(sensors, OPEN, [(here, YES)], (there, YES), bits))(WORDS)
     for robots, truth, asked in ((found.opponents, there, noise), (found.own, here, own)):
         turned = np.angle(np.exp(1j * (np.asarray(robots[0].heading) - float(truth.heading))))
         assert np.all(np.abs(np.asarray(robots[0].heading)) <= np.pi + 1e-6)
@@ -129,7 +137,7 @@ def test_errors_have_the_size_asked_for_and_a_bound():
 
 
 def test_in_a_drop_out_nothing_is_seen():
-    found = jax.vmap(lambda bits: sense(Sensors(drop_out=0.3), OPEN, [(robot(1, 1), YES)], [(robot(2, 2), YES)], bits))(
+    found = jax.vmap(lambda bits: percept(Sensors(drop_out=0.3), OPEN, [(robot(1, 1), YES)], (robot(2, 2), YES), bits))(
         WORDS
     )
     assert np.mean(found.looked) == pytest.approx(0.7, abs=0.03)

@@ -8,6 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from apollonius.agents.classical import uniform_action
+from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.pool import solo
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
@@ -39,6 +41,13 @@ def sensing(name, sensors, pursuers=1, evaders=1):
 def holds(chart, cells, place):
     """Whether a belief holds the cell of a place."""
     return cells.ravel()[chart.nearest_cell(place.x, place.y)] >= 0
+
+
+class Wanders(AbstractPolicy):
+    """One that draws its actions and reads the whole view, so that its side has a belief."""
+
+    def __call__(self, seen, memory, bits):
+        return uniform_action(bits), memory
 
 
 @functools.partial(jax.jit, static_argnames=("games", "steps"))
@@ -84,9 +93,8 @@ def played(game, players, key, games, steps):
 def test_a_belief_never_loses_the_truth(name, sensors, evader, size, games):
     """Every opponent in play is in a cell of the belief, in every state; and the belief is worth having."""
     game = sensing(name, sensors, *size)
-    players = BySide(
-        solo(find_player("intercept", Role.PURSUER, game).policy), solo(find_player(evader, Role.EVADER, game).policy)
-    )
+    flees = Wanders() if evader == "random" else find_player(evader, Role.EVADER, game).policy
+    players = BySide(solo(find_player("intercept", Role.PURSUER, game).policy), solo(flees))
     truths, shares = played(game, players, jax.random.key(0), games, 200)
     assert all(bool(jnp.all(truth)) for side in truths for truth in side)
     assert max(float(jnp.mean(share)) for share in shares) < 0.95 * float(jnp.mean(game.arena.chart.links > 0))
