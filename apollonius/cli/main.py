@@ -7,7 +7,7 @@ import sys
 from typing import Any, NoReturn
 
 from apollonius.cli.arena import add_arena
-from apollonius.cli.evaluate import add_evaluate
+from apollonius.cli.evaluate import add_evaluate, add_simulate
 from apollonius.cli.exploit import add_exploit
 from apollonius.cli.export import add_export, add_replay
 from apollonius.cli.play import add_play
@@ -17,7 +17,6 @@ from apollonius.cli.regret import add_regret
 from apollonius.cli.reproduce import add_reproduce
 from apollonius.cli.runs import add_runs, add_track
 from apollonius.cli.show import add_report, add_show
-from apollonius.cli.simulate import add_simulate
 from apollonius.cli.slice import add_slice
 from apollonius.cli.solve import add_solve
 from apollonius.cli.suite import add_suite

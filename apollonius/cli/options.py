@@ -174,24 +174,25 @@ def finish(*written: Path, then: str = "", json: bool = False) -> None:
     print(*lines, sep="\n", file=sys.stderr, flush=True)
 
 
-def write_replays(options: argparse.Namespace, kind: str, replays: "Iterator[Replay]") -> list[Path]:
-    """Write the first `options.record` games to files named after their kind, number and outcome."""
+def answer_with_replays(
+    options: argparse.Namespace, facts: dict[str, Any], text: str, kind: str, replays: "Iterator[Replay]"
+) -> int:
+    """Print a result, once the first `options.record` games are written to files named after their kind, number and
+    outcome; return the exit status.
+    """
     from apollonius.play.replay import save_replay
 
     if options.record:
         options.display.begin(f"writing {options.record} replays")
-    written = []
+    written = list[Path]()
     for replay in islice(replays, options.record):
         written.append(options.replays / f"{kind}-{replay.index}-{replay.outcome.name.lower()}.json")
         save_replay(replay, written[-1])
-    return written
-
-
-def finish_with_replays(written: list[Path], options: argparse.Namespace) -> None:
-    """Print the last lines of a command that may have recorded games."""
+    answer(options, facts, text)
     if written:
         then = command("show", written[0], "--out", written[0].with_suffix(".gif"))
         finish(options.replays, then=then, json=options.json)
+    return 0
 
 
 def command(*words: object) -> str:

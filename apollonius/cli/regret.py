@@ -8,11 +8,9 @@ from apollonius.cli.options import (
     add_game_options,
     add_json,
     add_record_options,
-    answer,
+    answer_with_replays,
     check_records,
-    finish_with_replays,
     warn,
-    write_replays,
 )
 from apollonius.cli.solve import add_table_options, requested_tables
 from apollonius.cli.values import count, known_agent
@@ -46,6 +44,7 @@ def run_regret(options: argparse.Namespace) -> int:
     require(options.starts != "viable", "--starts", options.starts, "rest or moving; the table says what can be had")
     check_records(options, WORST, f"{WORST}")
     game, _ = starting(game_in_one_arena(options.game, "regret"), options.starts)
+    starts = game.starts.speed
     role, display = Role[options.role.upper()], options.display
     agent = find_player(options.agent, role, game)
     warn(options, game, [agent])
@@ -54,9 +53,7 @@ def run_regret(options: argparse.Namespace) -> int:
     match = Match(game, BySide.of(role, agent, Named(TABLE, other)), options.games, options.seed)
     display.begin("playing against the table", compiles=True)
     card = measure_card(match, own, other, display.report)
-    written = write_replays(options, "game", (record_game(match, lost["game"]) for lost in card.worst))
-    about = {"agent": agent.name, "game": options.game, "starts": game.starts.speed, "seed": options.seed}
+    about = {"agent": agent.name, "game": options.game, "starts": starts, "seed": options.seed}
     about["grid"] = list(own.zero_sum_game.grids[0].counts)
-    answer(options, about | asdict(card), card_table(agent.name, game.starts.speed, card))
-    finish_with_replays(written, options)
-    return 0
+    games, text = (record_game(match, lost["game"]) for lost in card.worst), card_table(agent.name, starts, card)
+    return answer_with_replays(options, about | asdict(card), text, "game", games)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from apollonius.evaluate.vary import VariedMatches
     from apollonius.learn.metrics import MetricsLine
     from apollonius.learn.progress import Progress
+    from apollonius.simulate.simulation import Comparison
     from apollonius.solve.grid import Sweep
 
 
@@ -106,6 +107,21 @@ def columns(rows: Sequence[Sequence[str]]) -> list[str]:
     """Return rows as lines of text with aligned cells, the first to the left and the others to the right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return ["  ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]) for row in rows]
+
+
+def comparison_table(match: "Match", comparison: "Comparison") -> str:
+    """Return a match by the rules and with bodies as lines of text."""
+    by_rules, with_bodies = comparison.rules.outcomes, comparison.bodies.outcomes
+    rows = [("", "by the rules", "with bodies", "difference")]
+    rows += [
+        (f"  {name.replace('_', ' ')}", f"{count:,}", f"{with_bodies[name]:,}", "")
+        for name, count in by_rules.items()
+        if count or with_bodies[name]
+    ]
+    for event, rate in comparison.differences.items():
+        low, high = (f"{100 * end:+.1f}" for end in rate.interval)
+        rows.append((f"  {event}", f"{rate.rules:.1%}", f"{rate.bodies:.1%}", f"{low} to {high} points (95 %)"))
+    return "\n".join([match_heading(match), *columns(rows)])
 
 
 def tournament_table(tournament: "Tournament", starts: str) -> str:

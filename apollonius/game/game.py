@@ -16,8 +16,7 @@ from apollonius.game.chart import Chart
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.judge import fates, judge
-from apollonius.game.leads import leads
-from apollonius.game.reward import Reward
+from apollonius.game.reward import Reward, leads
 from apollonius.game.scenario import Scenario
 from apollonius.game.sensing import Drives, Sensing
 from apollonius.game.starts import Starts

@@ -1,4 +1,4 @@
-"""The rewards of a step: the paper's (Eq. 8, 9) or the zero-sum profile."""
+"""The rewards of a step: the paper's (Eq. 8, 9) or the zero-sum profile; and progress, by the line or by the way."""
 
 import functools
 import operator
@@ -10,9 +10,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Int
 
 from apollonius.game.by_side import BySide
+from apollonius.game.chart import Chart
 from apollonius.game.judge import Fate
 from apollonius.game.outcome import evader_wins, pursuer_wins
-from apollonius.game.types import Outcome, Real, Scalar
+from apollonius.game.teams import nearest
+from apollonius.game.types import GameState, Outcome, Real, RobotState, Scalar
 from apollonius.io.errors import require
 
 
@@ -98,3 +100,32 @@ class Reward(eqx.Module):
             tuple(pursuer(robot) for robot in robots.pursuer),
             tuple(evader(robot, before, after, closer) for robot, (before, after), closer in evaders),
         )
+
+
+def leads(before: GameState, after: GameState, chart: Chart | None) -> list[tuple[Scalar, Scalar]]:
+    """Return each evader's distances [m] from the nearest active pursuer, before and after a step.
+
+    By a chart they are the ways to it, unless the chart lacks one of the two.
+    """
+
+    def lead(state: GameState, evader: RobotState) -> Scalar:
+        pursuers = state.robots.pursuer
+        pursuer = nearest(evader, pursuers, before.active.pursuer, pursuers)
+        return jnp.hypot(evader.x - pursuer.x, evader.y - pursuer.y)
+
+    def way(chart: Chart, state: GameState, evader: RobotState) -> Scalar:
+        pursuers = zip(state.robots.pursuer, before.active.pursuer, strict=True)
+        ways = [
+            jnp.where(active, chart.way(robot.x, robot.y, evader.x, evader.y), jnp.inf) for robot, active in pursuers
+        ]
+        return functools.reduce(jnp.minimum, ways)
+
+    def ends(start: RobotState, end: RobotState) -> tuple[Scalar, Scalar]:
+        straight = lead(before, start), lead(after, end)
+        if chart is None:
+            return straight
+        ways = way(chart, before, start), way(chart, after, end)
+        known = jnp.isfinite(ways[0]) & jnp.isfinite(ways[1])
+        return jnp.where(known, ways[0], straight[0]), jnp.where(known, ways[1], straight[1])
+
+    return [ends(*pair) for pair in zip(before.robots.evader, after.robots.evader, strict=True)]
