@@ -14,7 +14,7 @@ from apollonius.game.arena import Arena
 from apollonius.game.chart import Chart
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.game import Game
-from apollonius.game.types import GameState, Role, Scalar
+from apollonius.game.types import GameState, Real, Role, Scalar
 from apollonius.observe.view import Robot, View, look_from, rows_of
 
 
@@ -59,6 +59,11 @@ def perceive(observation: Whole, game: Game, states: GameState, role: Role) -> t
     if observation == WHOLE:
         return view, rows
     return lambda numbers: numbers, jax.vmap(lambda row: observation(view(row)))(rows)
+
+
+def scaled(value: Scalar, low: Real, high: Real) -> Scalar:
+    """Map a number from [low, high] to [-1, 1]."""
+    return (2 * value - (low + high)) / jnp.maximum(high - low, 1e-6)
 
 
 @fusion_barrier

@@ -6,14 +6,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from apollonius.game.arena import Arena
-from apollonius.game.types import Real, Scalar
-from apollonius.observe.observation import AbstractObservation, clearances_ahead, turned
+from apollonius.game.types import Scalar
+from apollonius.observe.observation import AbstractObservation, clearances_ahead, scaled, turned
 from apollonius.observe.view import Robot, View
-
-
-def scaled(value: Scalar, low: Real, high: Real) -> Scalar:
-    """Map a number from [low, high] to [-1, 1]."""
-    return (2 * value - (low + high)) / jnp.maximum(high - low, 1e-6)
 
 
 def position_and_speed(arena: Arena, robot: Robot) -> list[Scalar]:
