@@ -122,4 +122,6 @@ def play_tournament(
         require(named and len({*named}) == len(named), side, ", ".join(named) or "none", "one at least, each once")
     matches = [Match(game, BySide(*pair), games, seed, viable) for pair in itertools.product(*players)]
     results = iter(play_matches(matches, on_match, report, run=run))
-    return Tournament(*names.pair, tuple(tuple(next(results) for _ in names.evader) for _ in names.pursuer))
+    return Tournament(
+        names.pursuer, names.evader, tuple(tuple(next(results) for _ in names.evader) for _ in names.pursuer)
+    )

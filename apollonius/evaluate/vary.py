@@ -16,7 +16,7 @@ from apollonius.agents.shield import Backup, Shielded
 from apollonius.evaluate.match import Match, MatchResult, play_match, play_matches
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.types import Role
+from apollonius.game.types import ROLES
 from apollonius.io.errors import InvalidInput, require
 from apollonius.play.playout import Report
 
@@ -109,16 +109,13 @@ def play_varied(
     play: Callable[..., MatchResult] = play_match,
 ) -> VariedMatches:
     """Play `varied_matches`; arguments and errors are those of `play_matches`."""
-    for role in Role:
-        policies = alike([match.players[role].policy for match in matches])
-        matches = [_with_policy(match, role, policy) for match, policy in zip(matches, policies, strict=True)]
+    policies = zip(*ROLES.map(lambda role: alike([match.players[role].policy for match in matches])), strict=True)
+    matches = [
+        replace(match, players=BySide(*map(lambda one, policy: replace(one, policy=policy), match.players, both)))
+        for match, both in zip(matches, policies, strict=True)
+    ]
     results = play_matches(matches, report=report, play=play)
     return VariedMatches(matches[0], tuple(variations), tuple(results))
-
-
-def _with_policy(match: Match, role: Role, policy: AbstractPolicy) -> Match:
-    player = replace(match.players[role], policy=policy)
-    return replace(match, players=BySide.of(role, player, match.players[role.other]))
 
 
 def alike(policies: Sequence[AbstractPolicy]) -> list[AbstractPolicy]:

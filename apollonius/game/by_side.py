@@ -32,10 +32,6 @@ class BySide(eqx.Module, Generic[T_co]):
     def __iter__(self) -> Iterator[T_co]:
         return iter((self.pursuer, self.evader))
 
-    @property
-    def pair(self) -> tuple[T_co, T_co]:
-        return self.pursuer, self.evader
-
     def map(self, function: Callable[[T_co], U]) -> "BySide[U]":
         return BySide(function(self.pursuer), function(self.evader))
 

@@ -144,7 +144,7 @@ class RolloutSearch(AbstractSearch):
             return jnp.broadcast_to(leaf, shape).reshape(-1)
 
         def stepped(state: GameState, own: Action, other: Action) -> tuple[GameState, Int[Array, ""]]:
-            after = game.step(state, *BySide.of(role, own, other).pair)
+            after = game.step(state, *BySide.of(role, own, other))
             return after.state, after.outcome
 
         def one_step(

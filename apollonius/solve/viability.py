@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Bool, PRNGKeyArray
 
 from apollonius.agents.shield import Backup
+from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import ROLES, GameState, RobotState, Role, Scalar
 from apollonius.io.cache import Memory
@@ -35,16 +36,13 @@ class TableClearance(eqx.Module):
         return self.grid.interpolate(self.table, robot)
 
 
-class Viability(eqx.Module):
+class Viability(BySide[Backup | TableClearance]):
     """The judge of starts from which both robots can stay clear of everything for ever, by the clearance that each can
     keep."""
 
-    pursuer: Backup | TableClearance
-    evader: Backup | TableClearance
-
     def __call__(self, state: GameState) -> Bool[Array, ""]:
         """Return whether every robot can stay clear."""
-        sides = zip((self.pursuer, self.evader), state.robots, strict=True)
+        sides = zip(self, state.robots, strict=True)
         kept = [judge.clearance(robot) >= 0 for judge, robots in sides for robot in robots]
         return functools.reduce(jnp.logical_and, kept)
 

@@ -113,7 +113,8 @@ class ZeroSumGame(eqx.Module):
 
     def pair(self, own: RobotState, other: RobotState) -> tuple[RobotState, RobotState]:
         """Return the pursuer's state and the evader's."""
-        return BySide.of(self.role, own, other).pair
+        both = BySide.of(self.role, own, other)
+        return both.pursuer, both.evader
 
     def payoff_of(self, outcome: Int[Array, "*batch"], seconds: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
         """Return the value to this side of an outcome after some seconds."""

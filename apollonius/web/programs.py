@@ -1,5 +1,6 @@
 """The programs of the page, and of a user's own player: the functions of `functions.py`, translated."""
 
+import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import fields
 from typing import Any, TypeVar
@@ -77,7 +78,10 @@ _RULES: dict[str, Callable[[Scalar], AbstractClassical]] = {
 }
 
 
-def _made(function: Callable[..., Any], *given: Any, name: str | None = None) -> Program:
+def _made(function: Callable[..., Any], name: str | None = None, **shapes: Any) -> Program:
+    """Return a function's program, for arguments of the page's shapes, by their names, or of these."""
+    shapes = jax.eval_shape(_examples) | shapes
+    given = (shapes[parameter] for parameter in inspect.signature(function).parameters)
     with jax.numpy_dtype_promotion("standard"):  # numbers that are Python's elsewhere are data here
         return translated(function, *given, name=name or function.__name__, whole=True)
 
@@ -99,35 +103,22 @@ def player_program(player: AbstractPolicy) -> Program:
         seen = robots.seen(floor.arena(field, chart), capture_distance)
         return jnp.asarray(player(player.observation(seen), (), jnp.uint32(0))[0], jnp.int32)
 
-    shapes = jax.eval_shape(_examples)
-    return _made(own, *(shapes[name] for name in ("robots", "floor", "field", "chart", "real", "real")))
+    return _made(own)
 
 
 def page_programs() -> Iterator[Program]:
     """Yield all programs of the page."""
-
-    shapes = jax.eval_shape(_examples)
-    body, robot, robots, floor, field, drawn = (
-        shapes[name] for name in ("body", "robot", "robots", "floor", "field", "chart")
-    )
-    real, whole, pair = (shapes[name] for name in ("real", "whole", "pair"))
-    yield _made(step, robots, floor, field, shapes["levels"], real, real, whole)
-    yield _made(move, body, robot, pair, real)
-    yield _made(clearance, floor, field, real, real)
-    yield _made(clearance_along, floor, field, robot, robot)
-    yield _made(clearance_after, body, robot, pair, real, floor, field)
-    yield _made(chart, floor, field, shapes["corners"], real, real)
-    yield _made(cell_weights, drawn, real, real)
-    yield _made(network, shapes["weights"], shapes["sizes"], whole, shapes["inputs"])
-    yield _made(search, robots, floor, field, drawn, real, real, shapes["known"], shapes["shares"])
+    yield _made(step, levels=jax.ShapeDtypeStruct((2 * ROBOTS, 2), jnp.float32))
+    for function in (move, clearance, clearance_along, clearance_after, chart, cell_weights, network, search):
+        yield _made(function)
     for name in READS:
-        yield _made(_observation(name), robots, floor, field, drawn, real, name=f"see_{name}")
+        yield _made(_observation(name), f"see_{name}")
     for name, player in _RULES.items():
-        yield _made(_rule(player), robots, floor, field, drawn, real, real, name=name)
+        yield _made(_rule(player), name)
 
 
 def _examples() -> dict[str, Any]:
-    """Return arguments of the page's shapes."""
+    """Return arguments of the page's shapes by their names."""
 
     def real(*shape: int) -> Array:
         return jnp.zeros(shape, jnp.float32)
@@ -146,6 +137,7 @@ def _examples() -> dict[str, Any]:
     return {
         "body": body,
         "robot": robot,
+        "end": robot,
         "robots": Robots(several(many, body), several(many, robot), whole(many)),
         "floor": Floor(real(4), disc, several(MOST_DISCS, disc), several(MOST_EDGES, edge), real(3), whole(4)),
         "field": real(_ENDLESS),
@@ -153,11 +145,10 @@ def _examples() -> dict[str, Any]:
         "known": Known(Track((robot,), (robot,), (number,), None, belief, Sightings(whole(), whole())), whole()),
         "shares": real(COARSE**2),
         "corners": real(2, SIDE + 1),
-        "levels": real(many, 2),
+        "levels": real(2),
         "weights": real(_ENDLESS),
         "sizes": whole(MOST_LAYERS + 2),
         "inputs": real(MOST_WIDTH),
-        "pair": real(2),
-        "real": real(),
-        "whole": whole(),
+        **dict.fromkeys(("x", "y", "side", "radius", "capture_distance", "dt"), number),
+        **dict.fromkeys(("left", "count"), whole()),
     }

@@ -107,10 +107,10 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
         # Two runs give their agents the same names, and those of the zoo.
         agents = {} if path.parent == ZOO.resolve() else {f"{path.stem} of {path.parents[1].name}": path}
         name = name.removesuffix(bare) + next(iter(agents), path.stem)
-    players, difficulty = BySide.of(side, name, YOU).pair, "fair" if against is None else "sharp"
+    players, difficulty = BySide.of(side, name, YOU), "fair" if against is None else "sharp"
     arena, level = Path(of_two).stem if games else of_two, 1 if is_first else None
     known = f"{team}/{arena}" if team else arena
-    return Choice(*players, known, difficulty, seed, level, agents, games)
+    return Choice(players.pursuer, players.evader, known, difficulty, seed, level, agents, games)
 
 
 def write_site(folder: Path, choice: Choice | None = None) -> None:
