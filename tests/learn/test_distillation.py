@@ -273,8 +273,8 @@ def test_a_run_that_is_stopped_goes_on_to_the_same_end(uninterrupted, tmp_path):
 
 @pytest.mark.parametrize(
     ("change", "message"),
-    [({"teacher": "E_smooth"}, "one that values the nine actions"), ({"opponents": ("nobody",)}, "called 'nobody'")],
+    [({"teacher": "P_smooth"}, "one that values the nine actions"), ({"opponents": ("nobody",)}, "called 'nobody'")],
 )
 def test_players_that_cannot_take_part_are_refused(change, message):
     with pytest.raises(InvalidInput, match=message):
-        make_settings(replace(RUN, distillation=replace(STAGE, clearance=0.0, **change)), GAME, None)
+        make_settings(replace(RUN, game=SHORT_SIGHTED, distillation=replace(SEEING, **change)), SHORT_SIGHTED, None)

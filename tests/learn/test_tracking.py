@@ -2,7 +2,6 @@
 
 import shutil
 import sys
-from pathlib import Path
 from unittest.mock import MagicMock
 
 import pytest
@@ -10,16 +9,11 @@ import pytest
 from apollonius.cli.main import main
 from apollonius.learn.folder import load_config
 from apollonius.learn.metrics import load_metrics
-from tests.documents import REPOSITORY
 
 
 @pytest.fixture
-def run(tmp_path):
-    """A finished run of both stages, and a few of its records."""
-    folder = Path(shutil.copytree(REPOSITORY / "docs" / "results" / "demo", tmp_path / "demo"))
-    first, *_, before, last = (folder / "metrics.jsonl").read_text().splitlines(keepends=True)
-    (folder / "metrics.jsonl").write_text(first + before + last)
-    return folder
+def run(demo, tmp_path):
+    return shutil.copytree(demo, tmp_path / "demo")
 
 
 def check(found, run):

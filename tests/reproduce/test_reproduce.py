@@ -17,7 +17,6 @@ from apollonius.learn.run import Run
 from apollonius.reproduce.finding import outcome_table
 from apollonius.reproduce.reproduction import SECTIONS, reproduce
 from apollonius.reproduce.study import RUN_OF, SELF_PLAYED, run_configs
-from tests.documents import REPOSITORY
 from tests.learn.tiny import GAME
 from tests.learn.tiny import RUN as TINY
 
@@ -38,9 +37,9 @@ def tiny_budget():
 
 
 @pytest.fixture(scope="module")
-def study(tmp_path_factory):
+def study(demo, tmp_path_factory):
     """A study of finished trainings: the agents and the course of the run that the site reports on."""
-    folder, demo = tmp_path_factory.mktemp("study"), REPOSITORY / "docs/results/demo"
+    folder = tmp_path_factory.mktemp("study")
     agents = {"P_scratch": "P_stage1", "P_random": "P_stage1", "E_scratch": "E_curriculum"}
     for name, config in run_configs(PRESETS["quick"], 0).items():
         create_run(config, run := folder / "seed-0" / name)

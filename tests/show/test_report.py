@@ -6,7 +6,6 @@ import re
 import shutil
 from dataclasses import replace
 from html import unescape
-from pathlib import Path
 
 import pytest
 
@@ -36,18 +35,8 @@ class Document:
 
 
 @pytest.fixture(scope="module")
-def finished_run(tmp_path_factory):
-    """The run that the site reports on, with every tenth record and those with evaluations. Not to be written into."""
-    folder = Path(shutil.copytree(REPOSITORY / "docs/results/demo", tmp_path_factory.mktemp("runs") / "demo"))
-    lines = (folder / "metrics.jsonl").read_text().splitlines(keepends=True)
-    kept = [line for number, line in enumerate(lines) if number % 10 == 0 or '"evaluation"' in line]
-    (folder / "metrics.jsonl").write_text("".join(kept))
-    return folder
-
-
-@pytest.fixture(scope="module")
-def page(finished_run):
-    return report_of(finished_run)
+def page(demo):
+    return report_of(demo)
 
 
 @pytest.fixture(scope="module")
@@ -56,9 +45,9 @@ def document(page):
 
 
 @pytest.fixture
-def copy(finished_run, tmp_path):
+def copy(demo, tmp_path):
     """The run, to be changed."""
-    return Path(shutil.copytree(finished_run, tmp_path / "copy"))
+    return shutil.copytree(demo, tmp_path / "copy")
 
 
 def test_the_page_needs_nothing_from_outside(page, tmp_path):
@@ -76,16 +65,16 @@ def test_the_page_needs_nothing_from_outside(page, tmp_path):
     assert (tmp_path / "report.html").stat().st_size < MAX_BYTES
 
 
-def test_the_page_shows_the_runs_own_numbers_beside_the_papers(document, finished_run):
-    match = json.loads((finished_run / "evaluation.json").read_text())["P_curriculum against random"]
+def test_the_page_shows_the_runs_own_numbers_beside_the_papers(document, demo):
+    match = json.loads((demo / "evaluation.json").read_text())["P_curriculum against random"]
     assert f"{100 * match['pursuer_win_rate']:.1f} % won by the pursuer (the paper: 93.0 %)" in document.text
     for outcome, count in match["outcomes"].items():
         assert f"{outcome.replace('_', ' ')} {count:,} {100 * (count / match['games']):.1f} %" in document.text
     assert re.search(r"captured [\d,]+ [\d.]+ % 12.4 %", document.text)
-    last = json.loads((finished_run / "metrics.jsonl").read_text().splitlines()[-1])
+    last = json.loads((demo / "metrics.jsonl").read_text().splitlines()[-1])
     assert f"{last['env_steps']:,}" in document.text
     assert f"{last['episodes']:,}" in document.text
-    assert " ".join((finished_run / "config.toml").read_text().split()) in document.text
+    assert " ".join((demo / "config.toml").read_text().split()) in document.text
     assert "demo/P_curriculum against random" in document.text, "not the zoo's agent of that name"
     assert "Not " not in document.text
     assert sum(paper_shares("P_curriculum", "random").values()) == pytest.approx(1)
@@ -94,8 +83,8 @@ def test_the_page_shows_the_runs_own_numbers_beside_the_papers(document, finishe
         assert document.text.count(label) >= 2
 
 
-def test_the_games_are_those_of_the_runs_agents_worst_first(document, finished_run):
-    agents, games = last_agents(finished_run), document.games
+def test_the_games_are_those_of_the_runs_agents_worst_first(document, demo):
+    agents, games = last_agents(demo), document.games
     assert pairings(agents) == [("P_curriculum", "random"), ("P_curriculum", "E_curriculum"), ("P_stage1", "still")]
     shown = [tuple(f"demo/{name}" if name in agents else name for name in names) for names in pairings(agents)]
     assert list(dict.fromkeys((one["pursuer"], one["evader"]) for one in games)) == shown

@@ -4,7 +4,6 @@ import itertools
 import json
 import re
 from dataclasses import replace
-from importlib.util import find_spec
 
 import jax
 import jax.numpy as jnp
@@ -20,6 +19,7 @@ from apollonius.io.errors import InvalidInput
 from apollonius.observe.view import look
 from apollonius.play.replay import as_state, load_replay
 from apollonius.show.fog import fog
+from apollonius.web import wasm
 from apollonius.web.programs import player_program
 from apollonius.web.wasm import digest, sources, write_player
 from tests.documents import REPOSITORY
@@ -433,10 +433,11 @@ def test_the_player_on_the_page_is_made_of_the_one_in_the_document(spiral):
     assert digest(sources([player_program(spiral)])) == SPIRAL
 
 
-def test_a_player_that_the_page_cannot_play_is_refused_and_so_is_a_compiler_that_is_missing(spiral, tmp_path):
-    team = find_player("P_smooth", Role.PURSUER, make_game("paper")).policy
+def test_a_player_that_the_page_cannot_play_is_refused_and_so_is_a_compiler_that_is_missing(tmp_path, monkeypatch):
+    smooth = find_player("P_smooth", Role.PURSUER, make_game("paper")).policy
     with pytest.raises(InvalidInput, match=r"player = .* discrete actions and without a memory"):
-        player_program(team)
-    if find_spec("ziglang") is None:
-        with pytest.raises(InvalidInput, match=r"ziglang = missing .* pip install ziglang"):
-            write_player(spiral, tmp_path / "spiral.wasm")
+        write_player(smooth, tmp_path / "smooth.wasm")
+    monkeypatch.setattr(wasm, "player_program", lambda player: None)
+    monkeypatch.setattr(wasm, "find_spec", lambda module: None)
+    with pytest.raises(InvalidInput, match=r"ziglang = missing .* pip install ziglang"):
+        write_player(smooth, tmp_path / "smooth.wasm")
