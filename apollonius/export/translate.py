@@ -38,6 +38,8 @@ _READS_ONCE = {*COMPUTED, *FOLDS, "squeeze", "transpose", "expand_dims"}
 """Those that read each element of an operand once, if it is of their result's size or they fold it."""
 _STAYS = 24
 """Equations that a called function must have at least to stay one."""
+_LIBRARIES = f"{Path(jax.__file__).parents[1]}/"
+"""The folder of JAX and of other libraries."""
 
 
 def translated(function: Callable[..., Any], *arguments: Any, name: str = "program", whole: bool = False) -> Program:
@@ -206,8 +208,8 @@ def _length(jaxpr: Jaxpr) -> int:
 
 def _line_of(equation: JaxprEqn) -> str | None:
     """Return the line of Python that an equation comes from, outside of libraries; None if it is of one."""
-    traceback, libraries = equation.source_info.traceback, Path(jax.__file__).parents[1]
+    traceback = equation.source_info.traceback
     for frame in traceback.frames if traceback else ():
-        if libraries not in Path(frame.file_name).parents:
+        if not frame.file_name.startswith(_LIBRARIES):
             return f"line {frame.line_num} of {frame.file_name}"
     return None
