@@ -52,6 +52,7 @@ def test_players_of_several_kinds_have_games_of_their_own():
     kinds, games = (Holding(Drifting(), 2), Drifting()), (2, 3)
     starts = jax.tree.map(lambda leaf: leaf[:5], STARTS)
 
+    @jax.jit
     def played(pursuers):
         players = BySide(pursuers, solo(RUNNER))
         begun = begin(GAME, starts, players, jnp.zeros((2, 5), jnp.uint32))

@@ -7,15 +7,15 @@ import pytest
 
 from apollonius.cli.terminal import advice_table
 from apollonius.evaluate import advice
+from apollonius.game.arena import Arena
 from apollonius.game.presets import make_game
-from apollonius.game.starts import Starts
 
-PANEL = {"full": {"pursuer": ("still", "shielded:intercept"), "evader": ("still", "flee")}}
+PANEL = {"full": {"pursuer": ("still", "intercept"), "evader": ("still", "flee")}}
 
 
 @pytest.fixture(scope="module")
 def advised():
-    short = replace(make_game("paper"), max_steps=60, starts=Starts(speed="rest"))
+    short = replace(make_game("paper"), arena=Arena(), max_steps=60)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(advice, "PANELS", PANEL)
         yield advice.advise(short, 16, seed=1)
@@ -24,7 +24,7 @@ def advised():
 def test_the_best_players_are_those_that_do_best_against_their_worst_opponent(advised):
     rates = advised.tournament.win_rates
     assert 0 < rates[1].min() < 1
-    assert advised.best.pursuer == "shielded:intercept"
+    assert advised.best.pursuer == "intercept"
     assert advised.least.pursuer == rates[1].min()
     assert advised.least.evader == 1 - rates[:, ["still", "flee"].index(advised.best.evader)].max()
     assert advised.least.evader == (1 - rates.max(axis=0)).max()
@@ -39,5 +39,5 @@ def test_stops_are_where_the_best_pursuer_was_when_the_time_for_a_standing_evade
 def test_the_table_names_players_rates_and_places(advised):
     text = advice_table(advised)
     x, y = advised.stops[0]
-    for part in ("shielded:intercept, which wins", f"({x:g}, {y:g})", f"{advised.tournament.win_rates[1, 0]:.0%}"):
+    for part in ("intercept, which wins", f"({x:g}, {y:g})", f"{advised.tournament.win_rates[1, 0]:.0%}"):
         assert part in text

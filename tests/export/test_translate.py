@@ -148,11 +148,13 @@ def calls(x):
     return {"one": one, "two": two, "again": long(one[0], x[1:])}
 
 
-def same(function, *arguments, within=2e-6):
-    program = translated(function, *arguments, name="tried")
-    made = jax.tree.leaves(dict(sorted(jax.jit(function)(*arguments).items())))
-    for found, wanted in zip(Compiled(program, SANITIZED)(*arguments), made, strict=True):
-        np.testing.assert_allclose(found, wanted, rtol=within, atol=within)
+def same(function, cases, within=2e-6):
+    program = translated(function, *cases[0], name="tried")
+    compiled, by_jax = Compiled(program, SANITIZED), jax.jit(function)
+    for arguments in cases:
+        made = jax.tree.leaves(dict(sorted(by_jax(*arguments).items())))
+        for found, wanted in zip(compiled(*arguments), made, strict=True):
+            np.testing.assert_allclose(found, wanted, rtol=within, atol=within)
     return program
 
 
@@ -163,18 +165,17 @@ A = np.array([[1.5, -2, 0, 4], [3, 0, -1, 2], [-4, 7, 5, -6]], np.float32)
 
 @needs_gcc
 @pytest.mark.parametrize(
-    ("function", "arguments"),
+    ("function", "cases"),
     [
-        (real, (X, Y)),
-        (whole, (np.array([-7, 0, 5, 9], np.int32), np.array([2, 3, 1, 4], np.int32))),
-        *((arrays, (A, np.int32(k))) for k in (1, -1, 9)),
-        (flow, (X[:3], np.int32(7))),
-        (calls, (X[:3],)),
+        (real, [(X, Y)]),
+        (whole, [(np.array([-7, 0, 5, 9], np.int32), np.array([2, 3, 1, 4], np.int32))]),
+        (arrays, [(A, np.int32(k)) for k in (1, -1, 9)]),  # within the bounds, before and beyond
+        (flow, [(X[:3], np.int32(7))]),
+        (calls, [(X[:3],)]),
     ],
-    ids=["real", "whole", "within", "before", "beyond", "flow", "calls"],
 )
-def test_programs_in_c_do_what_jax_does(function, arguments):
-    program = same(function, *arguments)
+def test_programs_in_c_do_what_jax_does(function, cases):
+    program = same(function, cases)
     if function is calls:  # a function that is called stays one, and equal ones are one
         assert (len(program.functions), source(program).count("long_1(")) == (1, 4)
 

@@ -59,7 +59,7 @@ def visited():
 
 
 def test_what_is_asked_is_those_visited_and_others_around_close_and_anywhere(visited):
-    asked = jax.jit(query_states)(GAME, visited, jax.random.key(1))
+    asked, visited = jax.tree.map(np.asarray, (jax.jit(query_states)(GAME, visited, jax.random.key(1)), visited))
     same, around, close, anywhere = np.split(np.arange(len(asked.steps)), [400, 800, 900])
     assert len(anywhere) == 100
     for before, after in zip(jax.tree.leaves(visited), jax.tree.leaves(asked), strict=True):
@@ -189,7 +189,7 @@ def test_where_there_is_nothing_to_learn_nothing_is_learned():
     network = make_network("paper", 4, 1, jax.random.key(3))
     rows, values = jax.random.normal(jax.random.key(1), (8, 8)), jax.random.normal(jax.random.key(2), (8, 9))
     half = values.at[::2].set(jnp.nan)
-    slope = jax.grad(lambda network, labels: distillation._error(network, labels))
+    slope = jax.jit(jax.grad(distillation._error))
     some, all_known = slope(network, (rows, half)), slope(network, (rows[1::2], values[1::2]))
     for one, other in zip(jax.tree.leaves(some), jax.tree.leaves(all_known), strict=True):
         np.testing.assert_allclose(one, other / 2, atol=1e-6)

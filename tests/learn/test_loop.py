@@ -153,7 +153,7 @@ def test_a_stage_is_traced_once():
     play_stage(seed=0, chunks=1, game=game)
     first = len(traces)
     assert first > before
-    play_stage(seed=1, chunks=3, game=replace(game, capture_distance=0.4, max_steps=90))
+    play_stage(seed=1, chunks=2, game=replace(game, capture_distance=0.4, max_steps=90))
     assert len(traces) == first
 
 

@@ -51,9 +51,10 @@ def test_everyone_plays_their_own_games():
     member = players.sample(bits)
     assert member.tolist() == [0] * 4 + [1] * 5 + [2] * 5 + [3] * 5 + [0] * 11
     observation = jax.random.normal(jax.random.key(9), (30, 8))
-    expected = act_in_rows(stack([Greedy(one) for one in (at_large, *others)]), member, observation, bits)
-    assert act_in_rows(players, member, observation, bits).tolist() == expected.tolist()
-    alone = act_in_rows(solo(Greedy(at_large)), member, observation, bits)
+    acts = jax.jit(act_in_rows)
+    expected = acts(stack([Greedy(one) for one in (at_large, *others)]), member, observation, bits)
+    assert acts(players, member, observation, bits).tolist() == expected.tolist()
+    alone = acts(solo(Greedy(at_large)), member, observation, bits)
     assert (expected != alone).any()
 
 

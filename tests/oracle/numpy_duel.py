@@ -32,7 +32,7 @@ class Robot:
 def captures(game, first, second, farthest):
     """The step in which two held actions lead to a capture, by node, node, action, action; inf where they do not."""
     size = len(first.order)
-    steps = np.full((size, size, 9, 9), math.inf)
+    steps, near = np.full((size, size, 9, 9), math.inf), game.capture_distance
     for i, j in product(range(size), repeat=2):
         one, other = first.states[first.order[i]], second.states[second.order[j]]
         if math.dist(one[:2], other[:2]) > farthest:
@@ -40,7 +40,7 @@ def captures(game, first, second, farthest):
         for a, b in product(range(9), repeat=2):
             both = zip(pairwise(first.courses[i][a]), pairwise(second.courses[j][b]), strict=True)
             for number, ((s, s_after), (o, o_after)) in enumerate(both, start=1):
-                if closest_pass(s, s_after, o, o_after) < game.capture_distance:
+                if closest_pass(s, s_after, o, o_after) < near:
                     steps[i, j, a, b] = number
                     break
     return steps
