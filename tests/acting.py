@@ -1,9 +1,14 @@
-"""Robots placed by hand, players asked by hand without the memory that a game would carry on, and what came of it."""
+"""Robots placed by hand, players asked by hand without the memory that a game would carry on, and their matches."""
+
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from apollonius.agents.kind import Named
+from apollonius.evaluate.match import Match
+from apollonius.game.by_side import BySide
 from apollonius.game.types import GameState, RobotState
 from apollonius.observe.registry import find_observation
 from apollonius.observe.view import look
@@ -16,6 +21,13 @@ def robot(x, y, v=0.0, heading=0.0):
 def state(pursuer, evader):
     """Return the start of a game of two, from x, y, v and heading of each."""
     return GameState.of_two(robot(*pursuer), robot(*evader), jnp.int32(0))
+
+
+def state_of(pursuers, evaders, statuses):
+    """Return the start of a game of teams, from places and statuses of either side."""
+    robots = BySide(*(tuple(robot(*place) for place in side) for side in (pursuers, evaders)))
+    status = BySide(*(tuple(map(jnp.int32, side)) for side in statuses))
+    return replace(GameState.at_start(robots), status=status)
 
 
 def act(player, seen, bits):
@@ -36,6 +48,11 @@ def observe(game, state, role, name):
 def of_views(function, game, states, role, *rest):
     """Return what a function makes of one side's view in each of several games, and of the rest."""
     return jax.vmap(lambda state, *rest: function(look(game, state, role), *rest))(states, *rest)
+
+
+def a_match(game, pursuer, evader, games, seed=0, **which):
+    """Return a match of two policies that nobody has named."""
+    return Match(game, BySide(Named("pursuer", pursuer), Named("evader", evader)), games, seed, **which)
 
 
 def identical(one, other):

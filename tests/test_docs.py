@@ -171,7 +171,7 @@ ELSEWHERE = {
     "python3": "tests/ros2 runs the node",
     "python": "tests/reproduce",
     "reproduce": "tests/reproduce/test_reproduce.py",
-    "exploit": "tests/exploit/test_exploit.py",
+    "exploit": "tests/exploit/test_attackers.py",
     "simulate": "tests/simulate and tests/cli/test_cli.py",
     "replay": "tests/ros2 and tests/export/test_bag.py",
 }

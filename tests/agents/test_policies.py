@@ -1,5 +1,6 @@
-"""Who acts: each player keeps the rule it is named for."""
+"""Who acts: each player keeps the rule it is named for, and networks value a batch as they value each of it."""
 
+from dataclasses import replace
 from functools import partial
 
 import equinox as eqx
@@ -10,11 +11,19 @@ import pytest
 from scipy.stats import chisquare
 
 from apollonius.agents.classical import Still, Uniform, uniform_action
-from apollonius.agents.greedy import EpsilonGreedy, Greedy
-from apollonius.agents.network import make_network
-from apollonius.game.presets import make_game
-from apollonius.game.types import NUM_ACTIONS, GameState, RobotState
-from tests.acting import act
+from apollonius.agents.greedy import EpsilonGreedy, Greedy, SquashedGaussian
+from apollonius.agents.holding import Holding
+from apollonius.agents.network import make_actor, make_network
+from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.pool import Apart, solo
+from apollonius.game.by_side import BySide
+from apollonius.game.game import sample_starts
+from apollonius.game.types import NUM_ACTIONS
+from apollonius.play.playout import play_out
+from apollonius.play.replay import trace
+from apollonius.play.rollout import begin, collect
+from tests.acting import act, act_in_rows
+from tests.solve.small import SMALL
 
 WORDS = jnp.asarray(np.random.default_rng(7).integers(2**32, size=200_000, dtype=np.uint32))
 NOTHING = jnp.asarray(np.zeros(8, np.float32))
@@ -62,25 +71,8 @@ def test_greedy_takes_the_first_of_the_best_actions(values, chosen):
     assert act(Greedy(network_with(values)), NOTHING, WORDS[0]) == chosen
 
 
-def play_still(v, steps):
-    """Where a robot that plays `Still` is after a number of steps, from (1, 5) heading 0.5 rad."""
-    game = make_game("paper")
-    start = RobotState(*jnp.array([1.0, 5.0, v, 0.5]))
-    action = act(Still(), NOTHING, WORDS[0])
-    move = jax.jit(lambda state: game.step(state, action, action).state)
-    state = GameState.of_two(start, start, jnp.asarray(0))
-    for _ in range(steps):
-        state = move(state)
-    return start, state.evader
-
-
-def test_still_brakes_straight_ahead_when_it_moves():
-    start, end = play_still(v=0.6, steps=30)
-    braking = 0.6**2 / (2 * 0.3)
-    assert end.v == 0, "and it stays where it rests"
-    assert end.heading == start.heading
-    np.testing.assert_allclose(end.x - start.x, braking * np.cos(0.5), atol=1e-5)
-    np.testing.assert_allclose(end.y - start.y, braking * np.sin(0.5), atol=1e-5)
+def test_still_brakes_straight_ahead():
+    assert act(Still(), NOTHING, WORDS[0]) == 1
 
 
 def allowing(*actions):
@@ -97,3 +89,104 @@ def test_where_only_some_actions_are_allowed_random_keeps_its_own_or_takes_the_f
     actions = np.asarray(jax.vmap(partial(act, Uniform()))(jnp.zeros((50, 8)), WORDS[:50]))
     held = jax.vmap(lambda bits: Uniform().choose(act(Uniform(), NOTHING, bits), allowing(2, 5, 6)))(WORDS[:50])
     assert held.tolist() == [action if action in (2, 5, 6) else 2 for action in actions]
+
+
+GAME = replace(SMALL, max_steps=120)
+RUNNER = Uniform()
+STARTS, KEY = sample_starts(GAME, jax.random.key(0), 40), jax.random.key(1)
+
+
+class Drifting(AbstractPolicy):
+    """Speeds up every other time that it is asked, and turns by its random bits."""
+
+    @property
+    def memory(self):
+        return jnp.int32(0)
+
+    def __call__(self, seen, memory, bits):
+        return 3 * (1 + memory % 2) + bits.astype(jnp.int32) % 3, memory + 1
+
+
+def test_what_was_decided_is_held_from_the_start_of_each_game():
+    """Games begin as others end; its own memory goes on as it decides."""
+    players = BySide(solo(Holding(Drifting(), 7)), solo(RUNNER))
+    results = play_out(GAME, players, STARTS, KEY, slots=16)
+    for game in (0, 39):
+        course = trace(GAME, players, STARTS, KEY, game)
+        actions = np.asarray(course.actions)[:, 0]
+        assert len(actions) == results.steps[game] > 14
+        decided = actions[::7]
+        np.testing.assert_array_equal(actions, np.repeat(decided, 7)[: len(actions)])
+        np.testing.assert_array_equal(decided // 3, 1 + np.arange(len(decided)) % 2)
+        assert len(set(decided % 3)) > 1
+
+
+def test_players_of_several_kinds_have_games_of_their_own():
+    """Each plays its part of a batch as it would play all of it, with a memory of its own."""
+    kinds, games = (Holding(Drifting(), 2), Drifting()), (2, 3)
+    starts = jax.tree.map(lambda leaf: leaf[:5], STARTS)
+
+    @jax.jit
+    def played(pursuers):
+        players = BySide(pursuers, solo(RUNNER))
+        begun = begin(GAME, starts, players, jnp.zeros((2, 5), jnp.uint32))
+        return collect(GAME, players, begun, jax.tree.map(lambda leaf: leaf[None], starts), KEY, 6)[1].sides.pursuer
+
+    together = played(Apart(kinds, games))
+    assert together.member[-1].tolist() == [0, 0, 1, 1, 1]
+    for number, one in enumerate(kinds):
+        own = np.repeat([0, 1], games) == number
+        np.testing.assert_array_equal(together.action[:, own], played(solo(one)).action[:, own])
+
+
+NETWORK = make_network("encoded", 16, 3, jax.random.key(0))
+SEEN = jnp.asarray(np.random.default_rng(1).normal(size=(40, 17)).astype(np.float32))
+WANTED = jnp.asarray(np.random.default_rng(2).normal(size=(40, 9)).astype(np.float32))
+
+
+def one_by_one(network, seen):
+    return jax.vmap(network)(seen)
+
+
+def together(network, seen):
+    return network.batch(seen)
+
+
+def error(values):
+    return lambda network, seen: jnp.mean((values(network, seen) - WANTED) ** 2)
+
+
+def test_a_batch_has_the_values_of_each_observation():
+    values = together(NETWORK, SEEN)
+    assert values.shape == (40, 9)
+    np.testing.assert_allclose(values, one_by_one(NETWORK, SEEN), atol=1e-6)
+
+
+@pytest.mark.parametrize("of", ["weights", "observations"])
+def test_its_gradient_is_that_of_the_same_values(of):
+    if of == "weights":
+        slopes = [eqx.filter_grad(error(values))(NETWORK, SEEN) for values in (together, one_by_one)]
+    else:
+        slopes = [jax.grad(error(values), argnums=1)(NETWORK, SEEN) for values in (together, one_by_one)]
+    mine, theirs = map(jax.tree.leaves, slopes)
+    assert len(mine) == (8 if of == "weights" else 1)
+    for one, other in zip(mine, theirs, strict=True):
+        assert np.abs(other).max() > 1e-4
+        np.testing.assert_allclose(one, other, atol=1e-7, rtol=1e-4)
+
+
+@pytest.mark.parametrize("games", [64, 40], ids=["whole blocks", "fewer"])
+@pytest.mark.parametrize("kind", ["discrete", "continuous"])
+def test_players_of_many_games_act_as_each_of_them_would(kind, games):
+    """Quicker ways through the network are taken for whole blocks only."""
+    if kind == "discrete":
+        player = EpsilonGreedy(make_network("encoded", 64, 2, jax.random.key(0)), jnp.float32(0.3))
+    else:
+        player = SquashedGaussian(make_actor("encoded", 64, 2, jax.random.key(0)), jnp.float32(1.0))
+    seen = jax.random.normal(jax.random.key(1), (games, 17))
+    bits = jax.random.bits(jax.random.key(2), (games,), jnp.uint32)
+    together = jax.jit(act_in_rows)(solo(player), jnp.zeros(games, jnp.int32), seen, bits)
+    alone = jax.jit(act)
+    each = np.stack([alone(player, *one) for one in zip(seen, bits, strict=True)])
+    assert len(np.unique(each, axis=0)) > 5
+    np.testing.assert_allclose(together, each, atol=1e-6)

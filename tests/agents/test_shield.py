@@ -25,8 +25,7 @@ from apollonius.game.types import RobotState, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.observe import paper
 from apollonius.observe.view import look
-from tests.acting import act, of_views, robot
-from tests.matches import a_match
+from tests.acting import a_match, act, of_views, robot
 
 PAPER = make_game("paper")
 RUGGED = Game(arena=random_arena("caves", 3, gap=1.2))

@@ -1,6 +1,5 @@
 """Pursuers that play as a team: what they aim at, against geometry done otherwise."""
 
-from dataclasses import replace
 from math import atan2, hypot, pi, sin
 
 import jax
@@ -12,24 +11,20 @@ from apollonius.agents.surrounding import Encirclement, VoronoiPursuit, even_bea
 from apollonius.arenas.charting import charted
 from apollonius.catalogue import find_player, player_names
 from apollonius.game.arena import Arena
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import in_teams, paper
-from apollonius.game.types import GameState, RobotState, RobotStatus, Role
+from apollonius.game.types import RobotStatus, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.view import look
+from tests.acting import state_of
 
 OPEN = in_teams(Game(arena=Arena(0.0, 10.0, 0.0, 10.0)), 3, 1)
 
 
 def view(pursuers, evader, out=(), number=0, game=OPEN):
-    robots = BySide(
-        tuple(RobotState(*map(jnp.float32, (*place, 0, 0))) for place in pursuers),
-        (RobotState(*map(jnp.float32, (*evader, 0, 0))),),
-    )
-    pursuing = tuple(jnp.int32(RobotStatus.HIT_OBSTACLE if n in out else 0) for n in range(len(pursuers)))
-    state = replace(GameState.at_start(robots), status=BySide(pursuing, (jnp.int32(0),)))
+    statuses = [RobotStatus.HIT_OBSTACLE if n in out else 0 for n in range(len(pursuers))]
+    state = state_of(pursuers, [evader], (statuses, [0]))
     return look(game, state, Role.PURSUER, number)
 
 

@@ -1,4 +1,4 @@
-"""A survey finds what is wrong with an arena, and nothing in those that are sound."""
+"""A survey finds what is wrong with an arena, and nothing in the gallery, whose arenas are found by their names."""
 
 from dataclasses import replace
 
@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from apollonius.arenas.file import GALLERY, about_game, find_game, game_names
 from apollonius.arenas.survey import survey
 from apollonius.cli.main import main
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
+from apollonius.game.presets import PRESETS
 from apollonius.game.starts import Starts
 from apollonius.show.arena import KINDS, kinds_of_places, save_plan
 
@@ -93,3 +95,25 @@ def test_the_command_says_what_is_wrong(tmp_path, capsys):
     with pytest.raises(SystemExit):
         main(["arena", "check", "paper", "--out", "plan.bmp"])
     assert "ends in one of .png, .json" in capsys.readouterr().err
+
+
+FILES = [name for name in game_names() if name not in PRESETS]
+
+
+def test_there_are_an_office_a_warehouse_and_a_maze_beside_the_presets():
+    assert game_names()[: len(PRESETS)] == list(PRESETS)
+    assert {"office", "warehouse", "maze"} <= set(FILES) == {path.stem for path in GALLERY.iterdir()}
+    assert all(20 < len(about_game(name)) < 110 for name in game_names())
+
+
+@pytest.mark.parametrize("name", [*PRESETS, *FILES])
+def test_each_is_sound_and_its_starts_have_room(name):
+    game = find_game(name)
+    found = survey(game)
+    assert found.wrong == ()
+    assert found.notes == ()
+    assert [parts.max() for parts in found.parts] == [1, 1]
+    assert not found.haven.any()
+    if name in FILES:
+        assert 0.02 < found.blocked.mean() < 0.5
+        assert game.arena.polygons

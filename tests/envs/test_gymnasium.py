@@ -1,11 +1,17 @@
-"""Gymnasium's interface: no complaint from its checker, and a game by the package's rules."""
+"""The interfaces of Gymnasium and PettingZoo: no complaint from their checkers, games by the rules."""
+
+import copy
+import pickle
 
 import gymnasium
 import jax
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, seed_test
+from pettingzoo.utils.conversions import parallel_to_aec
 
+import apollonius
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import as_game
 from apollonius.envs.gymnasium import OneSide
@@ -102,3 +108,126 @@ def test_a_forked_process_is_refused_with_the_remedy(monkeypatch):
     for begin in (env.reset, lambda: OneSide(Role.PURSUER), lambda: ManyGames(Role.PURSUER, 2)):
         with pytest.raises(InvalidInput, match="context='spawn'"):
             begin()
+
+
+AGENTS = {"pursuer_0": Role.PURSUER, "evader_0": Role.EVADER}
+PAPER = make_game("paper")
+SHORT = Game(arena=PAPER.arena, max_steps=3)
+STAY = dict.fromkeys(AGENTS, 4)
+
+
+@pytest.fixture(scope="module")
+def env():
+    return apollonius.parallel_env()
+
+
+@pytest.fixture(scope="module")
+def team():
+    return apollonius.parallel_env("team-3v2", render_mode="rgb_array")
+
+
+@pytest.mark.parametrize("players", ["env", "team"])
+def test_pettingzoos_tests_have_no_complaint(players, request):
+    """Warnings are errors here. A copy has the compilation of what it is a copy of."""
+    env = request.getfixturevalue(players)
+    parallel_api_test(env, num_cycles=100)
+    parallel_seed_test(lambda: copy.deepcopy(env), num_cycles=25)
+    api_test(parallel_to_aec(copy.deepcopy(env)), num_cycles=100)
+    seed_test(lambda: parallel_to_aec(copy.deepcopy(env)), num_cycles=25)
+
+
+def test_parts_of_the_largest_controls_move_the_robot_by_these_parts():
+    env = apollonius.parallel_env(actions="continuous", observation="paper")
+    env.reset(seed=0)
+    for _ in range(4):
+        seen, *_ = env.step({"pursuer_0": np.float32([0.5, 0.0]), "evader_0": np.float32([0.25, 1.0])})
+    speeds = [seen[agent][2] for agent in AGENTS]
+    assert speeds == pytest.approx([2 * 4 * 0.1 * part * 0.3 / 1.2 - 1 for part in (0.5, 0.25)], abs=1e-5)
+
+
+def test_the_time_limit_truncates_and_does_not_terminate():
+    env = apollonius.parallel_env(SHORT, observation="paper")
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.step(STAY)
+    env.reset(seed=0)
+    for left in (2, 1, 0):
+        _, _, terminations, truncations, infos = env.step(STAY)
+        assert set(terminations.values()) == {False}
+        assert set(truncations.values()) == {left == 0}
+    assert infos["pursuer_0"]["outcome"] == "no_result"
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.step(STAY)
+
+
+def test_bad_input_is_refused(env):
+    env.reset()
+    with pytest.raises(InvalidInput, match=r"action = 9 .* from 0 to 8"):
+        env.step({"pursuer_0": 9, "evader_0": 0})
+    with pytest.raises(InvalidInput, match=r"action = None .* from 0 to 8"):
+        env.step({"pursuer_0": 0})
+    for bad in ({"game": "chess"}, {"observation": "eyes"}, {"render_mode": "hologram"}):
+        with pytest.raises(InvalidInput, match=next(iter(bad.values()))):
+            apollonius.parallel_env(**bad)
+
+
+def test_agents_leave_when_they_are_out_and_the_game_goes_on(team):
+    """All drive on straight until one after the other leaves the walls or hits something."""
+    env, left, steps = team, {}, 0
+    seen, infos = env.reset(seed=3)
+    assert list(seen) == env.agents == ["pursuer_0", "pursuer_1", "pursuer_2", "evader_0", "evader_1"]
+    assert infos["evader_1"] == {"outcome": "ongoing", "status": "active"}
+    first = env.render()
+    while env.agents:
+        before, steps = list(env.agents), steps + 1
+        seen, rewards, terminations, truncations, infos = env.step(dict.fromkeys(before, 7))
+        assert list(seen) == list(rewards) == list(terminations) == list(truncations) == list(infos) == before
+        over = {info["outcome"] for info in infos.values()} != {"ongoing"}
+        for agent in before:
+            gone = infos[agent]["status"] != "active"
+            assert terminations[agent] == (gone or over)
+            assert (agent in env.agents) == (not gone and not over)
+            if gone:
+                left[agent] = infos[agent]["status"], rewards[agent], steps
+        assert not any(truncations.values())
+    assert len({step for _, _, step in left.values()}) >= 2
+    assert {status for status, _, _ in left.values()} <= {"captured", "hit_obstacle", "out_of_range"}
+    assert all(reward == -10 for status, reward, _ in left.values() if status != "captured")
+    assert (env.render() != first).any()
+
+
+MAKE = {
+    "both sides": lambda: apollonius.parallel_env(render_mode="rgb_array"),
+    "one side, shielded opponent, continuous": lambda: OneSide(
+        Role.EVADER, opponent="shielded:random", game="territory", actions="continuous"
+    ),
+    "many games": lambda: ManyGames(Role.PURSUER, 16, autoreset_mode="NextStep"),
+}
+
+
+def follow(env, first_turn, turns):
+    """What an environment tells for some turns of random actions, begun anew after an end."""
+    told = []
+    for turn in range(first_turn, first_turn + turns):
+        rng = np.random.default_rng(turn)
+        if hasattr(env, "possible_agents"):
+            heard = env.step({agent: rng.integers(6, 9) for agent in env.possible_agents})
+            over = not env.agents
+        elif hasattr(env, "num_envs"):
+            heard, over = env.step(rng.integers(6, 9, env.num_envs)), False
+        else:
+            heard = env.step(np.float32(rng.uniform(-1, 1, 2)))
+            over = heard[2] or heard[3]
+        told += [heard, env.reset() if over else None]
+    return told, env.render() if env.render_mode else None
+
+
+@pytest.mark.parametrize("name", [pytest.param(one, marks=pytest.mark.slow) if "," in one else one for one in MAKE])
+def test_a_copy_goes_on_alike(name):
+    env = MAKE[name]()
+    untouched = pickle.loads(pickle.dumps(env))
+    env.reset(seed=7)
+    until_here = follow(env, 0, 25)
+    copied = pickle.loads(pickle.dumps(env))
+    np.testing.assert_equal(follow(copied, 25, 40), follow(env, 25, 40))
+    untouched.reset(seed=7)
+    np.testing.assert_equal(follow(untouched, 0, 25), until_here)

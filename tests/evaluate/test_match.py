@@ -25,8 +25,7 @@ from apollonius.io.errors import InvalidInput
 from apollonius.play import playout
 from apollonius.play.playout import Results
 from apollonius.solve.viability import solve_viability
-from tests.acting import identical
-from tests.matches import a_match
+from tests.acting import a_match, identical
 from tests.solve.small import BODY, MOVING
 
 GAMES = 200

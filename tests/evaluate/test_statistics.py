@@ -1,10 +1,23 @@
-"""How sure a rate is: Wilson's interval against its formula and against what it promises."""
+"""How sure a rate is, verdicts that follow from intervals, who is judged against whom, advice, and the regret card."""
 
+import json
 import math
+from dataclasses import asdict, replace
 
+import jax
 import numpy as np
 import pytest
 
+from apollonius.agents.classical import Uniform
+from apollonius.agents.greedy import SquashedMean
+from apollonius.agents.network import make_actor, make_network
+from apollonius.agents.store import describe, save_agent
+from apollonius.cli.terminal import advice_table
+from apollonius.evaluate import advice
+from apollonius.evaluate.card import measure_card
+from apollonius.evaluate.claims import Claim
+from apollonius.evaluate.match import begin, play_match
+from apollonius.evaluate.pairings import last_agents, pairings
 from apollonius.evaluate.statistics import (
     mean_band,
     mean_interval,
@@ -12,6 +25,17 @@ from apollonius.evaluate.statistics import (
     predict,
     wilson_interval,
 )
+from apollonius.evaluate.suite_card import load_card
+from apollonius.game.arena import Arena
+from apollonius.game.presets import make_game
+from apollonius.game.types import Role
+from apollonius.solve.grid import make_grid
+from apollonius.solve.joint import make_duel, solve_duel
+from apollonius.solve.players import SaddlePolicy
+from apollonius.solve.zero_sum_game import make_zero_sum_game
+from tests.acting import a_match
+from tests.documents import REPOSITORY
+from tests.solve.small import BODY, SMALL
 
 Z = 1.959963984540054
 """Half of the remaining 5 % of a normal distribution lies beyond this many standard deviations."""
@@ -79,3 +103,126 @@ def test_the_interval_of_a_paired_difference_is_bonett_and_prices_formula():
     first, second = np.arange(30) < 7, np.isin(np.arange(30), (8, 9))
     reach = Z * math.sqrt((8 / 32 + 3 / 32 - (5 / 32) ** 2) / 32)
     assert paired_difference_interval(first, second) == pytest.approx((5 / 32 - reach, 5 / 32 + reach))
+
+
+@pytest.mark.parametrize(
+    ("values", "is_full", "verdict"),
+    [
+        (((0.99,), (0.985,), (0.98,)), True, "holds"),
+        (((0.97,), (0.96,), (0.95,)), True, "a draw among draws"),
+        (((0.90,), (0.895,), (0.905,)), True, "does not hold"),
+        (((0.99,), (0.985,), (0.98,)), False, "not enough"),
+        (((0.99,), (0.985,)), True, "not enough"),
+        (((0.9, 0.5, 0.99), (0.95, 0.4, 0.99), (0.92, 0.45, 0.99)), True, "a draw among draws"),
+    ],
+)
+def test_the_whole_prediction_of_three_whole_trainings_must_agree(values, is_full, verdict):
+    claim = Claim("rate", "here", 0.5, 0.96, values)
+    assert claim.verdict(is_full) == claim.to_dict(is_full)["verdict"] == verdict
+
+
+def test_a_claim_as_data_has_what_follows_from_its_values():
+    claim = Claim("more", "here", 0.27, 0.1, ((0.3,), (0.1,), (0.2,)), least=-1.0)
+    data, found = claim.to_dict(), predict(np.array(claim.values), -1.0, 1.0)
+    assert data["mean"] == pytest.approx(0.2)
+    assert (data["interval"], data["chance"]) == (found.interval, found.chance(0.1))
+
+
+@pytest.mark.slow
+def test_the_cards_of_the_leaderboard_follow_from_their_games():
+    for path in (REPOSITORY / "benchmarks" / "leaderboard").glob("*.json"):
+        assert path.stat().st_size < 100_000
+        load_card(path)
+
+
+def test_every_pursuer_meets_random_and_every_evader_but_stage_1s_one_that_stays(tmp_path):
+    """Whatever they are called: their files say which side they play."""
+    sides = {"foe": Role.EVADER, "chaser": Role.PURSUER, "P_stage1": Role.PURSUER}
+    for name, role in sides.items():
+        agent = describe(make_network("paper", 4, 1, jax.random.key(0)), role, {}, {})
+        save_agent(agent, tmp_path / f"{name}.safetensors")
+    assert pairings({name: tmp_path / f"{name}.safetensors" for name in sides}) == [
+        ("chaser", "random"),
+        ("chaser", "foe"),
+        ("P_stage1", "still"),
+    ]
+    assert pairings({}) == []
+
+
+def test_agents_kept_on_the_way_are_left_out(tmp_path):
+    (tmp_path / "agents").mkdir()
+    for name in ("P_scratch", "P_scratch-25", "E_scratch"):
+        (tmp_path / "agents" / f"{name}.safetensors").touch()
+    assert list(last_agents(tmp_path)) == ["E_scratch", "P_scratch"]
+
+
+PANEL = {"full": {"pursuer": ("still", "intercept"), "evader": ("still", "flee")}}
+
+
+@pytest.fixture(scope="module")
+def advised():
+    short = replace(make_game("paper"), arena=Arena(), max_steps=60)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(advice, "PANELS", PANEL)
+        yield advice.advise(short, 16, seed=1)
+
+
+def test_the_best_players_are_those_that_do_best_against_their_worst_opponent(advised):
+    rates = advised.tournament.win_rates
+    assert 0 < rates[1].min() < 1
+    assert advised.best.pursuer == "intercept"
+    assert advised.least.pursuer == rates[1].min()
+    assert advised.least.evader == 1 - rates[:, ["still", "flee"].index(advised.best.evader)].max()
+    assert advised.least.evader == (1 - rates.max(axis=0)).max()
+
+
+def test_stops_are_where_the_best_pursuer_was_when_the_time_for_a_standing_evader_ran_out(advised):
+    missed = round(16 * (1 - advised.tournament.win_rates[1, 0]))
+    assert 0 < len(advised.stops) == min(missed, 8)
+    assert np.all((np.array(advised.stops) > 0) & (np.array(advised.stops) < 10))
+
+
+def test_the_table_names_players_rates_and_places(advised):
+    text = advice_table(advised)
+    x, y = advised.stops[0]
+    for part in ("intercept, which wins", f"({x:g}, {y:g})", f"{advised.tournament.win_rates[1, 0]:.0%}"):
+        assert part in text
+
+
+QUICK = replace(SMALL, max_steps=150)
+GAMES = 60
+
+
+def player(role):
+    grid = make_grid(QUICK.arena, BODY, (5, 6, 3, 6))
+    zero_sum_game = make_zero_sum_game(QUICK, (grid, grid), 5, role)
+    return SaddlePolicy(zero_sum_game, solve_duel(make_duel(zero_sum_game)).table)
+
+
+@pytest.fixture(scope="module")
+def tables():
+    return player(Role.PURSUER), player(Role.EVADER)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("role", Role)
+def test_its_numbers_are_those_of_the_match_and_the_tables(tables, role):
+    """Of a random player, and of one with continuous actions."""
+    own, other = tables if role == Role.PURSUER else tables[::-1]
+    agent = Uniform() if role == Role.EVADER else SquashedMean(make_actor("encoded", 16, 2, jax.random.key(0)))
+    asked = a_match(QUICK, *((agent, other) if role == Role.PURSUER else (other, agent)), GAMES, seed=3)
+    card, match, starts = measure_card(asked, own, other), play_match(asked), begin(asked)[0]
+    rates = (match.pursuer_win_rate, match.evader_win_rate)
+    assert (card.role, card.games) == (role.name.lower(), GAMES)
+    assert (card.won, card.lost) == (rates if role == Role.PURSUER else rates[::-1])
+    assert card.lost_interval == (match.evader_win_interval if role == Role.PURSUER else match.pursuer_win_interval)
+    assert card.promised == pytest.approx(float(np.mean(np.asarray(own.best_value(starts)))))
+    assert card.at_most == pytest.approx(-float(np.mean(np.asarray(other.best_value(starts)))))
+    assert card.gap == pytest.approx(card.promised - card.payoff, abs=1e-6)
+    assert card.gap_interval[0] < card.gap < card.gap_interval[1]
+    if role == Role.EVADER:
+        assert card.gap_interval[0] > 0.2, "a random evader is far from what the table promises"
+    worst = [game["gap"] for game in card.worst]
+    assert worst == sorted(worst, reverse=True)
+    assert worst[0] >= card.gap
+    json.dumps(asdict(card))

@@ -10,11 +10,9 @@ import pytest
 from apollonius.arenas.file import find_game
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.by_side import BySide
-from apollonius.game.game import Game
 from apollonius.game.occupancy import OccupancyMap, distance_field
-from apollonius.game.sensing import BOUND, Noise, Sensing, Sensors, sense
+from apollonius.game.sensing import BOUND, Noise, Sensors, sense
 from apollonius.game.types import GameState, RobotState, Role
-from apollonius.io.errors import InvalidInput
 from tests.acting import robot
 from tests.oracle.numpy_sight import meets_cells, meets_disc, meets_polygon
 
@@ -142,22 +140,3 @@ def test_in_a_drop_out_nothing_is_seen():
     )
     assert np.mean(found.looked) == pytest.approx(0.7, abs=0.03)
     np.testing.assert_array_equal(found.looked, found.seen[0])
-
-
-@pytest.mark.parametrize(
-    ("sensors", "message"),
-    [
-        ({"range": -1.0}, "range = -1"),
-        ({"range": float("nan")}, "range = nan"),
-        ({"field_of_view": 7.1}, "field_of_view = 7.1"),
-        ({"drop_out": 1.1}, "drop_out = 1.1"),
-        ({"delay": 11}, "delay = 11"),
-        ({"delay": 0.5}, "delay = 0.5"),
-        ({"noise": Noise(position=-0.1)}, "noise.position = -0.1"),
-        ({"own_noise": Noise(heading=-0.1)}, "own_noise.heading = -0.1"),
-    ],
-)
-def test_impossible_sensors_are_refused(sensors, message):
-    with pytest.raises(InvalidInput, match=f"sensors.evader.{message}"):
-        Game(sensors=Sensing(evader=Sensors(**sensors)))
-    assert replace(Game(), sensors=Sensing(evader=Sensors())).sensors

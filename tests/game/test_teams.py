@@ -20,6 +20,7 @@ from apollonius.game.reward import Reward
 from apollonius.game.teams import Teams
 from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, RobotState, RobotStatus
 from apollonius.io.errors import InvalidInput
+from tests.acting import state_of
 from tests.oracle import numpy_teams
 
 CLEAR_CUT = 1e-4
@@ -159,14 +160,6 @@ def test_a_step_is_what_the_numpy_twin_says(sizes, profile, count):
             same(np.exp(1j * np.asarray(robot.heading)), np.exp(1j * place[:, 3]), atol=1e-6)
 
 
-def state_of(pursuers, evaders, status=None):
-    robots = BySide(
-        *(tuple(RobotState(*jnp.asarray(robot, jnp.float32)) for robot in side) for side in (pursuers, evaders))
-    )
-    start = GameState.at_start(robots)
-    return replace(start, status=status and BySide(*(tuple(map(jnp.asarray, side)) for side in status)))
-
-
 def play(game, state, steps=1, action=4):
     hold = [jnp.asarray(action)] * len(state.robots.pursuer), [jnp.asarray(action)] * len(state.robots.evader)
     for _ in range(steps):
@@ -210,23 +203,8 @@ def test_mates_start_apart_in_free_space_and_opponents_further():
     assert (np.array([np.asarray(one) for side in starts.status for one in side]) == 0).all()
 
 
-def test_a_game_with_too_many_robots_for_its_arena_is_refused():
-    with pytest.raises(InvalidInput, match=r"teams = 9 v 9 is not possible: .* fit"):
-        in_teams(Game(arena=Arena(x_max=2.5, y_max=2.5)), 9, 9)
-    with pytest.raises(InvalidInput, match="pursuers = 17 is not possible"):
-        make_game("team-17v1")
-    with pytest.raises(InvalidInput, match="pursuers = 0 is not possible"):
-        make_game("team-0v1")
-
-
-def test_what_knows_two_robots_only_says_so():
-    game = make_game("team-3v1")
-    with pytest.raises(InvalidInput, match=r"^robots = 3 v 1 is not possible: .* a policy knows games of two"):
-        game.require_two("a policy")
-    assert game.duel("a table") == paper()
-    unlike = replace(game, teams=Teams((Unicycle(v_max=2.0), Unicycle())))
-    with pytest.raises(InvalidInput, match="alike on either side"):
-        unlike.duel("a table")
+def test_of_alike_teams_a_game_of_two_is_left():
+    assert make_game("team-3v1").duel("a table") == paper()
 
 
 def test_a_file_says_how_many_robots_each_side_has_and_their_limits(tmp_path):

@@ -10,8 +10,13 @@ import pytest
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
+from apollonius.game.polygon import Polygon
+from apollonius.game.presets import in_teams, make_game, paper, randomised
 from apollonius.game.reward import Reward
+from apollonius.game.scenario import Spread
+from apollonius.game.sensing import Drive, Drives, Noise, Sensing, Sensors
 from apollonius.game.starts import Starts
+from apollonius.game.teams import Teams
 
 NAN, INF = math.nan, math.inf
 
@@ -22,6 +27,10 @@ def discs(*discs):
 
 def starts(**numbers):
     return {"starts": Starts(**numbers)}
+
+
+def spread(field, low, high):
+    return lambda: randomised(paper(), [Spread((field,), low, high)])
 
 
 def misnamed(part, field, name):
@@ -73,13 +82,57 @@ IMPOSSIBLE = [
     ({"reward": Reward(zero_sum_within=0.0)}, ["reward.zero_sum_within = 0.0", "more than 0 m"]),
     ({"reward": misnamed(Reward(), "profile", "fair")}, ["reward.profile = fair", "paper or zero-sum"]),
     ({"starts": misnamed(Starts(), "speed", "fast")}, ["starts.speed = fast", "rest or moving"]),
+    *[
+        ({"arena": Arena(polygons=(Polygon(corners),))}, said)
+        for corners, said in (
+            (((1.0, 1.0), (3.0, 1.0)), ["2 corners is not possible: it must be 3 to 1000"]),
+            (((1.0, 1.0), (3.0, 1.0), (3.0, 11.0)), ["(3, 11)", "inside the walls", "move"]),
+            (((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)), ["no place to start"]),
+            (((1.0, INF), (3.0, 1.0), (3.0, 11.0)), ["finite number"]),
+        )
+    ],
+    *[
+        ({"drives": Drives(evader=Drive(**{name: value}))}, [f"drives.evader.{name} = "])
+        for name, value in (("lag", -1), ("lag", 1.5), ("lag", 11), ("turn_time", -0.1), ("turn_time", NAN))
+    ],
+    *[
+        ({"sensors": Sensing(evader=Sensors(**numbers))}, [f"sensors.evader.{said}"])
+        for numbers, said in (
+            ({"range": -1.0}, "range = -1"),
+            ({"range": NAN}, "range = nan"),
+            ({"field_of_view": 7.1}, "field_of_view = 7.1"),
+            ({"drop_out": 1.1}, "drop_out = 1.1"),
+            ({"delay": 11}, "delay = 11"),
+            ({"delay": 0.5}, "delay = 0.5"),
+            ({"noise": Noise(position=-0.1)}, "noise.position = -0.1"),
+            ({"own_noise": Noise(heading=-0.1)}, "own_noise.heading = -0.1"),
+        )
+    ],
+    *[
+        (spread(field, low, high), [said])
+        for field, low, high, said in (
+            ("pursuer.speed", 1.0, 2.0, "'speed' is none of"),
+            ("drives.pursuer", 1.0, 2.0, "whole path"),
+            ("drives", 1.0, 2.0, "whole path"),
+            ("evader", 1.0, 2.0, "whole path"),
+            ("pursuer.v_max.x", 1.0, 2.0, "whole path"),
+            ("drives.pursuer.lag", 2.0, 1.0, "low = 2"),
+            ("drives.pursuer.lag", 0.0, 11.0, "drives.pursuer.lag = "),
+            ("sensors.evader.drop_out", 0.0, 1.5, "sensors.evader.drop_out = "),
+        )
+    ],
+    (lambda: in_teams(Game(arena=Arena(x_max=2.5, y_max=2.5)), 9, 9), ["teams = 9 v 9 is not possible", "fit"]),
+    (lambda: make_game("team-17v1"), ["pursuers = 17 is not possible"]),
+    (lambda: make_game("team-0v1"), ["pursuers = 0 is not possible"]),
+    (lambda: make_game("team-3v1").require_two("a policy"), ["robots = 3 v 1", "a policy knows games of two"]),
+    (lambda: Game(teams=Teams((Unicycle(v_max=2.0),))).duel("a table"), ["alike on either side"]),
 ]
 
 
 @pytest.mark.parametrize(("change", "said"), IMPOSSIBLE, ids=[said[0] for _, said in IMPOSSIBLE])
 def test_an_impossible_value_is_named_with_its_bound_and_the_remedy(change, said):
     with pytest.raises(ValueError, match=r"\.$") as refusal:
-        Game(**change)
+        change() if callable(change) else Game(**change)
     message = str(refusal.value)
     assert "\n" not in message
     for words in said:
@@ -93,6 +146,7 @@ def test_an_impossible_value_is_named_with_its_bound_and_the_remedy(change, said
         {"dt": 2.5},
         {"evader": Unicycle(v_min=0.5, v_max=0.5, u1_max=0.0, u2_max=0.0)},
         {"evader": Unicycle(radius=4.5), **starts(separation=6.0)},
+        {"sensors": Sensing(evader=Sensors())},
         discs((0.0, 10.0, 0.5)),
         starts(clearance=0.0, separation=0.3),
         starts(separation=12.5),

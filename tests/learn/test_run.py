@@ -185,40 +185,43 @@ def self_play_starts(monkeypatch):
     return networks
 
 
-def test_self_play_goes_on_from_the_best_pursuer_of_stage_1(self_play_starts, tmp_path, monkeypatch):
+@pytest.fixture
+def scripted(monkeypatch):
+    """A function that lets evaluations come to so many captures each; it returns a list of who plays in them."""
+
+    def script(*captures):
+        evaluated = []
+
+        def evaluate(game, players, starts, key):
+            captured = jnp.arange(64) < captures[len(evaluated)]
+            evaluated.append(jax.tree.map(jnp.copy, players))
+            return Results(jnp.where(captured, Outcome.CAPTURED, Outcome.NO_RESULT), jnp.ones(64, jnp.int32))
+
+        monkeypatch.setattr(run_module, "play_out", evaluate)
+        return evaluated
+
+    return script
+
+
+def test_self_play_goes_on_from_the_best_pursuer_of_stage_1(self_play_starts, scripted, tmp_path):
     """Of its four evaluations, the third is the first of the best."""
-    captures = iter([3, 4, 9, 9, 0])
-    evaluated = []
-
-    def scripted_evaluation(game, players, starts, key):
-        evaluated.append(jax.tree.map(lambda leaf: leaf[0], players.pursuer.members.network))
-        captured = jnp.arange(64) < next(captures)
-        return Results(jnp.where(captured, Outcome.CAPTURED, Outcome.NO_RESULT), jnp.ones(64, jnp.int32))
-
-    monkeypatch.setattr(run_module, "play_out", scripted_evaluation)
+    evaluated = scripted(3, 4, 9, 9, 0)
     folder = begin(tmp_path / "run")
     assert not Run(RUN, folder, should_stop=stop_after(5)).execute()
 
     best = load_agent(folder / "agents" / "P_stage1.safetensors")
     assert best.header.training["env_steps"] == 3 * CHUNK
     assert best.header.training["outcomes"]["captured"] == 9
-    assert eqx.tree_equal(best.network, evaluated[2])
-    assert not eqx.tree_equal(best.network, evaluated[3])
+    third, fourth = (jax.tree.map(lambda leaf: leaf[0], one.pursuer.members.network) for one in evaluated[2:4])
+    assert eqx.tree_equal(best.network, third)
+    assert not eqx.tree_equal(best.network, fourth)
     assert eqx.tree_equal(self_play_starts, [(best.network, None)])
 
 
-def test_a_given_pursuer_goes_on_against_several_evaders(uninterrupted, tmp_path, monkeypatch):
+def test_a_given_pursuer_goes_on_against_several_evaders(uninterrupted, scripted, tmp_path, monkeypatch):
     """No update is made, so what is kept is what was given: of the last evaluation, not of that with most captures."""
-    captures, seen = iter([3, 1]), []
-
-    def scripted_evaluation(game, players, starts, key):
-        seen.append(players.evader.size)
-        captured = jnp.arange(64) < next(captures)
-        return Results(jnp.where(captured, Outcome.CAPTURED, Outcome.NO_RESULT), jnp.ones(64, jnp.int32))
-
-    chunks = loop.chunks
+    evaluated, seen, chunks = scripted(3, 1), [], loop.chunks
     monkeypatch.setattr(loop, "chunks", lambda *given: seen.append(given[3][Role.EVADER].size) or chunks(*given))
-    monkeypatch.setattr(run_module, "play_out", scripted_evaluation)
     mine = uninterrupted / "agents"
     evaders = (str(mine / "E_curriculum.safetensors"), str(mine / "E_curriculum-25.safetensors"))
     config = replace(RUN, stages="fixed-target", evaders=evaders, pursuer=str(mine / "P_stage1.safetensors"))
@@ -230,6 +233,7 @@ def test_a_given_pursuer_goes_on_against_several_evaders(uninterrupted, tmp_path
     given, kept = (load_agent(path) for path in (Path(config.pursuer), folder / "agents/P_pool.safetensors"))
     assert eqx.tree_equal(given.network, kept.network)
     assert kept.header.training["outcomes"]["captured"] == 1
+    seen += [one.evader.size for one in evaluated]
     assert seen == [2, 2, 2], "the same evaders in training and in both evaluations"
 
 

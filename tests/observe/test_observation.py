@@ -1,18 +1,31 @@
-"""What a robot sees (Eq. 6, 7), number by number."""
+"""What a robot sees (Eq. 6, 7), in its own frame, and of teams, number by number."""
 
 import math
+from dataclasses import replace
 
 import jax
+import jax.numpy as jnp
 import numpy as np
+import pytest
 
+from apollonius.arenas.charting import charted
 from apollonius.game.arena import Arena, Disc
+from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
-from apollonius.game.types import Role
+from apollonius.game.polygon import Polygon
+from apollonius.game.presets import in_teams
+from apollonius.game.teams import Teams
+from apollonius.game.types import GameState, RobotState, RobotStatus, Role
+from apollonius.io.errors import InvalidInput
+from apollonius.observe.egocentric import AHEAD, COURSES, EGOCENTRIC, NEAR, RAYS
+from apollonius.observe.observation import perceive
+from apollonius.observe.team import MATES, OF_A_ROBOT, OPPONENTS, TEAM
+from apollonius.observe.view import look
 from tests.acting import observe as observe_one
-from tests.acting import state
+from tests.acting import of_views, state, state_of
 
-GAME = Game(
+OPEN = Game(
     pursuer=Unicycle(v_min=-0.5, v_max=1.5, u1_max=0.5, radius=0.1),
     evader=Unicycle(v_max=2.0, u1_max=1.0),
     arena=Arena(0.0, 8.0, -2.0, 2.0, discs=(Disc(6.0, 0.0, 0.5),)),
@@ -25,15 +38,15 @@ PURSUER, EVADER = (2.0, 1.0, 1.0, math.pi / 2), (4.0, 0.0, 1.0, 0.0)
 
 def test_paper_scales_positions_and_speeds_to_their_limits_and_headings_by_pi():
     own, opponent = [-0.5, 0.5, 0.5, 0.5], [0.0, 0.0, 0.0, 0.0]
-    seen = observe(GAME, state(PURSUER, EVADER), Role.PURSUER, "paper")
+    seen = observe(OPEN, state(PURSUER, EVADER), Role.PURSUER, "paper")
     np.testing.assert_allclose(seen, own + opponent, atol=1e-6)
-    seen = observe(GAME, state(PURSUER, EVADER), Role.EVADER, "paper")
+    seen = observe(OPEN, state(PURSUER, EVADER), Role.EVADER, "paper")
     np.testing.assert_allclose(seen, opponent + own, atol=1e-6)
 
 
 def test_encoded_number_by_number():
     """The pursuer looks up: the evader is 1 m behind and 2 m to its right, and it would stop on the wall."""
-    seen = observe(GAME, state(PURSUER, EVADER), Role.PURSUER, "encoded")
+    seen = observe(OPEN, state(PURSUER, EVADER), Role.PURSUER, "encoded")
     own, opponent = [-0.5, 0.5, 0.5, 0, 1], [0, 0, 0, 1, 0]
     relative = [-1 / 8, -2 / 8, math.sqrt(5) / 8]
     own_clearances = [1.0 - 0.1, 0.0 - 0.1]
@@ -43,5 +56,178 @@ def test_encoded_number_by_number():
 
 def test_encoded_warns_of_a_disc_in_the_braking_distance():
     """At 2 m/s and 1 m/s^2 the evader stops after 2 m, in the middle of the disc 2 m ahead of it."""
-    seen = observe(GAME, state(PURSUER, (4.0, 0.0, 2.0, 0.0)), Role.EVADER, "encoded")
+    seen = observe(OPEN, state(PURSUER, (4.0, 0.0, 2.0, 0.0)), Role.EVADER, "encoded")
     np.testing.assert_allclose(seen[13:15], [1.0, -0.5], atol=1e-6)
+
+
+SLOW = Unicycle(v_max=0.6, u1_max=0.6, u2_max=1.6, radius=0.15)
+WALL = Polygon(((4.0, 0.0), (4.2, 0.0), (4.2, 6.0), (4.0, 6.0)))
+DIVIDED = charted(Game(pursuer=SLOW, arena=Arena(0.0, 8.0, 0.0, 8.0, polygons=(WALL,)), capture_distance=0.6))
+
+
+def looked(states, role, game=DIVIDED):
+    """What is seen in several games."""
+    return np.asarray(jax.jit(lambda game, states: of_views(EGOCENTRIC, game, states, role))(game, states))
+
+
+def seen(now, role=Role.PURSUER, game=DIVIDED):
+    return looked(jax.tree.map(lambda leaf: leaf[None], now), role, game)[0]
+
+
+def test_robots_number_by_number():
+    """The pursuer at (2, 4) looks up at 0.6 m/s; the evader is 3 m to its right and drives away from it."""
+    numbers = seen(state((2.0, 4.0, 0.6, math.pi / 2), (5.0, 4.0, 1.2, 0.0)))[:23]
+    own = [0.5, 0.5, 2.0, 2.0, 0.5, 0.0, 1.0, 1.0]
+    apart = [0.0, -1.0, 1 / 4, math.log(4) / 2, (3.0 - 0.6) / 3]
+    other = [0.0, -1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.8, 0.6, 2.0]
+    np.testing.assert_allclose(numbers, own + apart + other, atol=0.03)
+
+
+def test_rays_number_by_number():
+    numbers = seen(state((2.0, 4.0, 0.0, 0.0), (5.0, 4.0, 0.0, 0.0)))[23 : 23 + RAYS]
+    assert numbers.shape == (RAYS,)
+    for angle, wall in ((0, 2.0), (RAYS // 4, 4.0), (RAYS // 2, 2.0), (3 * RAYS // 4, 4.0)):
+        assert numbers[angle] == pytest.approx(1 / (1 + wall - 0.15), abs=0.01)
+
+
+def test_ways_say_where_to_go_and_who_is_first():
+    """Behind a wall 6 m long the evader is not seen, its way leads up, and it is last wherever the pursuer can go."""
+    hidden = seen(state((3.0, 4.0, 0.0, math.pi / 2), (5.0, 4.0, 0.0, 0.0)))[23 + RAYS :]
+    length = math.hypot(1.15, 2.15) + 0.5 + math.hypot(0.95, 2.15)  # the larger body, 15 cm, stays off the wall's end
+    assert hidden[0] == 0
+    np.testing.assert_allclose(hidden[1:3], [1 / (1 + length), math.log1p(length) / 2], rtol=0.05)
+    longer, shorter, first = hidden[3 : 3 + COURSES], hidden[3 + COURSES : 5 + COURSES], hidden[5 + COURSES :]
+    assert longer[0] < -0.8, "a metre and a half up the way is shorter by as much"
+    assert longer[COURSES // 2] > 0.8
+    assert shorter[0] > 0.5
+    assert abs(shorter[1]) < 0.5
+    along = min(4.0 - 0.1, AHEAD)
+    theirs = math.hypot(0.95, 2.15) + 0.5 + math.hypot(1.15, 2.15 - 1.9)
+    mine, later = along / 0.6, theirs / 1.2
+    assert first[0] == pytest.approx((later - mine) / (later + mine), abs=0.06)
+    plain = seen(state((3.0, 7.0, 0.0, 0.0), (5.0, 7.0, 0.0, 0.0)))[23 + RAYS :]
+    assert plain[0] == 1
+    assert plain[1] == pytest.approx(1 / 3, abs=1e-3)
+    assert NEAR < AHEAD
+
+
+def test_without_a_chart_it_says_what_is_missing():
+    bare = replace(DIVIDED, arena=replace(DIVIDED.arena, chart=None))
+    with pytest.raises(InvalidInput, match="a player that reads an arena's chart"):
+        EGOCENTRIC(look(bare, state((2.0, 4.0, 0.6, 0.0), (5.0, 4.0, 1.2, 0.0)), Role.EVADER))
+
+
+GAME = charted(Game(arena=Arena(0.0, 8.0, 0.0, 8.0, polygons=(WALL,))))
+FIRST = EGOCENTRIC.size
+
+
+TEAMS = in_teams(GAME, 5, 2)
+OUT = (1.0, 1.0, 0.0, 0.0, 1)
+"""A robot that fills up a team, out of play."""
+
+
+@jax.jit
+def look_together(states):
+    return perceive(TEAM, TEAMS, states, Role.PURSUER)[1]
+
+
+def together(pursuers, evaders, out=()):
+    """What each pursuer sees, of rows of (x, y, v, heading); those with these numbers, pursuers first, are out.
+
+    All teams are filled up to the same size, so that few programs are compiled.
+    """
+    plays = [number not in out for number in range(len(pursuers) + len(evaders))]
+
+    def filled(side, plays, size):
+        rows = [(*one, 0 if in_play else 1) for one, in_play in zip(side, plays, strict=True)]
+        return jnp.asarray(rows + [OUT] * (size - len(rows)), jnp.float32)
+
+    sides = BySide(filled(pursuers, plays[: len(pursuers)], 5), filled(evaders, plays[len(pursuers) :], 2))
+    robots = sides.map(lambda side: tuple(RobotState(*row[:4]) for row in side))
+    status = sides.map(lambda side: tuple(jnp.where(row[4] > 0, RobotStatus.HIT_OBSTACLE, 0) for row in side))
+    states = jax.tree.map(lambda leaf: leaf[None], GameState(robots, jnp.asarray(0), status=status))
+    return np.asarray(look_together(states))[: len(pursuers)]
+
+
+def slots(numbers):
+    """The numbers of the robots besides the nearest opponent."""
+    return numbers[FIRST:].reshape(MATES + OPPONENTS, OF_A_ROBOT)
+
+
+ME, MATE, THIRD = (2.0, 4.0, 0.6, 0.0), (2.0, 6.0, 1.2, math.pi / 2), (3.0, 7.0, 0.0, math.pi)
+PREY, OTHER = (6.0, 7.0, 0.5, 0.0), (7.0, 1.0, 1.0, 1.0)
+
+
+def test_it_begins_with_egocentric_and_alone_is_nothing_else():
+    numbers = together([ME], [PREY])
+    assert numbers.shape == (1, TEAM.size)
+    me, prey = (RobotState(*jnp.asarray(one, jnp.float32)) for one in (ME, PREY))
+    view = look(GAME, GameState.of_two(me, prey, jnp.asarray(0)), Role.PURSUER)
+    np.testing.assert_allclose(numbers[0, :FIRST], jax.jit(EGOCENTRIC)(view), atol=1e-6)
+    assert not numbers[:, FIRST:].any()
+
+
+def test_a_mate_number_by_number():
+    """The mate is 2 m to the left and drives away; the evader is behind the wall, 4.47 m and 4.12 m from them."""
+    ours = together([ME, MATE], [PREY])[0]
+    there, mate, none = slots(ours)[0, 0], slots(ours)[0, 1:], slots(ours)[1:]
+    assert there == 1
+    assert not none.any()
+    turned = math.atan2(-1.0, -4.0) - math.atan2(-3.0, -4.0)
+    over = math.hypot(4.0, 1.0)
+    np.testing.assert_allclose(mate[:4], [0.0, 1.0, 1 / 3, math.log(3) / 2], atol=1e-5)
+    np.testing.assert_allclose(mate[4:6], [0.0, 1.0], atol=1e-5)
+    np.testing.assert_allclose(mate[6:8], [math.cos(turned), math.sin(turned)], atol=1e-5)
+    np.testing.assert_allclose(mate[8:11], [math.log(3) / 2, 1 / (1 + over), math.log1p(over) / 2], rtol=0.05)
+    assert mate[11] > 0.6, "both come from the same side"
+
+
+def test_an_opponent_between_two_pursuers_is_seen_as_such():
+    pincer = together([(1.0, 7.0, 0.0, 0.0), (7.0, 7.0, 0.0, 0.0)], [(4.0, 7.0, 0.0, 0.0)])
+    assert (pincer[:, FIRST + 12] < 0.1).all()
+    np.testing.assert_allclose(pincer[:, FIRST + 7], -1.0, atol=1e-5)
+
+
+def test_robots_come_by_distance_whatever_their_numbers():
+    """And of an opponent more the nearest is that of `egocentric`, the other one comes after the mates."""
+    robots, others = ([ME, MATE, THIRD], [PREY, OTHER]), ([ME, THIRD, MATE], [OTHER, PREY])
+    ours, again = (together(*both) for both in (robots, others))
+    np.testing.assert_allclose(ours[[0, 2, 1]], again, atol=1e-6)
+    np.testing.assert_array_equal(slots(ours[0])[:, 0], [1, 1, 0, 1, 0])
+    np.testing.assert_allclose(slots(ours[0])[0, 3], 1 / 3, atol=1e-5)
+    np.testing.assert_allclose(slots(ours[0])[1, 3], 1 / (1 + math.hypot(1, 3)), atol=1e-5)
+
+
+def test_who_is_out_is_not_seen():
+    some = together([ME, MATE, THIRD], [PREY, OTHER], out=(1, 4))[0]
+    same = together([ME, THIRD], [PREY])[0]
+    np.testing.assert_allclose(some, same, atol=1e-6)
+
+
+def test_of_many_mates_the_nearest_are_seen():
+    crowd = [ME, *((2.0, 4.5 + away, 0.0, 0.0) for away in (2.5, 1.0, 2.0, 0.5))]
+    distances = 1 / slots(together(crowd, [PREY])[0])[:MATES, 3] - 1
+    np.testing.assert_allclose(distances, [1.0, 1.5, 2.5], atol=1e-4)
+
+
+UNLIKE = Game(
+    pursuer=Unicycle(v_max=1.0),
+    evader=Unicycle(v_max=1.1),
+    teams=Teams((Unicycle(v_max=1.2), Unicycle(v_max=1.3)), (Unicycle(v_max=1.4),)),
+)
+"""Three against two, whose top speeds tell who is who."""
+
+
+@pytest.mark.parametrize(
+    ("out", "nearest"),
+    [((), 1.4), ((1,), 1.1), ((0,), 1.4), ((0, 1), 1.1)],
+    ids=["all play", "the nearest is out", "the other is out", "nobody plays"],
+)
+def test_the_opponent_is_the_nearest_that_is_in_play(out, nearest):
+    evaders = [RobotStatus.CAPTURED if number in out else RobotStatus.ACTIVE for number in range(2)]
+    state = state_of([(1, 1), (5, 5), (9, 9)], [(1, 9), (6, 6)], ([0, 0, 0], evaders))
+    for number, own in enumerate((1.0, 1.2, 1.3)):
+        view = look(UNLIKE, state, Role.PURSUER, number)
+        assert view.own.body.v_max == own
+        assert {mate.body.v_max for mate in view.mates} == {1.0, 1.2, 1.3} - {own}
+        assert float(view.opponent.body.v_max) == pytest.approx(nearest)

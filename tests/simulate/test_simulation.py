@@ -22,8 +22,8 @@ from apollonius.play.replay import as_state, load_replay, save_replay
 from apollonius.simulate.drive import Drive
 from apollonius.simulate.physics import rectangles
 from apollonius.simulate.simulation import compare, record_course, simulate, simulate_match
-from tests.matches import a_match
-from tests.simulate.test_drive import IDEAL
+from tests.acting import a_match
+from tests.simulate.test_physics import IDEAL
 
 pytest.importorskip("mujoco")
 GAME = replace(make_game("paper"), max_steps=40)

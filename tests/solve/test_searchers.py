@@ -1,4 +1,4 @@
-"""How many searchers are enough, beside all states examined plainly, and evaders that know the strategy."""
+"""How many pursuers and searchers are enough, beside known graphs and arenas, and all states examined plainly."""
 
 import itertools
 from dataclasses import replace
@@ -6,12 +6,145 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from apollonius.arenas.free_space import free_space
+from apollonius.arenas.free_space import free_space, largest_part
 from apollonius.game.presets import make_game
 from apollonius.game.sensing import Sensing, Sensors
-from apollonius.solve import searchers
+from apollonius.solve import enough, searchers
+from apollonius.solve.enough import core, solve_chase
 from apollonius.solve.searchers import clearing, how_many_to_see
-from tests.solve.test_cop_number import cycle, path
+from tests.arenas.test_free_space import ANNULUS, BENT, ROOM
+
+
+def graph(count, links):
+    adjacency = np.zeros((count, count), bool)
+    for one, other in links:
+        adjacency[one, other] = adjacency[other, one] = True
+    return adjacency
+
+
+def path(count):
+    return graph(count, [(i, i + 1) for i in range(count - 1)])
+
+
+def cycle(count):
+    return graph(count, [(i, (i + 1) % count) for i in range(count)])
+
+
+def grid(columns, rows):
+    beside = [(i, i + 1) for i in range(columns * rows) if (i + 1) % columns]
+    return graph(columns * rows, beside + [(i, i + columns) for i in range(columns * (rows - 1))])
+
+
+def petersen():
+    return graph(10, [link for i in range(5) for link in ((i, (i + 1) % 5), (i, i + 5), (i + 5, (i + 2) % 5 + 5))])
+
+
+def dodecahedron():
+    """Four rings of five corners, the outer and the inner pentagon and a cycle of ten between them."""
+    links = []
+    for i in range(5):
+        links += [(i, (i + 1) % 5), (i, 5 + i), (5 + i, 10 + i), (10 + i, 5 + (i + 1) % 5), (10 + i, 15 + i)]
+        links.append((15 + i, 15 + (i + 1) % 5))
+    return graph(20, links)
+
+
+def needed(adjacency):
+    return next(count for count in itertools.count(1) if solve_chase(adjacency, count).all())
+
+
+@pytest.mark.parametrize(
+    ("adjacency", "known"),
+    [(path(1), 1), (path(7), 1), (cycle(3), 1), (cycle(30), 2), (grid(3, 4), 2), (petersen(), 3), (dodecahedron(), 3)],
+    ids=["point", "path", "triangle", "cycle", "grid", "Petersen", "dodecahedron"],
+)
+def test_known_graphs(adjacency, known):
+    assert needed(adjacency) == known
+    kept = core(adjacency)
+    assert (len(kept) == 1) == (known == 1)
+    assert needed(adjacency[np.ix_(kept, kept)]) == known
+
+
+def plainly_caught(adjacency, pursuers):
+    """States from which the evader is caught, by the definition: who moves there is told by the last entry."""
+    nodes = range(len(adjacency))
+    near = [[j for j in nodes if i == j or adjacency[i, j]] for i in nodes]
+    teams = list(itertools.product(nodes, repeat=pursuers))
+    won = {(team, e, turn) for team in teams for e in nodes for turn in (0, 1) if e in team}
+    while True:
+        new = set()
+        for team, e in itertools.product(teams, nodes):
+            if any((there, e, 1) in won for there in itertools.product(*(near[p] for p in team))):
+                new.add((team, e, 0))
+            if all((team, there, 0) in won for there in near[e]):
+                new.add((team, e, 1))
+        if new <= won:
+            return won
+        won |= new
+
+
+def chords(seed):
+    """A cycle of nine and some links across it."""
+    ends = np.random.default_rng(seed).integers(9, size=(3, 2))
+    return cycle(9) | graph(9, [(i, j) for i, j in ends if i != j])
+
+
+MIXED = np.array([[4, 0, 7, 2, 8, 5, 1, 6, 3]])
+
+
+@pytest.mark.parametrize(
+    ("adjacency", "pursuers"),
+    [(chords(0), 1), (chords(1), 1), (chords(2), 2), (petersen(), 1), (petersen(), 2), (path(9)[MIXED, MIXED.T], 1)],
+    ids=["chords", "other chords", "two among chords", "one on Petersen", "two on Petersen", "on a path, out of order"],
+)
+def test_every_state_is_as_a_plain_search_says(adjacency, pursuers):
+    won, caught = plainly_caught(adjacency, pursuers), solve_chase(adjacency, pursuers)
+    for evader, *team in np.ndindex(caught.shape):
+        assert caught[(evader, *team)] == ((tuple(team), evader, 0) in won)
+
+
+SMALL = ROOM.copy()
+SMALL[50:62, 50:62] = False
+"""An island that large cells do not see."""
+
+
+def count(free, sizes):
+    told = []
+    found = enough.how_many(largest_part(free, 0.0, 0.0, 0.1), told.append, sizes=sizes)
+    assert set(told) >= {reading.tiling.spacing for reading in found.readings}
+    return found
+
+
+@pytest.mark.parametrize(("free", "known"), [(ROOM, 1), (BENT, 1), (ANNULUS, 2)], ids=["room", "bent room", "annulus"])
+def test_known_arenas(free, known):
+    found = count(free, (60, 100, 150))
+    assert found.agree
+    assert found.pursuers == known
+    assert found.verdict.startswith(("1 pursuer is enough", "2 pursuers are enough, 1 is not")[known - 1])
+
+
+@pytest.mark.parametrize(
+    ("free", "sizes", "pursuers", "islands", "said"),
+    [
+        (SMALL, (12, 200, 300), [1, 2, 2], [0, 1, 1], "do not agree"),
+        (ANNULUS, (60, 100), [2, 2], [1, 1], "too few"),
+        (SMALL, (12, 200, 300, 400), [1, 2, 2, 2], [0, 1, 1, 1], "2 pursuers are enough"),
+        (ANNULUS, (60, 100, 150, 200), [2, 2, 2], [1, 1, 1], "2 pursuers are enough"),
+    ],
+    ids=["disagree", "two", "go on", "stop"],
+)
+def test_three_graphs_in_a_row_must_see_every_island_and_agree(free, sizes, pursuers, islands, said):
+    found = count(free, sizes)
+    assert [reading.pursuers for reading in found.readings] == pursuers
+    assert [reading.tiling.holes for reading in found.readings] == islands
+    assert said in found.verdict
+    assert found.pursuers == (2 if "enough" in said else None)
+
+
+def test_what_would_take_too_long_is_left_out(monkeypatch):
+    monkeypatch.setattr(enough, "MOST_NODES", 20)
+    found = count(ANNULUS, (60, 600))
+    assert len(found.readings) == 1
+    assert found.pursuers is None
 
 
 def is_cleared_plainly(adjacency, seen, pursuers):

@@ -1,11 +1,14 @@
-"""The folder that is served holds all the page needs, and the choice it begins with is one it has."""
+"""The folder that is served holds all the page needs, as the package says now, and the choice it begins with."""
 
 import errno
 import json
 import os
 import re
 import shutil
+import subprocess
+import sys
 from contextlib import nullcontext
+from pathlib import Path
 
 import jax
 import numpy as np
@@ -159,3 +162,10 @@ def test_the_command_writes_a_site_once(tmp_path, capsys):
     assert (chosen["pursuer"], chosen["evader"], chosen["seed"], chosen["level"]) == (YOU, "still", 5, None)
     assert main(["play", "--site", str(site)]) == 2
     assert "--site" in capsys.readouterr().err
+
+
+def test_the_page_is_up_to_date():
+    """In a process of its own, where types are not checked while programs run: that takes a hundred times as long."""
+    command = [sys.executable, "-m", "website.compiled", "--check"]
+    checked = subprocess.run(command, cwd=Path(__file__).parents[2], capture_output=True, text=True)
+    assert checked.returncode == 0, checked.stderr

@@ -1,5 +1,6 @@
-"""Players with continuous actions: how they draw, what they do when it counts, and behind a shield."""
+"""Trained players: how they draw from continuous actions, and agents as files, which come back to the same bits."""
 
+import os
 from dataclasses import replace
 from functools import partial
 
@@ -8,18 +9,21 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from safetensors.numpy import save_file
 from scipy.stats import kstest, norm
 
 from apollonius.agents.greedy import SquashedGaussian, normal_pair
-from apollonius.agents.network import make_actor
+from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.policy import AbstractContinuous
 from apollonius.agents.pool import stack
-from apollonius.agents.store import describe, save_agent
+from apollonius.agents.store import describe, load_agent, save_agent
 from apollonius.agents.trained import exploring, greedy
+from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_pool
 from apollonius.cli.main import main
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
+from apollonius.io.document import write_atomically
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.paper import PAPER
 from tests.acting import act, act_in_rows
@@ -104,3 +108,55 @@ def test_trained_ones_go_together_but_not_with_random_and_have_no_values(tmp_pat
         find_pool([files[0], "random"], Role.EVADER, make_game("paper"))
     assert main(["slice", files[0], "--opponent", "5", "5", "--out", str(tmp_path / "a.png")]) == 2
     assert "continuous actions and values none" in capsys.readouterr().err
+
+
+GAME = to_dict(make_game("paper"))
+TRAINING = {"command": "apollonius train", "seed": 3, "env_steps": 1000}
+
+
+@pytest.mark.parametrize(
+    ("make", "observation", "about"),
+    [
+        (make_network, "paper", ("values", 9, 2)),
+        (make_network, "encoded", ("values", 9, 2)),
+        (make_actor, "encoded", ("gaussian", 0, 2)),
+    ],
+)
+def test_an_agent_comes_back_to_the_last_bit(make, observation, about, tmp_path):
+    agent = describe(make(observation, 4, 2, jax.random.key(1)), Role.PURSUER, GAME, TRAINING)
+    save_agent(agent, tmp_path / "agent.safetensors")
+    loaded = load_agent(tmp_path / "agent.safetensors")
+    assert loaded.header == agent.header
+    assert (loaded.header.network, loaded.header.num_actions, loaded.header.depth) == about
+    assert jax.tree.structure(loaded.network) == jax.tree.structure(agent.network)
+    for ours, theirs in zip(jax.tree.leaves(agent.network), jax.tree.leaves(loaded.network), strict=True):
+        assert ours.dtype == theirs.dtype
+        np.testing.assert_array_equal(ours, theirs)
+
+
+def test_what_is_no_whole_agent_file_is_refused(tmp_path):
+    path, weights = tmp_path / "agent.safetensors", {"weight": np.zeros((3, 3), np.float32)}
+    for spoil, said in (
+        (lambda: None, "there is no agent file"),
+        (path.mkdir, "there is no agent file"),
+        (lambda: (path.rmdir(), save_file(weights, path)), "no Apollonius agent"),
+        (lambda: save_file(weights, path, {"format": "pt"}), "no Apollonius agent"),
+        (lambda: path.write_bytes(path.read_bytes()[:-1]), "not a whole safetensors file"),
+    ):
+        spoil()
+        with pytest.raises(InvalidInput, match=f"{path}.*{said}|{said}.*{path}"):
+            load_agent(path)
+
+
+def test_a_write_is_on_disk_before_it_takes_the_old_ones_place(tmp_path, monkeypatch):
+    path = tmp_path / "file"
+    path.write_bytes(b"old")
+    calls = []
+    fsync, rename = os.fsync, os.replace
+    monkeypatch.setattr(os, "fsync", lambda number: (calls.append("fsync"), fsync(number)))
+    monkeypatch.setattr(
+        os, "replace", lambda source, target: (calls.append(f"replace {path.read_text()}"), rename(source, target))
+    )
+    write_atomically(path, b"new")
+    assert calls == ["fsync", "replace old"]
+    assert path.read_bytes() == b"new"
