@@ -43,7 +43,6 @@ class Block:
 
 
 def name_of(document: Path) -> str:
-    """The path of a document in the repository."""
     return str(document.relative_to(REPOSITORY))
 
 

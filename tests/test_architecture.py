@@ -17,7 +17,6 @@ NAMELESS = {"utils", "common", "helpers"}
 
 
 def violations(module, source):
-    """Every breach of the house's order by one file, in words."""
     found, names = [], imported(ast.parse(source), set())
     if room_of(module) != "show" and any(name.split(".")[0] == "matplotlib" for name in names):
         found.append(f"{module}: imports Matplotlib, which is for show only")

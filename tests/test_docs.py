@@ -55,7 +55,6 @@ def stop_after_parsing(patch):
 
 @pytest.fixture
 def only_parse(monkeypatch):
-    """See `stop_after_parsing`."""
     stop_after_parsing(monkeypatch)
 
 

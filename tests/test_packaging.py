@@ -27,7 +27,6 @@ PROJECT = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
-    """Folder of the wheel and the source archive."""
     out = tmp_path_factory.mktemp("dist")
     build = [sys.executable, "-m", "hatchling", "build", "--directory", out]
     subprocess.run(build, cwd=REPOSITORY, check=True, capture_output=True, timeout=120)
@@ -95,7 +94,6 @@ def test_the_environment_is_the_wheels_own(plain, tmp_path):
 
 
 def test_it_plays(plain, tmp_path):
-    """Agents of the zoo, in an arena of the gallery."""
     arguments = ("evaluate", "P_pool", "E_scratch", "--game", "office", "--games", "20", "--json")
     result = json.loads(run(plain / "apollonius", *arguments, cwd=tmp_path))
     assert sum(result["outcomes"].values()) == 20

@@ -93,7 +93,12 @@ def test_where_only_some_actions_are_allowed_random_keeps_its_own_or_takes_the_f
 
 GAME = replace(SMALL, max_steps=120)
 RUNNER = Uniform()
-STARTS, KEY = sample_starts(GAME, jax.random.key(0), 40), jax.random.key(1)
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    """Starts, and the key of their games."""
+    return sample_starts(GAME, jax.random.key(0), 40), jax.random.key(1)
 
 
 class Drifting(AbstractPolicy):
@@ -107,12 +112,12 @@ class Drifting(AbstractPolicy):
         return 3 * (1 + memory % 2) + bits.astype(jnp.int32) % 3, memory + 1
 
 
-def test_what_was_decided_is_held_from_the_start_of_each_game():
+def test_what_was_decided_is_held_from_the_start_of_each_game(drawn):
     """Games begin as others end; its own memory goes on as it decides."""
     players = BySide(solo(Holding(Drifting(), 7)), solo(RUNNER))
-    results = play_out(GAME, players, STARTS, KEY, slots=16)
+    results = play_out(GAME, players, *drawn, slots=16)
     for game in (0, 39):
-        course = trace(GAME, players, STARTS, KEY, game)
+        course = trace(GAME, players, *drawn, game)
         actions = np.asarray(course.actions)[:, 0]
         assert len(actions) == results.steps[game] > 14
         decided = actions[::7]
@@ -121,16 +126,16 @@ def test_what_was_decided_is_held_from_the_start_of_each_game():
         assert len(set(decided % 3)) > 1
 
 
-def test_players_of_several_kinds_have_games_of_their_own():
+def test_players_of_several_kinds_have_games_of_their_own(drawn):
     """Each plays its part of a batch as it would play all of it, with a memory of its own."""
     kinds, games = (Holding(Drifting(), 2), Drifting()), (2, 3)
-    starts = jax.tree.map(lambda leaf: leaf[:5], STARTS)
+    starts, key = jax.tree.map(lambda leaf: leaf[:5], drawn[0]), drawn[1]
 
     @jax.jit
     def played(pursuers):
         players = BySide(pursuers, solo(RUNNER))
         begun = begin(GAME, starts, players, jnp.zeros((2, 5), jnp.uint32))
-        return collect(GAME, players, begun, jax.tree.map(lambda leaf: leaf[None], starts), KEY, 6)[1].sides.pursuer
+        return collect(GAME, players, begun, jax.tree.map(lambda leaf: leaf[None], starts), key, 6)[1].sides.pursuer
 
     together = played(Apart(kinds, games))
     assert together.member[-1].tolist() == [0, 0, 1, 1, 1]
@@ -139,9 +144,13 @@ def test_players_of_several_kinds_have_games_of_their_own():
         np.testing.assert_array_equal(together.action[:, own], played(solo(one)).action[:, own])
 
 
-NETWORK = make_network("encoded", 16, 3, jax.random.key(0))
 SEEN = jnp.asarray(np.random.default_rng(1).normal(size=(40, 17)).astype(np.float32))
 WANTED = jnp.asarray(np.random.default_rng(2).normal(size=(40, 9)).astype(np.float32))
+
+
+@pytest.fixture(scope="module")
+def network():
+    return make_network("encoded", 16, 3, jax.random.key(0))
 
 
 def one_by_one(network, seen):
@@ -156,18 +165,18 @@ def error(values):
     return lambda network, seen: jnp.mean((values(network, seen) - WANTED) ** 2)
 
 
-def test_a_batch_has_the_values_of_each_observation():
-    values = together(NETWORK, SEEN)
+def test_a_batch_has_the_values_of_each_observation(network):
+    values = together(network, SEEN)
     assert values.shape == (40, 9)
-    np.testing.assert_allclose(values, one_by_one(NETWORK, SEEN), atol=1e-6)
+    np.testing.assert_allclose(values, one_by_one(network, SEEN), atol=1e-6)
 
 
 @pytest.mark.parametrize("of", ["weights", "observations"])
-def test_its_gradient_is_that_of_the_same_values(of):
+def test_its_gradient_is_that_of_the_same_values(of, network):
     if of == "weights":
-        slopes = [eqx.filter_grad(error(values))(NETWORK, SEEN) for values in (together, one_by_one)]
+        slopes = [eqx.filter_grad(error(values))(network, SEEN) for values in (together, one_by_one)]
     else:
-        slopes = [jax.grad(error(values), argnums=1)(NETWORK, SEEN) for values in (together, one_by_one)]
+        slopes = [jax.grad(error(values), argnums=1)(network, SEEN) for values in (together, one_by_one)]
     mine, theirs = map(jax.tree.leaves, slopes)
     assert len(mine) == (8 if of == "weights" else 1)
     for one, other in zip(mine, theirs, strict=True):

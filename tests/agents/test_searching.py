@@ -18,21 +18,24 @@ from apollonius.io.errors import InvalidInput
 from apollonius.observe.view import look
 from tests.acting import robot
 
-GAME = charted(find_game("one-large"))
-SEARCH = find_player("search", Role.PURSUER, GAME).policy
 NO_BITS = jnp.zeros((), jnp.uint32)
+
+
+@functools.cache
+def game():
+    return charted(find_game("one-large"))
 
 
 def view(pursuer, evader, age=1e3, unseen=None):
     """What the pursuer sees that knows where the evader was some time ago, and for how long cells were not seen."""
     belief = jnp.full((COARSE, COARSE), -1.0) if unseen is None else jnp.asarray(unseen, jnp.float32)
     state = GameState.of_two(pursuer, evader, jnp.int32(0))
-    return look(GAME, replace(state, sight=Sight((jnp.float32(age),), belief)), Role.PURSUER)
+    return look(game(), replace(state, sight=Sight((jnp.float32(age),), belief)), Role.PURSUER)
 
 
 @functools.cache
 def decision(name):
-    return jax.jit(find_player(name, Role.PURSUER, GAME).policy)
+    return jax.jit(find_player(name, Role.PURSUER, game()).policy)
 
 
 def cells(*places):
@@ -69,7 +72,8 @@ def test_places_are_drawn_by_what_a_look_is_worth():
     """Of two, the one that is worth twice as much is drawn in three games of four: of uniform numbers u and v half of
     v is the larger one in every fourth."""
     near = view(robot(5.0, 1.0), robot(5.0, 9.0), unseen=cells((1.1, 1.1, 50.0), (8.9, 1.1, 25.0)))
-    draw = jax.jit(jax.vmap(lambda bits: SEARCH.weigh(near, jnp.int32(-1), bits)[1]))
+    search = find_player("search", Role.PURSUER, game()).policy
+    draw = jax.jit(jax.vmap(lambda bits: search.weigh(near, jnp.int32(-1), bits)[1]))
     drawn = np.asarray(draw(jnp.arange(1000, dtype=jnp.uint32)))
     assert set(drawn) == {number(1.1, 1.1), number(8.9, 1.1)}
     assert np.mean(drawn == number(1.1, 1.1)) == pytest.approx(0.75, abs=0.05)
@@ -81,7 +85,7 @@ def test_a_pursuer_that_searches_is_itself_while_it_sees_and_searches_then():
     unseen = cells((8.1, 2.1, 50.0))
     for age, same_as in ((0.0, "pure-pursuit"), (1.0, "pure-pursuit"), (1.1, "search"), (20.0, "search")):
         seen = view(here, there, age, unseen)
-        bare, memory = find_player(same_as, Role.PURSUER, GAME).policy, jnp.int32(-1)
+        bare, memory = find_player(same_as, Role.PURSUER, game()).policy, jnp.int32(-1)
         own = jax.jit(bare.weigh)(seen, memory if same_as == "search" else (), NO_BITS)[0]
         action, (_, place) = decision("searching:pure-pursuit")(seen, ((), memory), NO_BITS)
         assert int(action) == int(jnp.argmax(own))
@@ -89,12 +93,12 @@ def test_a_pursuer_that_searches_is_itself_while_it_sees_and_searches_then():
 
 
 def test_a_searching_agent_of_a_game_without_sensors_is_that_agent():
-    agent, searching = (find_player(name, Role.PURSUER, GAME).policy for name in ("P_any", "searching:P_any"))
+    agent, searching = (find_player(name, Role.PURSUER, game()).policy for name in ("P_any", "searching:P_any"))
 
     @jax.jit
     @jax.vmap
     def acts(key):
-        seen = look(GAME, GAME.reset(key), Role.PURSUER)
+        seen = look(game(), game().reset(key), Role.PURSUER)
         return agent(agent.observation(seen), (), NO_BITS)[0], searching(seen, searching.memory, NO_BITS)[0]
 
     own, while_searching = acts(jax.random.split(jax.random.key(0), 20))
@@ -112,21 +116,21 @@ def test_a_searching_agent_of_a_game_without_sensors_is_that_agent():
 )
 def test_those_who_cannot_search_are_refused(name, role, words):
     with pytest.raises(InvalidInput, match=words):
-        find_player(name, role, GAME)
+        find_player(name, role, game())
 
 
 def test_a_hider_leaves_the_pursuers_sight():
     """From beside the disc it drives behind it, and not towards a pursuer that waits there."""
-    hide = find_player("hide", Role.EVADER, GAME).policy
-    act = jax.jit(lambda state: hide(look(GAME, state, Role.EVADER), (), NO_BITS)[0])
+    hide = find_player("hide", Role.EVADER, game()).policy
+    act = jax.jit(lambda state: hide(look(game(), state, Role.EVADER), (), NO_BITS)[0])
     pursuer, evader = robot(1.5, 5.0), robot(7.0, 6.8, 0.5, -np.pi / 2)
     state, step = (
         GameState.of_two(pursuer, evader, jnp.int32(0)),
-        jax.jit(lambda state, *actions: GAME.step(state, *actions)),
+        jax.jit(lambda state, *actions: game().step(state, *actions)),
     )
-    assert not bool(GAME.arena.hides(state.pursuer, state.evader))
+    assert not bool(game().arena.hides(state.pursuer, state.evader))
     for _ in range(60):
         state = step(state, [jnp.int32(1)], [act(state)]).state
         state = replace(state, robots=BySide((pursuer,), state.robots.evader))
-    assert bool(GAME.arena.hides(state.pursuer, state.evader))
+    assert bool(game().arena.hides(state.pursuer, state.evader))
     assert float(jnp.hypot(state.evader.x - 7.0, state.evader.y - 6.8)) > 0.5

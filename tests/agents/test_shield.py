@@ -28,8 +28,6 @@ from apollonius.observe.view import look
 from tests.acting import a_match, act, of_views, robot
 
 PAPER = make_game("paper")
-RUGGED = Game(arena=random_arena("caves", 3, gap=1.2))
-NETWORK = make_network("encoded", 8, 2, jax.random.key(3))
 
 
 @jax.jit
@@ -92,6 +90,14 @@ def yard():
     return Game(arena=arena, max_steps=80)
 
 
+def rugged():
+    return Game(arena=random_arena("caves", 3, gap=1.2))
+
+
+def valued():
+    return Greedy(make_network("encoded", 8, 2, jax.random.key(3)))
+
+
 class Swerves(AbstractContinuous):
     """Speeds up, and turns by chance."""
 
@@ -101,10 +107,10 @@ class Swerves(AbstractContinuous):
         return jnp.stack([jnp.float32(0.7), (bits >> 16).astype(jnp.float32) / 32768 - 1]), memory
 
 
-@pytest.mark.parametrize("game", [PAPER, yard(), RUGGED], ids=["discs", "polygons", "map"])
-def test_what_surely_stops_does_and_only_polygons_within_reach_are_looked_at(game):
+@pytest.mark.parametrize("make", [lambda: PAPER, yard, rugged], ids=["discs", "polygons", "map"])
+def test_what_surely_stops_does_and_only_polygons_within_reach_are_looked_at(make):
     """Mostly it is known; and the clearance is that without the index of polygons, where it is not much."""
-    arena, backup = game.arena, brakes(game, Role.PURSUER)
+    arena, backup = (game := make()).arena, brakes(game, Role.PURSUER)
     x, y, v, heading = jax.random.uniform(jax.random.key(0), (4, 600))
     width, height = arena.x_max - arena.x_min, arena.y_max - arena.y_min
     robots = jax.vmap(RobotState)(arena.x_min + width * x, arena.y_min + height * y, 1.2 * v, 6 * heading - 3)
@@ -129,17 +135,16 @@ def test_what_surely_stops_does_and_only_polygons_within_reach_are_looked_at(gam
         assert (clearance >= everywhere - 2e-5).all()
 
 
-NINE = jnp.stack([jnp.stack(action_levels(action)) for action in jnp.arange(9)])
-
-
 @pytest.mark.parametrize(
-    ("game", "policy"),
-    [(PAPER, Greedy(NETWORK)), (PAPER, Swerves()), pytest.param(yard(), Reckless(), marks=pytest.mark.slow)],
+    ("make", "behave"),
+    [(lambda: PAPER, valued), (lambda: PAPER, Swerves), pytest.param(yard, Reckless, marks=pytest.mark.slow)],
     ids=["discs, valued", "discs, continuous", "polygons, random"],
 )
-def test_games_are_guarded_together_as_by_trying_all_nine_actions_in_each(game, policy):
+def test_games_are_guarded_together_as_by_trying_all_nine_actions_in_each(make, behave):
     """Of those that are held back there are several blocks and a part of one."""
-    role, player = Role.PURSUER, shielded(policy, game, Role.PURSUER)
+    game, policy, role = make(), behave(), Role.PURSUER
+    player = shielded(policy, game, role)
+    nine = jax.vmap(lambda action: jnp.stack(action_levels(action)))(jnp.arange(9))
     states = jax.jit(reset_batch, static_argnums=2)(game, jax.random.key(0), 500)
     speeds = jnp.linspace(0.6, 1.2, 500)
     states = eqx.tree_at(lambda states: states.pursuer.v, states, speeds)
@@ -155,13 +160,13 @@ def test_games_are_guarded_together_as_by_trying_all_nine_actions_in_each(game, 
             view, bits = look(game, given[0], role), given[1]
             weighed = policy.weigh(policy.observation(view), (), bits)[0]
             tried = (
-                jnp.concatenate([NINE, jnp.stack(action_levels(weighed))[None]]) if policy.continuous else jnp.arange(9)
+                jnp.concatenate([nine, jnp.stack(action_levels(weighed))[None]]) if policy.continuous else jnp.arange(9)
             )
             clearance = jax.lax.map(lambda action: player.backup.clearance_after(view.own.state, action), tried)
             best = policy.choose(weighed, clearance[:9] > MARGIN)
             stops = jnp.any(clearance[:9] > MARGIN)
             held = jnp.where(stops, best, jnp.argmax(clearance[:9]))
-            return (jnp.where(clearance[9] > MARGIN, weighed, NINE[held]) if policy.continuous else held), stops
+            return (jnp.where(clearance[9] > MARGIN, weighed, nine[held]) if policy.continuous else held), stops
 
         return jax.lax.map(alone, (states, bits))
 

@@ -126,7 +126,6 @@ def floor(width, radius=0.2, second=0.0):
 
 
 def warned(game, players=(), name="floor.toml"):
-    """The lines that a command says before such games."""
     lines = []
     warn(argparse.Namespace(game=name, display=SimpleNamespace(tell=lines.append)), game, players)
     return lines

@@ -56,14 +56,12 @@ def tiny(tmp_path):
 
 @pytest.fixture
 def agent():
-    """Files of a pursuer and an evader: `P.safetensors` and `E.safetensors`."""
     for name, role in (("P", Role.PURSUER), ("E", Role.EVADER)):
         network = make_network("paper", 4, 1, jax.random.key(0))
         save_agent(describe(network, role, to_dict(make_game("paper")), {}), Path(f"{name}.safetensors"))
 
 
 def run_main(*arguments):
-    """The exit status of the command."""
     try:
         return main(list(arguments))
     except SystemExit as leaving:
@@ -82,7 +80,6 @@ def run_process(script, *arguments):
 
 
 def everything_here():
-    """Every file and folder, with its content."""
     return {str(path): path.is_file() and path.read_bytes() for path in Path().rglob("*")}
 
 
@@ -418,7 +415,6 @@ def test_train_makes_a_run_and_judges_it_and_force_replaces_it(tiny, capsys, mon
 
 
 def test_seed_0_is_a_seed_and_a_run_that_is_stopped_says_how_to_go_on(capsys, monkeypatch):
-    """It is not the lack of one: it takes the place of the config's own."""
     monkeypatch.setattr("apollonius.learn.run.Run.execute", lambda run: False)
     Path("five.toml").write_text(tomli_w.dumps(to_dict(replace(RUN, seed=5))))
     for asked, seed in (([], 5), (["--seed", "0"], 0)):

@@ -18,7 +18,6 @@ GRID = ("--grid", "4x4x2x4", "--hold", "10")
 
 @pytest.fixture(scope="module")
 def tables(tmp_path_factory):
-    """The files of both sides, and what was printed about them."""
     folder = tmp_path_factory.mktemp("tables")
     paths = {role: folder / f"{role}.safetensors" for role in ("pursuer", "evader")}
     for role, path in paths.items():

@@ -32,7 +32,6 @@ SENSIBLE = {
 
 
 def parsers(parser, path=()):
-    """Every command's words and its parser."""
     nested = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
     if not nested:
         yield " ".join(path), parser
@@ -58,7 +57,6 @@ def refusal(capsys, act):
 
 @pytest.fixture(autouse=True)
 def here(tmp_path, monkeypatch):
-    """In a folder with nothing but an empty folder."""
     monkeypatch.chdir(tmp_path)
     Path("folder").mkdir()
     return tmp_path

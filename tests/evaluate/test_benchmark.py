@@ -58,7 +58,6 @@ def card(judged, tmp_path):
 
 
 def entered(tmp_path, code, role=Role.PURSUER):
-    """An agent from outside, and the benchmark that it enters."""
     path = tmp_path / "mine.py"
     path.write_text(code)
     one = Benchmark("full", role)

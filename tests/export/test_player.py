@@ -77,7 +77,6 @@ def with_wide_index(player):
 
 
 def in_c(players, asked):
-    """How players decide in C; one program serves all that are alike."""
     programs = {}
     for player in players:
         shape = str(jax.tree.map(jnp.shape, (player.policy, player.game)))
@@ -99,7 +98,6 @@ def on_the_page(players, asked):
 
 
 def to_the_page(player, cases):
-    """What the page is asked about a player: pursuers come first."""
     bare = player.name.removeprefix("shielded:")
     name = player.name if bare in PLAYERS else player.name.replace(bare, str(find_trained(bare)[1]))
     first = len(player.game.bodies[player.role]) if player.role == Role.EVADER else 0

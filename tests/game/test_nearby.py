@@ -25,8 +25,11 @@ POLYGONS = (
     shape(8.0, 12.0, (0.0, 0.0), (0.0, 2.5), (2.5, 2.5), (2.5, 0.0)),
     shape(14.0, 13.0, (0.0, 0.0), (0.1, 0.0), (0.05, 0.1)),
 )
-ALL = Edges.of(POLYGONS)
-INDEX = surroundings(POLYGONS, REACH, LEFT, LEFT + SIZE, LOWER, LOWER + SIZE)
+
+
+@pytest.fixture(scope="module")
+def index():
+    return surroundings(POLYGONS, REACH, LEFT, LEFT + SIZE, LOWER, LOWER + SIZE)
 
 
 @jax.vmap
@@ -36,15 +39,16 @@ def at(x, y):
 
 
 @pytest.mark.parametrize("length", [0.0, 0.7])
-def test_what_is_near_is_as_far_away_as_among_all_polygons_up_to_the_reach(length):
+def test_what_is_near_is_as_far_away_as_among_all_polygons_up_to_the_reach(length, index):
     """From points, and from segments, among them those that are nearest to a polygon at neither of their ends."""
     x, y = RNG.uniform((LEFT + 1, LOWER + 1), (LEFT + SIZE - 1, LOWER + SIZE - 1), (6000, 2)).astype(np.float32).T
     angle = RNG.uniform(-np.pi, np.pi, 6000)
     ends = at(x, y), at(*np.float32((x + length * np.cos(angle), y + length * np.sin(angle))))
-    one = lambda before, after: INDEX.near(before.x, before.y).clearance_along(before, after)  # noqa: E731
-    near, every = (np.asarray(jax.jit(jax.vmap(function))(*ends)) for function in (one, ALL.clearance_along))
+    everything = Edges.of(POLYGONS)
+    one = lambda before, after: index.near(before.x, before.y).clearance_along(before, after)  # noqa: E731
+    near, every = (np.asarray(jax.jit(jax.vmap(function))(*ends)) for function in (one, everything.clearance_along))
     within = every <= REACH - length
-    at_ends = np.min([jax.jit(jax.vmap(ALL.clearance))(end.x, end.y) for end in ends], axis=0)
+    at_ends = np.min([jax.jit(jax.vmap(everything.clearance))(end.x, end.y) for end in ends], axis=0)
     assert length == 0 or (within & (every < at_ends - 0.01 * length)).sum() > 15
     assert (every < 0).sum() > 50
     assert 500 < within.sum() < 5900
@@ -52,7 +56,7 @@ def test_what_is_near_is_as_far_away_as_among_all_polygons_up_to_the_reach(lengt
     assert (near[~within] > REACH - length).all()
 
 
-def test_only_some_are_looked_at_and_none_where_none_is_in_reach():
-    assert INDEX.within.shape == (64, 64, 4)
+def test_only_some_are_looked_at_and_none_where_none_is_in_reach(index):
+    assert index.within.shape == (64, 64, 4)
     x, y = jnp.float32(LEFT + 15.5), jnp.float32(LOWER + 0.5)
-    assert float(INDEX.near(x, y).clearance(x, y)) > 1e5
+    assert float(index.near(x, y).clearance(x, y)) > 1e5

@@ -2,6 +2,7 @@
 
 import itertools
 from dataclasses import replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -34,16 +35,14 @@ def test_of_every_combination_of_events_that_counts_which_counts_for_the_oracle(
         assert Outcome(int(outcome)).name == expected, flags
 
 
-def test_the_pursuer_wins_by_a_capture_or_when_the_evader_fails_alone():
-    winning = {outcome for outcome in Outcome if pursuer_wins(jnp.asarray(outcome))}
-    assert winning == {Outcome.CAPTURED, Outcome.EVADER_HIT_OBSTACLE, Outcome.EVADER_OUT_OF_RANGE}
-
-
-@pytest.mark.parametrize(("time_limit_wins", "more"), [(False, set()), (True, {Outcome.NO_RESULT})])
-def test_the_evader_wins_by_the_pursuers_failure_the_territory_or_time_where_the_rules_say_so(time_limit_wins, more):
-    winning = {outcome for outcome in Outcome if evader_wins(jnp.asarray(outcome), time_limit_wins)}
-    always = {Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE, Outcome.TERRITORY_REACHED}
-    assert winning == always | more
+def test_a_side_wins_by_the_other_ones_failure_and_the_evader_by_time_where_the_rules_say_so():
+    evaders = {Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE, Outcome.TERRITORY_REACHED}
+    for wins, outcomes in (
+        (pursuer_wins, {Outcome.CAPTURED, Outcome.EVADER_HIT_OBSTACLE, Outcome.EVADER_OUT_OF_RANGE}),
+        (partial(evader_wins, time_limit_wins=False), evaders),
+        (partial(evader_wins, time_limit_wins=True), evaders | {Outcome.NO_RESULT}),
+    ):
+        assert {outcome for outcome in Outcome if wins(jnp.asarray(outcome))} == outcomes
 
 
 def test_a_territory_that_was_never_reached_is_no_outcome_to_report():

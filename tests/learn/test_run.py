@@ -26,7 +26,6 @@ from apollonius.learn.run import Run, load_first
 from apollonius.play.playout import Results
 from tests.learn.tiny import CHUNK, DQN, RUN
 
-KEY = jax.random.key(0)
 CHECKPOINT = "checkpoint.safetensors"
 TIMES = ("seconds", "env_steps_per_second")
 """What a metrics line says about the clock; everything else in it must come out the same."""
@@ -255,18 +254,18 @@ def test_self_play_goes_on_from_given_agents_and_resumes_without_their_files(uni
 
 
 @pytest.mark.parametrize(
-    "network",
+    ("make", "size"),
     [
-        make_network("encoded", 16, 1, KEY),
-        make_network("paper", 8, 1, KEY),
-        make_network("paper", 16, 2, KEY),
-        make_actor("paper", 16, 1, KEY),
+        (make_network, ("encoded", 16, 1)),
+        (make_network, ("paper", 8, 1)),
+        (make_network, ("paper", 16, 2)),
+        (make_actor, ("paper", 16, 1)),
     ],
     ids=["observation", "width", "depth", "algorithm"],
 )
-def test_a_first_pursuer_of_another_kind_than_the_config_trains_is_refused(tmp_path, network):
+def test_a_first_pursuer_of_another_kind_than_the_config_trains_is_refused(tmp_path, make, size):
     path = tmp_path / "P.safetensors"
-    save_agent(describe(network, Role.PURSUER, {}, {}), path)
+    save_agent(describe(make(*size, jax.random.key(0)), Role.PURSUER, {}, {}), path)
     with pytest.raises(InvalidInput, match=f"{path}.*a QNetwork of 1 layers of 16 that reads 'paper', as this config"):
         load_first(replace(RUN, stages="self-play", pursuer=str(path)), Role.PURSUER)
 

@@ -1,5 +1,6 @@
 """What a robot sees (Eq. 6, 7), in its own frame, and of teams, number by number."""
 
+import functools
 import math
 from dataclasses import replace
 
@@ -23,7 +24,7 @@ from apollonius.observe.observation import perceive
 from apollonius.observe.team import MATES, OF_A_ROBOT, OPPONENTS, TEAM
 from apollonius.observe.view import look
 from tests.acting import observe as observe_one
-from tests.acting import of_views, state, state_of
+from tests.acting import state, state_of
 
 OPEN = Game(
     pursuer=Unicycle(v_min=-0.5, v_max=1.5, u1_max=0.5, radius=0.1),
@@ -62,16 +63,25 @@ def test_encoded_warns_of_a_disc_in_the_braking_distance():
 
 SLOW = Unicycle(v_max=0.6, u1_max=0.6, u2_max=1.6, radius=0.15)
 WALL = Polygon(((4.0, 0.0), (4.2, 0.0), (4.2, 6.0), (4.0, 6.0)))
-DIVIDED = charted(Game(pursuer=SLOW, arena=Arena(0.0, 8.0, 0.0, 8.0, polygons=(WALL,)), capture_distance=0.6))
 
 
-def looked(states, role, game=DIVIDED):
-    """What is seen in several games."""
-    return np.asarray(jax.jit(lambda game, states: of_views(EGOCENTRIC, game, states, role))(game, states))
+@functools.cache
+def divided(**changes):
+    """An arena that a wall divides, with its chart."""
+    return charted(Game(arena=Arena(0.0, 8.0, 0.0, 8.0, polygons=(WALL,)), **changes))
 
 
-def seen(now, role=Role.PURSUER, game=DIVIDED):
-    return looked(jax.tree.map(lambda leaf: leaf[None], now), role, game)[0]
+def of_slow():
+    return divided(pursuer=SLOW, capture_distance=0.6)
+
+
+@jax.jit
+def look_by_chart(now):
+    return EGOCENTRIC(look(of_slow(), now, Role.PURSUER))
+
+
+def seen(now):
+    return np.asarray(look_by_chart(now))
 
 
 def test_robots_number_by_number():
@@ -112,23 +122,21 @@ def test_ways_say_where_to_go_and_who_is_first():
 
 
 def test_without_a_chart_it_says_what_is_missing():
-    bare = replace(DIVIDED, arena=replace(DIVIDED.arena, chart=None))
+    bare = replace(of_slow(), arena=replace(of_slow().arena, chart=None))
     with pytest.raises(InvalidInput, match="a player that reads an arena's chart"):
         EGOCENTRIC(look(bare, state((2.0, 4.0, 0.6, 0.0), (5.0, 4.0, 1.2, 0.0)), Role.EVADER))
 
 
-GAME = charted(Game(arena=Arena(0.0, 8.0, 0.0, 8.0, polygons=(WALL,))))
 FIRST = EGOCENTRIC.size
 
 
-TEAMS = in_teams(GAME, 5, 2)
 OUT = (1.0, 1.0, 0.0, 0.0, 1)
 """A robot that fills up a team, out of play."""
 
 
 @jax.jit
 def look_together(states):
-    return perceive(TEAM, TEAMS, states, Role.PURSUER)[1]
+    return perceive(TEAM, in_teams(divided(), 5, 2), states, Role.PURSUER)[1]
 
 
 def together(pursuers, evaders, out=()):
@@ -162,7 +170,7 @@ def test_it_begins_with_egocentric_and_alone_is_nothing_else():
     numbers = together([ME], [PREY])
     assert numbers.shape == (1, TEAM.size)
     me, prey = (RobotState(*jnp.asarray(one, jnp.float32)) for one in (ME, PREY))
-    view = look(GAME, GameState.of_two(me, prey, jnp.asarray(0)), Role.PURSUER)
+    view = look(divided(), GameState.of_two(me, prey, jnp.asarray(0)), Role.PURSUER)
     np.testing.assert_allclose(numbers[0, :FIRST], jax.jit(EGOCENTRIC)(view), atol=1e-6)
     assert not numbers[:, FIRST:].any()
 

@@ -126,9 +126,7 @@ def judge(captured, pursuer_fate, evader_fate, reached, out_of_time):
     return "ONGOING"
 
 
-def zero_sum_rewards(reward, outcome, closed):
+def zero_sum_reward(outcome):
     if outcome == "CAPTURED" or outcome.startswith("EVADER"):
-        return 1.0, -1.0
-    if outcome.startswith("PURSUER") or outcome in ("NO_RESULT", "TERRITORY_REACHED"):
-        return -1.0, 1.0
-    return 0.0, 0.0
+        return 1.0
+    return -1.0 if outcome.startswith("PURSUER") or outcome in ("NO_RESULT", "TERRITORY_REACHED") else 0.0

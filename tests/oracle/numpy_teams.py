@@ -103,8 +103,8 @@ def step(game, pursuers, evaders, steps, pursuer_actions, evader_actions, mates_
         if fate[number] in FAILURES and (sides[number] == "evader" or outcome != "CAPTURED"):
             rewards[number] = -reward.failure
     if reward.profile == "zero-sum":
-        first, second = alone.zero_sum_rewards(reward, outcome, 0.0)
-        rewards = [first if side == "pursuer" else second for side in sides]
+        gain = alone.zero_sum_reward(outcome)
+        rewards = [gain if side == "pursuer" else -gain for side in sides]
     count = len(pursuers)
     return Step(after[:count], after[count:], outcome, rewards[:count], rewards[count:], min(margins))
 

@@ -82,7 +82,6 @@ class World:
         self.rows, self.late = rows.astype(float), deque()
 
     def spin(self, until):
-        """Serve messages until a time [s, monotonic]."""
         while (left := until - time.monotonic()) > 0:
             rclpy.spin_once(self.node, timeout_sec=left)
 
@@ -139,7 +138,6 @@ class World:
 
 
 def odometry(row, stamp):
-    """Return the message of a robot's x, y, v and heading."""
     x, y, v, heading = map(float, row)
     message = Odometry()
     message.header.stamp, message.header.frame_id, message.child_frame_id = stamp, "map", "base_link"

@@ -59,7 +59,6 @@ def folder(tmp_path_factory):
 
 
 def start(folder, name):
-    """Start a node."""
     words = ["-m", "apollonius_ros.node", "--ros-args", "--params-file", "params.yaml", "-r", f"__node:={name}"]
     with (folder / f"{name}.log").open("a") as log:
         environment = os.environ | ALONE | {"PYTHONPATH": str(PACKAGE)}

@@ -34,7 +34,6 @@ FACTS = {
 
 @pytest.fixture(autouse=True)
 def package(monkeypatch):
-    """The package, as where it is installed."""
     monkeypatch.syspath_prepend(PACKAGE)
     yield
     for name in [name for name in sys.modules if name.startswith("apollonius_ros")]:
@@ -171,7 +170,6 @@ def test_a_mate_or_opponent_out_of_play_need_not_be_seen(pilot):
 
 
 def compiled(name, role, game, folder):
-    """An exported player as the robot has it, and the player."""
     player = find_exportable(name, role, game)
     write_c(player, folder / "robot.c", states=100)
     subprocess.run(["gcc", "-O2", "-shared", "-fPIC", "robot.c", "-lm", "-o", "robot.so"], cwd=folder, check=True)

@@ -46,7 +46,6 @@ def document(page):
 
 @pytest.fixture
 def copy(demo, tmp_path):
-    """The run, to be changed."""
     return shutil.copytree(demo, tmp_path / "copy")
 
 

@@ -119,7 +119,6 @@ HALL = Arena(
 
 
 def geoms(game, drive=None):
-    """Attributes of all geoms by name."""
     root = ElementTree.fromstring(mjcf(game, drive or Drive(), 0.005))
     return {geom.get("name"): geom.attrib for geom in root.iter("geom")}
 

@@ -74,7 +74,6 @@ def test_a_robot_without_its_imperfections_moves_as_the_rules_say(ideal, simulat
 
 
 def begun(*row):
-    """A game that begins with the pursuer's and the evader's x, y, v and heading."""
     return jax.tree.map(lambda leaf: leaf[None], as_state(jnp.asarray(row, jnp.float32), jnp.asarray(0)))
 
 
@@ -123,7 +122,6 @@ def test_both_plays_are_counted_and_compared(simulated):
 
 
 def played(game, count=4):
-    """Games between rules with bodies."""
     match = Match.of_names(game, "intercept", "flee-aware", count)
     return match, simulate_match(match, Drive())
 

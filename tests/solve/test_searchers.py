@@ -148,7 +148,6 @@ def test_what_would_take_too_long_is_left_out(monkeypatch):
 
 
 def is_cleared_plainly(adjacency, seen, pursuers):
-    """Return whether some walk of the searchers leaves no node for an evader, by all states."""
     near = [np.flatnonzero(row) for row in adjacency | np.eye(len(adjacency), dtype=bool)]
     nodes = range(len(adjacency))
 
@@ -170,7 +169,6 @@ def is_cleared_plainly(adjacency, seen, pursuers):
 
 
 def escapes(adjacency, seen, found):
-    """Return whether an evader that knows a strategy is never seen, each step of which is checked."""
     near = adjacency | np.eye(len(adjacency), dtype=bool)
     could = {node for node in range(len(near)) if not any(seen[at, node] for at in found[0])}
     for before, after in itertools.pairwise(found):

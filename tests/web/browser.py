@@ -59,5 +59,4 @@ class Tab:
 
 
 def launched(driver):
-    """A browser, to be closed."""
     return driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS.split())

@@ -31,7 +31,6 @@ SPIRAL = "68ef36e88dd9c4e8f3a096933aeceddbdf95ea94d314e08f2719119930fbfd16"
 
 
 def saved(page, path):
-    """Return the replay that the page saves."""
     with page.expect_download() as download:
         page.click("#download")
     download.value.save_as(path)

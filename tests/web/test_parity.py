@@ -100,7 +100,6 @@ def on_a_floor():
 
 
 def as_on_the_page(game):
-    """A game's record, a map with its field."""
     record, occupancy = to_dict(game), game.arena.map
     if occupancy:
         rows, columns = occupancy.field.shape
@@ -131,7 +130,6 @@ GAMES = {
 
 
 def any_actions(random, size):
-    """Discrete actions of some robots."""
     return random.integers(9, size=size, dtype=np.int32)
 
 
