@@ -65,23 +65,26 @@ SLOW = Unicycle(v_max=0.6, u1_max=0.6, u2_max=1.6, radius=0.15)
 WALL = Polygon(((4.0, 0.0), (4.2, 0.0), (4.2, 6.0), (4.0, 6.0)))
 
 
+DIVIDED = Arena(0.0, 8.0, 0.0, 8.0, polygons=(WALL,))
+
+
 @functools.cache
-def divided(**changes):
-    """An arena that a wall divides, with its chart."""
-    return charted(Game(arena=Arena(0.0, 8.0, 0.0, 8.0, polygons=(WALL,)), **changes))
-
-
 def of_slow():
-    return divided(pursuer=SLOW, capture_distance=0.6)
+    return charted(Game(pursuer=SLOW, arena=DIVIDED, capture_distance=0.6))
+
+
+@functools.cache
+def of_teams():
+    return in_teams(charted(Game(arena=DIVIDED)), 5, 2)
 
 
 @jax.jit
-def look_by_chart(now):
-    return EGOCENTRIC(look(of_slow(), now, Role.PURSUER))
+def look_by_chart(game, now):
+    return EGOCENTRIC(look(game, now, Role.PURSUER))
 
 
 def seen(now):
-    return np.asarray(look_by_chart(now))
+    return np.asarray(look_by_chart(of_slow(), now))
 
 
 def test_robots_number_by_number():
@@ -135,8 +138,8 @@ OUT = (1.0, 1.0, 0.0, 0.0, 1)
 
 
 @jax.jit
-def look_together(states):
-    return perceive(TEAM, in_teams(divided(), 5, 2), states, Role.PURSUER)[1]
+def look_together(game, states):
+    return perceive(TEAM, game, states, Role.PURSUER)[1]
 
 
 def together(pursuers, evaders, out=()):
@@ -154,7 +157,7 @@ def together(pursuers, evaders, out=()):
     robots = sides.map(lambda side: tuple(RobotState(*row[:4]) for row in side))
     status = sides.map(lambda side: tuple(jnp.where(row[4] > 0, RobotStatus.HIT_OBSTACLE, 0) for row in side))
     states = jax.tree.map(lambda leaf: leaf[None], GameState(robots, jnp.asarray(0), status=status))
-    return np.asarray(look_together(states))[: len(pursuers)]
+    return np.asarray(look_together(of_teams(), states))[: len(pursuers)]
 
 
 def slots(numbers):
@@ -170,7 +173,7 @@ def test_it_begins_with_egocentric_and_alone_is_nothing_else():
     numbers = together([ME], [PREY])
     assert numbers.shape == (1, TEAM.size)
     me, prey = (RobotState(*jnp.asarray(one, jnp.float32)) for one in (ME, PREY))
-    view = look(divided(), GameState.of_two(me, prey, jnp.asarray(0)), Role.PURSUER)
+    view = look(replace(of_teams(), teams=None), GameState.of_two(me, prey, jnp.asarray(0)), Role.PURSUER)
     np.testing.assert_allclose(numbers[0, :FIRST], jax.jit(EGOCENTRIC)(view), atol=1e-6)
     assert not numbers[:, FIRST:].any()
 

@@ -23,11 +23,6 @@ GRID = make_grid(SMALL.arena, BODY, (31, 41, 5, 16))
 HOLD = 5
 
 
-@pytest.fixture(scope="module")
-def solved():
-    return solve_safety(SMALL, Role.PURSUER, GRID, HOLD)
-
-
 def test_the_table_is_that_of_brute_force():
     """Each sweep goes down, and the last moves nothing."""
     told = []
