@@ -142,7 +142,7 @@ def test_the_table_is_that_of_brute_force():
     known = np.ravel(reach.table)
     np.testing.assert_allclose(values.max(axis=1)[known > 0], known[known > 0], atol=1e-4)
     outside = RobotState(*(jnp.float32(number) for number in (2.95, 1.0, 0.6, 0.0)))
-    assert math.isinf(float(jax.jit(reach.seconds)(outside)))
+    assert math.isinf(float(jax.jit(lambda robot: reach.seconds(robot))(outside)))
 
 
 @pytest.mark.parametrize("target", [(0.7, 2.3), (3.0, 1.0)], ids=["in a disc", "beyond the walls"])
