@@ -2,7 +2,7 @@
 // are rows of x, y [m], v [m/s], heading [rad] of each pursuer, then of each evader. Of a game of teams there is `until` too:
 // for each robot the first step at which it is out of play, or null.
 
-import { between, draw } from "../web/page/draw.js";
+import { between, coloursOf, draw } from "../web/page/draw.js";
 import { ROLES, countsOf, isActive } from "../web/page/game.js";
 import { known, layersOf } from "../web/page/why.js";
 
@@ -114,11 +114,8 @@ export class ReplayPlayer {
   /** Show the game as it stands at a step, whole or not. */
   show(step) {
     this.step = step;
-    const style = getComputedStyle(this.root);
-    const names = ["pursuer", "evader", "obstacle", "ink", "paper"];
-    const colours = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
     const shown = [...this.part("layers").querySelectorAll(":checked:enabled")].map(({ name }) => name);
-    drawGame(this.canvas, this.game, this.states, step, colours, shown);
+    drawGame(this.canvas, this.game, this.states, step, coloursOf(this.root), shown);
     const { dt } = this.game;
     const clock = `${(step * dt).toFixed(1)} s of ${(this.last * dt).toFixed(1)} s`;
     this.part("seek").value = Math.round(step);

@@ -146,29 +146,28 @@ export function asQuery({ level, ...choice }) {
 /** Buttons for all levels, with their arenas and what has been reached in each. */
 export function levelButtons(games, colours, current, onChoice) {
   return LEVELS.map((level) => {
-    const [item, button, picture, about] = ["li", "button", "canvas", "small"].map((kind) => document.createElement(kind));
+    const [item, picture, about] = ["li", "canvas", "small"].map((kind) => document.createElement(kind));
     const { arena } = games[partsOf(level.game, games)[0]];
     Object.assign(picture, { width: PICTURE, height: PICTURE, ariaHidden: "true" });
     drawGround(scaled(picture, arena), arena, colours);
     const best = bestOf(level);
     const isFlight = level.side === EVADER;
     const reached = best === null ? "" : `; ✓ won${isFlight ? "" : `, ${best.toFixed(1)} s`}`;
-    button.textContent = `${level.number}. ${level.name}`;
+    const button = buttonOf(`${level.number}. ${level.name}`, () => onChoice(level));
     about.textContent = `${isFlight ? "flee" : "hunt"}, ${level.difficulty}${reached}`;
     button.prepend(picture);
     button.append(about);
     if (level === current) button.setAttribute("aria-current", "true");
-    button.addEventListener("click", () => onChoice(level));
     item.append(button);
-    if (isFlight && best !== null) item.append(endlessButton(endless(level), onChoice));
+    const longest = bestOf(endless(level));
+    const ever = `Endless${longest === null ? "" : `: ${longest.toFixed(1)} s so far`}`;
+    if (isFlight && best !== null) item.append(buttonOf(ever, () => onChoice(endless(level))));
     return item;
   });
 }
 
-function endlessButton(level, onChoice) {
-  const best = bestOf(level);
-  const button = document.createElement("button");
-  button.textContent = `Endless${best === null ? "" : `: ${best.toFixed(1)} s so far`}`;
-  button.addEventListener("click", () => onChoice(level));
+function buttonOf(text, onClick) {
+  const button = Object.assign(document.createElement("button"), { textContent: text });
+  button.addEventListener("click", onClick);
   return button;
 }

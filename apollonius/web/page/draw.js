@@ -11,6 +11,13 @@ const FOG = 0.3; // how opaque it is
 const MOST_PIXELS = 2048; // along a side of a map's picture; of a larger map some cells are left out
 const mapPictures = new WeakMap();
 
+/** Colours by name, as a page's style has them just now for an element. */
+export function coloursOf(element) {
+  const style = getComputedStyle(element);
+  const names = ["paper", "ink", "obstacle", ...ROLES];
+  return Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+}
+
 /** A state between two others, `share` of the way from the first to the second. */
 export function between(before, after, share) {
   const mix = (a, b) => a + (b - a) * share;

@@ -1,23 +1,17 @@
 // What is shown of a match in every frame: the arena, the clock, the slow replay, the pads' pressed cells.
 
-import { between, draw } from "./draw.js";
+import { between, coloursOf, draw } from "./draw.js";
 import { fogOf } from "./fog.js";
-import { EVADER, PURSUER, isActive, robotOf } from "./game.js";
+import { isActive, robotOf } from "./game.js";
 import { known, layersOf } from "./why.js";
-
-/** Colours by name, as the page's style has them just now. */
-function readColours() {
-  const style = getComputedStyle(document.documentElement);
-  const names = ["paper", "ink", "obstacle", PURSUER, EVADER];
-  return Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
-}
 
 export class Stage {
   /** @param element finds a part of the page by its id; `steering` knows which cells of pads are pressed */
   constructor(element, steering) {
-    Object.assign(this, { element, steering, colours: readColours(), layers: [], known: {} });
-    const dark = matchMedia("(prefers-color-scheme: dark)");
-    dark.addEventListener("change", () => (this.colours = readColours()));
+    Object.assign(this, { element, steering, layers: [], known: {} });
+    const look = () => (this.colours = coloursOf(document.documentElement));
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", look);
+    look();
   }
 
   /** Draw a session as it is at a time [s]. Robots are drawn one step late, between the last two states, to move smoothly. */
