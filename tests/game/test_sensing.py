@@ -1,4 +1,4 @@
-"""What robots see: lines of sight against NumPy, range, noise and drop-outs measured from samples; polygons near them."""
+"""What robots see: lines of sight against NumPy, range, noise and drop-outs from samples; polygons near them."""
 
 from dataclasses import replace
 
