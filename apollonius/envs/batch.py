@@ -18,6 +18,7 @@ from apollonius.game.game import Game
 from apollonius.game.types import Action, GameState, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.observation import AbstractObservation, perceive
+from apollonius.observe.tracking import update
 from apollonius.play.rollout import Games, begin, of_robots, step_games
 
 Tree = TypeVar("Tree")
@@ -81,11 +82,10 @@ class Outside(AbstractPolicy):
 
 
 class UnderWay(eqx.Module):
-    """Games under way, the observations of the side from outside, and the opponent's memory."""
+    """Games under way, and the observations of the side from outside."""
 
-    state: GameState
+    games: Games
     seen: Float[Array, "games *robots size"]
-    memory: Memory
 
 
 class Result(eqx.Module):
@@ -125,13 +125,11 @@ class Batch:
         """Return a pile of starts."""
         keys = jax.random.split(jax.random.key(bits), SPARE * self.num_envs)
         starts: GameState = jax.lax.map(self.game.reset, keys, batch_size=_TOGETHER)
-        _, seen = perceive(self.players[self.role].observation, self.game, starts, self.role)
-        seen = of_robots(jnp.split(seen, len(self.game.bodies[self.role])))
-        return UnderWay(starts, seen, self._begun(starts).sides[self.role.other].memory)
-
-    def _begun(self, state: GameState) -> Games:
-        """Return games that begin in these states."""
-        return begin(self.game, state, self.players, jnp.zeros((2, len(state.steps)), jnp.uint32))
+        games = begin(self.game, starts, self.players, jnp.zeros((2, len(keys)), jnp.uint32))
+        looks = jax.vmap(functools.partial(update, self.game, self.role))
+        _, states = looks(games.sides[self.role].track, starts, jax.random.bits(keys[0], (len(keys),), jnp.uint32))
+        _, seen = perceive(self.players[self.role].observation, self.game, states, self.role)
+        return UnderWay(games, of_robots(jnp.split(seen, len(self.game.bodies[self.role]))))
 
     def step(
         self, now: UnderWay, ended: Bool[Array, " games"], starts: UnderWay, used: Int[Array, ""],
@@ -139,9 +137,9 @@ class Batch:
     ) -> tuple[UnderWay, Result]:  # fmt: skip
         """Return every game after a step, and its result; of games that have `ended` a new one begins instead."""
         several = len(self.game.bodies[self.role]) > 1
-        games, other = self._begun(now.state), self.role.other
+        games, other = now.games, self.role.other
         outside = replace(games.sides[self.role], memory=actions if several else actions[:, None])
-        sides = BySide.of(self.role, outside, replace(games.sides[other], memory=now.memory))
+        sides = BySide.of(self.role, outside, games.sides[other])
         drawn = jax.random.bits(jax.random.key(bits), (self.num_envs,), jnp.uint32)
         games, made = step_games(self.game, self.players, replace(games, sides=sides), jnp.stack([drawn, drawn]))
         own, status = made.sides[self.role], games.state.status
@@ -150,7 +148,7 @@ class Batch:
             own.next_observation, sum(rewards[1:], rewards[0]) / len(rewards), made.terminated, made.truncated,
             made.outcome, *(() if status is None else (jnp.stack(rewards, 1), jnp.stack(status[self.role], 1))),
         )  # fmt: skip
-        after = UnderWay(games.state, result.seen, games.sides[other].memory)
+        after = UnderWay(games, result.seen)
         if not self.next_step:
             return renewed(after, starts, used, made.ended), result
         # Zeros: no reward, no end, an ongoing game, active robots.

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise, starmap
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium
 import jax
@@ -11,19 +11,22 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, UInt8, UInt32
 
-from apollonius.agents.policy import AbstractPolicy, Memory
+from apollonius.agents.policy import AbstractPolicy, Memory, mixed
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import as_game
 from apollonius.catalogue import find_player
 from apollonius.envs.batch import Compiled, require_unforked
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.types import NUM_ACTIONS, Action, GameState, Outcome, RobotStatus, Role
+from apollonius.game.sensing import DriveStates, drive_of
+from apollonius.game.types import NUM_ACTIONS, ROLES, Action, GameState, Outcome, RobotStatus, Role
 from apollonius.io.errors import require
+from apollonius.observe import tracking
 from apollonius.observe.registry import find_observation
+from apollonius.observe.tracking import Track
 from apollonius.observe.view import look
 from apollonius.play.replay import as_state
-from apollonius.play.rollout import bits_of_team
+from apollonius.play.rollout import bits_of_team, step_driven
 from apollonius.show.canvas import Canvas
 
 _STATUS, _REWARD, _COLUMNS = 4, 5, 6
@@ -103,10 +106,9 @@ class LiveGame:
         self.idle = np.zeros(space.shape or (), space.dtype)
         """A placeholder for the action of a robot that is not played from outside."""
         # The game is a constant of both functions.
-        self._begin = Compiled(_begin, game, observation)
+        self._begin = Compiled(_begin, game, observation, players)
         self._step = Compiled(_step, game, observation, players, self.idle.shape)
-        self._first = {role: [player.memory] * len(game.bodies[role]) for role, player in players.items()}
-        self._memory, self._steps = self._first, 0
+        self._carried, self._steps = None, 0
         self._numbers: Array | None = None
         self._canvas = Canvas(game) if render_mode else None
 
@@ -117,9 +119,10 @@ class LiveGame:
     def reset(self, bits: np.uint32) -> None:
         """Begin a new game; random bits decide where."""
         require_unforked()
-        self._memory, self._steps = self._first, 0
+        self._steps = 0
         self._canvas = Canvas(self.game) if self._canvas else None
-        self._take(self._begin(bits))
+        numbers, self._carried = self._begin(bits)
+        self._take(numbers)
 
     def step(self, actions: Sequence[Any], bits: np.uint32) -> None:
         """Let all robots hold their actions for one step; those of a side played from inside are ignored.
@@ -134,7 +137,7 @@ class LiveGame:
         checked = [as_actions(action, self._kind) for action in actions]
         given = np.empty(1 + self.idle.size * len(checked), checked[0].dtype)
         given[0], given[1:] = self._steps, np.ravel(checked)
-        numbers, self._memory = self._step(self._numbers, given, bits, self._memory)
+        numbers, self._carried = self._step(self._numbers, given, bits, self._carried)
         self._steps += 1
         self._take(numbers)
 
@@ -177,16 +180,39 @@ class LiveGame:
         return np.array(self._canvas.picture()) if self._canvas else None
 
 
-def _begin(game: Game, observation: str, bits: UInt32[Array, ""]) -> Float[Array, " numbers"]:
+class Carried(NamedTuple):
+    """What a game carries beside its numbers: memories of the players inside, what both sides know, all drives."""
+
+    memory: dict[Role, list[Memory]]
+    tracks: BySide[Track | None]
+    drives: BySide[DriveStates]
+
+
+def _begin(
+    game: Game, observation: str, players: dict[Role, AbstractPolicy], bits: UInt32[Array, ""]
+) -> tuple[Float[Array, " numbers"], Carried]:
     state, nothing = game.reset(jax.random.key(bits)), jnp.zeros(())
-    return _packed(game, observation, state, state.robots.map(lambda side: (nothing,) * len(side)), [nothing] * 3)
+    tracks = ROLES.map(lambda role: tracking.begin(game, state, role))
+    drives = ROLES.map(lambda role: (drive_of(game.drives, role).begin(),) * len(game.bodies[role]))
+    memory = {role: [player.memory] * len(game.bodies[role]) for role, player in players.items()}
+    rewards = state.robots.map(lambda side: (nothing,) * len(side))
+    _, known = _looked(game, tracks, state, ~bits)
+    return _packed(game, observation, state, known, rewards, [nothing] * 3), Carried(memory, tracks, drives)
+
+
+def _looked(
+    game: Game, tracks: BySide[Track | None], state: GameState, bits: UInt32[Array, ""]
+) -> tuple[BySide[Track | None], BySide[GameState]]:
+    """Return what both sides know after a look at a state, and the states as they know them."""
+    both = ROLES.map(lambda role: tracking.update(game, role, tracks[role], state, mixed(bits, jnp.uint32(role))))
+    return both.map(lambda one: one[0]), both.map(lambda one: one[1])
 
 
 def _step(
     game: Game, observation: str, players: dict[Role, AbstractPolicy], shape: tuple[int, ...],
     numbers: Float[Array, " numbers"], given: Int[Array, " given"] | Float[Array, " given"],
-    bits: UInt32[Array, ""], memory: dict[Role, list[Memory]],
-) -> tuple[Float[Array, " numbers"], dict[Role, list[Memory]]]:  # fmt: skip
+    bits: UInt32[Array, ""], carried: Carried,
+) -> tuple[Float[Array, " numbers"], Carried]:  # fmt: skip
     counts = game.bodies.map(len)
     rows = numbers[: _COLUMNS * sum(counts)].reshape(-1, _COLUMNS)
     asked = list(given[1:].reshape(sum(counts), *shape))
@@ -195,20 +221,24 @@ def _step(
         statuses = tuple(rows[:, _STATUS].astype(jnp.int32))
         state = replace(state, status=BySide(statuses[: counts.pursuer], statuses[counts.pursuer :]))
     actions: dict[Role, list[Action]] = {Role.PURSUER: asked[: counts.pursuer], Role.EVADER: asked[counts.pursuer :]}
+    memory = dict(carried.memory)
+    tracks, states = _looked(game, carried.tracks, state, bits)
     for role, player in players.items():
         own_bits = bits_of_team(bits[None], counts[role])
-        seen = [player.observation(look(game, state, role, number)) for number in range(counts[role])]
+        seen = [player.observation(look(game, states[role], role, number)) for number in range(counts[role])]
         acted = [player(*own) for own in zip(seen, memory[role], own_bits, strict=True)]
         actions[role] = [action for action, _ in acted]
-        memory = {**memory, role: [after for _, after in acted]}
-    after = game.step(state, actions[Role.PURSUER], actions[Role.EVADER])
+        memory[role] = [after for _, after in acted]
+    after, drives = step_driven(game, state, carried.drives, ROLES.map(lambda role: tuple(actions[role])))
     ends = [after.terminated, after.truncated, after.outcome]
-    return _packed(game, observation, after.state, after.rewards, ends), memory
+    _, known = _looked(game, tracks, after.state, ~bits)
+    return _packed(game, observation, after.state, known, after.rewards, ends), Carried(memory, tracks, drives)
 
 
 def _packed(
-    game: Game, observation: str, state: GameState, rewards: BySide[tuple[Array, ...]], ends: list[Array]
-) -> Float[Array, " numbers"]:
+    game: Game, observation: str, state: GameState, known: BySide[GameState], rewards: BySide[tuple[Array, ...]],
+    ends: list[Array],
+) -> Float[Array, " numbers"]:  # fmt: skip
     sees, statuses = find_observation(observation), state.status or state.robots.map(lambda side: (0,) * len(side))
     robots = [
         number
@@ -216,5 +246,5 @@ def _packed(
         for parts in zip(state.robots[role], statuses[role], rewards[role], strict=True)
         for number in jax.tree.leaves(parts)
     ]
-    seen = [sees(look(game, state, role, number)) for role in Role for number in range(len(state.robots[role]))]
+    seen = [sees(look(game, known[role], role, number)) for role in Role for number in range(len(state.robots[role]))]
     return jnp.concatenate([jnp.stack([jnp.asarray(one).astype(jnp.float32) for one in [*robots, *ends]]), *seen])

@@ -1,17 +1,18 @@
 """The states that a student and its teacher are asked about, and the starts of their games."""
 
+import functools
 from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, PRNGKeyArray, UInt32
+from jaxtyping import Array, Bool, PRNGKeyArray
 
 from apollonius.game.dynamics import Unicycle, wrap_angle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import GameState, Real, RobotState, Scalar
 from apollonius.learn.stage_config import DistillationConfig
 from apollonius.learn.teacher import Setting
-from apollonius.observe.tracking import Track, believed, follow
+from apollonius.observe.tracking import update
 from apollonius.play.rollout import Games
 
 SPREAD = (0.25, 0.25, 0.15, 0.3)
@@ -38,10 +39,8 @@ def queries(
         states = query_states(game, games.state, key)
         return states, states, jnp.ones(states.steps.shape, bool)
 
-    def known(track: Track | None, state: GameState, bits: UInt32[Array, ""]) -> GameState:
-        return believed(game, follow(game, track, state, role, bits), state, role)
-
-    seen = jax.vmap(known)(track, games.state, jax.random.bits(key, games.state.steps.shape, jnp.uint32))
+    bits = jax.random.bits(key, games.state.steps.shape, jnp.uint32)
+    _, seen = jax.vmap(functools.partial(update, game, role))(track, games.state, bits)
     ages = jnp.zeros((1, *games.state.steps.shape)) if seen.sight is None else jnp.stack(seen.sight.ages)
     fresh = jnp.min(ages, axis=0) < config.informed
     return seen, games.state, jnp.concatenate([active & fresh for active in games.state.active[role]])

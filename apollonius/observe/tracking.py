@@ -128,6 +128,14 @@ def _reach(game: Game, role: Role, steps: Real = 1.0) -> Scalar:
     return functools.reduce(jnp.maximum, speeds) * game.dt * steps
 
 
+def update(
+    game: Game, role: Role, track: Track | None, state: GameState, bits: UInt32[Array, ""]
+) -> tuple[Track | None, GameState]:
+    """Return what one side knows after it has looked at a state (`follow`), and the state as it knows it."""
+    after = follow(game, track, state, role, bits)
+    return after, believed(game, after, state, role)
+
+
 def believed(game: Game, track: Track | None, state: GameState, role: Role) -> GameState:
     """Return a state as one side knows it: itself where that sees everything."""
     if track is None:

@@ -21,7 +21,7 @@ from apollonius.game.sensing import DriveStates, drive_of, respond
 from apollonius.game.types import ROLES, Action, Actions, GameState, Role, Timestep
 from apollonius.observe import tracking
 from apollonius.observe.observation import WHOLE, perceive
-from apollonius.observe.tracking import Sightings, Track
+from apollonius.observe.tracking import Sightings, Track, update
 from apollonius.play.random_bits import fold_in, random_bits
 
 
@@ -123,11 +123,7 @@ def step_games(
     def sees(
         tracks: BySide[Track | None], state: GameState, bits: Array
     ) -> tuple[BySide[Any], BySide[tuple[Read, Any]]]:
-        def known(role: Role, track: Track | None, state: GameState, bits: Array) -> tuple[Track | None, GameState]:
-            after = tracking.follow(game, track, state, role, bits)
-            return after, tracking.believed(game, after, state, role)
-
-        both = ROLES.map(lambda role: jax.vmap(partial(known, role))(tracks[role], state, bits[role]))
+        both = ROLES.map(lambda role: jax.vmap(partial(update, game, role))(tracks[role], state, bits[role]))
         seen = ROLES.map(lambda role: perceive(players[role].observation, game, both[role][1], role))
         return both.map(lambda one: one[0]), seen
 

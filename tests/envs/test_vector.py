@@ -1,5 +1,7 @@
 """Gymnasium's vector interface: many games at once, each by the rules, ended ones begun again as Gymnasium does it."""
 
+from dataclasses import replace
+
 import gymnasium
 import jax
 import jax.numpy as jnp
@@ -12,6 +14,7 @@ from apollonius.envs.gymnasium import OneSide
 from apollonius.envs.vector import ManyGames
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
+from apollonius.game.sensing import Drive, Drives, Sensing, Sensors
 from apollonius.game.starts import Starts
 from apollonius.game.types import GameState, Outcome, RobotState, RobotStatus, Role
 from apollonius.io.errors import InvalidInput
@@ -44,6 +47,28 @@ def same(ours, theirs):
 @pytest.fixture(scope="module")
 def one_by_one():
     return [OneSide(Role.PURSUER, **WALL) for _ in range(3)]
+
+
+def test_a_robot_with_sensors_sees_late_and_one_with_a_drive_moves_late_in_every_interface():
+    """The evader flees the same way in all, as it sees everything."""
+    options = WALL | {"opponent": "flee"}
+    late = replace(WALL["game"], drives=Drives(pursuer=Drive(lag=3)))
+    delayed = replace(late, sensors=Sensing(pursuer=Sensors(delay=2)))
+    seen = []
+    for game in (delayed, late):
+        many, one = (
+            ManyGames(Role.PURSUER, 2, **options | {"game": game}),
+            OneSide(Role.PURSUER, **options | {"game": game}),
+        )
+        both = [(many.reset(seed=0)[0][1], one.reset(seed=0)[0])]
+        both += [(many.step(np.full(2, 7))[0][1], one.step(7)[0]) for _ in range(10)]
+        np.testing.assert_allclose(*zip(*both, strict=True), atol=1e-5)
+        seen.append(np.array(both)[:, 0])
+    (now, then), still = seen, np.abs(seen[0][:, 2] - seen[0][0, 2]) < 1e-6
+    np.testing.assert_array_equal(still, np.arange(11) < 4)
+    np.testing.assert_allclose(now[:, :4], then[:, :4], atol=1e-5)
+    np.testing.assert_allclose(now[2:, 4:], then[:-2, 4:], atol=1e-5)
+    assert np.abs(now[:, 4:6] - then[:, 4:6]).max() > 0.01
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -162,7 +187,7 @@ def test_every_game_of_teams_goes_as_the_rules_say():
 
     outcomes, lost = set(), set()
     for _ in range(120):
-        state, actions = own._now.state, rng.integers(5, 9, size=(32, 2))
+        state, actions = own._now.games.state, rng.integers(5, 9, size=(32, 2))
         seen, reward, terminated, truncated, infos = env.step(actions)
         assert env.observation_space.contains(seen)
         after, should_see = follow(state, actions)
