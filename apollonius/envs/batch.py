@@ -15,10 +15,11 @@ from apollonius.agents.policy import AbstractPolicy, Memory
 from apollonius.agents.pool import Pool
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.types import Action, GameState, Role
+from apollonius.game.sensing import DriveStates
+from apollonius.game.types import ROLES, Action, GameState, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.observation import AbstractObservation, perceive
-from apollonius.observe.tracking import update
+from apollonius.observe.tracking import Track, update
 from apollonius.play.rollout import Games, begin, of_robots, step_games
 
 Tree = TypeVar("Tree")
@@ -82,10 +83,16 @@ class Outside(AbstractPolicy):
 
 
 class UnderWay(eqx.Module):
-    """Games under way, and the observations of the side from outside."""
+    """Games under way, the observations of the side from outside, and all else that games carry.
 
-    games: Games
+    That is the opponent's memory, and what `carried` says: a flat tuple, as taking a tree apart costs as much as a
+    step, and empty in games without sensors and drives.
+    """
+
+    state: GameState
     seen: Float[Array, "games *robots size"]
+    memory: Memory
+    carried: tuple[Array, ...]
 
 
 class Result(eqx.Module):
@@ -125,11 +132,18 @@ class Batch:
         """Return a pile of starts."""
         keys = jax.random.split(jax.random.key(bits), SPARE * self.num_envs)
         starts: GameState = jax.lax.map(self.game.reset, keys, batch_size=_TOGETHER)
-        games = begin(self.game, starts, self.players, jnp.zeros((2, len(keys)), jnp.uint32))
+        games = self._begun(starts)
         looks = jax.vmap(functools.partial(update, self.game, self.role))
         _, states = looks(games.sides[self.role].track, starts, jax.random.bits(keys[0], (len(keys),), jnp.uint32))
         _, seen = perceive(self.players[self.role].observation, self.game, states, self.role)
-        return UnderWay(games, of_robots(jnp.split(seen, len(self.game.bodies[self.role]))))
+        return self._packed(games, of_robots(jnp.split(seen, len(self.game.bodies[self.role]))))
+
+    def _begun(self, state: GameState) -> Games:
+        """Return games that begin in these states."""
+        return begin(self.game, state, self.players, jnp.zeros((2, len(state.steps)), jnp.uint32))
+
+    def _packed(self, games: Games, seen: Float[Array, "games *robots size"]) -> UnderWay:
+        return UnderWay(games.state, seen, games.sides[self.role.other].memory, tuple(jax.tree.leaves(_carried(games))))
 
     def step(
         self, now: UnderWay, ended: Bool[Array, " games"], starts: UnderWay, used: Int[Array, ""],
@@ -137,9 +151,14 @@ class Batch:
     ) -> tuple[UnderWay, Result]:  # fmt: skip
         """Return every game after a step, and its result; of games that have `ended` a new one begins instead."""
         several = len(self.game.bodies[self.role]) > 1
-        games, other = now.games, self.role.other
-        outside = replace(games.sides[self.role], memory=actions if several else actions[:, None])
-        sides = BySide.of(self.role, outside, games.sides[other])
+        games = self._begun(now.state)
+        carried = jax.tree.unflatten(jax.tree.structure(_carried(games)), now.carried)
+        memory = BySide.of(self.role, actions if several else actions[:, None], now.memory)
+        sides = ROLES.map(
+            lambda role: replace(
+                games.sides[role], memory=memory[role], track=carried[role][0], drives=carried[role][1]
+            )
+        )
         drawn = jax.random.bits(jax.random.key(bits), (self.num_envs,), jnp.uint32)
         games, made = step_games(self.game, self.players, replace(games, sides=sides), jnp.stack([drawn, drawn]))
         own, status = made.sides[self.role], games.state.status
@@ -148,12 +167,16 @@ class Batch:
             own.next_observation, sum(rewards[1:], rewards[0]) / len(rewards), made.terminated, made.truncated,
             made.outcome, *(() if status is None else (jnp.stack(rewards, 1), jnp.stack(status[self.role], 1))),
         )  # fmt: skip
-        after = UnderWay(games, result.seen)
+        after = self._packed(games, result.seen)
         if not self.next_step:
             return renewed(after, starts, used, made.ended), result
         # Zeros: no reward, no end, an ongoing game, active robots.
         begun = replace(jax.tree.map(jnp.zeros_like, result), seen=result.seen)
         return renewed(after, starts, used, ended), _chosen(ended, begun, result)
+
+
+def _carried(games: Games) -> BySide[tuple[Track | None, DriveStates]]:
+    return games.sides.map(lambda side: (side.track, side.drives))
 
 
 def renewed(now: UnderWay, starts: UnderWay, used: Int[Array, ""], resets: Bool[Array, " games"]) -> UnderWay:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise, starmap
-from typing import Any, NamedTuple
+from typing import Any
 
 import gymnasium
 import jax
@@ -108,7 +108,7 @@ class LiveGame:
         # The game is a constant of both functions.
         self._begin = Compiled(_begin, game, observation, players)
         self._step = Compiled(_step, game, observation, players, self.idle.shape)
-        self._carried, self._steps = None, 0
+        self._carried, self._steps = list[Array](), 0
         self._numbers: Array | None = None
         self._canvas = Canvas(game) if render_mode else None
 
@@ -180,39 +180,38 @@ class LiveGame:
         return np.array(self._canvas.picture()) if self._canvas else None
 
 
-class Carried(NamedTuple):
-    """What a game carries beside its numbers: memories of the players inside, what both sides know, all drives."""
+Carried = tuple[dict[Role, list[Memory]], BySide[Track | None], BySide[DriveStates]]
+"""What a game carries beside its numbers: memories of the players inside, what both sides know, all drives."""
 
-    memory: dict[Role, list[Memory]]
-    tracks: BySide[Track | None]
-    drives: BySide[DriveStates]
+
+def _first(game: Game, players: dict[Role, AbstractPolicy], state: GameState) -> Carried:
+    memory = {role: [player.memory] * len(game.bodies[role]) for role, player in players.items()}
+    drives = ROLES.map(lambda role: (drive_of(game.drives, role).begin(),) * len(game.bodies[role]))
+    return memory, ROLES.map(lambda role: tracking.begin(game, state, role)), drives
 
 
 def _begin(
     game: Game, observation: str, players: dict[Role, AbstractPolicy], bits: UInt32[Array, ""]
-) -> tuple[Float[Array, " numbers"], Carried]:
+) -> tuple[Float[Array, " numbers"], list[Array]]:
+    """Return a game's numbers, and the leaves of what it carries: taking a tree apart costs as much as a step."""
     state, nothing = game.reset(jax.random.key(bits)), jnp.zeros(())
-    tracks = ROLES.map(lambda role: tracking.begin(game, state, role))
-    drives = ROLES.map(lambda role: (drive_of(game.drives, role).begin(),) * len(game.bodies[role]))
-    memory = {role: [player.memory] * len(game.bodies[role]) for role, player in players.items()}
-    rewards = state.robots.map(lambda side: (nothing,) * len(side))
-    _, known = _looked(game, tracks, state, ~bits)
-    return _packed(game, observation, state, known, rewards, [nothing] * 3), Carried(memory, tracks, drives)
+    carried, rewards = _first(game, players, state), state.robots.map(lambda side: (nothing,) * len(side))
+    known = _looked(game, carried[1], state, ~bits)
+    return _packed(game, observation, state, known, rewards, [nothing] * 3), jax.tree.leaves(carried)
 
 
 def _looked(
     game: Game, tracks: BySide[Track | None], state: GameState, bits: UInt32[Array, ""]
-) -> tuple[BySide[Track | None], BySide[GameState]]:
-    """Return what both sides know after a look at a state, and the states as they know them."""
-    both = ROLES.map(lambda role: tracking.update(game, role, tracks[role], state, mixed(bits, jnp.uint32(role))))
-    return both.map(lambda one: one[0]), both.map(lambda one: one[1])
+) -> BySide[tuple[Track | None, GameState]]:
+    """Return what each side knows after a look at a state, and the state as it knows it."""
+    return ROLES.map(lambda role: tracking.update(game, role, tracks[role], state, mixed(bits, jnp.uint32(role))))
 
 
 def _step(
     game: Game, observation: str, players: dict[Role, AbstractPolicy], shape: tuple[int, ...],
     numbers: Float[Array, " numbers"], given: Int[Array, " given"] | Float[Array, " given"],
-    bits: UInt32[Array, ""], carried: Carried,
-) -> tuple[Float[Array, " numbers"], Carried]:  # fmt: skip
+    bits: UInt32[Array, ""], carried: list[Array],
+) -> tuple[Float[Array, " numbers"], list[Array]]:  # fmt: skip
     counts = game.bodies.map(len)
     rows = numbers[: _COLUMNS * sum(counts)].reshape(-1, _COLUMNS)
     asked = list(given[1:].reshape(sum(counts), *shape))
@@ -221,23 +220,24 @@ def _step(
         statuses = tuple(rows[:, _STATUS].astype(jnp.int32))
         state = replace(state, status=BySide(statuses[: counts.pursuer], statuses[counts.pursuer :]))
     actions: dict[Role, list[Action]] = {Role.PURSUER: asked[: counts.pursuer], Role.EVADER: asked[counts.pursuer :]}
-    memory = dict(carried.memory)
-    tracks, states = _looked(game, carried.tracks, state, bits)
+    memory, tracks, drives = jax.tree.unflatten(jax.tree.structure(_first(game, players, state)), carried)
+    known = _looked(game, tracks, state, bits)
     for role, player in players.items():
         own_bits = bits_of_team(bits[None], counts[role])
-        seen = [player.observation(look(game, states[role], role, number)) for number in range(counts[role])]
+        seen = [player.observation(look(game, known[role][1], role, number)) for number in range(counts[role])]
         acted = [player(*own) for own in zip(seen, memory[role], own_bits, strict=True)]
         actions[role] = [action for action, _ in acted]
         memory[role] = [after for _, after in acted]
-    after, drives = step_driven(game, state, carried.drives, ROLES.map(lambda role: tuple(actions[role])))
+    after, drives = step_driven(game, state, drives, ROLES.map(lambda role: tuple(actions[role])))
     ends = [after.terminated, after.truncated, after.outcome]
-    _, known = _looked(game, tracks, after.state, ~bits)
-    return _packed(game, observation, after.state, known, after.rewards, ends), Carried(memory, tracks, drives)
+    tracks = known.map(lambda one: one[0])
+    numbers = _packed(game, observation, after.state, _looked(game, tracks, after.state, ~bits), after.rewards, ends)
+    return numbers, jax.tree.leaves((memory, tracks, drives))
 
 
 def _packed(
-    game: Game, observation: str, state: GameState, known: BySide[GameState], rewards: BySide[tuple[Array, ...]],
-    ends: list[Array],
+    game: Game, observation: str, state: GameState, known: BySide[tuple[Track | None, GameState]],
+    rewards: BySide[tuple[Array, ...]], ends: list[Array],
 ) -> Float[Array, " numbers"]:  # fmt: skip
     sees, statuses = find_observation(observation), state.status or state.robots.map(lambda side: (0,) * len(side))
     robots = [
@@ -246,5 +246,5 @@ def _packed(
         for parts in zip(state.robots[role], statuses[role], rewards[role], strict=True)
         for number in jax.tree.leaves(parts)
     ]
-    seen = [sees(look(game, known[role], role, number)) for role in Role for number in range(len(state.robots[role]))]
+    seen = [sees(look(game, known[role][1], role, number)) for role in Role for number, _ in enumerate(rewards[role])]
     return jnp.concatenate([jnp.stack([jnp.asarray(one).astype(jnp.float32) for one in [*robots, *ends]]), *seen])

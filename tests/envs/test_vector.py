@@ -187,7 +187,7 @@ def test_every_game_of_teams_goes_as_the_rules_say():
 
     outcomes, lost = set(), set()
     for _ in range(120):
-        state, actions = own._now.games.state, rng.integers(5, 9, size=(32, 2))
+        state, actions = own._now.state, rng.integers(5, 9, size=(32, 2))
         seen, reward, terminated, truncated, infos = env.step(actions)
         assert env.observation_space.contains(seen)
         after, should_see = follow(state, actions)
