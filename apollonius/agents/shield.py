@@ -18,7 +18,7 @@ from apollonius.game.dynamics import Unicycle, action_levels, unit_vector
 from apollonius.game.game import Game
 from apollonius.game.nearby import Surroundings, surroundings
 from apollonius.game.polygon import Edges
-from apollonius.game.types import NUM_ACTIONS, Action, Real, RobotState, Role, Scalar
+from apollonius.game.types import NUM_ACTIONS, Action, Actions, Real, RobotState, Role, Scalar
 from apollonius.io.errors import require
 from apollonius.observe.view import View
 
@@ -139,24 +139,20 @@ class Shielded(AbstractWrapper):
 
     def __call__(self, seen: View, memory: Memory, bits: UInt32[Array, ""]) -> tuple[Action, Memory]:
         weighed, memory = self.policy.weigh(self.policy.observation(seen), memory, bits)
-        return self.held_back(seen, weighed).action, memory
-
-    def held_back(self, seen: View, weighed: Any) -> "Search":
-        """Return the search for an action that is allowed, from what the player thinks of the nine, at its end."""
-        return _held_back(self, seen, weighed)
+        return _held_back(self, seen, weighed), memory
 
     def wanted(self, weighed: Any) -> Action:
         """Return what the player behind the shield would do."""
         return weighed if self.policy.continuous else self.policy.choose(weighed, jnp.ones(NUM_ACTIONS, bool))
 
-    def begin(self, seen: View, weighed: Any) -> "Search":
+    def begin(self, seen: View, weighed: Any) -> "_Search":
         """Return the search for an action that is allowed; it has ended where the player's own surely is."""
         action = self.wanted(weighed)
         number = jnp.full((), NUM_ACTIONS, jnp.int32) if self.policy.continuous else action
         open_ = ~self.backup.of(seen).surely_stops(seen.own.state, action)
-        return Search(action, number, jnp.full(NUM_ACTIONS, jnp.inf), open_)
+        return _Search(action, number, jnp.full(NUM_ACTIONS, jnp.inf), open_)
 
-    def go_on(self, seen: View, weighed: Any, search: "Search") -> "Search":
+    def go_on(self, seen: View, weighed: Any, search: "_Search") -> "_Search":
         """Return the search after its action was tried: if that is not allowed, with the best of those untried."""
         clearance = self.backup.of(seen).clearance_after(seen.own.state, search.action)
         allowed = clearance > MARGIN
@@ -165,10 +161,10 @@ class Shielded(AbstractWrapper):
         left = jnp.any(untried)
         number = jnp.where(left, self.policy.choose(weighed, untried), jnp.argmax(clearances)).astype(jnp.int32)
         action = jnp.stack(action_levels(number)) if self.policy.continuous else number
-        return Search(jnp.where(allowed, search.action, action), number, clearances, ~allowed & left)
+        return _Search(jnp.where(allowed, search.action, action), number, clearances, ~allowed & left)
 
 
-class Search(eqx.Module):
+class _Search(eqx.Module):
     """A search for an action that is allowed.
 
     Attributes:
@@ -184,25 +180,26 @@ class Search(eqx.Module):
     open: Bool[Array, ""]
 
 
-def _held_back_together(size: int, batched: Any, player: Shielded, seen: View, weighed: Any) -> Search:
-    """Return the ends of the searches in many games: those that are open go on, a few at a time."""
+def _held_back_together(size: int, batched: Any, player: Shielded, seen: View, weighed: Any) -> Actions:
+    """Return the actions in many games: those whose search is open are tried, a few at a time."""
     axes, weighed = jax.tree.map(lambda has: 0 if has else None, batched[1]), spread(size, batched[2], weighed)
     search = jax.vmap(player.begin, in_axes=(axes, 0), axis_size=size)(seen, weighed)
 
-    def some(search: Search) -> Search:
+    def some(search: _Search) -> _Search:
         (rows,) = jnp.nonzero(search.open, size=_TRIED, fill_value=size)
         theirs = jax.tree.map(lambda leaf, has: leaf[rows] if has else leaf, seen, batched[1])
         given = jax.tree.map(lambda leaf: leaf[rows], (weighed, search))
         new = jax.vmap(player.go_on, in_axes=(axes, 0, 0), axis_size=_TRIED)(theirs, *given)
         return jax.tree.map(lambda all_, one: all_.at[rows].set(one, mode="drop"), search, new)
 
-    return jax.lax.while_loop(lambda search: jnp.any(search.open), some, search)
+    return jax.lax.while_loop(lambda search: jnp.any(search.open), some, search).action
 
 
 @batched_by(_held_back_together)
-def _held_back(player: Shielded, seen: View, weighed: Any) -> Search:
+def _held_back(player: Shielded, seen: View, weighed: Any) -> Action:
+    """Return the action that a player behind a shield takes, from what it thinks of the nine."""
     begun = player.begin(seen, weighed)
-    return jax.lax.while_loop(lambda one: one.open, lambda one: player.go_on(seen, weighed, one), begun)
+    return jax.lax.while_loop(lambda one: one.open, lambda one: player.go_on(seen, weighed, one), begun).action
 
 
 def brakes(game: Game, role: Role) -> Backup:

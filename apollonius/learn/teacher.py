@@ -8,23 +8,20 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from apollonius.agents.kind import Named
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
-from apollonius.agents.shield import MARGIN, Shielded
 from apollonius.arenas.charting import charted, largest_radius
 from apollonius.arenas.suite import each_alone
 from apollonius.catalogue import TABLE, find_player, price_of_losing
-from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.types import NUM_ACTIONS, GameState, Real, RobotState, Role
 from apollonius.io.errors import require
 from apollonius.learn.config import RunConfig
 from apollonius.learn.stage_config import DistillationConfig, Task
-from apollonius.observe.observation import WHOLE, perceive
+from apollonius.observe.observation import perceive
 from apollonius.observe.registry import find_observation
-from apollonius.observe.view import View
 from apollonius.solve.grid import make_grid
 from apollonius.solve.motion import motion_of
 from apollonius.solve.players import SaddlePolicy
@@ -42,8 +39,6 @@ STEEPNESS = 10.0
 """Cost of a missing metre of clearance."""
 COSTLIEST = 0.8
 """Largest cost of missing clearance."""
-AMPLE = 0.03
-"""Radius [m] by which a shield takes the body of a teacher to be larger: its students are not as exact."""
 
 
 class Clearance(KeptClearance):
@@ -71,14 +66,12 @@ class Teacher(eqx.Module):
         scale: price of a lost game in its values.
         unit: that price in the student's.
         clearance: of the student's robot; None leaves it out.
-        shield: in front of the player, which then values least what the shield forbids; None without one.
     """
 
     policy: AbstractActionValuePolicy
     scale: Real
     unit: Real
     clearance: Clearance | None
-    shield: Shielded | None = None
 
     def values(self, game: Game, states: GameState, role: Role) -> Float[Array, "games 9"]:
         """Return one side's values of the nine actions in states, leaves `[games]`; the best has the player's value, in
@@ -90,22 +83,7 @@ class Teacher(eqx.Module):
         behind = jnp.maximum((values - best) / self.scale, -DEEPEST)
         if self.clearance is not None:
             behind = jax.vmap(self.clearance.weighed)(behind, states.robots[role][0])
-        if self.shield is not None:
-            view, rows = perceive(WHOLE, game, states, role)
-            forbidden = jax.vmap(lambda row, values: self._forbidden(view(row), values))(rows, values)
-            behind = behind - COSTLIEST * forbidden
         return best * (self.unit / self.scale) + self.unit * (behind - jnp.max(behind, axis=1, keepdims=True))
-
-    def _forbidden(self, view: View, values: Float[Array, "9"]) -> Bool[Array, "9"]:
-        """Return the actions that the shield of a larger body does not let the player do; never all nine."""
-        assert self.shield is not None, "only a shield forbids anything"
-        seen = replace(view, own=replace(view.own, body=_larger(view.own.body)))
-        search = self.shield.held_back(seen, values)
-        return (search.clearances <= MARGIN) & (jnp.arange(NUM_ACTIONS) != search.action)
-
-
-def _larger(body: Unicycle) -> Unicycle:
-    return replace(body, radius=body.radius + AMPLE)
 
 
 class Setting(eqx.Module):
@@ -198,14 +176,12 @@ def _cast(stage: DistillationConfig, game: Game) -> tuple[Game, Players]:
 
 def _teacher(stage: DistillationConfig, players: Players, game: Game, clearance: Clearance | None) -> Teacher:
     found = players[stage.teacher, stage.side]
-    policy, shield = found.policy, None
-    if isinstance(policy, Shielded):
-        policy, shield = policy.policy, replace(policy, backup=replace(policy.backup, body=_larger(policy.backup.body)))
+    policy = found.policy
     bound = "one that values the nine actions: table, or an agent trained by DQN"
     require(isinstance(policy, AbstractActionValuePolicy), "teacher", stage.teacher, bound)
     assert isinstance(policy, AbstractActionValuePolicy)
     price = price_of_losing(found, game)
-    return Teacher(policy, price, price, clearance, shield)
+    return Teacher(policy, price, price, clearance)
 
 
 def _opponents(stage: DistillationConfig, players: Players) -> tuple[AbstractPolicy, ...]:

@@ -11,14 +11,12 @@ import pytest
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
 from apollonius.agents.pool import solo
-from apollonius.agents.shield import MARGIN, brakes
 from apollonius.agents.store import load_agent
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide
 from apollonius.game.game import reset_batch
 from apollonius.game.presets import in_arenas, make_game
 from apollonius.game.sensing import Sensing, Sensors
-from apollonius.game.teams import Body
 from apollonius.game.types import NUM_ACTIONS, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import distillation
@@ -27,7 +25,7 @@ from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.queries import fresh_starts, queries, query_states, starts_of
 from apollonius.learn.run import Run
 from apollonius.learn.stage_config import DistillationConfig, Task
-from apollonius.learn.teacher import AMPLE, COSTLIEST, DEEPEST, STEEPNESS, Clearance, Teacher, make_settings
+from apollonius.learn.teacher import COSTLIEST, DEEPEST, STEEPNESS, Clearance, Teacher, make_settings
 from apollonius.play.rollout import begin as begin_games
 from apollonius.play.rollout import collect
 from apollonius.solve.motion import motion_of
@@ -211,30 +209,6 @@ def test_a_task_has_its_own_game_teacher_and_opponents_and_values_in_the_unit_of
     alone = replace(further.teacher, unit=1.0)
     found, usual = (teacher.values(further.game, visited, Role.EVADER) for teacher in (further.teacher, alone))
     np.testing.assert_allclose(found, 10 * usual, rtol=1e-4, atol=1e-4)
-
-
-def test_a_teacher_behind_a_shield_values_least_what_the_shield_of_a_larger_body_forbids():
-    game, stage = make_game("paper"), replace(SEEING, teacher="shielded:P_pool")
-    (setting,) = make_settings(replace(RUN, game=game, distillation=stage), game, None)
-    states = jax.jit(fresh_starts, static_argnames="games")(game, games=4000, key=jax.random.key(3))
-    backup = brakes(replace(game, pursuer=Body(radius=AMPLE)), Role.PURSUER)
-    backup = replace(backup, arena=game.arena, anywhere=False)
-
-    @jax.jit
-    def judged(states):
-        bare = replace(setting.teacher, shield=None)
-        values, usual = (one.values(game, states, Role.PURSUER) for one in (setting.teacher, bare))
-        after = jax.vmap(backup.clearance_after, in_axes=(None, 0))
-        return values, usual, jax.vmap(lambda robot: after(robot, jnp.arange(9)))(states.pursuer)
-
-    values, usual, left = map(np.asarray, judged(states))
-    chosen, wanted = (np.eye(9, dtype=bool)[one.argmax(axis=1)] for one in (values, usual))
-    allowed, hopeless = left > MARGIN, (left <= MARGIN).all(axis=1)
-    assert min(hopeless.sum(), (~allowed[wanted] & ~hopeless).sum()) > 5
-    np.testing.assert_allclose(left[hopeless][chosen[hopeless]], left[hopeless].max(axis=1), atol=1e-5)
-    best = np.where(allowed, usual, -np.inf).max(axis=1)
-    np.testing.assert_allclose(usual[chosen][~hopeless], best[~hopeless], atol=1e-4)
-    np.testing.assert_allclose(values[allowed[wanted]], usual[allowed[wanted]], atol=1e-5)
 
 
 def test_the_robots_of_a_team_learn_while_they_are_in_play():

@@ -97,7 +97,7 @@ def test_choices_change_the_game_and_the_address(desk):
     page.wait_for_selector("#go:enabled")
     query = "?pursuer=you&evader=flee-aware&game=team-3v2%2Foffice&difficulty=sharp&seed=7"
     assert page.url.endswith(query)
-    assert desk.match("players.pursuer.map(({ name }) => name)") == ["you", "shielded:P_team", "shielded:P_team"]
+    assert desk.match("players.pursuer.map(({ name }) => name)") == ["you", "shielded:pursuer", "shielded:pursuer"]
     assert page.inner_text("#goal") == "You are red 1 of 3: catch both blues within 100\u00a0s"
     start = desk.match("start")
     page.click("#draw")
@@ -197,7 +197,7 @@ def test_in_fog_the_opponent_is_drawn_where_it_is_in_sight_and_the_package_shows
 
 
 def test_a_game_that_is_shared_is_played_again(desk, tmp_path):
-    page = desk.open("?pursuer=shielded:P_any&evader=you&seed=4")
+    page = desk.open("?pursuer=shielded:pursuer&evader=you&seed=4")
     page.keyboard.down("ArrowUp")
     desk.play(9)
     page.keyboard.up("ArrowUp")
@@ -329,7 +329,7 @@ def test_agents_are_a_show_at_any_speed(desk):
 
 def test_why_shows_every_robot_in_play(desk):
     """What agents think best is what they then do."""
-    page = desk.open("?pursuer=P_team&evader=E_any&game=team-2v1/office&seed=3")
+    page = desk.open("?pursuer=pursuer&evader=E_any&game=team-2v1/office&seed=3")
     page.keyboard.press("KeyV")
     assert page.get_attribute("#why", "aria-pressed") == "true"
     page.click("#go")
@@ -391,7 +391,7 @@ def test_a_person_leads_a_team_to_its_end(desk, tmp_path):
     page.keyboard.up("ArrowUp")
     assert re.match(r"Your team caught blue after [\d.]+\u00a0s\. You win!", page.inner_text("#message"))
     replay = saved(page, tmp_path / "game.json")
-    assert (replay.pursuer, replay.outcome.name) == ("you+shielded:P_team", "CAPTURED")
+    assert (replay.pursuer, replay.outcome.name) == ("you+shielded:pursuer", "CAPTURED")
     assert replay.actions.shape[1] == 4
     assert set(replay.actions[:20, 0]) == {7}
     assert replay.first_difference() is None
@@ -436,7 +436,6 @@ def test_a_player_that_the_page_cannot_play_is_refused_and_so_is_a_compiler_that
     smooth = find_player("P_smooth", Role.PURSUER, make_game("paper")).policy
     with pytest.raises(InvalidInput, match=r"player = .* discrete actions and without a memory"):
         write_player(smooth, tmp_path / "smooth.wasm")
-    monkeypatch.setattr(wasm, "player_program", lambda player: None)
     monkeypatch.setattr(wasm, "find_spec", lambda module: None)
     with pytest.raises(InvalidInput, match=r"ziglang = missing .* pip install ziglang"):
-        write_player(smooth, tmp_path / "smooth.wasm")
+        wasm.compiled([], ())
