@@ -123,5 +123,5 @@ def test_it_is_known_who_has_learned_in_another_arena_only():
     assert not learned_elsewhere(prioritised, paper)
     assert not learned_elsewhere(prioritised, charted(paper))
     assert learned_elsewhere(prioritised, maze)
-    assert not learned_elsewhere(find_player("P_any", Role.PURSUER, maze), maze)
+    assert not learned_elsewhere(find_player("pursuer", Role.PURSUER, maze), maze)
     assert not learned_elsewhere(find_player("still", Role.PURSUER, PAPER), maze)

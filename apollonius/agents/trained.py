@@ -16,7 +16,7 @@ from apollonius.game.types import Role, Scalar
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.registry import find_observation
 
-ANY = BySide("P_any", "E_any")
+ANY = BySide("pursuer", "E_any")
 """Those that play in any arena."""
 
 

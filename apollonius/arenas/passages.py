@@ -1,4 +1,4 @@
-"""Passages too narrow for an arena's chart: players that read it, such as `P_any`, know no path through them."""
+"""Passages too narrow for an arena's chart: players that read it, such as `pursuer`, know no path through them."""
 
 from dataclasses import dataclass
 
@@ -38,7 +38,7 @@ class MissedPassage:
     def __str__(self) -> str:
         detour = "know no other way" if np.isinf(self.detour) else f"know a way that is {self.detour:.1f} m longer"
         return (
-            f"the passage at ({self.x:.2f}, {self.y:.2f}) is too narrow for the chart that P_any and E_any go by: they "
+            f"the passage at ({self.x:.2f}, {self.y:.2f}) is too narrow for the chart of pursuer and E_any: they "
             f"{detour}. This arena's chart resolves {self.resolves:.2f} m, so widen it to that."
         )
 

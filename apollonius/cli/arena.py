@@ -85,7 +85,7 @@ def run_check(options: argparse.Namespace) -> int:
         finish(saved, then=command("play", "--game", saved), json=options.json)
     elif options.out:
         again = command("arena", "check", options.game, "--out", options.out)
-        watch = command("show", "P_any", "E_any", "--game", options.game, "--out", options.out.with_suffix(".gif"))
+        watch = command("show", "pursuer", "E_any", "--game", options.game, "--out", options.out.with_suffix(".gif"))
         finish(options.out, then=f"mend it, then {again}" if found.wrong else watch, json=options.json)
     return 1 if found.wrong else 0
 

@@ -38,8 +38,16 @@ COMMANDS = {
         "evaluate": (add_evaluate, "play many games between two agents and count", "P_pool E_scratch --games 1000"),
         "tournament": (add_tournament, "play every pursuer against every evader", "--games 1000"),
         "exploit": (add_exploit, "let every kind of attacker try to beat an agent that they know", "evader E_scratch"),
-        "suite": (add_suite, "judge an agent by the benchmark, or check such a card", "judge P_any --out P_any.json"),
-        "simulate": (add_simulate, "play many games between robots with bodies, in MuJoCo", "P_any random --games 300"),
+        "suite": (
+            add_suite,
+            "judge an agent by the benchmark, or check such a card",
+            "judge pursuer --out pursuer.json",
+        ),
+        "simulate": (
+            add_simulate,
+            "play many games between robots with bodies, in MuJoCo",
+            "pursuer random --games 300",
+        ),
     },
     "Solve": {
         "solve": (add_solve, "solve for optimal play on a grid, and keep the table", "safety"),
@@ -47,7 +55,7 @@ COMMANDS = {
         "pursuers": (add_pursuers, "how many pursuers are enough in an arena", "office"),
     },
     "Watch and play": {
-        "show": (add_show, "a game as a picture or an animation, and as a replay file", "P_any E_any --game office"),
+        "show": (add_show, "a game as a picture or an animation, and as a replay file", "pursuer E_any --game office"),
         "players": (add_players, "name all players, and say what they do", ""),
         "play": (add_play, "play in a browser against a trained agent", "--as pursuer"),
         "slice": (add_slice, "an agent's action values and actions over the arena", "P_pool --opponent 5 5"),
@@ -55,7 +63,7 @@ COMMANDS = {
     },
     "Arenas and robots of your own": {
         "arena": (add_arena, "list arenas, check one of your own, or draw a random one", "check office --out a.png"),
-        "export": (add_export, "write a player as C or ONNX, which need no JAX", "P_any --to c --out player.c"),
+        "export": (add_export, "write a player as C or ONNX, which need no JAX", "pursuer --to c --out player.c"),
         "replay": (add_replay, "ask an agent again in the states that a robot recorded", "--bag bags/pursuer-1"),
     },
     "The paper": {

@@ -2,9 +2,9 @@
 
 _EVADERS = ("still", "hide", "E_any", "shielded:E_any")
 _PURSUERS = {
-    "full": ("pure-pursuit", "intercept", "P_any", "shielded:P_any"),
-    "lidar": ("intercept", "search", "searching:P_any", "shielded:searching:P_any"),
-    "team": ("pure-pursuit", "intercept", "P_team", "shielded:P_team"),
+    "full": ("pure-pursuit", "intercept", "pursuer", "shielded:pursuer"),
+    "lidar": ("intercept", "search", "searching:pursuer", "shielded:searching:pursuer"),
+    "team": ("pure-pursuit", "intercept", "pursuer", "shielded:pursuer"),
 }
 PANELS = {track: {"pursuer": pursuers, "evader": _EVADERS} for track, pursuers in _PURSUERS.items()}
 """By track: the players of either side that an agent of the other one meets. They never change: other panels are

@@ -34,10 +34,8 @@ AT_HOME = ("paper", "zero-sum")
 """Games in the arena where most agents were trained."""
 BEST = {Role.PURSUER: "P_optimal", Role.EVADER: "E_optimal"}
 """The usual opponents there."""
-ANYWHERE = {Role.PURSUER: "P_any", Role.EVADER: "E_any"}
-"""The usual opponents everywhere else."""
-AS_TEAM = {Role.PURSUER: "P_team", Role.EVADER: "E_any"}
-"""The usual opponents in a game of teams."""
+ANYWHERE = {Role.PURSUER: "pursuer", Role.EVADER: "E_any"}
+"""The usual opponents everywhere else, and in teams."""
 ANY_ARENA = ("egocentric", "team")
 """Observations of agents that play in any arena."""
 READS = ("paper", "encoded", *ANY_ARENA)
@@ -88,7 +86,7 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     games = {} if of_two in game_names() else {Path(of_two).stem: find_game(of_two)}
     side = person.other
     is_first = against is None and person == Role.EVADER and (game, seed) == ("paper", 0)
-    name = against or SHIELDED + (AS_TEAM if rules.teams else BEST if game in AT_HOME else ANYWHERE)[side]
+    name = against or SHIELDED + (BEST if game in AT_HOME else ANYWHERE)[side]
     bare = name.removeprefix(SHIELDED)
     own = Path(bare) if bare.endswith(OWN) else None
     found = None if own else find_player(name, side, rules)

@@ -159,7 +159,7 @@ def test_the_check_of_an_arena_says_what_its_chart_resolves(tmp_path, monkeypatc
 def test_players_with_charts_are_warned_of_it_and_others_are_not():
     game = floor(0.55)
     assert warned(game, [find_player("still", Role.EVADER, game)]) == []
-    (line,) = warned(game, [find_player("P_any", Role.PURSUER, game)])
+    (line,) = warned(game, [find_player("pursuer", Role.PURSUER, game)])
     assert line.startswith("floor.toml: the passage at (9.")
 
 
@@ -167,7 +167,7 @@ def test_arenas_that_are_wrong_and_agents_that_have_not_learned_there_are_told_o
     closed = floor(0.55, radius=0.3)
     agents = [find_player(name, Role.PURSUER, closed) for name in ("P_pool", "P_stage1", "pure-pursuit")]
     learned, *wrong = warned(closed, agents)
-    assert learned == "P_pool, P_stage1 have learned in another arena; P_any plays in any"
+    assert learned == "P_pool, P_stage1 have learned in another arena; pursuer plays in any"
     assert [line.split(" falls into 2 parts")[0] for line in wrong] == [
         "floor.toml: the pursuer's free space",
         "floor.toml: the evader's free space",

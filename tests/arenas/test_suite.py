@@ -198,7 +198,7 @@ def test_wins_are_counted_by_arenas(three):
 
 def test_a_match_in_arenas_with_charts_tells_of_long_ways():
     game = replace(find_game("suite-v2/fences-03,labyrinth-03"), max_steps=1)
-    match = Match.of_names(game, "P_any", "still", 40)
+    match = Match.of_names(game, "pursuer", "still", 40)
     result = play_match(match)
     assert list(result.detours) == ["below 1.5", "1.5 to 2.5", "above 2.5"]
     wins, games = np.sum(list(result.detours.values()), axis=0)

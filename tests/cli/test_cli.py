@@ -187,7 +187,7 @@ def test_players_are_named_with_what_they_do_for_people_and_for_programs(capsys)
     [
         ("evaluate P_optima still", ["no agent is called 'P_optima': did you mean 'P_optimal'?"]),
         ("evaluate E_any still", ["PURSUER: 'E_any' plays the evader, not the pursuer"]),
-        ("show P_any shielded:zoo/P_any", ["EVADER: 'shielded:zoo/P_any' plays the pursuer, not the evader"]),
+        ("show pursuer shielded:zoo/pursuer", ["EVADER: 'shielded:zoo/pursuer' plays the pursuer, not the evader"]),
         ("tournament --evaders intercept", ["--evaders: 'intercept' plays the pursuer"]),
         ("evaluate mine still", ["no agent is called 'mine': did you mean 'mine/P_one'?"]),
         ("evaluate mine/P_two still", ["no agent is called 'mine/P_two': did you mean 'mine/P_one'?"]),
@@ -204,10 +204,10 @@ def test_a_player_that_nobody_has_is_refused_as_it_is_read(capsys, words, naming
 
 
 def test_slice_draws_an_agent_that_reads_a_chart(capsys):
-    assert run_main("slice", "P_any", "--opponent", "5", "5", "--opponent-speed", "1.2", "--out", "new/s.png") == 0
+    assert run_main("slice", "pursuer", "--opponent", "5", "5", "--opponent-speed", "1.2", "--out", "new/s.png") == 0
     told = capsys.readouterr().err.splitlines()
     assert told[0].startswith("wrote new/s.png (")
-    assert told[1] == "next: apollonius show P_any random --out new/s.gif"
+    assert told[1] == "next: apollonius show pursuer random --out new/s.gif"
     assert Path("new/s.png").read_bytes().startswith(b"\x89PNG")
 
 

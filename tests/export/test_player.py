@@ -41,7 +41,7 @@ ALL = [
     for language in ("c", "page")
 ]
 ALL += [
-    pytest.param("lidar", f"shielded:{name}", "c", marks=pytest.mark.slow) for name in ("search", "searching:P_any")
+    pytest.param("lidar", f"shielded:{name}", "c", marks=pytest.mark.slow) for name in ("search", "searching:pursuer")
 ]
 """In a map and in many arenas too."""
 DRAWN = 200
@@ -280,7 +280,7 @@ def test_the_command_writes_files_and_says_what_they_are(tmp_path, capsys, monke
 REFUSED = {
     "still --to c --out a.c": "side = missing is not possible: it must be pursuer or evader, as 'still' plays either",
     "flee --to c --out a.c --side pursuer": "side = pursuer",
-    "P_any --to c --out a.c": "one arena, as office, since 'P_any' plays in any",
+    "pursuer --to c --out a.c": "one arena, as office, since 'pursuer' plays in any",
     "P_stage1 --to c --out a.onnx": "a file that ends in .c",
     "P_stage1 --to onnx --out a.onnx --constants": "--constants",
     "shielded:P_stage1 --to onnx --out a.onnx": "one without a shield",

@@ -27,7 +27,7 @@ from tests.export.test_translate import needs_gcc
 PACKAGE = Path(__file__).parents[2] / "ros2" / "apollonius_ros"
 OWN, OPPONENT = (2.0, 3.0, 0.5, 0.1), (7.0, 6.0, 0.0, -1.5)
 FACTS = {
-    "player": "P_any", "mates": 0, "opponents": 1, "dt": 0.1, "max_steps": 100,
+    "player": "pursuer", "mates": 0, "opponents": 1, "dt": 0.1, "max_steps": 100,
     "v_max": 1.2, "u1_max": 0.3, "u2_max": 0.8, "game": {},
 }  # fmt: skip
 

@@ -39,7 +39,7 @@ def test_the_site_is_whole(tmp_path):
     assert len(learners) == 5
     assert sorted(catalogue["agents"]["pursuer"] + catalogue["agents"]["evader"]) == sorted([*read, *learners])
     assert read == sorted(zoo_names())
-    assert set(catalogue["anywhere"]) == {"P_any", "P_team", "E_any"}
+    assert set(catalogue["anywhere"]) == {"pursuer", "E_any"}
     for name, file in catalogue["files"].items():
         assert (tmp_path / file).read_bytes() == learners.get(name, ZOO / f"{name}.safetensors").read_bytes()
     page = (tmp_path / "index.html").read_text()
@@ -63,7 +63,7 @@ def test_colours_are_those_of_all_pictures():
 def test_a_person_meets_the_best_unless_told_otherwise():
     choice = choose(Role.EVADER, None, "paper", 3)
     assert (choice.pursuer, choice.evader, choice.seed, choice.agents) == ("shielded:P_optimal", YOU, 3, {})
-    assert choose(Role.EVADER, None, "team-3v1", 3).pursuer == "shielded:P_team"
+    assert choose(Role.EVADER, None, "team-3v1", 3).pursuer == "shielded:pursuer"
     assert choose(Role.PURSUER, None, "maze", 3).evader == "shielded:E_any"
     assert choose(Role.PURSUER, "random", "robot", 0).evader == "random"
     assert choose(Role.EVADER, None, "paper", 0).level == 1
@@ -74,7 +74,7 @@ def test_a_person_meets_the_best_unless_told_otherwise():
 def test_a_game_of_teams_is_a_game_of_two_by_another_name(tmp_path):
     (tmp_path / "hall.toml").write_text("capture_distance = 0.4\n")
     assert (choose(Role.PURSUER, None, "team-3v1/office", 0).game) == "team-3v1/office"
-    choice = choose(Role.EVADER, "P_any", f"team-3v1/{tmp_path / 'hall.toml'}", 0)
+    choice = choose(Role.EVADER, "pursuer", f"team-3v1/{tmp_path / 'hall.toml'}", 0)
     assert (choice.game, choice.games["hall"].size) == ("team-3v1/hall", "1 v 1")
     (tmp_path / "bodies.toml").write_text("pursuers = 2\nmates_collide = true\n")
     with pytest.raises(InvalidInput, match=r"mates_collide = True .* false in the page"):

@@ -70,7 +70,7 @@ def corners(polygon):
 
 
 def test_an_arena_is_drawn_shared_and_played_to_its_end(desk, tmp_path):
-    page = desk.open("?pursuer=P_any&evader=you")
+    page = desk.open("?pursuer=pursuer&evader=you")
     hand = Hand(desk)
     hand.use("disc", (2, 8), (2.6, 8))
     hand.use("block", (6, 6), (7, 8))
@@ -94,7 +94,7 @@ def test_an_arena_is_drawn_shared_and_played_to_its_end(desk, tmp_path):
     again = hand.save(tmp_path / "again.json")
     assert to_dict(again) == to_dict(game)
     page = desk.open(link)
-    assert desk.match("players.pursuer[0].name") == "shielded:P_any"
+    assert desk.match("players.pursuer[0].name") == "shielded:pursuer"
     assert desk.match("game") == json.loads(json.dumps(to_dict(game)))
     desk.play(2)
     page.evaluate("() => { const { match } = apollonius.page; while (!match.isOver) match.step(); }")
@@ -105,7 +105,7 @@ def test_an_arena_is_drawn_shared_and_played_to_its_end(desk, tmp_path):
         page.click("#download")
     download.value.save_as(tmp_path / "game.json")
     replay = load_replay(tmp_path / "game.json")
-    assert replay.pursuer == "shielded:P_any"
+    assert replay.pursuer == "shielded:pursuer"
     assert replay.first_difference() is None
 
 
@@ -126,7 +126,7 @@ def test_what_is_wrong_is_said_while_it_is_drawn(desk, tmp_path):
 
 
 def test_an_arena_on_a_map_is_changed_and_played(desk):
-    page = desk.open("?pursuer=P_any&evader=still&game=hall")
+    page = desk.open("?pursuer=pursuer&evader=still&game=hall")
     page.click("#draw")
     page.click("#tools [data-tool=disc]")
     page.focus("#tools [data-tool=disc]")

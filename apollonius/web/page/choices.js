@@ -9,7 +9,7 @@ import { DIFFICULTIES, ruleNames } from "./players.js";
 import { SHIELDED, YOU, bare, inWords } from "./words.js";
 
 const AT_HOME = ["paper", "zero-sum"]; // games in the arena that most agents were trained in
-const ANYWHERE = { [PURSUER]: "P_any", [EVADER]: "E_any" };
+const ANYWHERE = { [PURSUER]: "pursuer", [EVADER]: "E_any" };
 const PICTURE = 96; // side of a level's [pixels]
 const SIZES = [[1, 1], [2, 1], [3, 1], [3, 2]]; // pursuers and evaders
 

@@ -100,7 +100,7 @@ export function shielded(player) {
 
 // ---- by name
 
-const MATES = { [PURSUER]: `${SHIELDED}P_team`, [EVADER]: `${SHIELDED}E_any` }; // whom a person leads
+const MATES = { [PURSUER]: `${SHIELDED}pursuer`, [EVADER]: `${SHIELDED}E_any` }; // whom a person leads
 
 /** Difficulties, the gentlest first: label, delay of what is seen [s]. */
 export const DIFFICULTIES = {
