@@ -6,7 +6,7 @@ from apollonius.agents.names import BUILT_IN, SIDES, side_of, zoo_names
 from apollonius.cli.options import add_json, answer
 
 ZOO = {
-    "pursuer": "learned from five teachers in 416 arenas, plays in any, alone or in a team",
+    "pursuer": "learned from four teachers in 416 arenas, plays in any, alone or in a team",
     "P_optimal": "learned from P_hunter, hard to exploit", "P_hunter": "learned from five evaders",
     "P_prioritised": "learned from its earlier selves", "P_pool": "learned from three evaders",
     "P_robust": "learned with slow, noisy robots", "P_smooth": "steers without steps",

@@ -181,7 +181,7 @@ class LiveGame:
 
 
 Carried = tuple[dict[Role, list[Memory]], BySide[Track | None], BySide[DriveStates]]
-"""What a game carries beside its numbers: memories of the players inside, what both sides know, all drives."""
+"""The state of a game besides its numbers: memories of the players inside, tracks of both sides, all drives."""
 
 
 def _first(game: Game, players: dict[Role, AbstractPolicy], state: GameState) -> Carried:

@@ -3,7 +3,7 @@
 A round is a game in every arena, by a seed of its own.
 """
 
-import time
+import timeit
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -166,11 +166,12 @@ class Benchmark:
             process.begin(match.games)
         starts, key = begin(match)
         bits = random_bits(key, (2, match.games))
-        games, spent = rollout.begin(match.rules, starts, match.pools, bits), []
-        for _ in range(_CALLS + 1):  # the first one compiles
-            began = time.perf_counter()
+        games = rollout.begin(match.rules, starts, match.pools, bits)
+
+        def decide() -> None:
             jax.block_until_ready(_act(match.rules, match.pools[self.role], games, bits, self.role))
-            spent.append(time.perf_counter() - began)
+
+        spent = timeit.repeat(decide, number=1, repeat=_CALLS + 1)  # the first one compiles
         if process:
             process.end()
         return _rounded(1e6 * float(np.median(spent[1:])) / (match.games * len(self.game.bodies[self.role])))

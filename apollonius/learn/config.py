@@ -53,7 +53,7 @@ class RunConfig:
     """Players that the pursuer of stage 1 learns to catch: `still`, as in Algorithm 1, or others, of whom each game
     meets one."""
     pursuer: str | None = None
-    """Agent that the pursuer of a lone stage starts from; None is from scratch. Where `team` or `belief` is
+    """Agent that the pursuer of a lone stage starts from; None is from scratch. Where `team` is
     trained, one that reads `egocentric` is extended by weights of 0 for what is new."""
     evader: str | None = None
     """Agent that the evader of a lone self-play or distillation starts from; None is from scratch (Algorithm 2)."""

@@ -141,12 +141,11 @@ def make_settings(config: RunConfig, game: Game, folder: Path | None) -> list[Se
 
 def _task_settings(config: RunConfig, game: Game) -> list[Setting]:
     """Return the settings of the run's own game and of the further tasks, all in the unit of the first teacher."""
-    stage, settings, known = config.distillation, list[Setting](), [game]
+    stage, settings, known = config.distillation, list[Setting](), list[Game]()
     for task in (Task(game, stage.teacher), *stage.tasks):
         known.append(_charted_as(task.game, known, find_observation(config.learner.observation).charted))
-        here = stage.trained_in(known[-1])
         asked = replace(stage, teacher=task.teacher, opponents=task.opponents or stage.opponents, tasks=())
-        here, players = _cast(asked, here)
+        here, players = _cast(asked, stage.trained_in(known[-1]))
         teacher = _teacher(asked, players, here, None)
         if settings:
             teacher = replace(teacher, unit=settings[0].teacher.unit)
@@ -176,8 +175,7 @@ def _cast(stage: DistillationConfig, game: Game) -> tuple[Game, Players]:
 
 def _teacher(stage: DistillationConfig, players: Players, game: Game, clearance: Clearance | None) -> Teacher:
     found = players[stage.teacher, stage.side]
-    policy = found.policy
-    bound = "one that values the nine actions: table, or an agent trained by DQN"
+    policy, bound = found.policy, "one that values the nine actions: table, or an agent trained by DQN"
     require(isinstance(policy, AbstractActionValuePolicy), "teacher", stage.teacher, bound)
     assert isinstance(policy, AbstractActionValuePolicy)
     price = price_of_losing(found, game)

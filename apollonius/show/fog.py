@@ -35,9 +35,8 @@ def fog(replay: Replay) -> tuple[Role, Bool[np.ndarray, "states rows columns"]] 
 def _beliefs(game: Game, states: GameState, bits: UInt32[Array, " states"], role: Role) -> Array:
     def one(track: Any, now: tuple[GameState, UInt32[Array, ""]]) -> tuple[Any, Any]:
         state, own_bits = now
-        track = tracking.follow(game, track, state, role, own_bits)
-        sight = tracking.believed(game, track, state, role).sight
-        return track, sight and sight.belief
+        track, known = tracking.update(game, role, track, state, own_bits)
+        return track, known.sight and known.sight.belief
 
     first = tracking.begin(game, jax.tree.map(lambda leaf: leaf[0], states), role)
     return jax.lax.scan(one, first, (states, bits))[1]

@@ -148,9 +148,9 @@ def search(
     assert first is not None, "it has sensors"
     begins, begun = known.track.ages[0] < 0, Known(first, jnp.full((), -1, jnp.int32))
     before = jax.tree.map(lambda new, old: jnp.where(begins, new, old), begun, known)
-    track = tracking.follow(game, before.track, state, role, jnp.uint32(0))
+    track, now = tracking.update(game, role, before.track, state, jnp.uint32(0))
     assert track is not None, "it has sensors"
-    view = look(game, tracking.believed(game, track, state, role), role)
+    view = look(game, now, role)
     values, cell = Search(dt).look_on(view, before.cell, shares)
     sight = jnp.stack([is_found(view), track.ages[0] < NEVER]).astype(jnp.int32)
     return {"after": Known(track, cell), "values": values, "sight": sight}

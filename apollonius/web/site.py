@@ -10,7 +10,7 @@ import numpy as np
 from apollonius.agents.built_in import BY_CHART, PLAYERS, BuiltIn
 from apollonius.agents.names import SEARCHING
 from apollonius.agents.store import load_header
-from apollonius.agents.trained import ZOO, find_trained, zoo_names
+from apollonius.agents.trained import ANY, ZOO, find_trained, zoo_names
 from apollonius.arenas.file import find_game, game_in_one_arena, game_names, split_team
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import SHIELDED, find_player
@@ -32,10 +32,8 @@ YOU = "you"
 """The name of a person in place of an agent's."""
 AT_HOME = ("paper", "zero-sum")
 """Games in the arena where most agents were trained."""
-BEST = {Role.PURSUER: "P_optimal", Role.EVADER: "E_optimal"}
-"""The usual opponents there."""
-ANYWHERE = {Role.PURSUER: "pursuer", Role.EVADER: "E_any"}
-"""The usual opponents everywhere else, and in teams."""
+BEST = BySide("P_optimal", "E_optimal")
+"""The usual opponents there; everywhere else, and in teams, those for any arena."""
 ANY_ARENA = ("egocentric", "team")
 """Observations of agents that play in any arena."""
 READS = ("paper", "encoded", *ANY_ARENA)
@@ -86,7 +84,7 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     games = {} if of_two in game_names() else {Path(of_two).stem: find_game(of_two)}
     side = person.other
     is_first = against is None and person == Role.EVADER and (game, seed) == ("paper", 0)
-    name = against or SHIELDED + (BEST if game in AT_HOME else ANYWHERE)[side]
+    name = against or SHIELDED + (BEST if game in AT_HOME else ANY)[side]
     bare = name.removeprefix(SHIELDED)
     own = Path(bare) if bare.endswith(OWN) else None
     found = None if own else find_player(name, side, rules)

@@ -3,13 +3,12 @@
 
 import { MOST_ROBOTS } from "./calls.js";
 import { drawGround, scaled } from "./draw.js";
-import { EVADER, PURSUER, ROLES, countsOf, other, partsOf, teamName } from "./game.js";
+import { EVADER, ROLES, countsOf, other, partsOf, teamName } from "./game.js";
 import { LEVELS, bestOf, endless, levelOf } from "./levels.js";
-import { DIFFICULTIES, ruleNames } from "./players.js";
+import { ANYWHERE, DIFFICULTIES, ruleNames } from "./players.js";
 import { SHIELDED, YOU, bare, inWords } from "./words.js";
 
 const AT_HOME = ["paper", "zero-sum"]; // games in the arena that most agents were trained in
-const ANYWHERE = { [PURSUER]: "pursuer", [EVADER]: "E_any" };
 const PICTURE = 96; // side of a level's [pixels]
 const SIZES = [[1, 1], [2, 1], [3, 1], [3, 2]]; // pursuers and evaders
 

@@ -1,7 +1,7 @@
 // A game that is over, looked back at: it ends once more and slowly, from the last moment at which it could have been saved.
 
 import { EVADER, PURSUER, ROLES, bodyOf, clip, isActive, robotOf } from "./game.js";
-import { findPlayer } from "./players.js";
+import { ANYWHERE, findPlayer } from "./players.js";
 import { stoppable } from "./why.js";
 import { SHIELDED, bare } from "./words.js";
 
@@ -9,7 +9,6 @@ const LASTS = 3; // of the slow replay, at least [s]
 const SLOWER = 2; // times slower than it was
 const FASTER = 3; // times faster, in a film
 const AFTERWARDS = 1.5; // the end of a film, which stands still [s]
-const STAND_IN = { [PURSUER]: "pursuer", [EVADER]: "E_any" }; // who takes the person's place, shielded
 const GIVEN = { [PURSUER]: 20, [EVADER]: 10 }; // how long a pursuer has to win, and an evader to stay free [s]
 const STRIDE = 1; // between moments that are tried [s]
 const FARTHEST = 20; // before the end [s]
@@ -57,8 +56,8 @@ export function lastBrake({ game, states }, who) {
 /** Who tries in the place of a person; null where a player acts by chance, as it would then act otherwise. */
 export async function standIn(catalogue, match, role) {
   const players = ROLES.flatMap((side) => match.players[side]);
-  if (!Object.hasOwn(catalogue.files, STAND_IN[role]) || players.some(({ name }) => bare(name).startsWith("random"))) return null;
-  return findPlayer(catalogue, SHIELDED + STAND_IN[role], role, "sharp");
+  if (!Object.hasOwn(catalogue.files, ANYWHERE[role]) || players.some(({ name }) => bare(name).startsWith("random"))) return null;
+  return findPlayer(catalogue, SHIELDED + ANYWHERE[role], role, "sharp");
 }
 
 /**

@@ -100,7 +100,8 @@ export function shielded(player) {
 
 // ---- by name
 
-const MATES = { [PURSUER]: `${SHIELDED}pursuer`, [EVADER]: `${SHIELDED}E_any` }; // whom a person leads
+/** Agents of either side that know any arena: those a person meets, leads, and is replaced by. */
+export const ANYWHERE = { [PURSUER]: "pursuer", [EVADER]: "E_any" };
 
 /** Difficulties, the gentlest first: label, delay of what is seen [s]. */
 export const DIFFICULTIES = {
@@ -132,7 +133,7 @@ export function ruleNames(side, game, counts) {
 /** Return who plays each of the robots of one side: all are alike, but for the mates of a person. */
 export async function findTeam(catalogue, name, role, count, difficulty, steer) {
   const first = await findPlayer(catalogue, name, role, difficulty, steer);
-  const mate = name === YOU && count > 1 ? await findPlayer(catalogue, MATES[role], role, "sharp") : first;
+  const mate = name === YOU && count > 1 ? await findPlayer(catalogue, SHIELDED + ANYWHERE[role], role, "sharp") : first;
   return Array.from({ length: count }, (_, number) => (number ? mate : first));
 }
 
