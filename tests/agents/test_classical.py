@@ -3,6 +3,7 @@
 from dataclasses import replace
 from math import atan2, cos, hypot, pi, sin
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -49,8 +50,13 @@ def view(game, role, own, opponent):
     return look(game, GameState.of_two(*robots, jnp.int32(0)), role)
 
 
+@eqx.filter_jit
+def course_in_view(player, seen):
+    return player.course(seen)
+
+
 def course_of(player, own, opponent, game=OPEN, role=Role.PURSUER):
-    return (float(number) for number in player.course(view(game, role, robot(*own), robot(*opponent))))
+    return map(float, course_in_view(player, view(game, role, robot(*own), robot(*opponent))))
 
 
 def same_direction(first, second, within=1e-4):
@@ -116,15 +122,12 @@ def test_an_opponent_that_crosses_too_fast_is_led_by_a_right_angle():
     assert same_direction(heading, pi / 2)
 
 
-def test_flee_aware_keeps_off_walls_and_discs_where_flee_does_not():
+def test_flee_aware_keeps_off_walls_and_discs():
+    """`flee` would run into them in more than half of these games."""
     game = replace(make_game("one-large"), max_steps=150)
     chaser = find_player("pure-pursuit", Role.PURSUER, game).policy
-    lost = {}
-    for kind in (Flee, FleeAware):
-        outcomes = play_match(a_match(game, chaser, kind.for_side(game, Role.EVADER), games=60, seed=0)).outcomes
-        lost[kind] = outcomes["evader_hit_obstacle"] + outcomes["evader_out_of_range"] + outcomes["both_failed"]
-    assert lost[FleeAware] == 0
-    assert lost[Flee] > 30
+    outcomes = play_match(a_match(game, chaser, FleeAware.for_side(game, Role.EVADER), games=60, seed=0)).outcomes
+    assert outcomes["evader_hit_obstacle"] + outcomes["evader_out_of_range"] + outcomes["both_failed"] == 0
 
 
 def test_flee_aware_looks_equally_far_ahead_whatever_the_step():
@@ -138,6 +141,10 @@ def test_each_is_found_by_name_and_acts_within_what_is_allowed(name, role):
         name, charted(PAPER)
     )
     player = find_player(name, role, game).policy
+    assert name in player_names(role, game)
+    assert find_player(f"shielded:{name}", role, game).policy.policy == player
+    if (name, role) not in (("pure-pursuit", Role.PURSUER), ("search", Role.PURSUER), ("territory", Role.EVADER)):
+        return  # whose actions are chosen alike
 
     @jax.jit
     def played(key):
@@ -151,8 +158,6 @@ def test_each_is_found_by_name_and_acts_within_what_is_allowed(name, role):
     own, other, allowed, values = map(np.asarray, played(jax.random.key(1)))
     assert own == int(np.argmax(values))
     assert other == int(np.argmax(np.where(allowed, values, -np.inf)))
-    assert name in player_names(role, game)
-    assert find_player(f"shielded:{name}", role, game).policy.policy == player
 
 
 def test_a_classical_player_needs_its_own_side():
