@@ -1,13 +1,12 @@
 """Walls (Eq. 2), discs, polygons and occupancy maps: clearance and contact, against dense sampling and oracles."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import assume, given
-from hypothesis import strategies as st
 
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.game import Game
@@ -61,45 +60,22 @@ def test_contact_along_a_step_is_that_of_the_oracle():
     np.testing.assert_allclose(ours[outside], theirs[outside], atol=1e-4)
 
 
-coordinate = st.integers(1, 99).map(lambda number: number / 10)
-
-
-@given(st.lists(st.tuples(coordinate, coordinate), min_size=3, max_size=6))
-def test_the_corners_of_a_playable_polygon_are_in_order_and_its_edges_meet_nowhere_else(corners):
-    """Against the definition, in whole numbers: no two edges share a point but neighbours the corner between them."""
-    whole = [(round(10 * x), round(10 * y)) for x, y in corners]
-    simple = is_simple(whole)
-    try:
-        Polygon(tuple(corners)).check("polygon", Arena())
-    except InvalidInput as refusal:
-        assume("edges meet nowhere else" in str(refusal))
-        assert not simple
-    else:
-        assert simple
-
-
-def is_simple(corners):
-    edges = [(corners[i], corners[(i + 1) % len(corners)]) for i in range(len(corners))]
-
-    def turn(a, b, c):
-        return np.sign((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
-
-    def on(a, b, c):
-        return (
-            turn(a, b, c) == 0
-            and min(a[0], b[0]) <= c[0] <= max(a[0], b[0])
-            and (min(a[1], b[1]) <= c[1] <= max(a[1], b[1]))
-        )
-
-    for i, (a, b) in enumerate(edges):
-        for j, (c, d) in enumerate(edges):
-            if a == b or (i != j and c not in (a, b) and on(a, b, c)) or (i != j and a == c):
-                return False
-            if (i + 1) % len(edges) == j and on(a, b, d):
-                return False
-            if turn(a, b, c) * turn(a, b, d) < 0 and turn(c, d, a) * turn(c, d, b) < 0:
-                return False
-    return True
+@pytest.mark.parametrize(
+    ("corners", "meet"),
+    [
+        (STAR, False), (STAR[::-1], False), (HALL, False),
+        (((1, 1), (2, 1), (3, 1), (1, 3)), False),  # a corner in the middle of a side
+        (((1, 1), (3, 3), (3, 1), (1, 3)), True),  # edges cross
+        (((1, 1), (5, 1), (5, 3), (3, 1), (1, 3)), True),  # a corner on another edge, and beyond its line's ends
+        (((1, 1), (5, 1), (5, 3), (3, 1.01), (1, 3)), False),
+        (((1, 1), (3, 1), (2, 2), (3, 3), (1, 3), (2, 2)), True),  # two corners at one place
+        (((1, 1), (3, 1), (3, 1), (1, 3)), True),  # an edge without a length
+        (((1, 1), (5, 1), (3, 1)), True), (((5, 1), (1, 1), (3, 1), (5, 3)), True),  # there and back
+    ],
+)  # fmt: skip
+def test_the_edges_of_a_playable_polygon_meet_nowhere_but_at_the_corners_that_they_share(corners, meet):
+    with pytest.raises(InvalidInput, match="edges meet nowhere else") if meet else nullcontext():
+        Polygon(tuple((float(x), float(y)) for x, y in corners)).check("polygon", Arena())
 
 
 def test_a_game_can_be_made_while_a_function_is_traced():
