@@ -9,9 +9,8 @@ import pytest
 from apollonius.play.replay import load_replay
 from apollonius.solve.store import load_solution
 from tests.cli.test_cli import assert_refused, run_main
-from tests.documents import REPOSITORY
 
-COARSE, COARSER = ("--grid", "21x21x9x16"), ("--grid", "9x9x3x8")
+COARSER = ("--grid", "9x9x3x8")
 GRID = ("--grid", "4x4x2x4", "--hold", "10")
 """All too coarse for anything but the commands themselves."""
 
@@ -37,20 +36,6 @@ def run_json(capsys, *arguments):
 
 
 @pytest.mark.slow
-def test_the_game_is_solved_once_and_then_loaded(capsys, tables, monkeypatch):
-    solution = load_solution(Path(tables["evader"]))
-    assert (solution.problem.kind, solution.problem.role) == ("game", "evader")
-    monkeypatch.setattr("apollonius.solve.solving.solve_duel", None)
-    facts = run_json(capsys, "solve", "game", "--role", "evader", *GRID, "--out", tables["evader"])
-    assert (facts["grid"], facts["hold [s]"], facts["sweeps"]) == ("4x4x2x4", 1.0, solution.sweeps)
-    assert -1 <= facts["at the worst"] <= facts["the evader's estimate, on average over starts"] <= 1
-    assert_refused(
-        capsys, "solve", "game", "--role", "pursuer", *GRID, "--out", tables["evader"],
-        naming=("evader.safetensors", "another problem", "--force"),
-    )  # fmt: skip
-
-
-@pytest.mark.slow
 def test_a_card_is_measured_and_its_worst_games_are_kept(capsys, tables):
     files = ("--tables", tables["evader"], tables["pursuer"])
     options = ("--games", "12", "--record", "2", "--replays", "lost")
@@ -65,19 +50,6 @@ def test_a_card_is_measured_and_its_worst_games_are_kept(capsys, tables):
     assert_refused(capsys, "regret", "random", *files, "--grid", "4x4x2x4", naming=("--grid", "--tables"))
     assert run_main("regret", "still", *files, "--role", "evader", "--games", "5") == 0
     assert "gap to what its own table promises" in capsys.readouterr().out
-
-
-@pytest.mark.slow
-def test_safety_says_which_starts_are_lost_and_keeps_the_table(capsys):
-    facts = run_json(capsys, "solve", "safety", *COARSE)
-    assert facts["grid"] == "21x21x9x16"
-    assert facts["hold [s]"] == 0.5
-    assert facts["residual"] == 0
-    assert 0.005 < facts["moving starts lost, by the table"] < 0.04
-    solution = load_solution(Path(facts["file"]))
-    assert facts["file"] == "safety-paper.safetensors"
-    assert solution.table.shape == (9, 16, 21, 21)
-    assert (solution.problem.kind, solution.problem.role, solution.sweeps) == ("safety", "pursuer", facts["sweeps"])
 
 
 def test_reach_is_solved_once_and_then_loaded(capsys, monkeypatch):
@@ -115,9 +87,3 @@ def test_an_arena_without_obstacles_needs_one(capsys, tmp_path):
     said = capsys.readouterr().out.splitlines()
     assert said[0] == f"{file}: 1 pursuer is enough, for idealised robots on this graph"
     assert len(said) == 6
-
-
-@pytest.mark.slow
-def test_corridors_along_a_dodecahedron_need_three(capsys):
-    assert run_main(*["pursuers", str(REPOSITORY / "examples" / "dodecahedron.toml"), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["pursuers"] == 3

@@ -78,6 +78,13 @@ def test_a_grid_too_large_for_the_machine_is_refused():
         solve_safety(SMALL, Role.PURSUER, grid, HOLD)
 
 
+@pytest.mark.parametrize(("metres", "lost"), [(-0.1, 1.0), (0.0, 0.0)])
+def test_a_start_is_lost_where_the_table_is_negative(metres, lost):
+    problem = Problem("safety", "evader", to_dict(SMALL), [2, 2, 2, 4], 5)
+    facts = about(Solution(problem, 1, 0.0, jnp.full((2, 4, 2, 2), metres, jnp.float32)), SMALL)
+    assert (facts["grid"], facts["hold [s]"], facts["moving starts lost, by the table"]) == ("2x2x2x4", 0.5, lost)
+
+
 @pytest.mark.parametrize(("pursuer", "evader", "viable"), [(0.0, 0.0, True), (-1e-6, 0.2, False), (0.1, -1e-6, False)])
 def test_a_start_is_viable_where_both_robots_stay_clear(pursuer, evader, viable):
     def always(metres):
