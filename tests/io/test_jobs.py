@@ -4,20 +4,15 @@ import os
 import signal
 import subprocess
 import sys
-import warnings
 from dataclasses import replace
+from unittest.mock import MagicMock
 
-import jax
 import pytest
 
 from apollonius.io import workers as jobs_module
 from apollonius.io.errors import InvalidInput
 from apollonius.io.interrupts import asked
 from apollonius.io.workers import Job, run_jobs
-from apollonius.learn import run as run_module
-from apollonius.learn.folder import create_run, load_config
-from apollonius.learn.run import train
-from tests.learn.tiny import CHUNK, RUN
 
 
 def write_down(path):
@@ -97,56 +92,65 @@ def test_an_unknown_place_is_refused(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def train_and_be_lost_once(folder):
-    """A training whose worker is killed in the middle, the first time."""
+def be_lost_once(path):
+    """A job whose worker is killed, the first time."""
+    if not path.exists():
+        path.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return write_down(path)
 
-    def die_in_the_middle(line, share):
-        if line.env_steps == 3 * CHUNK and not (folder / "lost").exists():
-            (folder / "lost").touch()
-            os.kill(os.getpid(), signal.SIGKILL)
 
-    run_module.CHECKPOINT_SECONDS = 0.0
-    return run_module.Run(load_config(folder / "config.toml"), folder, die_in_the_middle).execute()
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_on_ray_a_job_whose_worker_is_lost_begins_again_and_one_that_fails_is_named(tmp_path):
+    pytest.importorskip("ray")
+    told, works = [], (be_lost_once, refuse, write_down)
+    jobs = [Job(work.__name__, work, (tmp_path / work.__name__,)) for work in works]
+    with pytest.raises(InvalidInput, match=r"1 of 3 failed \(refuse\)"):
+        run_jobs(jobs, told.append, on="ray")
+    assert sorted(told) == ["done: be_lost_once", "done: write_down", "failed: refuse (this cannot be)"]
+    assert all((tmp_path / work.__name__).read_text() for work in (be_lost_once, write_down))
+
+
+class Refusal(Exception):
+    """What `submitit` raises where `sbatch` takes no job."""
 
 
 @pytest.fixture
-def ray(monkeypatch):
-    """Workers share the compilations of the tests."""
-    pytest.importorskip("ray")
-    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", str(jax.config.jax_compilation_cache_dir))
-    monkeypatch.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        yield
+def array(tmp_path, monkeypatch):
+    """What answers in place of `submitit.SlurmExecutor.map_array`."""
+    slurm = MagicMock()
+    slurm.core.utils.FailedSubmissionError = slurm.core.utils.FailedJobError = Refusal
+    slurm.helpers.Checkpointable = object
+    monkeypatch.setitem(sys.modules, "submitit", slurm)
+    monkeypatch.setattr("apollonius.io.errors.find_spec", lambda module: module)
+    monkeypatch.chdir(tmp_path)
+    return slurm.SlurmExecutor.return_value.map_array
 
 
-@pytest.mark.slow
-def test_a_sweep_on_ray_with_a_lost_worker_comes_to_the_same_as_one_here(ray, tmp_path):
-    """Two seeds, one of whose workers is killed: the same agents to the last bit."""
-    folders = {}
-    for place in ("here", "ray"):
-        folders[place] = [tmp_path / place / f"seed-{seed}" for seed in range(2)]
-        for seed, folder in enumerate(folders[place]):
-            create_run(replace(RUN, stages="self-play", seed=seed), folder)
-    with jax.numpy_dtype_promotion("standard"):  # as Adam in optax needs it
-        for folder in folders["here"]:
-            assert train(folder)
-    works = (train_and_be_lost_once, train)
-    jobs = [Job(folder.name, work, (folder,)) for folder, work in zip(folders["ray"], works, strict=True)]
-    run_jobs(jobs, print, on="ray")
-    assert (folders["ray"][0] / "lost").exists()
-    for here, there in zip(folders["here"], folders["ray"], strict=True):
-        agents = {path.name: path.read_bytes() for path in (here / "agents").iterdir()}
-        assert len(agents) == 8
-        assert {path.name: path.read_bytes() for path in (there / "agents").iterdir()} == agents
+def test_what_sbatch_refuses_is_one_line(array, tmp_path):
+    array.side_effect = Refusal("no such partition")
+    with pytest.raises(InvalidInput, match=r"^sbatch refuses the jobs \(no such partition\): correct .* and go on\.$"):
+        run_jobs(jobs_of(write_down, tmp_path), print, on="slurm")
 
 
-@pytest.mark.slow
-def test_a_job_that_fails_on_ray_is_named(ray, tmp_path):
-    told = []
-    with pytest.raises(InvalidInput, match=r"1 of 1 failed \(job 0\)"):
-        run_jobs(jobs_of(refuse, tmp_path, 1), told.append, on="ray")
-    assert told == ["failed: job 0 (this cannot be)"]
+def test_ctrl_c_cancels_what_slurm_still_runs_and_keeps_what_is_done(array, tmp_path, monkeypatch):
+    queue, told = {"7_1", "7_2"}, []
+
+    def run(command, **_):
+        if command[0] == "scancel":
+            queue.difference_update(command[1:])
+        return MagicMock(returncode=0, stdout="\n".join(queue))
+
+    monkeypatch.setattr(jobs_module.subprocess, "run", run)
+    monkeypatch.setattr(jobs_module, "asked", lambda: bool(told))
+    array.return_value = made = [MagicMock(job_id=f"7_{number}") for number in range(3)]
+    made[0].exception.return_value, made[0].result.return_value = None, ("done", True)
+    for one in made[1:]:
+        one.paths.result_pickle.exists.return_value = False
+    with pytest.raises(KeyboardInterrupt):
+        run_jobs(jobs_of(write_down, tmp_path), told.append, on="slurm")
+    assert told == ["done: job 0", "stopped: job 1", "stopped: job 2"]
 
 
 SOON = 2.0 + 6.0

@@ -168,32 +168,3 @@ def test_a_sweep_with_a_killed_and_a_preempted_job_comes_to_the_same_bits_as_by_
     assert "Restarts=1" in restarts
     assert len(weights(here)) == 54
     assert weights(there) == weights(here)
-
-
-def test_ctrl_c_stops_all_jobs_and_resume_goes_on(slurm, tmp_path):
-    config = to_dict(RUN)
-    config["self_play"] |= {"env_steps": 400 * 8192}
-    (tmp_path / "config.toml").write_text(tomli_w.dumps(config))
-    sweep = apollonius(
-        "train", "--config", tmp_path / "config.toml", "--seeds", "0,1,2", "--on", "slurm", "--out", tmp_path / "sweep"
-    )
-    until(lambda: running(tmp_path / "sweep" / "seed=0"), SECONDS)
-    sweep.send_signal(signal.SIGINT)
-    _, said = sweep.communicate(timeout=60)
-    assert sweep.returncode == 130
-    assert "apollonius resume" in said
-    assert not subprocess.run(["squeue", "-h"], capture_output=True, text=True).stdout
-    states = {run["state"]["state"] for run in listed(tmp_path / "sweep").values()}
-    assert states <= {"stopped", "waiting"}
-    assert (tmp_path / "sweep" / "seed=0" / "checkpoint.safetensors").exists()
-
-
-@pytest.mark.usefixtures("slurm")
-def test_what_sbatch_refuses_is_one_line(tmp_path, monkeypatch):
-    monkeypatch.setenv("SBATCH_PARTITION", "nowhere")
-    (tmp_path / "config.toml").write_text(tomli_w.dumps(to_dict(RUN)))
-    sweep = apollonius("train", "--config", tmp_path / "config.toml", "--on", "slurm", "--out", tmp_path / "run")
-    _, said = sweep.communicate(timeout=60)
-    assert sweep.returncode == 2
-    assert "sbatch refuses" in said
-    assert "Traceback" not in said
