@@ -194,8 +194,6 @@ def with_less(words, options):
         rest = [word for word in rest if word not in ("--preset", options["preset"])]
     if what == "regret":
         changes = {"--games": "8"} | ({} if options["tables"] else {"--grid": GRIDS["game"]})
-    if what == "exploit":
-        changes |= {"--attackers": "zoo"}
     if what == "solve":
         changes["--grid"] = GRIDS[options["what"]]
     for many, few in FEWER.items():

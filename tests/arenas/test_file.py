@@ -1,8 +1,5 @@
 """Games as files: what is written is what is played, and what is wrong in one is said in a line."""
 
-import json
-import tomllib
-
 import pytest
 import tomli_w
 
@@ -73,14 +70,6 @@ def test_every_preset_is_itself_again_from_its_file(name, suffix, tmp_path):
     game = find_game(name)
     save_game(to_dict(game), tmp_path / f"game{suffix}")
     assert find_game(str(tmp_path / f"game{suffix}")) == game
-
-
-def test_json_says_what_toml_says(tmp_path, written):
-    (tmp_path / "hall.json").write_text(json.dumps(tomllib.loads(HALL) | {"pursuers": 3}))
-    assert find_game(str(tmp_path / "hall.json")) == written(f"pursuers = 3\n{HALL}")
-    (tmp_path / "hall.json").write_text("{")
-    with pytest.raises(InvalidInput, match=r"hall.json' is no JSON file; correct it"):
-        find_game(str(tmp_path / "hall.json"))
 
 
 @pytest.mark.parametrize(

@@ -318,6 +318,8 @@ def test_an_odd_environment_is_refused_or_makes_no_difference(monkeypatch, varia
         (["imageio_ffmpeg"], ["show", "random", "still", "--out", "game.mp4"], "video"),
         (["ray"], ["reproduce", "--on", "ray"], "ray"),
         (["submitit"], ["train", "--on", "slurm"], "slurm"),
+        (["tensorboardX"], ["train", "--track", "tensorboard"], "track"),
+        (["tensorboardX"], ["track", str(REPOSITORY / "docs/results/demo"), "--to", "tensorboard"], "track"),
         (["mujoco"], ["simulate", "random", "still"], "sim"),
     ],
     ids=lambda value: value if isinstance(value, str) else " ".join(value),

@@ -165,9 +165,8 @@ def test_bad_input_is_refused(env):
         env.step({"pursuer_0": 9, "evader_0": 0})
     with pytest.raises(InvalidInput, match=r"action = None .* from 0 to 8"):
         env.step({"pursuer_0": 0})
-    for bad in ({"game": "chess"}, {"observation": "eyes"}, {"render_mode": "hologram"}):
-        with pytest.raises(InvalidInput, match=next(iter(bad.values()))):
-            apollonius.parallel_env(**bad)
+    with pytest.raises(InvalidInput, match="hologram"):
+        apollonius.parallel_env(render_mode="hologram")
 
 
 def test_agents_leave_when_they_are_out_and_the_game_goes_on(team):

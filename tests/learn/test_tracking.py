@@ -73,12 +73,3 @@ def test_a_tracker_that_refuses_is_told_in_a_line(run, monkeypatch, capsys):
     monkeypatch.setattr(sys.modules["wandb"], "init", refuse)
     assert main(["track", str(run), "--to", "wandb"]) == 2
     assert capsys.readouterr().err == "apollonius track: wandb refuses the run (no key): see its own settings.\n"
-
-
-@pytest.mark.parametrize("words", [["train", "--track"], ["track", "RUN", "--to"]])
-def test_a_missing_library_is_refused_with_its_command(run, monkeypatch, capsys, words):
-    monkeypatch.setattr("apollonius.io.errors.find_spec", lambda module: None)
-    with pytest.raises(SystemExit) as ended:
-        main([*(str(run) if word == "RUN" else word for word in words), "tensorboard"])
-    assert ended.value.code == 2
-    assert "pip install tensorboardX" in capsys.readouterr().err

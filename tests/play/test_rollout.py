@@ -35,7 +35,6 @@ GAME = Game(AGILE, AGILE, Arena(0.0, 4.0, 0.0, 4.0, discs=(Disc(2.0, 2.0, 0.3),)
 GAMES, ROWS, STEPS = 64, 3, 60
 PLAYED_OUT = 37
 
-step_one = jax.jit(Game.step)
 step_many = jax.jit(jax.vmap(Game.step, in_axes=(None, 0, 0, 0)))
 observe_many = jax.jit(jax.vmap(observe, in_axes=(None, 0, None, None)), static_argnames=("role", "name"))
 
@@ -212,16 +211,6 @@ def test_every_given_game_ends_and_another_key_plays_others_from_the_same_starts
     assert np.all((results.steps >= 1) & (results.steps <= GAME.max_steps))
     assert len(np.unique(results.outcome)) >= 4
     assert not identical(results, random_results(seed=1))
-
-
-def test_play_out_agrees_with_a_plain_loop():
-    results = played_out(BySide(pursuers(8, 8, 8), evaders(7, 7)), row(random_starts(), 0))
-    for index in range(12):
-        state, outcome = row(random_starts(), (0, index)), Outcome.ONGOING
-        while outcome == Outcome.ONGOING:
-            after = step_one(GAME, state, jnp.asarray(8), jnp.asarray(7))
-            state, outcome = after.state, Outcome(int(after.outcome))
-        assert (outcome, state.steps) == (results.outcome[index], results.steps[index])
 
 
 def test_late_robots_respond_late_each_by_the_lag_of_its_game():

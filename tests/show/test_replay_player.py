@@ -74,22 +74,6 @@ def test_robots_discs_and_the_reach_of_a_capture_are_drawn_in_metres_between_two
     assert nose[1] == pytest.approx(2, abs=1e-3)
 
 
-def test_layers_are_those_of_the_page(tmp_path):
-    """Nine dots are crossed out where a robot at full speed, half a metre before the wall, can no longer stop."""
-    row = [9.5, 2, 1.2, 0, 5, 8, 0, 0]
-    game = GAME | {"states": [row, row, row]}
-    script = RECORDER + (
-        "const count = (shown) => { calls.length = 0; player.drawGame(canvas, game.game, states, 0, colours, shown);"
-        " return calls.filter(([name]) => name === 'lineTo').length; };\n"
-        "globalThis.OffscreenCanvas = class { getContext() { return context; } };\n"
-        "const counts = [[], ['brakes'], ['regions']].map(count);\n"
-        "console.log(JSON.stringify([counts, calls.filter(([name]) => name === 'drawImage').length]))"
-    )
-    (bare, brakes, _), images = run(tmp_path, script, game)
-    assert brakes - bare == 9 * 2 * 2
-    assert images == 1
-
-
 OUT, CAUGHT = 3, 10
 """Steps at which the first pursuer leaves the walls and the second one's evader is caught."""
 
