@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from apollonius.arenas.map_file import connected
+from apollonius.arenas.map_file import connected, largest
 from apollonius.arenas.survey import clearances_at, places
 from apollonius.game.game import Game
 from apollonius.io.errors import require
@@ -57,10 +57,9 @@ def free_space(game: Game) -> FreeSpace:
 
 def largest_part(free: Bool[np.ndarray, "rows columns"], x: float, y: float, cell: float) -> FreeSpace:
     """Return the largest part of a raster's free cells, one of which there is, and the number of islands in it."""
-    parts, count = connected(free, corners=False)
-    largest = parts == 1 + np.argmax(np.bincount(parts[free])[1:])
-    _, islands = connected(np.pad(~largest, 1, constant_values=True))
-    return FreeSpace(largest, x, y, cell, count, islands - 1)  # one of them is joined to the outside
+    part, count = largest(free)
+    _, islands = connected(np.pad(~part, 1, constant_values=True))
+    return FreeSpace(part, x, y, cell, count, islands - 1)  # one of them is joined to the outside
 
 
 @dataclass(frozen=True)

@@ -90,6 +90,13 @@ def connected(
     return numbered, count
 
 
+def largest(cells: Bool[np.ndarray, "rows columns"]) -> tuple[Bool[np.ndarray, "rows columns"], int]:
+    """Return the largest part of a grid that is connected along sides, and the number of parts."""
+    numbered, count = connected(cells, corners=False)
+    sizes = np.bincount(numbered.ravel(), minlength=count + 1)
+    return (numbered == 1 + np.argmax(sizes[1:])) if count else cells, count
+
+
 def save_map(cells: OccupancyMap, path: Path) -> None:
     """Write a map as a YAML file and a `.pgm` image beside it, from which `load_map` reads the same field."""
     from PIL import Image

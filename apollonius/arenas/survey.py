@@ -1,4 +1,4 @@
-"""A survey of an arena before training: parts that are cut off, havens, space to start."""
+"""A survey of an arena before training: parts that are cut off, havens, space to start, passages that charts miss."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,9 +7,13 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import distance_transform_edt
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 
+from apollonius.arenas.charting import charted, largest_radius
 from apollonius.arenas.map_file import connected, unknown_read_as_free
 from apollonius.game.arena import Arena
+from apollonius.game.chart import COARSE, NO_PATH, SIDE
 from apollonius.game.game import Game
 
 Grid = Float[np.ndarray, "rows columns"]
@@ -21,6 +25,12 @@ _SPECK = 4
 """Cells of the largest obstacle of a map that may be noise."""
 _LEAST_ROOM = 0.02
 """Least share of the arena on which a robot can start."""
+_LONGER = 1.1
+"""Factor by which a path of a chart may be longer than a straight one, as it goes in sixteen directions."""
+_DETOUR = 3.0
+"""Coarse cells by which a chart's path may be longer than the real one before a passage counts as missed."""
+_STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
+"""Steps from each cell of the raster to four of its eight neighbours, rows and columns."""
 
 
 @dataclass(frozen=True)
@@ -147,3 +157,69 @@ def _notes(game: Game) -> list[str]:
         f"the bodies overlap before they count as caught: capture_distance = {reach:g} m is less than both radii "
         f"together, {bodies:g} m."
     ]
+
+
+def missed_passage(game: Game) -> str | None:
+    """Return the note on the passage of one arena that costs players with a chart the longest detour, if they miss any.
+
+    From every coarse cell of the chart the free space is flooded on a fine raster. Where two floods meet, the robot can
+    go from one cell to the other; the chart should have a path about as short.
+    """
+    arena, radius, chart = game.arena, largest_radius(game), charted(game).arena.chart
+    assert chart is not None, "which a charted game has"
+    lengths = np.asarray(chart.lengths)[0]
+    side = float(np.asarray(chart.side)[0])
+    x, y, cell = places(arena)
+    clearance = clearances_at(arena, x, y) - radius
+    graph, start, end, length = _links(clearance, cell)
+    others = np.where(np.eye(len(lengths), dtype=bool), NO_PATH, lengths)
+    cells = np.flatnonzero(others.min(axis=1) < NO_PATH)
+    rows, columns = (((np.array(index) + 0.5) * side / COARSE / cell).astype(int) for index in np.divmod(cells, COARSE))
+    inside = (rows < clearance.shape[0]) & (columns < clearance.shape[1])
+    seeds, cells = (rows * clearance.shape[1] + columns)[inside], cells[inside]
+    if not len(seeds):
+        return None
+    away, _, source = dijkstra(graph, directed=False, indices=seeds, min_only=True, return_predecessors=True)
+    cell_at = np.zeros(clearance.size, int)
+    cell_at[seeds] = cells
+    meet = np.flatnonzero((source[start] != source[end]) & np.isfinite(away[start] + away[end]))
+    if not len(meet):
+        return None
+    start, end = start[meet], end[meet]
+    real = away[start] + length[meet] + away[end]
+    charted_length = lengths[cell_at[source[start]], cell_at[source[end]]]
+    detour = np.where(charted_length == NO_PATH, np.inf, charted_length / 100 - _LONGER * real)
+    worst = np.argmax(detour)
+    if detour[worst] <= _DETOUR * side / COARSE:
+        return None
+    at, longer = (float(axis.ravel()[start[worst]]) for axis in (x, y)), detour[worst]
+    known = "know no other way" if np.isinf(longer) else f"know a way that is {longer:.1f} m longer"
+    return (
+        f"the passage at ({', '.join(f'{axis:.2f}' for axis in at)}) is too narrow for the chart of pursuer and E_any: "
+        f"they {known}. This arena's chart resolves {2 * radius + side / COARSE + side / SIDE:.2f} m, so widen it to "
+        "that."
+    )
+
+
+def _links(
+    clearance: Float[np.ndarray, "rows columns"], cell: float
+) -> tuple[csr_array, Int[np.ndarray, " links"], Int[np.ndarray, " links"], Float[np.ndarray, " links"]]:
+    """Return neighbouring cells between which a robot surely fits, as a graph and as lists of ends and lengths [m].
+
+    Args:
+        clearance: of the robot's body in the middle of each cell [m]. A line between two middles is free if it is no
+            longer than the sum of their clearances.
+        cell: side of a cell [m].
+    """
+    number = np.arange(clearance.size).reshape(clearance.shape)
+    starts, ends, lengths = [], [], []
+    for up, right in _STEPS:
+        here = np.s_[: clearance.shape[0] - up, max(0, -right) : clearance.shape[1] - max(0, right)]
+        there = np.s_[up:, max(0, right) : clearance.shape[1] + min(0, right)]
+        length = cell * np.hypot(up, right)
+        free = (clearance[here] >= 0) & (clearance[there] >= 0) & (clearance[here] + clearance[there] >= length)
+        starts.append(number[here][free])
+        ends.append(number[there][free])
+        lengths.append(np.full(int(free.sum()), length))
+    start, end, length = (np.concatenate(parts) for parts in (starts, ends, lengths))
+    return csr_array((length, (start, end)), shape=(clearance.size, clearance.size)), start, end, length

@@ -53,9 +53,8 @@ def run_list(options: argparse.Namespace) -> int:
 def run_check(options: argparse.Namespace) -> int:
     """Survey the arena; exit status 1 where something is wrong with it."""
     from apollonius.arenas.file import game_in_one_arena, save_game
-    from apollonius.arenas.passages import missed_passage
     from apollonius.arenas.record import to_dict
-    from apollonius.arenas.survey import survey
+    from apollonius.arenas.survey import missed_passage, survey
 
     saved: Path | None = options.out if options.out and options.out.suffix == ".json" else None
     require(not (saved and saved.exists()), "--out", saved, "a new file; choose another name")
@@ -68,7 +67,7 @@ def run_check(options: argparse.Namespace) -> int:
         save_plan(Path(options.game).stem, game, found, options.out)
     if saved:
         save_game(to_dict(game), saved)
-    notes = [*found.notes, *([str(passage)] if passage else [])]
+    notes = [*found.notes, *([passage] if passage else [])]
     lines = [*(f"wrong: {line}" for line in found.wrong), *(f"note: {line}" for line in notes)]
     verdict = [] if found.wrong else [f"{options.game}: nothing is wrong with this arena"]
     data: dict[str, Any] = {"game": options.game, "wrong": found.wrong, "notes": notes}

@@ -140,11 +140,10 @@ def warn(options: argparse.Namespace, game: "Game", players: "Iterable[Named]" =
             options.display.tell(f"{', '.join(elsewhere)} {has} learned in another arena; {ANY[role]} plays in any")
     if game.scenario is not None or not options.game or not options.game.endswith(GAME_FILES):
         return
-    from apollonius.arenas.passages import missed_passage  # which load SciPy
-    from apollonius.arenas.survey import map_notes, survey
+    from apollonius.arenas.survey import map_notes, missed_passage, survey  # which load SciPy
 
     passage = missed_passage(game) if any(player.policy.charted for player in found) else None
-    for line in (*survey(game).wrong, *map_notes(game.arena), *([str(passage)] if passage else [])):
+    for line in (*survey(game).wrong, *map_notes(game.arena), *([passage] if passage else [])):
         options.display.tell(f"{options.game}: {line}")
 
 

@@ -38,7 +38,7 @@ def test_a_robot_just_thinner_than_the_gap_reaches_everything(kind, seed):
         ({"count": -1}, "discs = -1"),
         ({"count": 200}, "discs = 200 find no room: after .* ask for fewer"),
         ({"gap": -1.0}, "gap = -1"),
-        ({"width": 3.0}, "width, height = .* more than 3.6 m"),
+        ({"width": 3.0}, "width, height = .* at least 3.6 m"),
         ({"seed": -1}, "seed = -1"),
         ({"kind": "swamps"}, "kind = swamps .* one of discs, blocks"),
         ({"kind": "maze", "width": 2.0}, "width, height = .* two corridors"),

@@ -7,7 +7,7 @@ import numpy as np
 import scipy  # its parts are loaded where they are used: `scipy.ndimage` alone takes 0.4 s
 from jaxtyping import Bool
 
-from apollonius.arenas.map_file import connected
+from apollonius.arenas.map_file import connected, largest
 from apollonius.arenas.random.scattered import Layout
 from apollonius.game.arena import Arena
 from apollonius.game.occupancy import OccupancyMap, distance_field
@@ -45,8 +45,7 @@ def caves(layout: Layout, rng: np.random.Generator) -> Arena:
         InvalidInput: for less than four gaps along a side, for more than a thousand cells, and where no cave is found.
     """
     sides, cell = (layout.width, layout.height), layout.gap / _PER_GAP
-    least = _LEAST_SIDE * layout.gap
-    require(min(sides) >= least, "width, height", sides, f"at least {least:g} m each, {_LEAST_SIDE} gaps")
+    layout.require_sides(_LEAST_SIDE * layout.gap, f"{_LEAST_SIDE} gaps")
     columns, rows = (round(side / cell) for side in sides)
     bound = f"at least {max(sides) * _PER_GAP / _MOST_CELLS:g} m, as a cave has {_MOST_CELLS:,} cells along a side"
     require(max(columns, rows) <= _MOST_CELLS, "gap", layout.gap, bound)
@@ -80,20 +79,9 @@ def _widened(rock: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows c
 
     The corners keep it, as no cell that a disc around a corner touches was rock.
     """
-    ways = _clearances(rock) >= _REACH
-    largest = _parts(ways)
-    if not largest.any():
-        return largest
-    near = np.asarray(scipy.ndimage.distance_transform_edt(~largest)) < _REACH
+    ways, count = largest(_clearances(rock) >= _REACH)
+    near = np.asarray(scipy.ndimage.distance_transform_edt(~ways)) < (_REACH if count else 0)
     return near[1:, 1:] | near[1:, :-1] | near[:-1, 1:] | near[:-1, :-1]
-
-
-def _parts(corners: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows columns"]:
-    """Return the largest part that is joined along edges."""
-    numbered, count = connected(corners, corners=False)
-    sizes = np.bincount(numbered.ravel(), minlength=count + 1)
-    sizes[0] = 0
-    return (numbered == np.argmax(sizes)) & corners
 
 
 def _clearances(rock: Bool[np.ndarray, "rows columns"]) -> np.ndarray:
@@ -104,11 +92,7 @@ def _clearances(rock: Bool[np.ndarray, "rows columns"]) -> np.ndarray:
 def _is_one(free: Bool[np.ndarray, "rows columns"]) -> bool:
     """Return whether robots of all sizes up to the gap find one connected part."""
     clearances = _clearances(~free)
-    for least in np.linspace(0.5, _REACH, _PER_GAP):
-        fits = clearances >= least
-        if not np.array_equal(_parts(fits), fits):
-            return False
-    return True
+    return all(largest(clearances >= least)[1] <= 1 for least in np.linspace(0.5, _REACH, _PER_GAP))
 
 
 def _arena(rock: Bool[np.ndarray, "rows columns"], cell: float) -> Arena:

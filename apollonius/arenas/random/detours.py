@@ -2,10 +2,8 @@
 
 import numpy as np
 
-from apollonius.arenas.random.scattered import Layout, rectangle
-from apollonius.arenas.random.walled import Room, turned
+from apollonius.arenas.random.scattered import Layout, Room
 from apollonius.game.arena import Arena
-from apollonius.io.errors import require
 
 _THIN = 0.1
 """Thickness of these walls [m], at least; in a large arena as much as a chart surely has."""
@@ -26,15 +24,14 @@ def fences(layout: Layout, rng: np.random.Generator) -> Arena:
     along_y = bool(rng.integers(2))
     long, wide = (layout.height, layout.width) if along_y else (layout.width, layout.height)
     gap, thin = layout.gap, _thickness(layout)
-    enough = f"at least {3 * gap:g} m each, two lanes between fences with openings"
-    require(min(long, wide) >= 3 * gap, "width, height", (layout.width, layout.height), enough)
+    layout.require_sides(3 * gap, "two lanes between fences with openings")
     walls: list[Room] = []
     at = gap * rng.uniform(*_BETWEEN)
     while at + thin + _BETWEEN[0] * gap <= long:
         lows = _openings(wide, gap, rng)
         walls += [(at, low, at + thin, high) for low, high in lows]
         at += thin + gap * rng.uniform(*_BETWEEN)
-    return layout.arena([rectangle(*(turned(wall) if along_y else wall)) for wall in walls])
+    return layout.walled(walls, along_y)
 
 
 def _openings(wide: float, gap: float, rng: np.random.Generator) -> list[tuple[float, float]]:
@@ -56,8 +53,7 @@ def floors(layout: Layout, rng: np.random.Generator) -> Arena:
     long, wide = max(layout.width, layout.height), min(layout.width, layout.height)
     gap, thin = layout.gap, _thickness(layout)
     corridor = gap * rng.uniform(1.2, 1.8)
-    enough = f"at least {6 * gap:g} m each, a corridor between rooms"
-    require(wide >= 6 * gap, "width, height", (layout.width, layout.height), enough)
+    layout.require_sides(6 * gap, "a corridor between rooms")
     middle = wide * rng.uniform(0.45, 0.55)
     walls: list[Room] = []
     sides = ((0.0, middle - corridor / 2 - thin), (middle + corridor / 2 + thin, wide))
@@ -79,7 +75,7 @@ def floors(layout: Layout, rng: np.random.Generator) -> Arena:
                 right += thin
             left = right
     walls = [wall for wall in walls if min(wall[2] - wall[0], wall[3] - wall[1]) > 1e-3]
-    return layout.arena([rectangle(*(turned(wall) if along_y else wall)) for wall in walls])
+    return layout.walled(walls, along_y)
 
 
 def _thickness(layout: Layout) -> float:

@@ -15,6 +15,16 @@ TRIES = 2000
 """Positions that are tried."""
 
 
+Room = tuple[float, float, float, float]
+"""Left, bottom, right, top [m]."""
+
+
+def turned(room: Room) -> Room:
+    """Return a room with x and y exchanged."""
+    left, bottom, right, top = room
+    return bottom, left, top, right
+
+
 @dataclass(frozen=True)
 class Layout:
     """The size of an arena with a corner at the origin, and the least width of its passages [m]."""
@@ -25,12 +35,18 @@ class Layout:
     count: int | None = None
     """Number of discs, for that kind."""
 
+    def require_sides(self, least: float, what: str) -> None:
+        """Refuse sides shorter than this [m], by what they must have room for."""
+        sides = (self.width, self.height)
+        require(min(sides) >= least, "width, height", sides, f"at least {least:g} m each, {what}")
+
     def arena(self, polygons: list[Polygon]) -> Arena:
         return Arena(x_max=self.width, y_max=self.height, polygons=tuple(polygons))
 
-
-def rectangle(left: float, bottom: float, right: float, top: float) -> Polygon:
-    return Polygon(((left, bottom), (right, bottom), (right, top), (left, top)))
+    def walled(self, walls: list[Room], along_y: bool = False) -> Arena:
+        """Return the arena with these walls, turned where they were laid out along y."""
+        rectangles = [turned(wall) if along_y else wall for wall in walls]
+        return self.arena([Polygon(((x, y), (x_to, y), (x_to, y_to), (x, y_to))) for x, y, x_to, y_to in rectangles])
 
 
 Circle = tuple[float, float, float]
@@ -67,10 +83,7 @@ def discs(layout: Layout, rng: np.random.Generator) -> Arena:
     least, most = _DISC_RADIUS
     count = round(_PER_AREA * layout.width * layout.height) if layout.count is None else layout.count
     DISCS.require("discs", count)
-    require(
-        2 * (most + layout.gap) < min(layout.width, layout.height), "width, height", (layout.width, layout.height),
-        f"more than {2 * (most + layout.gap):g} m each, the largest disc with a gap on either side",
-    )  # fmt: skip
+    layout.require_sides(2 * (most + layout.gap), "the largest disc with a gap on either side")
     placed: list[Circle] = []
     for index in range(count):
         for _ in range(TRIES):
@@ -104,13 +117,10 @@ def blocks(layout: Layout, rng: np.random.Generator) -> Arena:
     Raises:
         InvalidInput: where not one of the smallest fits.
     """
-    sides, least = (layout.width, layout.height), 2 * (_BLOCK_RADIUS[0] + layout.gap)
-    require(
-        min(sides) > least, "width, height", sides, f"more than {least:g} m each, a block with a gap on either side"
-    )
+    layout.require_sides(2 * (_BLOCK_RADIUS[0] + layout.gap), "a block with a gap on either side")
     placed: list[Circle] = []
     wanted, covered = _FILLED * layout.width * layout.height, 0.0
-    most = min(_BLOCK_RADIUS[1], min(sides) / 2 - layout.gap)
+    most = min(_BLOCK_RADIUS[1], min(layout.width, layout.height) / 2 - layout.gap)
     for _ in range(TRIES):
         if covered >= wanted:
             break

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from apollonius.arenas.random.scattered import WALL, Layout, rectangle
+from apollonius.arenas.random.scattered import WALL, Layout, Room, turned
 from apollonius.game.arena import MOST_POLYGONS, Arena
-from apollonius.game.polygon import Polygon
 from apollonius.io.errors import require
 
 _WIDER = 1.25
@@ -31,15 +30,14 @@ def maze(layout: Layout, rng: np.random.Generator, opened: float = _OPENED) -> A
     """
     pitch = _WIDER * layout.gap + WALL
     columns, rows = (int((side + WALL) / pitch) for side in (layout.width, layout.height))
-    enough = f"at least {2 * pitch - WALL:g} m each, two corridors with a wall between"
-    require(min(columns, rows) >= 2, "width, height", (layout.width, layout.height), enough)
+    layout.require_sides(2 * pitch - WALL, "two corridors with a wall between")
     # A wall stands between a cell and its right neighbour, and between it and its upper one.
     right, up = np.ones((columns - 1, rows), bool), np.ones((columns, rows - 1), bool)
     _carve(right, up, rng)
     right &= rng.uniform(size=right.shape) >= opened
     up &= rng.uniform(size=up.shape) >= opened
     wide, high = layout.width / columns, layout.height / rows
-    walls: list[Polygon] = []
+    walls: list[Room] = []
     for column in range(columns - 1):
         for low, top in _runs(right[column]):
             x = (column + 1) * wide
@@ -48,7 +46,7 @@ def maze(layout: Layout, rng: np.random.Generator, opened: float = _OPENED) -> A
         for low, top in _runs(up[:, row]):
             y = (row + 1) * high
             walls.append(_wall(low * wide, y - WALL / 2, top * wide, y + WALL / 2, layout))
-    return layout.arena(walls)
+    return layout.walled(walls)
 
 
 def _carve(right: np.ndarray, up: np.ndarray, rng: np.random.Generator) -> None:
@@ -77,13 +75,13 @@ def _runs(walls: np.ndarray) -> list[tuple[int, int]]:
     return [(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _wall(left: float, bottom: float, right: float, top: float, layout: Layout) -> Polygon:
+def _wall(left: float, bottom: float, right: float, top: float, layout: Layout) -> Room:
     """Return a wall that ends in the middle of the walls it meets, which leaves no slit, but inside the arena."""
     if right - left > top - bottom:
         left, right = left - WALL / 2, right + WALL / 2
     else:
         bottom, top = bottom - WALL / 2, top + WALL / 2
-    return rectangle(max(left, 0.0), max(bottom, 0.0), min(right, layout.width), min(top, layout.height))
+    return max(left, 0.0), max(bottom, 0.0), min(right, layout.width), min(top, layout.height)
 
 
 _DEEP = (0.5, 1.0)
@@ -100,9 +98,7 @@ def racks(layout: Layout, rng: np.random.Generator) -> Arena:
     """Place rows of racks along x, or along y, with aisles around and across; raises InvalidInput where no row fits."""
     along_y = bool(rng.integers(2))
     long, wide = (layout.height, layout.width) if along_y else (layout.width, layout.height)
-    enough = f"at least {2 * layout.gap + _DEEP[0]:g} m each, a rack with an aisle on either side"
-    sides = (layout.width, layout.height)
-    require(min(sides) >= 2 * layout.gap + _DEEP[0], "width, height", sides, enough)
+    layout.require_sides(2 * layout.gap + _DEEP[0], "a rack with an aisle on either side")
     aisle, depth = layout.gap * rng.uniform(*_AISLE), rng.uniform(*_DEEP)
     rows = max(1, int((wide - aisle) / (aisle + depth)))
     aisle = max(layout.gap, (wide - rows * depth) / (rows + 1))
@@ -116,7 +112,7 @@ def racks(layout: Layout, rng: np.random.Generator) -> Arena:
             if rng.uniform() >= _MISSING:
                 found.append((at, bottom, end, bottom + depth))
             at = end + layout.gap * rng.uniform(*_AISLE)
-    return layout.arena([rectangle(*(turned(one) if along_y else one)) for one in found])
+    return layout.walled(found, along_y)
 
 
 _LEAST = 2.4
@@ -129,9 +125,6 @@ _DOOR = (1.0, 1.5)
 """Smallest and largest width of a door, in gaps."""
 _TRIES = 20
 """Positions tried for a wall."""
-
-Room = tuple[float, float, float, float]
-"""Left, bottom, right, top [m]."""
 
 
 def rooms(layout: Layout, rng: np.random.Generator) -> Arena:
@@ -159,7 +152,7 @@ def rooms(layout: Layout, rng: np.random.Generator) -> Arena:
         walls += pieces
         doors += openings
         waiting += halves
-    return layout.arena([rectangle(*wall) for wall in walls])
+    return layout.walled(walls)
 
 
 def _part(
@@ -195,9 +188,3 @@ def _part(
     ends = [bottom, *[end for low in lows for end in (low, low + width)], top]
     pieces = [(x, low, x + WALL, high) for low, high in zip(ends[::2], ends[1::2], strict=True) if high - low > 1e-3]
     return pieces, openings, [(left, bottom, x, top), (x + WALL, bottom, right, top)]
-
-
-def turned(room: Room) -> Room:
-    """Return a room with x and y exchanged."""
-    left, bottom, right, top = room
-    return bottom, left, top, right
