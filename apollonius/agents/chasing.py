@@ -1,11 +1,18 @@
-"""Players that chase by a law of guidance: pure pursuit, constant bearing."""
+"""Players that chase by a law of guidance, pure pursuit or constant bearing, and players that flee."""
 
+from math import ceil
+from typing import Any
+
+import equinox as eqx
+import jax
 import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
 
-from apollonius.agents.classical import AbstractSteering, direction, separation
+from apollonius.agents.classical import AbstractClassical, AbstractSteering, direction, separation
 from apollonius.game.dynamics import Unicycle, wrap_angle
-from apollonius.game.types import RobotState, Scalar
-from apollonius.observe.view import View
+from apollonius.game.game import Game
+from apollonius.game.types import NUM_ACTIONS, RobotState, Role, Scalar
+from apollonius.observe.view import Robot, View
 
 
 class PurePursuit(AbstractSteering):
@@ -44,3 +51,61 @@ def arc_speed(body: Unicycle, robot: RobotState, target: RobotState) -> Scalar:
     angle = jnp.abs(wrap_angle(direction(robot, target) - robot.heading))
     sine = jnp.sin(jnp.minimum(angle, jnp.pi / 2))
     return jnp.minimum(body.v_max, body.u2_max * separation(robot, target) / jnp.maximum(2 * sine, 1e-6))
+
+
+_HORIZON = 4.0
+"""How far ahead [s] a fleeing robot looks: the paper's takes as long to stop from its top speed."""
+_MARGIN = 0.1
+"""Least clearance of a way [m]."""
+_WIDE = 1.0
+"""Clearance [m] up to which a metre of it is worth a metre of distance; beyond it more is worth nothing."""
+
+_Reached = tuple[RobotState, Scalar, Scalar]
+"""State that a robot has reached, least clearance on its way [m], and number of steps with clearance enough."""
+
+
+class Flee(AbstractSteering):
+    """Moves in the direction furthest from the pursuer: the heuristic evader of the paper's reference [13].
+
+    Egorov, "Multi-Agent Deep Reinforcement Learning" (2016). It minds neither walls nor obstacles.
+    """
+
+    def course(self, seen: View) -> tuple[Scalar, Scalar]:
+        return direction(seen.opponent.state, seen.own.state), jnp.asarray(seen.own.body.v_max, jnp.float32)
+
+
+class FleeAware(AbstractClassical):
+    """Moves to where it will be furthest from the pursuer, among the ways that touch neither wall nor obstacle.
+
+    The dynamic window approach (Fox, Burgard and Thrun, 1997): each action is tried for 4 s ahead, and judged by the
+    distance from the pursuer there, which is taken to go straight on, and by its least clearance on the way.
+
+    Attributes:
+        steps: how many steps it looks ahead.
+    """
+
+    steps: int | Array = eqx.field(static=True, default=40)
+
+    @classmethod
+    def for_side(cls, game: Game, role: Role, **rule: Any) -> AbstractClassical:
+        return super().for_side(game, role, steps=ceil(_HORIZON / game.dt), **rule)
+
+    def values(self, seen: View) -> Float[Array, "9"]:
+        """Return distance and clearance in metres; where that runs out, how late, below all ways on which it lasts."""
+        coast, body = jnp.zeros(()), seen.own.body
+        pursuer = seen.opponent.body.move(seen.opponent.state, coast, coast, self.steps * self.dt)
+
+        def value(action: Int[Array, ""]) -> Scalar:
+            def one_step(_: Int[Array, ""], reached: _Reached) -> _Reached:
+                robot, clearance, clear = reached
+                after = self.hold(Robot(body, robot), action)
+                clearance = jnp.minimum(clearance, seen.arena.clearance_along(robot, after) - body.radius)
+                return after, clearance, clear + (clearance > _MARGIN).astype(jnp.float32)
+
+            start = seen.own.state, jnp.asarray(jnp.inf, jnp.float32), jnp.zeros(())
+            end, clearance, clear = jax.lax.fori_loop(0, self.steps, one_step, start)
+            lasts = separation(end, pursuer) + jnp.minimum(clearance, _WIDE)
+            runs_out = clear - self.steps
+            return jnp.where(clearance > _MARGIN, lasts, runs_out)
+
+        return jax.vmap(value)(jnp.arange(NUM_ACTIONS))

@@ -15,7 +15,7 @@ from apollonius.agents.chasing import arc_speed
 from apollonius.agents.classical import AbstractSteering, direction, facing_speed, separation
 from apollonius.game.chart import COARSE, NO_PATH
 from apollonius.game.game import Game
-from apollonius.game.types import Real, RobotState, Scalar
+from apollonius.game.types import RobotState, Scalar
 from apollonius.observe.view import Robot, View
 
 _DIRECTIONS = 16
@@ -26,6 +26,12 @@ _EVEN = 1e-3
 """Costs that differ by less are the same but for rounding: no path leads to where it would go."""
 _STRIDE = 2
 """Sampling stride over the chart's coarse cells, along rows and columns."""
+_AHEAD = 0.75
+"""How far ahead it looks [m]."""
+_NEAR = 1.6
+"""Path length to the evader [m] from which on a pursuer heads straight for it."""
+_CLOSING = 0.7
+"""Radius of the circle to be on, as a share of the pursuers' mean distance from the evader."""
 _PATH_WEIGHT = 0.2
 """Weight of the path length to the evader next to the area [m]: it decides where nothing can be done about the area."""
 
@@ -33,15 +39,8 @@ Cost = Callable[[Scalar, Scalar], Scalar]
 
 
 class AbstractSurrounding(AbstractSteering):
-    """A pursuer of a team that goes where its cost falls; near the evader, or where it falls nowhere, straight at it.
+    """A pursuer of a team that goes where its cost falls; near the evader, where it does not fall, straight at it."""
 
-    Attributes:
-        ahead: how far ahead it looks [m].
-        near: path length to the evader [m] from which on it heads straight for it.
-    """
-
-    ahead: Real = 0.75
-    near: Real = 1.6
     misfit = "pursuers", "1", "2 at least, who surround an evader: as team-2v1"
 
     @property
@@ -57,7 +56,7 @@ class AbstractSurrounding(AbstractSteering):
         own, body, opponent = seen.own.state, seen.own.body, seen.opponent.state
         angles = jnp.arange(_DIRECTIONS, dtype=jnp.float32) * (2 * jnp.pi / _DIRECTIONS)
         cos, sin = jnp.cos(angles), jnp.sin(angles)
-        along = jnp.full(_DIRECTIONS, self.ahead, jnp.float32)
+        along = jnp.full(_DIRECTIONS, _AHEAD, jnp.float32)
         if (chart := seen.arena.chart) is not None:
             free = jax.vmap(chart.range, in_axes=(None, None, 0, 0))(own.x, own.y, cos, sin) - body.radius
             along = jnp.clip(free, 0.0, along)
@@ -66,7 +65,7 @@ class AbstractSurrounding(AbstractSteering):
         worst, best = jnp.max(costs), jnp.min(costs)
         weights = ((worst - costs) / jnp.maximum(worst - best, _EVEN)) ** _SHARPNESS
         downwards = jnp.arctan2(jnp.sum(weights * sin), jnp.sum(weights * cos))
-        straight = (path_length_to(seen, opponent)(own.x, own.y) < self.near) | (worst - best < _EVEN)
+        straight = (path_length_to(seen, opponent)(own.x, own.y) < _NEAR) | (worst - best < _EVEN)
         heading = jnp.where(straight, direction(own, opponent), downwards)
         return heading, jnp.where(straight, arc_speed(body, own, opponent), facing_speed(body, own, heading))
 
@@ -113,12 +112,7 @@ class Encirclement(AbstractSurrounding):
     The formation of target capturing by cyclic pursuit (Kim and Sugie, "Cooperative control for target-capturing task
     based on a cyclic pursuit strategy", Automatica 2007), around an evader that moves: bearings keep their order and
     are turned together, so that all together have as little to turn as can be.
-
-    Attributes:
-        closing: radius of the circle to be on, as a share of the pursuers' mean distance from the evader.
     """
-
-    closing: Real = 0.7
 
     def cost(self, seen: View) -> Cost:
         """Return the length of the path to its own bearing [m]."""
@@ -129,7 +123,7 @@ class Encirclement(AbstractSurrounding):
         distances = jnp.stack([separation(evader, robot.state) for robot in team])
         count = jnp.maximum(jnp.sum(active.astype(jnp.float32)), 1.0)
         bearing = even_bearings(bearings, active)[0]
-        radius = self.closing * jnp.sum(jnp.where(active, distances, 0.0)) / count
+        radius = _CLOSING * jnp.sum(jnp.where(active, distances, 0.0)) / count
         arena = seen.arena
         x = jnp.clip(evader.x + radius * jnp.cos(bearing), arena.x_min, arena.x_max)
         y = jnp.clip(evader.y + radius * jnp.sin(bearing), arena.y_min, arena.y_max)

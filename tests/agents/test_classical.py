@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from apollonius.agents import built_in
-from apollonius.agents.chasing import Intercept, PurePursuit
+from apollonius.agents.chasing import Flee, FleeAware, Intercept, PurePursuit
 from apollonius.agents.classical import AbstractClassical
-from apollonius.agents.fleeing import Flee, FleeAware
 from apollonius.agents.guarding import nearest_reach
 from apollonius.arenas.charting import charted
 from apollonius.catalogue import find_player, player_names

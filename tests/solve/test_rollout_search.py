@@ -9,8 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.chasing import PurePursuit
-from apollonius.agents.fleeing import FleeAware
+from apollonius.agents.chasing import FleeAware, PurePursuit
 from apollonius.agents.greedy import EpsilonGreedy
 from apollonius.agents.network import make_network
 from apollonius.game.game import reset_batch
