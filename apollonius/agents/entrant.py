@@ -47,13 +47,8 @@ class EntrantProcess:
     A row of a round, one robot of the game in one slot, is asked in every step until it fails: an answer that is late,
     missing or no action costs the games that were asked, and an impossible action that game alone. Then it brakes.
 
-    Args:
-        path: the agent's file, which the interpreter `python` runs.
-        game: a description of the game for the agent, as JSON-like data.
-        robots: their number in a game.
-
-    Raises:
-        InvalidInput: for another file, and for an agent that does not start.
+    The interpreter `python` runs the agent's file, which is told of the game as JSON-like data. Raises InvalidInput for
+    another file, and for an agent that does not start.
     """
 
     def __init__(self, path: Path, python: str, game: dict[str, Any], robots: int) -> None:

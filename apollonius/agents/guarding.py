@@ -25,10 +25,6 @@ def nearest_reach(
     where it is faster, and on its side of the perpendicular bisector where both are equally fast. The evader comes no
     nearer to the goal than that place if the pursuer heads for it, and the pursuer cannot keep it further away: it is
     the solution of the target-guarding problem (Isaacs, "Differential Games", 1965, example 1.9.2).
-
-    Args:
-        evader, pursuer, goal: x, y [m].
-        ratio: the evader's speed over the pursuer's.
     """
     (ex, ey), (px, py), (gx, gy) = evader, pursuer, goal
     square = jnp.asarray(ratio, jnp.float32) ** 2

@@ -49,13 +49,10 @@ class AbstractPolicy(eqx.Module):
 
     @abstractmethod
     def __call__(self, seen: Any, memory: Memory, bits: UInt32[Array, ""]) -> tuple[Action, Memory]:
-        """Choose the action for what is seen; always of the same kind.
+        """Choose the action for what its `observation` makes of the view; always of the same kind.
 
-        Args:
-            seen: what the policy's `observation` makes of the view of the robot that it plays.
-            memory: what it returned in the step before, or `self.memory` in a game's first step.
-            bits: 32 random bits, fresh for every step; consumed. Bits instead of a key, since splitting keys for
-                thousands of games costs more than the games themselves.
+        The memory is what it returned in the step before, in a game's first step its own. There are 32 random bits for
+        every step instead of a key, since splitting keys for thousands of games costs more than the games themselves.
         """
 
     def weigh(self, seen: Any, memory: Memory, bits: UInt32[Array, ""]) -> tuple[Any, Memory]:

@@ -87,11 +87,8 @@ def save_agent(agent: Agent, path: Path) -> None:
 
 
 def load_agent(path: Path) -> Agent:
-    """Read an agent's file.
-
-    Raises:
-        InvalidInput: for a file that is missing, truncated, not an agent's, of a newer version, or made for an
-            observation this version does not have; says which, and what to do.
+    """Read an agent's file; raises InvalidInput for one that is missing, cut off, foreign, of a newer version, or made
+    for an observation that this version does not have.
     """
     require_single_precision()
     with _opened_agent(path) as (file, header):

@@ -28,9 +28,7 @@ def greedy(network: Network) -> Greedy | SquashedMean:
 def exploring(network: Network, amount: Scalar) -> EpsilonGreedy | SquashedGaussian:
     """Return the player that acts by a network and explores around its best action; with an amount of 0 it never does.
 
-    Args:
-        amount: of action values, the share of random actions; of a distribution, what its standard deviations are
-            multiplied by.
+    That is the share of random actions, or what the standard deviations of a distribution are multiplied by.
     """
     return EpsilonGreedy(network, amount) if isinstance(network, QNetwork) else SquashedGaussian(network, amount)
 

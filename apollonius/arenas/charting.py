@@ -42,10 +42,8 @@ _Lengths = Int[Array, "rows columns starts"]
 
 
 def charted(game: Game, are_read: bool = True) -> Game:
-    """Return a game with charts of all its arenas, by the paths of the largest robot; itself if it has them.
-
-    Args:
-        are_read: whether players read them; where neither they nor the reward do, the game comes back as it is.
+    """Return a game with charts of all its arenas, by the paths of the largest robot; itself if it has them, or where
+    neither players (`are_read`) nor the reward read them.
     """
     if not (are_read or game.reward.along_paths):
         return game
@@ -96,12 +94,7 @@ def clearances(arena: Arena, x: Float[Array, " corners"], y: Float[Array, " corn
 def paths(
     field: _Field, side: Scalar, radius: Scalar
 ) -> tuple[UInt16[Array, "coarse coarse"], UInt16[Array, "cells cells"]]:
-    """Return `Chart.lengths` and `Chart.visible` of a field of clearances.
-
-    Args:
-        side: length of the arena's longer side [m].
-        radius: of the body that follows the paths [m].
-    """
+    """Return `Chart.lengths` and `Chart.visible` of a field, by the arena's longer side and the body's radius [m]."""
     links = _links(field, radius)
 
     def lengths_from(starts: Int[Array, " starts"]) -> UInt16[Array, "starts coarse"]:

@@ -64,11 +64,7 @@ def find_game(name: str) -> Game:
 
 
 def game_in_one_arena(name: str, who: str) -> Game:
-    """Return the game of a name, as `find_game`, for `who`, which knows one arena only.
-
-    Raises:
-        InvalidInput: for a game in several arenas, with the name of one; and as `find_game`.
-    """
+    """Return the game of a name, for `who`, which knows one arena only: raises InvalidInput for several."""
     game = find_game(name)
     if game.scenario is not None:
         team, _ = split_team(name)

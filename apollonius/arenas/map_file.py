@@ -38,10 +38,8 @@ def load_map(path: Path, digest: str | None = None) -> OccupancyMap:
 
     A cell is free where its occupancy, the image's darkness, is below `free_thresh`. All others are occupied: those
     above `occupied_thresh`, and the unknown ones between. A key of the package's own, `least_obstacle` [m^2], takes out
-    connected occupied cells that cover less. Other keys are ignored, as map_server does.
-
-    Raises:
-        InvalidInput: for a file that is missing or unreadable, an impossible value, a turned map, another digest.
+    connected occupied cells that cover less. Other keys are ignored, as map_server does. Raises InvalidInput for a file
+    that is missing or unreadable, an impossible value, a turned map, and another digest.
     """
     text, content = _files(path)
     found = hashlib.sha256(text + content).hexdigest()

@@ -31,16 +31,10 @@ _DRAWN = re.compile(
 def random_arena(
     kind: str, seed: int, *, gap: float = 1.0, width: float = 10.0, height: float = 10.0, count: int | None = None
 ) -> Arena:
-    """Draw an arena of one kind: one seed, one arena. The `file` of a map in it is a name for `random_map`.
+    """Draw an arena of one of `KINDS`: one seed, one arena. The `file` of a map in it is a name for `random_map`.
 
-    Args:
-        kind: one of `KINDS`.
-        gap: least width of all passages [m].
-        width, height: size of the arena [m].
-        count: number of discs, for that kind; None for one on every twenty square metres.
-
-    Raises:
-        InvalidInput: for an unknown kind, impossible numbers, and obstacles that do not fit.
+    Its passages are as wide as the gap [m] at least. `count` is the number of discs, None for one on 20 m^2. Raises
+    InvalidInput for an unknown kind, impossible numbers, and obstacles that do not fit.
     """
     require(kind in KINDS, "kind", kind, f"one of {', '.join(KINDS)}")
     SEED.require("seed", seed)
@@ -64,8 +58,7 @@ def is_drawn(name: str) -> bool:
 def random_map(name: str, digest: str | None = None) -> OccupancyMap:
     """Draw the map of a random arena again, from its name, which holds everything: a replay needs no other file.
 
-    Raises:
-        InvalidInput: for another name, one that draws no map, as `random_arena`, and for another digest.
+    Raises InvalidInput for another name, one that draws no map, and another digest.
     """
     found = _DRAWN.fullmatch(name)
     kind, seed, *sizes = found.groups() if found else ("", "0")

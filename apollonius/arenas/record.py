@@ -28,14 +28,9 @@ def to_dict(config: Any) -> dict[str, Any]:
 def from_dict(kind: type[T], data: dict[str, Any], source: str, folder: Path = Path()) -> T:
     """Return a configuration from nested dictionaries; missing values have their defaults.
 
-    The walls of an arena with a map are the map's ends, unless the record gives others.
-
-    Args:
-        source: origin of the data, for the message.
-        folder: the folder of files that they name.
-
-    Raises:
-        InvalidInput: for an unknown key, a value of the wrong kind, or an impossible one.
+    The walls of an arena with a map are the map's ends, unless the record gives others. Files that it names lie in the
+    folder. Raises InvalidInput for an unknown key, and for a value that is of the wrong kind or impossible, with the
+    source of the data.
     """
     hooks = {
         Arena: partial(_with_map, folder=folder),

@@ -206,10 +206,7 @@ def _links(
 ) -> tuple[csr_array, Int[np.ndarray, " links"], Int[np.ndarray, " links"], Float[np.ndarray, " links"]]:
     """Return neighbouring cells between which a robot surely fits, as a graph and as lists of ends and lengths [m].
 
-    Args:
-        clearance: of the robot's body in the middle of each cell [m]. A line between two middles is free if it is no
-            longer than the sum of their clearances.
-        cell: side of a cell [m].
+    A line between the middles of two cells is free if it is no longer than the sum of the body's clearances there [m].
     """
     number = np.arange(clearance.size).reshape(clearance.shape)
     starts, ends, lengths = [], [], []

@@ -101,11 +101,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Start new games from the game's distribution of starts; one seed, not a list, is that of all.
-
-        Raises:
-            InvalidInput: for a list of seeds.
-        """
+        """Start new games from the game's distribution of starts; one seed, not a list, is that of all."""
         require(not isinstance(seed, list), "seed", seed, "one number or None: it seeds all games")
         require_unforked()
         super().reset(seed=seed)  # pyright: ignore[reportArgumentType]

@@ -154,10 +154,8 @@ class Chart(eqx.Module):
 
 
 def _between(middle: Scalar, share: Scalar) -> tuple[Int[Array, ""], Scalar]:
-    """Return the coarse cell before a cell's middle along one axis, and the weight of the next one at a point.
-
-    Args:
-        middle, share: of the cell's middle and of the point, as shares of the side.
+    """Return the coarse cell before a cell's middle along one axis, and the weight of the next one at a point; both are
+    given as shares of the side.
     """
     before = jnp.clip(jnp.floor(middle * COARSE - 0.5), 0.0, COARSE - 2.0)
     return before.astype(jnp.int32), jnp.clip(share * COARSE - 0.5 - before, 0.0, 1.0)

@@ -82,10 +82,8 @@ def make_game(name: str) -> Game:
 
 
 def in_teams(game: Game, pursuers: int, evaders: int, mates_collide: bool = False) -> Game:
-    """Return a game of two with more robots, all of a side with the limits of its one robot.
-
-    Raises:
-        InvalidInput: for a side with none or too many, for a game of teams, and as `Game`.
+    """Return a game of two with more robots, all of a side with the limits of its one robot; raises InvalidInput for a
+    side with none or too many, for a game of teams, and as `Game`.
     """
     require(game.teams is None, "robots", game.size, "1 v 1, to be made a game of teams")
     for side, count in (("pursuers", pursuers), ("evaders", evaders)):
@@ -99,11 +97,8 @@ def in_teams(game: Game, pursuers: int, evaders: int, mates_collide: bool = Fals
 def in_arenas(game: Game, arenas: Sequence[Arena]) -> Game:
     """Return a game in one of several arenas, drawn at each start; with one it is the game in that.
 
-    All numbers of an arena are data, so one compilation serves all. `game.arena` is the first one.
-
-    Raises:
-        InvalidInput: for no arena, for one that the game cannot be played in, and for arenas of which only some have a
-            territory.
+    All numbers of an arena are data, so one compilation serves all. `game.arena` is the first one. Raises InvalidInput
+    for no arena, for one that the game cannot be played in, and where only some have a territory.
     """
     require(arenas, "arenas", "none", "one at least")
     first, *others = (replace(game, arena=arena, scenario=None) for arena in arenas)

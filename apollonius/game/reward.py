@@ -49,7 +49,7 @@ class Reward(eqx.Module):
         require(self.profile in ("paper", "zero-sum"), "reward.profile", self.profile, "paper or zero-sum")
 
     def __call__(
-        self, outcome: Int[Array, ""], robots: BySide[tuple[Fate, ...]], lead: Sequence[tuple[Scalar, Scalar]]
+        self, outcome: Int[Array, ""], robots: BySide[tuple[Fate, ...]], leads: Sequence[tuple[Scalar, Scalar]]
     ) -> BySide[tuple[Scalar, ...]]:
         """Return every robot's reward for one step.
 
@@ -60,18 +60,13 @@ class Reward(eqx.Module):
         nothing once they are out of play.
 
         The zero-sum profile pays all robots of a side by how the game ends, those out of play too.
-
-        Args:
-            robots: the fate of each.
-            lead: distance of each evader's centre from the nearest pursuer's, or the way there, before and after the
-                step [m].
         """
         if self.profile == "zero-sum":
             win = pursuer_wins(outcome).astype(jnp.float32)
             loss = evader_wins(outcome, self.time_limit_wins).astype(jnp.float32)
             return BySide((win - loss,) * len(robots.pursuer), (loss - win,) * len(robots.evader))
         reached, won = outcome == Outcome.TERRITORY_REACHED, outcome == Outcome.CAPTURED
-        closing = [self.progress * (before - after) for before, after in lead]
+        closing = [self.progress * (before - after) for before, after in leads]
         shares = [
             jnp.where(evader.captured, self.capture, jnp.where(evader.active, closer, 0.0))
             for evader, closer in zip(robots.evader, closing, strict=True)

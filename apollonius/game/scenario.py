@@ -65,10 +65,8 @@ class RobotKinds(eqx.Module):
         return [jax.tree.map(lambda leaf, one=one: float(leaf[one]), bodies) for one in range(len(self))]
 
     def spread(self, spreads: Sequence[Spread]) -> "RobotKinds":
-        """Return kinds whose numbers of these fields are drawn, always the same ones.
-
-        Raises:
-            InvalidInput: for a field that robots do not have, and for impossible values.
+        """Return kinds whose numbers of these fields are drawn, always the same ones; raises InvalidInput for a field
+        that robots do not have, and for impossible values.
         """
         rng, count, kinds = np.random.default_rng(0), len(self), self
         for one in spreads:
@@ -155,9 +153,8 @@ def _packed(polygon: Polygon) -> Polygon:
 def padded(arena: Arena, discs: int, polygons: int, corners: int, corners_of_map: tuple[int, int] | None) -> Arena:
     """Return an arena with these numbers of discs, polygons and corners of each; what is added is far from everywhere.
 
-    Args:
-        corners_of_map: rows and columns of its map's field, which continues as it ends; an arena without a map gets
-            one that is free everywhere. None for arenas without maps.
+    A map's field gets these rows and columns, and continues as it ends; an arena without a map, while others have one,
+    gets one that is free everywhere.
     """
     nowhere = Polygon(((_FAR, _FAR),) * corners)
     filled = tuple(

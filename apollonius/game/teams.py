@@ -33,12 +33,9 @@ class Teams(eqx.Module):
 def nearest(
     here: RobotState, robots: Sequence[RobotState], active: Sequence[Bool[Array, ""] | bool], values: Sequence[T]
 ) -> T:
-    """Return the value of the nearest active robot: of two equally near the first one's, without any the first.
+    """Return the value of the active robot nearest to one: of two equally near the first one's, without any the first.
 
-    Args:
-        here: the robot from whose centre distances count.
-        robots: at least one.
-        values: one for each robot, pytrees of one structure.
+    Each of the robots, one at least, has a value, pytrees of one structure.
     """
     best, least = values[0], jnp.where(active[0], distance_squared(here, robots[0]), jnp.inf)
     for robot, counts, value in zip(robots[1:], active[1:], values[1:], strict=True):

@@ -93,11 +93,8 @@ def counted(
     Of those that begin before a fixed step all are counted, so that their share of losses is unbiased (Wald's
     identity).
 
-    Args:
-        played: steps that each game under way had taken before the first of these.
-        before: steps since the last draw before the first of these.
-        duration: steps between two draws.
-        longest: steps that a game can last.
+    Before the first of these steps each game had `played` some, and there were `before` since the last draw; draws are
+    a `duration` apart, and a game lasts for `longest` at most [steps].
     """
     steps = jnp.arange(over.shape[0])[:, None]
     begins = jnp.concatenate([-played[None], jnp.where(over[:-1], steps[1:], -played)])

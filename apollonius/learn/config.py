@@ -135,13 +135,8 @@ PRESETS: dict[str, RunConfig] = {
 
 
 def sweep(config: RunConfig, values: Mapping[str, Sequence[Any]]) -> dict[str, RunConfig]:
-    """Return the trainings of a sweep by name, as `dqn.batch=64,seed=3`: all combinations of the values.
-
-    Args:
-        values: of each varied field, by its dotted path in a config's file.
-
-    Raises:
-        InvalidInput: for an unknown field, a value that it cannot have, and too many trainings.
+    """Return the trainings of a sweep by name, as `dqn.batch=64,seed=3`: all combinations of the values of fields, by
+    their dotted paths; raises InvalidInput for an unknown field, an impossible value, and too many trainings.
     """
     combinations = list(itertools.product(*values.values()))
     TRAININGS.require("trainings", len(combinations))

@@ -41,13 +41,9 @@ def init(config: DQNConfig, key: PRNGKeyArray, network: Network | None = None) -
 def q_target(
     reward: Scalar, discount: Scalar, next_values: Float[Array, "9"], next_choice: Float[Array, "9"]
 ) -> Scalar:
-    """Return `reward + discount * Q_target(s', a*)`, with `a*` the best action of `next_choice` (Eq. 3).
+    """Return `reward + discount * Q_target(s', a*)` (Eq. 3); the discount is 0 where the game ended by its rules.
 
-    Args:
-        reward: of one or more steps.
-        discount: of the value at s'; 0 where the game ended by its rules.
-        next_values: the target network's values at s'.
-        next_choice: the values that choose a*: the target network's own (Eq. 3) or the online network's (double).
+    `a*` is the best action by `next_choice`, the target network's values (Eq. 3) or the online network's (double).
     """
     return reward + discount * next_values[jnp.argmax(next_choice)]
 

@@ -31,14 +31,9 @@ T = TypeVar("T")
 
 
 def create_run(config: RunConfig, folder: Path, force: bool = False) -> None:
-    """Make the folder of a new run, with its config.
+    """Make the folder of a new run, with its config; `force` removes the run's own files that are already there.
 
-    Args:
-        force: remove the run that is already there. Only a run's own files are removed.
-
-    Raises:
-        InvalidInput: when the folder holds a run and `force` is not given, or something that is no run.
-        OSError: when it cannot be written.
+    Raises InvalidInput when the folder holds a run that is not to be removed, or something that is no run.
     """
     if folder.exists():
         require(folder.is_dir(), "folder", folder, "a folder; choose another")
@@ -81,11 +76,8 @@ def agent_file(run: Path, name: str, percent: int = 100) -> Path:
 def load_config(path: Path, within: Path | None = None) -> RunConfig:
     """Return the config of a file as `create_run` writes it; what it leaves out has its default.
 
-    Args:
-        within: the folder that must contain the file, wherever links lead; None for any.
-
-    Raises:
-        InvalidInput: when it is missing, no TOML, or has an unknown key or an impossible value.
+    Raises InvalidInput when it is missing, no TOML, not `within` a folder, wherever links lead, or has an unknown key
+    or an impossible value.
     """
     content = read_bytes(path, "a training's config.toml", "check the path", within=within)
     return from_dict(RunConfig, parse_toml(content, path), str(path))
@@ -145,11 +137,7 @@ def load_standing(path: Path) -> Standing:
 
 
 def load_checkpoint(path: Path, template: T) -> T:
-    """Return the saved pytree, in the structure of `template`, whose values are not used.
-
-    Raises:
-        InvalidInput: when the file does not hold this structure, or numbers that are not finite.
-    """
+    """Return the saved pytree; raises InvalidInput unless its arrays are finite, of the template's shapes and types."""
     expected = named_leaves(template)
     with opened(path, "train again", "checkpoint") as file:
         if kinds_in(file) != kinds_of({name: _without_key_type(leaf) for name, leaf in expected.items()}):

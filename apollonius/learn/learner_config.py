@@ -104,11 +104,7 @@ class LearnerConfig:
     def fitted(self, network: Network, name: str, value: object) -> Network:
         """Return a network to go on from; one that reads a part of the observation has weights of 0 for the rest.
 
-        Args:
-            name, value: what the user gave, for the message.
-
-        Raises:
-            InvalidInput: when it does not fit.
+        Raises InvalidInput when it does not fit, by the name and value that the user gave.
         """
         wanted = f"{self.network.__name__} of {self.depth} layers of {self.width} that reads '{self.observation}'"
         bound = f"a {wanted}, as this config trains, not one that reads '{network.observation.name}' or of another size"

@@ -92,12 +92,7 @@ def iterated(
     learned: Mapping[Role, tuple[LearnerState, Scalar]],
     archives: BySide[archive.Archive] | None = None,
 ) -> tuple[TrainState, Metrics]:
-    """Return the state after an iteration, and its metrics.
-
-    Args:
-        played: leaves `[steps, games]`.
-        learned: the sides that learn, and the losses of their updates.
-    """
+    """Return the state after an iteration, and its metrics; `learned` has the losses of the updates of each side."""
     ended, first = played.ended, min(learned)
     learners = {role: side for role, (side, _) in learned.items()}
     episodes = state.episodes + jnp.sum(ended.astype(jnp.int32))

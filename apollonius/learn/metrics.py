@@ -62,10 +62,8 @@ class MetricsLine:
 def measure(
     stage: str, train: TrainState, metrics: Metrics, evaluation: Evaluation | None, seconds: float, speed: float
 ) -> MetricsLine:
-    """Return the line of a chunk, after some seconds of the stage, at a speed in env steps per second.
-
-    Raises:
-        InvalidInput: when the losses are beyond all bounds, so that the weights are no good.
+    """Return the line of a chunk, after some seconds of the stage, at a speed in env steps per second; raises
+    InvalidInput when the losses are beyond all bounds, so that the weights are no good.
     """
     outcomes, updates = counts_by_name(np.asarray(metrics.outcomes)), int(metrics.updates)
     games = max(1, sum(outcomes.values()))
@@ -92,11 +90,7 @@ def measure(
 def begin_metrics(path: Path, standing: Standing | None = None) -> None:
     """Make an empty `metrics.jsonl`, or cut off what was written after a checkpoint.
 
-    Args:
-        standing: that of the checkpoint; None at the beginning of a run.
-
-    Raises:
-        InvalidInput: when the checkpoint does not say where the line of its last chunk ends; nothing is cut off.
+    Raises InvalidInput when the checkpoint does not say where the line of its last chunk ends; nothing is cut off.
     """
     if standing is not None:
         chunks = [line.stage for line in load_metrics(path, standing.metrics_bytes)].count(standing.stage)
@@ -115,14 +109,10 @@ def append_metrics(path: Path, line: MetricsLine) -> int:
 
 
 def load_metrics(path: Path, size: int | None = None, within: Path | None = None) -> list[MetricsLine]:
-    """Return the lines of a `metrics.jsonl`; none where there is no file.
+    """Return the lines of the first `size` bytes of a `metrics.jsonl`, or of all; none where there is no file.
 
-    Args:
-        size: bytes from its beginning that are read; None for all.
-        within: the folder that must contain the file, wherever links lead; None for any.
-
-    Raises:
-        InvalidInput: when it is too large or shorter than that, and for a line that training does not write.
+    Raises InvalidInput when it is too large or shorter than that, not `within` a folder, wherever links lead, and for a
+    line that training does not write.
     """
     whole = read_bytes(path, "a run's metrics", "train again", _MOST_BYTES, within) if path.exists() else b""
     least = f"{size or 0:,} bytes at least, as its checkpoint says; train again"
@@ -165,11 +155,7 @@ def _opened(to: str, folder: Path, config: dict[str, Any]) -> tuple[Callable[...
 
 
 class Tracker:
-    """A run of tensorboard, wandb, mlflow or trackio, to be called with each record of a training.
-
-    Raises:
-        InvalidInput: when the library is missing or refuses the run.
-    """
+    """A run of tensorboard, wandb, mlflow or trackio, to be called with each record of a training."""
 
     def __init__(self, to: str, folder: Path, config: RunConfig) -> None:
         self._before, self._stage, self._steps = 0, "", 0

@@ -92,10 +92,8 @@ class Run:
     def execute(self) -> bool:
         """Train to the end of the last stage. Returns False if stopped early.
 
-        Raises:
-            OSError: when the disk is full or read-only; the previous checkpoint is untouched.
-            InvalidInput: when there is a checkpoint that this run cannot go on from, or when another process trains in
-                the folder.
+        Raises InvalidInput when there is a checkpoint that this run cannot go on from, or while another process trains
+        in the folder. An OSError leaves the previous checkpoint untouched.
         """
         return keep_state(self.folder, self._execute)
 

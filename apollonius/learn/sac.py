@@ -89,14 +89,7 @@ def soft_target(
 ) -> Scalar:
     """Return `reward + discount * (min(Q_1, Q_2)(s', a') - alpha log pi(a' | s'))` (Eq. 3 and 5).
 
-    Over several steps the entropy on the way is left out.
-
-    Args:
-        reward: of one or more steps.
-        discount: of the value at s'; 0 where the game ended by its rules.
-        next_values: both target critics' values of an action a' drawn at s'.
-        log_density: of that action.
-        temperature: alpha.
+    Over several steps the entropy on the way is left out. The discount is 0 where the game ended by its rules.
     """
     return reward + discount * (jnp.min(next_values) - temperature * log_density)
 

@@ -105,14 +105,8 @@ def make_settings(config: RunConfig, game: Game, folder: Path | None) -> list[Se
     """Return the settings of a run: one for each task, or where tables are needed one in each arena.
 
     Games are solved whose tables do not lie in the folder. The settings of all arenas have one shape, so that one
-    compilation serves all.
-
-    Args:
-        game: that of the run, with charts where players read them.
-
-    Raises:
-        InvalidInput: when a player cannot be found, the teacher does not value the nine actions, or robots of a solved
-            game are of several kinds.
+    compilation serves all. Raises InvalidInput when a player cannot be found, the teacher does not value the nine
+    actions, or robots of a solved game are of several kinds.
     """
     stage, role, scenario = config.distillation, config.distillation.side, game.scenario
     if not stage.solves:

@@ -56,12 +56,9 @@ def start(
     fixed: Mapping[Role, Pool],
     networks: BySide[Network | None] = NO_NETWORKS,
 ) -> TrainState:
-    """Return the state before the first step: empty replay buffers and first networks.
+    """Return the state before the first step: empty replay buffers and first networks. The key is consumed.
 
-    Args:
-        key: consumed.
-        fixed: the players of a side that does not learn: in Algorithm 1 an evader that stays, in Algorithm 2 none.
-        networks: those to go on from, in Algorithm 2 the best pursuer of stage 1; None starts from random weights.
+    A `fixed` side does not learn; sides that do go on from their networks, or start from random weights.
     """
     config, learning = plan.learner, [role for role in Role if role not in fixed]
     *network_keys, stage_key = jax.random.split(key, 1 + len(learning))

@@ -113,11 +113,8 @@ def step_games(
     bits: UInt32[Array, "2 games"],
     observes: bool = True,
 ) -> tuple[Games, Transition]:
-    """Play every game one step on, without resets.
-
-    Args:
-        bits: fresh random bits for each side of each game.
-        observes: whether transitions have observations, which take longer to trace.
+    """Play every game one step on, by fresh random bits of each side, without resets; where nobody `observes`
+    transitions have no observations, which take long to trace.
     """
 
     def sees(

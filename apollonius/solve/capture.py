@@ -42,10 +42,6 @@ def decisive(zero_sum_game: ZeroSumGame, first: Side, second: Side) -> Decided:
 
     So the pursuer's values are lower bounds on its payoff, and the evader's, their sign turned, upper bounds on the
     pursuer's. Interpolation between nodes can break both.
-
-    Args:
-        zero_sum_game: the game, as the side sees it that moves first.
-        first, second: the robots in the order in which they move.
     """
     farthest = zero_sum_game.game.capture_distance + first.farthest + second.farthest
     dx, dy, _, _ = first.grid.spacing
@@ -114,12 +110,7 @@ def _pack(
     own: UInt8[Array, "9"],
     theirs: UInt8[Array, "slices wide high 9"],
 ) -> UInt16[Array, "slices wide high"]:
-    """Return which actions decide, and when.
-
-    Args:
-        steps: to a capture, by both actions.
-        own, theirs: the steps in which the robots fail.
-    """
+    """Return which actions decide, and when, by the steps to captures and those in which the robots fail."""
     own, theirs = own[None, None, None, :, None], theirs[..., None, :]
     captured = (steps < NEVER) & (steps <= own) & (steps <= theirs)
     if role == Role.PURSUER:

@@ -94,11 +94,8 @@ def how_many(
     read: Callable[[Tiling], Reading | None] = read_chase,
     sizes: Sequence[int] = SIZES,
 ) -> Enough:
-    """Judge an arena on graphs from coarse to fine, of reported spacings [m], until three in a row agree.
-
-    Args:
-        read: judges a graph; None for one that is too large.
-        sizes: about the numbers of their nodes.
+    """Judge an arena on graphs of about these sizes and reported spacings [m], until three in a row agree or one is too
+    large to be read.
     """
     readings: list[Reading] = []
     for number, size in enumerate(sizes):
@@ -141,10 +138,7 @@ def solve_chase(adjacency: Adjacency, pursuers: int) -> Bool[np.ndarray, "evader
 
     W(e) are the pursuers' nodes from which they catch an evader at e, at(e) those where one is there, and M adds those
     from which the pursuers come there in a move, one pursuer after the other. Nodes e are visited until none changes.
-
-    Args:
-        adjacency: a connected graph.
-        pursuers: how many, 1 or more. The states take nodes ^ (pursuers + 1) bytes.
+    The graph must be connected. The states take nodes ^ (pursuers + 1) bytes.
     """
     count, own = len(adjacency), adjacency | np.eye(len(adjacency), dtype=bool)
     around = [np.flatnonzero(row) for row in own]

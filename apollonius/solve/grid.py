@@ -170,13 +170,9 @@ def iterate(
     report: Callable[[Sweep], None] = silent,
     tolerance: float = TOLERANCE,
 ) -> Solved:
-    """Sweep until the residual is at most the tolerance.
+    """Sweep, from a table to the next one with the largest change, until that residual is at most the tolerance.
 
-    Args:
-        sweep: from a table, the next one and the largest change.
-        table: where to begin.
-        report: called after each sweep.
-        tolerance: the residual that is asked for. If it has not come after 10,000 sweeps, `TOLERANCE` has to do.
+    If it has not come after 10,000 sweeps, `TOLERANCE` has to do.
     """
     residual = float("inf")
     for number in range(1, _MOST_SWEEPS + 1):

@@ -65,14 +65,10 @@ class Duel(eqx.Module):
 
 
 def make_duel(zero_sum_game: ZeroSumGame, whole_cells: bool = False) -> Duel:
-    """Return what all sweeps have in common.
+    """Return what all sweeps have in common, of the game from the side that moves first.
 
-    Args:
-        zero_sum_game: the game, from the side that moves first.
-        whole_cells: take moves along x and y for whole cells, and interpolate only speeds and headings.
-
-    Raises:
-        InvalidInput: when it does not fit into memory, or the robots' grids do not have the same x and y.
+    `whole_cells` takes moves along x and y for whole cells, and interpolates only speeds and headings. Raises
+    InvalidInput when it does not fit into memory, or the robots' grids do not have the same x and y.
     """
     own, other = zero_sum_game.grids
     require(own.counts[:2] == other.counts[:2], "grid", own.name, f"as many nodes along x and y as {other.name} has")
@@ -88,10 +84,7 @@ def make_duel(zero_sum_game: ZeroSumGame, whole_cells: bool = False) -> Duel:
 def solve_duel(duel: Duel, report: Callable[[Sweep], None] = silent, tolerance: float = TOLERANCE) -> Solved:
     """Return the value for the first side once it has moved: A(s', o), in tiles in which the second robot moves.
 
-    Args:
-        report: called after each sweep.
-        tolerance: largest change of a value in the last sweep; the values are within 1 / (1 - discount) times that of
-            the fixed point.
+    It is within 1 / (1 - discount) times the tolerance, the largest change in the last sweep, of the fixed point.
     """
     lanes = lanes_of(duel.first.grid)
     table = jnp.zeros((duel.first.grid.size // lanes, duel.second.grid.size, lanes), jnp.float32)
@@ -152,9 +145,7 @@ def interpolate(
 ) -> Float[Array, "n games"]:
     """Return values between nodes, multilinear in both states, in several games at once.
 
-    Args:
-        moving: of the robot that moves, its grid and its states, leaves `[games]`.
-        waiting: of the one that waits, its grid and several states in each game, leaves `[n, games]`.
+    Each robot has its grid and its states, leaves `[games]` of the one that moves, `[n, games]` of the one that waits.
     """
     _, width, lanes = table.shape
     entries = table.reshape(-1)

@@ -43,11 +43,8 @@ class AbstractSearch(AbstractActionValuePolicy):
     def action_values(
         self, own: RobotState, other: RobotState, bits: UInt32[Array, " games"]
     ) -> Float[Array, "9 games"]:
-        """Return the values of the nine actions in several games at once.
-
-        Args:
-            own, other: the robots, leaves `[games]`.
-            bits: random bits for each game, which a search against an opponent that acts by chance uses.
+        """Return the values of the nine actions in several games at once, against an opponent that acts by chance as by
+        these bits.
         """
 
 

@@ -69,16 +69,9 @@ class Reach(AbstractActionValuePolicy):
 def solve_reach(
     game: Game, grid: Grid, hold: int, target: tuple[float, float], report: Callable[[Sweep], None] = silent
 ) -> tuple[Reach, Solved]:
-    """Return the least time to a target, from everywhere.
+    """Return the least time to a target at x, y [m] from everywhere on the pursuer's grid, by holds of some steps.
 
-    Args:
-        grid: the pursuer's.
-        hold: control steps for which an action is held.
-        target: its x and y [m].
-        report: called after each sweep.
-
-    Raises:
-        InvalidInput: for a target that could not stand there, and when the tables do not fit into memory.
+    Raises InvalidInput for a target that could not stand there, and when the tables do not fit into memory.
     """
     require_memory("grid", grid.name, grid.size * BYTES_PER_NODE, FEWER_NODES)
     x, y = (jnp.asarray(coordinate, jnp.float32) for coordinate in target)

@@ -41,13 +41,8 @@ def solve_safety(game: Game, role: Role, grid: Grid, hold: int, report: Callable
 
     Of a robot that comes to rest, the residual is 0: the table is a fixed point and not above one. Of any other, and in
     the rare case that 10,000 sweeps did not suffice, it is not 0, and the table is above one by more than the residual.
-
-    Args:
-        hold: control steps for which an action is held; a robot that may change its mind sooner is at least as safe.
-        report: called after each sweep.
-
-    Raises:
-        InvalidInput: when it does not fit into memory.
+    Actions are held for `hold` control steps; a robot that may change its mind sooner is at least as safe. Raises
+    InvalidInput when it does not fit into memory.
     """
     require_memory("grid", grid.name, grid.size * BYTES_PER_NODE, FEWER_NODES)
     motion = motion_of(game, role, hold)

@@ -43,14 +43,11 @@ _LONGEST = 2.0
 
 
 def reference_grid(game: Game, role: Role, coarse: bool = False) -> tuple[Grid, int]:
-    """Return a grid on which a hold moves the robot by whole cells of speed, and as nearly as can be of heading.
+    """Return a grid on which a hold moves the robot by whole cells of speed, and nearly so of heading; and the control
+    steps of a hold.
 
-    Args:
-        coarse: take half as many nodes along x and y, and about one cell of heading for the turn of a hold: for a table
-            that only advises, whose advice is tried out in the continuous game.
-
-    Returns:
-        The grid, and the control steps for which an action is held.
+    A `coarse` one has half as many nodes along x and y, and about one cell of heading for the turn of a hold: for a
+    table that only advises, whose advice is tried out in the continuous game.
     """
     body = game.body(role)
     dt = float(game.dt)
@@ -66,13 +63,8 @@ def reference_grid(game: Game, role: Role, coarse: bool = False) -> tuple[Grid, 
 
 
 def joint_grid(game: Game, role: Role, pairs: float = PAIRS) -> tuple[Grid, int]:
-    """Return the grid of one robot of two: coarser, since pairs of nodes count.
-
-    Args:
-        pairs: about how many pairs.
-
-    Returns:
-        The grid, and the control steps for which actions are held: both robots', by the pursuer's limits.
+    """Return the grid of one robot of two, coarser, for about these pairs of nodes; and the control steps of a hold, by
+    the pursuer's limits for both robots.
     """
     lead, dt, arena = game.pursuer, float(game.dt), game.arena
     faster = (float(lead.v_max) - float(lead.v_min)) / (_SPEEDS - 1)
@@ -104,11 +96,7 @@ class SolvedGame(AbstractKind):
 
 
 def table_player(path: Path, game: Game) -> SaddlePolicy:
-    """Return the player that acts by the file of a solved game.
-
-    Raises:
-        InvalidInput: when the file is missing, bad, or of another problem or game.
-    """
+    """Return the player by a solved game's file; raises InvalidInput for a bad one, or of another problem or game."""
     solution = load_solution(path)
     problem, game = solution.problem, game.duel("a solved game")
     solved_for, asked = to_dict(from_dict(Game, problem.game, str(path))), to_dict(game)
@@ -130,11 +118,7 @@ def joint_grids(game: Game, counts: list[int]) -> tuple[Grid, Grid]:
 
 
 def solve_problem(problem: Problem, game: Game, report: Callable[[Sweep], None] = silent) -> Solution:
-    """Solve a problem of a game.
-
-    Raises:
-        InvalidInput: for a grid that does not fit into memory, and a target that is not clear of everything.
-    """
+    """Solve a problem of a game; raises InvalidInput for too large a grid, and a target that is not clear of all."""
     if problem.kind == "game":
         solved = solve_duel(make_duel(zero_sum_game_of(problem, game), problem.whole_cells), report)
         return Solution(problem, solved.sweeps, solved.residual, solved.table.astype(jnp.float16))
@@ -157,15 +141,8 @@ def cached_tables(
 ) -> BySide[SaddlePolicy]:
     """Return the players of both sides by the solved game; what the folder holds is not solved again.
 
-    Args:
-        counts: nodes along x, y, v and heading; None for those of `joint_grid`.
-        folder: where the files are kept, each named after what it solves; None keeps none.
-        report: called after each sweep.
-        played: the game as the players shall play it, whose arena may have a chart, and empty places for obstacles;
-            None for the game itself.
-
-    Raises:
-        InvalidInput: for a grid that memory has no room for.
+    `counts` are nodes along x, y, v and heading, those of `joint_grid` if None. In the game as it is `played` the arena
+    may have a chart, and empty places for obstacles. Raises InvalidInput for a grid that memory has no room for.
     """
 
     def player(role: Role) -> SaddlePolicy:

@@ -93,9 +93,8 @@ def save_solution(solution: Solution, path: Path) -> None:
 def load_solution(path: Path) -> Solution:
     """Read a solution's file: its header first, and the table only if it is of the size that the header says.
 
-    Raises:
-        InvalidInput: for a file that is missing, damaged, not a solution's, of another version, too large for this
-            machine's memory, or with values that are not finite.
+    Raises InvalidInput for a file that is missing, damaged, foreign, of another version, larger than this machine's
+    memory, or with values that are not finite.
     """
     if not path.is_file():
         raise InvalidInput(f"there is no solution '{path}': check the path, or solve it with apollonius solve.")

@@ -53,12 +53,10 @@ class TransitionMap(eqx.Module):
         value: Callable[[Int[Array, ""], int, Float[Array, "x y *others"]], Float[Array, "x y *others"]],
         choose: Callable[[Array, Array], Array] = jnp.maximum,
     ) -> Float[Array, "v heading x y *others"]:
-        """Return the value of each node from the values of its nine actions.
+        """Return the value of each node: the better one, by `choose`, of the values of its nine actions.
 
-        Args:
-            table: values at the robot's nodes; one after the other in memory, those for each state of `others`.
-            value: the value of an action from a slice, the action and the table's values after it.
-            choose: the better of two values.
+        An action's `value` is by the slice, the action and the table's values after it; those for each state of
+        `others` lie one after the other in memory.
         """
         slices = table.reshape(-1, *table.shape[2:])
         around = ((0, 0), (self.margin, self.margin), (self.margin, self.margin), *((0, 0),) * (table.ndim - 4))
@@ -93,13 +91,9 @@ class TransitionMap(eqx.Module):
 def transition_map_of(motion: Motion, grid: Grid, slack: float = 0.0, whole_cells: bool = False) -> TransitionMap:
     """Return the images of the grid's nodes under the robot's held actions.
 
-    Args:
-        slack: turns within this many cells of a whole number are taken as whole: where turns are a hundredth
-            of a cell off, interpolation would blur headings more than that.
-        whole_cells: take moves along x and y for the nearest whole number of cells.
-
-    Raises:
-        InvalidInput: when the courses of the actions do not fit into memory.
+    Turns within `slack` cells of a whole number are taken as whole: where they are a hundredth of a cell off,
+    interpolation would blur headings more. `whole_cells` rounds moves along x and y, too. Raises InvalidInput when the
+    courses of the actions do not fit into memory.
     """
     fewer = "hold actions for fewer steps, or take fewer nodes"
     require_memory("hold", motion.steps, _bytes_of_hold(motion, grid), fewer)
@@ -197,15 +191,7 @@ class Side(eqx.Module):
 
 
 def make_side(game: Game, role: Role, grid: Grid, hold: int, slack: float = 0.0, whole_cells: bool = False) -> Side:
-    """Return one robot of a game on its grid.
-
-    Args:
-        hold: control steps for which an action is held.
-        slack, whole_cells: of turns and moves that are taken for whole cells (`transition_map_of`).
-
-    Raises:
-        InvalidInput: unless an action is held for at least one step.
-    """
+    """Return one robot of a game on its grid, by holds of some steps; all else as of `transition_map_of`."""
     motion = motion_of(game, role, hold)
     transitions = transition_map_of(motion, grid, slack, whole_cells)
     return Side(motion, grid, transitions, of_courses(motion.failure, grid, transitions))

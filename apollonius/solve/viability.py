@@ -51,11 +51,8 @@ def solve_viability(game: Game) -> Viability:
     """Solve both robots' safety on a grid; the latest tables are remembered.
 
     A robot that brakes to rest is lost where neither braking straight or in a turn, nor braking as the kernel steers,
-    comes to rest without contact in the continuous game. Another one is lost where its table says so.
-
-    Raises:
-        InvalidInput: for a game in several arenas, a team of robots with different limits, and a grid that memory has
-            no room for.
+    comes to rest without contact in the continuous game. Another one is lost where its table says so. Raises
+    InvalidInput for several arenas, a team of unlike robots, and a grid that memory has no room for.
     """
     game.require_one_arena("what says which starts are lost")
     game = game.duel("what says which starts are lost")
@@ -85,8 +82,7 @@ def doomed_start_rate(game: Game, viability: Viability, starts: int = 20_000) ->
 def viable_starts(game: Game, viability: Viability, key: PRNGKeyArray, games: int) -> GameState:
     """Draw initial states of several games, none lost, leaves `[games]`. The key is consumed.
 
-    Raises:
-        InvalidInput: when hardly any start of the game is viable.
+    Raises InvalidInput when hardly any start of the game is viable.
     """
     kept: list[GameState] = []
     missing = games

@@ -39,10 +39,8 @@ def caves(layout: Layout, rng: np.random.Generator) -> Arena:
     """Draw a cave of cells an eighth of the gap wide, whose sides are the requested ones to within half a cell.
 
     Every point of it is within half a gap of the middle of a passage at least as wide as the gap, and all those middles
-    are joined. Anything narrower, or cut off, is rock.
-
-    Raises:
-        InvalidInput: for less than four gaps along a side, for more than a thousand cells, and where no cave is found.
+    are joined. Anything narrower, or cut off, is rock. Raises InvalidInput for less than four gaps along a side, for
+    more than a thousand cells, and where no cave is found.
     """
     sides, cell = (layout.width, layout.height), layout.gap / _PER_GAP
     layout.require_sides(_LEAST_SIDE * layout.gap, f"{_LEAST_SIDE} gaps")

@@ -75,10 +75,8 @@ def discs(layout: Layout, rng: np.random.Generator) -> Arena:
     """Place discs that keep the gap from each other and from the walls.
 
     Every robot of a diameter below the gap can go from any free place to any other: discs grown by its radius touch
-    neither each other nor the walls, and separate round obstacles do not cut a rectangle in parts.
-
-    Raises:
-        InvalidInput: for impossible numbers, and for discs that do not fit.
+    neither each other nor the walls, and separate round obstacles do not cut a rectangle in parts. Raises InvalidInput
+    for impossible numbers, and for discs that do not fit.
     """
     least, most = _DISC_RADIUS
     count = round(_PER_AREA * layout.width * layout.height) if layout.count is None else layout.count
@@ -112,10 +110,7 @@ def blocks(layout: Layout, rng: np.random.Generator) -> Arena:
     """Place blocks until they cover about a sixth of the arena, or no more fits.
 
     Round obstacles that keep a gap from each other and from the walls do not part a rectangle, and neither do blocks
-    inside them.
-
-    Raises:
-        InvalidInput: where not one of the smallest fits.
+    inside them. Raises InvalidInput where not one of the smallest fits.
     """
     layout.require_sides(2 * (_BLOCK_RADIUS[0] + layout.gap), "a block with a gap on either side")
     placed: list[Circle] = []

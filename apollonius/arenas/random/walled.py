@@ -20,13 +20,8 @@ def labyrinth(layout: Layout, rng: np.random.Generator) -> Arena:
 
 
 def maze(layout: Layout, rng: np.random.Generator, opened: float = _OPENED) -> Arena:
-    """Build a maze of as many cells as fit, each joined to the others by corridors.
-
-    Args:
-        opened: share of the tree's walls that are taken out.
-
-    Raises:
-        InvalidInput: where fewer than two by two fit.
+    """Build a maze of as many cells as fit, of whose tree a share of the walls is taken out; raises InvalidInput where
+    fewer than two by two fit.
     """
     pitch = _WIDER * layout.gap + WALL
     columns, rows = (int((side + WALL) / pitch) for side in (layout.width, layout.height))
@@ -131,10 +126,7 @@ def rooms(layout: Layout, rng: np.random.Generator) -> Arena:
     """Part rooms across their longer sides while there is space; no wall ends at another one's door.
 
     A door joins the parts, so all rooms are joined. Two doors lead through a long wall, which makes loops. Parting ends
-    beyond the number of walls that a game may have.
-
-    Raises:
-        InvalidInput: where there is no space for two rooms.
+    beyond the number of walls that a game may have. Raises InvalidInput where there is no space for two rooms.
     """
     sides, least = (layout.width, layout.height), 2 * _LEAST * layout.gap + WALL
     enough = f"{least:g} m and more for one side, two rooms, and {_LEAST * layout.gap:g} m for the other"
