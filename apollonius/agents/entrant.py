@@ -47,7 +47,7 @@ class EntrantProcess:
     A row of a round, one robot of the game in one slot, is asked in every step until it fails: an answer that is late,
     missing or no action costs the games that were asked, and an impossible action that game alone. Then it brakes.
 
-    The interpreter `python` runs the agent's file, which is told of the game as JSON-like data. Raises InvalidInput for
+    The interpreter `python` runs the agent's file, with the game as JSON-like data. Raises InvalidInput for
     another file, and for an agent that does not start.
     """
 

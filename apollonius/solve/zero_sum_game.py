@@ -40,8 +40,8 @@ def first_events(
 ) -> tuple[Int[Array, "m n games"], Float[Array, "m n games"]]:
     """Return how the rules end several games along each pair of courses, and after how many seconds.
 
-    Courses have leaves `[steps + 1, m, games]` and `[steps + 1, n, games]`. A robot alone is judged once for each of
-    them, only captures for every pair.
+    Courses have leaves `[steps + 1, m, games]` and `[steps + 1, n, games]`. A robot alone is judged once for each
+    course, only captures for every pair.
     """
     alone = _steps_alone(game, Role.PURSUER, pursuer), _steps_alone(game, Role.EVADER, evader)
     step = jnp.zeros((), jnp.int32)
