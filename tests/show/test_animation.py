@@ -66,7 +66,6 @@ def test_fog_is_what_a_side_believed_while_the_game_was_played(words_of):
     starts, key = begin(match)
     number = jnp.array([2])
 
-    @jax.jit
     def step(games):
         """Return the games after a step, their states before it, the actions, and what was believed in it."""
         after, moves = rollout.step_games(
@@ -78,14 +77,13 @@ def test_fog_is_what_a_side_believed_while_the_game_was_played(words_of):
         actions = stack_actions(*(side.action[0] for side in moves.sides))
         return after, (jnp.stack(jax.tree.leaves(before.robots)), actions, believed, held)
 
-    games = rollout.begin(
-        game, jax.tree.map(lambda leaf: leaf[2:3], starts), match.pools, random_bits_of(key, number, -1 + 0 * number)
-    )
-    course = []
-    for _ in range(40):
-        games, made = step(games)
-        course.append(made)
-    rows, actions, believed, held = map(np.stack, zip(*course, strict=True))
+    @jax.jit
+    def course(starts):
+        first = jax.tree.map(lambda leaf: leaf[2:3], starts)
+        games = rollout.begin(game, first, match.pools, random_bits_of(key, number, -1 + 0 * number))
+        return jax.lax.scan(lambda games, _: step(games), games, length=40)[1]
+
+    rows, actions, believed, held = map(np.asarray, course(starts))
     bare = replace(game, arena=replace(game.arena, chart=None))
     replay = Replay(bare, "intercept", "flee-aware", 5, 3, 2, rows, actions[:-1], Outcome.NO_RESULT)
     _, shaded = fog(replay)

@@ -20,9 +20,12 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.show import report as report_module
-from apollonius.show.report import GAMES, MAX_BYTES, SEED, bundled, games_to_show, render, report_of, save_report
+from apollonius.show.report import MAX_BYTES, SEED, bundled, games_to_show, render, report_of, save_report
 from tests.documents import REPOSITORY
 from tests.web.browser import launched, needs_chromium, playwright
+
+GAMES = 24
+"""Of each pairing."""
 
 
 class Document:
@@ -32,6 +35,13 @@ class Document:
         bare = re.sub(r"<(script|style).*?</\1>", "", html, flags=re.DOTALL)
         self.text = " ".join(unescape(re.sub("<[^>]*>", " ", bare)).split())
         self.games = json.loads(found[1]) if (found := re.search('id="replays">(.*?)</script>', html)) else []
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(report_module, "GAMES", GAMES)
+        yield
 
 
 @pytest.fixture(scope="module")
