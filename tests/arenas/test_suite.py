@@ -24,15 +24,12 @@ from apollonius.arenas.suite import (
     suite_entries,
     suite_names,
 )
-from apollonius.arenas.survey import survey
 from apollonius.cli.main import main
 from apollonius.evaluate.match import Match, play_match
 from apollonius.evaluate.result import ByArena, count_by_arena, count_by_detour, read_result
 from apollonius.game.arena import Arena, Disc
-from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch, sample_starts
 from apollonius.game.presets import in_arenas, in_teams
-from apollonius.game.starts import Starts
 from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.play.playout import Results
@@ -62,14 +59,6 @@ def test_each_comes_out_as_it_was_published(suite):
     for kind in kinds:
         for entry in [entry for entry in suite_entries(suite) if entry.kind == kind][:: 30 if kind == "caves" else 4]:
             assert digest(suite_arena(suite, entry.name)) == entry.sha256
-
-
-@pytest.mark.parametrize("name", ["labyrinth-03", "fences-07", "floors-11"])
-def test_so_do_those_of_the_suite_of_detours_and_robots_of_radius_30_cm_go_everywhere(name):
-    body = Unicycle(radius=0.3)
-    arena = suite_arena("suite-v2", name)
-    game = Game(pursuer=body, evader=body, arena=arena, capture_distance=0.9, starts=Starts(clearance=0.02))
-    assert survey(game).wrong == ()
 
 
 def test_a_digest_is_of_the_numbers_to_a_micrometre_and_of_nothing_else():
@@ -198,7 +187,7 @@ def test_wins_are_counted_by_arenas(three):
 
 def test_a_match_in_arenas_with_charts_tells_of_long_ways():
     game = replace(find_game("suite-v2/fences-03,labyrinth-03"), max_steps=1)
-    match = Match.of_names(game, "pursuer", "still", 40)
+    match = Match.of_names(game, "still", "hide", 40)
     result = play_match(match)
     assert list(result.detours) == ["below 1.5", "1.5 to 2.5", "above 2.5"]
     wins, games = np.sum(list(result.detours.values()), axis=0)

@@ -182,12 +182,13 @@ def test_a_match_says_how_well_a_side_saw():
     played = Match.of_names(game, "intercept", "random", 6, seed=2)
     result = play_match(played)
     first, total, steps = [], 0, 0
-    hides = jax.jit(lambda one, other: game.arena.hides(RobotState(*one), RobotState(*other)))
+    hides = jax.jit(jax.vmap(lambda one, other: game.arena.hides(RobotState(*one), RobotState(*other))))
     for index in range(6):
         replay = record_game(played, index)
         pursuers, evaders = (replay.states[:-1, 4 * side : 4 * side + 4] for side in range(2))
         near = np.hypot(*(pursuers - evaders)[:, :2].T) <= 4.0
-        seen = near & ~np.array([hides(one, other) for one, other in zip(pursuers, evaders, strict=True)])
+        unseen = hides(*(np.resize(side, (60, 4)) for side in (pursuers, evaders)))
+        seen = near & ~np.asarray(unseen)[: len(near)]
         first += [int(np.argmax(seen))] if seen.any() else []
         total, steps = total + seen.sum(), steps + len(seen)
     assert 0 < len(first) < 6, "in some games it never saw it"
