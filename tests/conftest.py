@@ -101,10 +101,11 @@ def demo(tmp_path_factory):
 
 
 LONGEST = (
-    "test_parity.py", "test_run.py", "test_gymnasium.py", "test_tracking.py", "test_benchmark.py", "test_player.py",
-    "test_joint.py", "test_cli.py", "test_page.py", "test_classical.py", "test_sac.py", "test_report.py",
-    "test_opponents.py", "test_simulation.py", "test_site.py", "test_reproduce.py", "test_suite.py", "test_shield.py",
-    "test_rollout.py", "test_grid.py", "test_vector.py", "test_teams.py",
+    "test_parity.py", "test_run.py", "test_player.py", "test_gymnasium.py", "test_tracking.py", "test_benchmark.py",
+    "test_joint.py", "test_cli.py", "test_page.py", "test_classical.py", "test_shield.py", "test_dqn.py",
+    "test_report.py", "test_rollout.py", "test_physics.py", "test_animation.py", "test_loop.py", "test_opponents.py",
+    "test_server.py", "test_suite.py", "test_motion.py", "test_outcome.py", "test_free_space.py", "test_reproduce.py",
+    "test_file.py", "test_grid.py", "test_vector.py", "test_site.py",
 )  # fmt: skip
 """Files whose tests take ten seconds and more, which begin before all others, so that no core waits in the end."""
 

@@ -134,7 +134,7 @@ def test_every_game_and_config_in_the_documents_is_one(block, tmp_path):
     path.write_text(re.sub(r"(suite-v\d)/(train|held-out)", r"\1/maze-00,maze-01", block.code))  # all take their time
     if "[self_play" in block.code or "[game." in block.code:
         assert load_config(path) != RunConfig()
-    elif "map =" not in block.code:  # whose files `tests/arenas/test_map_file.py` makes
+    elif "map =" not in block.code:  # whose files `tests/arenas/test_file.py` makes
         game = find_game(str(path))
         assert game.scenario is not None or game.capture_distance == 0.6
 
@@ -172,7 +172,7 @@ ELSEWHERE = {
     "reproduce": "tests/reproduce/test_reproduce.py",
     "exploit": "tests/exploit/test_attackers.py",
     "simulate": "tests/simulate and tests/cli/test_cli.py",
-    "replay": "tests/ros2 and tests/export/test_bag.py",
+    "replay": "tests/ros2 and tests/export/test_player.py",
 }
 """Commands that a walk leaves out, and where they are run."""
 

@@ -1,15 +1,24 @@
-"""Games as files: what is written is what is played, and what is wrong in one is said in a line."""
+"""Games and ROS maps as files: what is written is played, maps are as map_server shows them, errors are one line."""
 
+import json
+import struct
+import zlib
+
+import numpy as np
 import pytest
 import tomli_w
+from PIL import Image
 
 from apollonius.arenas.file import find_game, load_game, save_game
-from apollonius.arenas.record import to_dict
+from apollonius.arenas.map_file import load_map
+from apollonius.arenas.record import from_dict, to_dict
+from apollonius.cli.main import main
 from apollonius.game.arena import Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import PRESETS
+from apollonius.io import limits
 from apollonius.io.errors import InvalidInput
 from apollonius.io.limits import GAME_FILES
 
@@ -110,3 +119,205 @@ def test_polygons_are_lists_of_corners(written):
     game = written("[[arena.polygons]]\nvertices = [[4, 4], [6, 4], [5, 6.5]]")
     assert game.arena.polygons == (Polygon(((4.0, 4.0), (6.0, 4.0), (5.0, 6.5))),)
     assert written(tomli_w.dumps(to_dict(game))) == game
+
+
+FLOOR = {
+    "image": "floor.pgm", "resolution": "0.5", "origin": "[-1.0, 2, 0.0]", "negate": "0", "occupied_thresh": "0.65",
+    "free_thresh": "0.196",
+}  # fmt: skip
+
+
+def write(folder, pixels, name="floor", **changes):
+    """A map's two files; a change of None leaves a key out."""
+    said = {key: value for key, value in (FLOOR | changes).items() if value is not None}
+    (folder / f"{name}.yaml").write_text("".join(f"{key}: {value}\n" for key, value in said.items()))
+    if pixels is not None:
+        Image.fromarray(np.asarray(pixels, np.uint8)).save(folder / "floor.pgm")
+    return folder / f"{name}.yaml"
+
+
+def room():
+    """Free, with a block at the lower left of the picture and an unknown one at the upper right."""
+    pixels = np.full((20, 30), 254)
+    pixels[16:, :6] = 0
+    pixels[:4, 24:] = 205
+    return pixels
+
+
+def test_rows_run_upwards_and_the_unknown_is_occupied(tmp_path):
+    found = load_map(write(tmp_path, room()))
+    assert (found.x, found.y, found.x_max, found.y_max, found.cell) == (-1, 2, 14, 12, 0.5)
+    np.testing.assert_array_equal(found.occupied(), room()[::-1] != 254)
+
+
+@pytest.mark.parametrize(
+    ("changes", "free"),
+    [
+        ({}, [0, 0, 0, 1]),
+        ({"free_thresh": "0.3"}, [0, 0, 1, 1]),
+        ({"negate": "1"}, [1, 0, 0, 0]),
+        ({"free_thresh": "0.999", "occupied_thresh": "1"}, [0, 1, 1, 1]),
+        ({"mode": "trinary", "cost": "3"}, [0, 0, 0, 1]),
+    ],
+)
+def test_thresholds_are_those_of_map_server(tmp_path, changes, free):
+    shades = np.repeat([0, 128, 205, 254], 5)[None].repeat(5, axis=0)
+    found = load_map(write(tmp_path, shades, **changes))
+    np.testing.assert_array_equal(~found.occupied()[2, 2::5], np.array(free, bool))
+
+
+def test_plain_and_raw_pgm_and_png_are_one_map(tmp_path):
+    raw = load_map(write(tmp_path, room()))
+    plain = "P2\n# made by hand\n30 20\n255\n" + "\n".join(" ".join(map(str, row)) for row in room())
+    for name, content in (("plain.pgm", plain.encode()), ("map.png", None)):
+        if content is None:
+            Image.fromarray(room().astype(np.uint8)).save(tmp_path / name)
+        else:
+            (tmp_path / name).write_bytes(content)
+        other = load_map(write(tmp_path, None, "other", image=name))
+        np.testing.assert_array_equal(other.field, raw.field)
+        assert other.digest != raw.digest
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"image": None}, "image = missing"),
+        ({"image": "[3]"}, r"image = \['3'\] .* name of a file"),
+        ({"image": "none.pgm"}, "none.pgm' .* check the path"),
+        ({"image": "floor.yaml"}, "no whole PGM or PNG"),
+        ({"resolution": "0"}, "resolution = 0 .* more than 0"),
+        ({"resolution": "fine"}, "resolution = fine"),
+        ({"origin": "[0, 0]"}, r"origin = \[0, 0\] .* \[x, y, yaw\]"),
+        ({"origin": "[0, 0, 0.1]"}, "yaw = 0.1 .* turn the image"),
+        ({"origin": "[0, up, 0]"}, "origin = up"),
+        ({"negate": "2"}, "negate = 2"),
+        ({"occupied_thresh": "1.5"}, "free_thresh"),
+        ({"free_thresh": "0.7"}, "free_thresh = 0.7 .* up to occupied_thresh = 0.65"),
+        ({"mode": "scale"}, "mode = scale .* trinary"),
+        ({"least_obstacle": "-1"}, "least_obstacle = -1.0 .* 0 or more"),
+        ({"image": "[", "mode": "]"}, "no YAML"),
+        ({"free_thresh": "0.0001"}, "free cells"),
+        ({"resolution": '!!int ""'}, "tags .* are not read"),
+        ({"resolution": "1" + "0" * 4000}, "resolution = 1000"),
+        ({"negate": "&a [*a]"}, "no YAML"),
+    ],
+    ids=range(19),
+)
+def test_each_error_of_a_map_is_one_clear_line(tmp_path, changes, said):
+    with pytest.raises(InvalidInput, match=said) as refusal:
+        load_map(write(tmp_path, room(), **changes))
+    assert len(str(refusal.value).splitlines()) == 1
+
+
+@pytest.fixture
+def hall(tmp_path):
+    write(tmp_path, room())
+    (tmp_path / "hall.toml").write_text('[arena]\nmap = "floor.yaml"\n[starts]\nclearance = 0.2\n')
+    return tmp_path / "hall.toml"
+
+
+def test_a_game_on_a_map_has_the_maps_walls_and_names_it_in_its_record(hall):
+    game = find_game(str(hall))
+    assert (game.arena.x_min, game.arena.x_max, game.arena.y_min, game.arena.y_max) == (-1, 14, 2, 12)
+    record = json.loads(json.dumps(to_dict(game)))
+    assert record["arena"]["map"] == {"file": str(hall.with_name("floor.yaml")), "sha256": game.arena.map.digest}
+    again = from_dict(Game, record, "the record")
+    np.testing.assert_array_equal(again.arena.map.field, game.arena.map.field)
+    write(hall.parent, 255 - room(), free_thresh="0.3")
+    with pytest.raises(InvalidInput, match="which has changed since; restore it"):
+        from_dict(Game, record, "the record")
+    hall.with_name("floor.yaml").unlink()
+    with pytest.raises(InvalidInput, match="check the path"):
+        from_dict(Game, record, "the record")
+
+
+def test_specks_are_reported_and_taken_out_where_the_map_says_so(hall, capsys):
+    """Four cells that touch at corners, 1 m^2, are one obstacle; what touches a wall is a part of it."""
+    pixels = room()
+    pixels[[8, 9, 10, 11], [10, 11, 12, 13]] = pixels[15, 3] = 0
+    write(hall.parent, pixels)
+    assert main(["arena", "check", str(hall)]) == 0
+    said = capsys.readouterr().out
+    assert "specks on the map, of at most 4 cells: 1," in said
+    area = float(said.partition("least_obstacle to ")[2].split()[0])
+    for least, there in ((1, 4), (area, 0)):
+        found = load_map(write(hall.parent, pixels, least_obstacle=least))
+        assert found.occupied()[:, 8:20].sum() == there
+        assert found.occupied()[4, 3]
+    assert main(["arena", "check", str(hall)]) == 0
+    assert "least_obstacle" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arena", "said"),
+    [
+        ("map = 3", "map = 3 .* YAML file"),
+        ('map = {file = "floor.yaml"}', "YAML file"),
+        ('map = "other.yaml"', "other.yaml' .* check the path"),
+        ('map = "floor.yaml"\nx_max = 20', r"walls = .* within the map's ends \[-1.0, 14.0\]"),
+    ],
+)
+def test_a_file_whose_map_cannot_be_had_is_refused(hall, arena, said):
+    hall.write_text(f"[arena]\n{arena}\n")
+    with pytest.raises(InvalidInput, match=said):
+        find_game(str(hall))
+
+
+def test_a_game_is_written_as_json_with_its_map_named_from_there(hall, tmp_path, capsys):
+    out = tmp_path / "json" / "hall.json"
+    assert main(["arena", "check", str(hall), "--out", str(out)]) == 0
+    assert f"next: apollonius play --game {out}" in capsys.readouterr().err
+    game, again = find_game(str(hall)), find_game(str(out))
+    assert (again.starts, again.arena.map.digest) == (game.starts, game.arena.map.digest)
+    assert json.loads(out.read_text())["arena"]["map"]["file"] == "../floor.yaml"
+    said = out.read_bytes()
+    assert main(["arena", "check", "paper", "--out", str(out)]) == 2
+    assert "a new file" in capsys.readouterr().err
+    assert out.read_bytes() == said
+
+
+def png(width, height):
+    """The first bytes of a grey picture of this size: its cells are not there."""
+    size = b"IHDR" + struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + size + struct.pack(">II", zlib.crc32(size), 9) + b"IDAT"
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (png(20_000, 20_000), r"\(20000, 20000\) .* at most 10,000 cells .* crop it"),
+        (png(10_001, 5), r"\(10001, 5\) .* at most 10,000 cells .* crop it"),
+        (b"P5 20000 20000 255\n", r"\(20000, 20000\) .* at most 10,000 cells"),
+        (png(20, 20), "no whole PGM or PNG"),
+        (b"P5 20 20 255\n" + bytes(100), "no whole PGM or PNG"),
+        (b"P6 20 20 255\n" + bytes(1200), "kind RGB .* grey"),
+        (png(10_000, 10_000), "needs 10.2 GiB of memory and this machine has 4.0 GiB: crop it"),
+    ],
+    ids=range(7),
+)
+def test_a_bad_image_is_refused_and_one_too_large_before_it_is_read(tmp_path, monkeypatch, content, said):
+    monkeypatch.setattr(limits, "available_memory", lambda: 2**32)
+    path = write(tmp_path, None)
+    (tmp_path / "floor.pgm").write_bytes(content)
+    with pytest.raises(InvalidInput, match=said):
+        load_map(path)
+
+
+def test_commands_refuse_a_map_or_warn_of_it_in_a_line(hall, capsys):
+    def said(*words):
+        status = main([*words[:1], *words[1:], str(hall)])
+        return status, capsys.readouterr()
+
+    pixels = np.full((20, 30), 254)
+    pixels[9:11], pixels[:4] = 0, 205
+    write(hall.parent, pixels, free_thresh="0.25")
+    status, printed = said("evaluate", "random", "still", "--games", "2", "--game")
+    assert status == 0
+    assert printed.err.count("hall.toml: the pursuer's free space falls into 2 parts of ") == 1
+    assert "unknown cells of the map, grey 205, are read as free, on 20.0% of it: set free_thresh" in printed.err
+    status, printed = said("arena", "check")
+    assert (status, "free space falls into 2 parts" in printed.out) == (1, True)
+    write(hall.parent, 0 * pixels)
+    status, printed = said("evaluate", "random", "still", "--game")
+    assert (status, printed.err.count("\n"), "a map with free cells; mind negate" in printed.err) == (2, 1, True)
