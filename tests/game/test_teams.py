@@ -100,8 +100,8 @@ def slow(*values):
 @pytest.mark.parametrize(
     ("sizes", "profile", "count"),
     [
-        ((1, 1), "paper", 40),
-        ((1, 1), "zero-sum", 40),
+        ((1, 1), "paper", 30),
+        ((1, 1), "zero-sum", 30),
         (TEAMS, "paper", 10),
         slow(TEAMS, "paper", 100),
         slow(TEAMS, "zero-sum", 100),

@@ -84,7 +84,7 @@ def played(game, players, key, games, steps):
 @pytest.mark.parametrize(
     ("name", "sensors", "evader", "size", "games"),
     [
-        ("blocks", LIDAR, "random", (2, 1), 20),
+        ("blocks", LIDAR, "random", (2, 1), 8),
         pytest.param("office", LIDAR, "flee-aware", (1, 1), 1000, marks=pytest.mark.slow),
         pytest.param("maze", ROUGH, "flee-aware", (1, 1), 1000, marks=pytest.mark.slow),
         pytest.param("examples/dodecahedron.toml", LIDAR, "random", (1, 1), 500, marks=pytest.mark.slow),

@@ -36,7 +36,6 @@ class World:
     Attributes:
         delay: of the odometry, in periods.
         drop_out: the share of odometries that are lost.
-        mute: robots whose odometry is lost altogether.
         heard: of each robot, when each velocity came [s, monotonic], and what it was.
         decisions: of each node, as it publishes them.
     """
@@ -44,7 +43,6 @@ class World:
     game: Game
     delay: int = 2
     drop_out: float = 0.05
-    mute: set[int] = field(default_factory=set)
     heard: list[list[tuple[float, float, float]]] = field(default_factory=lambda: [[], []])
     decisions: list[list[str]] = field(default_factory=lambda: [[], []])
     diagnosed: list[DiagnosticArray] = field(default_factory=list)
@@ -103,7 +101,7 @@ class World:
         if len(self.late) > self.delay:
             stamp, rows = self.late.popleft()
             for place, row in enumerate(rows + NOISE * self.rng.normal(size=(2, 4))):
-                if place not in self.mute and self.rng.random() >= self.drop_out:
+                if self.rng.random() >= self.drop_out:
                     self.odometry[place].publish(odometry(row, stamp))
 
     def run(self, seconds, is_over=lambda: False):
