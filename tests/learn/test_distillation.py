@@ -217,10 +217,16 @@ def test_the_robots_of_a_team_learn_while_they_are_in_play():
     starts = jax.jit(starts_of, static_argnums=1)(setting, 16, jax.random.key(0))
     states = eqx.tree_at(lambda state: state.status.pursuer[1], starts, jnp.int32(np.arange(16) == 3))
     players = BySide(solo(Greedy(make_network("paper", 4, 1, jax.random.key(3)))), solo(setting.opponents[1]))
-    games = begin_games(game, states, players, jnp.zeros((2, 16), jnp.uint32))
-    _, asked, learns = queries(SEEING, setting, games, jax.random.key(1))
+
+    @jax.jit
+    def asked(states):
+        games = begin_games(game, states, players, jnp.zeros((2, 16), jnp.uint32))
+        _, states, learns = queries(SEEING, setting, games, jax.random.key(1))
+        return setting.teacher.values(game, states, Role.PURSUER), learns
+
+    values, learns = asked(states)
     np.testing.assert_array_equal(np.flatnonzero(~np.asarray(learns)), [16 + 3])
-    assert setting.teacher.values(game, asked, Role.PURSUER).shape == (32, 9)
+    assert values.shape == (32, 9)
 
 
 @pytest.mark.slow

@@ -105,15 +105,16 @@ def test_a_belief_spreads_as_fast_as_an_opponent_at_most_by_a_cell():
     chart = charted(find_game("one-large")).arena.chart
     cell, reach = 10 / COARSE, 0.12
     start = belief.Belief(belief.at(chart, robot(1.5, 1.5), jnp.float32(0.0)), jnp.zeros((COARSE, COARSE)))
+    moved = jax.jit(belief.moved)
     after = start
     for _ in range(20):
-        after = belief.moved(chart, after, jnp.float32(reach), 0.1)
+        after = moved(chart, after, jnp.float32(reach), 0.1)
     middles = (np.arange(COARSE) + 0.5) * cell
     away = np.hypot(middles[None, :] - 1.5, middles[:, None] - 1.5)
     found, near = np.asarray(after.where) >= 0, (np.hypot(*np.meshgrid(middles - 5, middles - 5)) < 1.6)
     assert np.all(found[(away <= 20 * reach - cell) & ~near])
     assert not np.any(found[away > 20 * reach / 0.8 + 4 * cell])
-    faster = belief.moved(chart, start, jnp.float32(20 * reach), 2.0)
+    faster = moved(chart, start, jnp.float32(20 * reach), 2.0)
     for cells in map(np.asarray, (after.where, faster.where)):
         assert np.all(cells[(away <= 20 * reach - cell) & ~near] == pytest.approx(2.0))
 

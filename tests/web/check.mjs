@@ -80,12 +80,13 @@ const answers = {
     const room = ([, state, who]) => game.ACTIONS.map((action) => calls.clearanceAfter(rules, game.bodyOf(rules, who), game.robotOf(state, who), action));
     return { seen: each(observations.map((name) => [name, (...one) => calls.observe(name, ...one)])), values: each(fitting), clearances: seen.map(room) };
   },
-  /** In fog, after each state of a game: the age of one side's last sighting, and the cells where the other side can be. */
-  knowledge({ game: rules, role, rows }) {
+  /** In fog, after each state of a game: the age of either side's last sighting, and the cells where the other side can be. */
+  knowledge({ game: rules, rows }) {
     const states = rows.map((row) => asState(rules, row));
     const cells = ({ credit }) => [...credit.keys()].filter((cell) => credit[cell] >= 0);
-    const known = (_, index) => fog.knowledge(fog.inFog(rules), states.slice(0, index + 1), role);
-    return states.map(known).map((found) => ({ age: found.age, last: [found.last.x, found.last.y], cells: cells(found) }));
+    const known = (role) => (_, index) => fog.knowledge(fog.inFog(rules), states.slice(0, index + 1), role);
+    const told = (found) => ({ age: found.age, last: [found.last.x, found.last.y], cells: cells(found) });
+    return Object.fromEntries(game.ROLES.map((role) => [role, states.map(known(role)).map(told)]));
   },
   /** What a pursuer in fog does in each of some states of a game, beside what it would do that sees its last sighting. */
   searches({ game: rules, rows }) {
@@ -133,7 +134,7 @@ const answers = {
     return lost;
   },
   read: (texts) => texts.map((text) => tried(() => file.readGame(text))),
-  survey: (text) => survey(file.readGame(text)),
+  survey: (texts) => texts.map((text) => survey(file.readGame(text))),
   links: (fragments) => Promise.all(fragments.map((fragment) => file.fromFragment("#game=", fragment).then((answer) => ({ answer }), ({ message }) => ({ complaint: message })))),
   moves() {
     const made = plan.withWall(file.gameFrom({ arena: { x_max: 9, y_max: 7 } }), [1, 1], [6, 1]);

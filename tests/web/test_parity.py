@@ -255,11 +255,18 @@ def foggy():
     return game, jax.jit(jax.vmap(as_state))(jnp.asarray(rows), jnp.arange(100))
 
 
-@pytest.mark.parametrize("role", Role)
-def test_in_fog_a_side_knows_what_it_knows_in_the_package(foggy, role):
+@pytest.fixture(scope="module")
+def known(foggy):
+    """What the page answers about those states: of what either side knows, and of a pursuer that searches."""
     game, states = foggy
     record = to_dict(replace(game, arena=replace(game.arena, chart=None), sensors=None))
-    found = ask(knowledge={"game": record, "role": role.name.lower(), "rows": as_rows(states).tolist()})
+    asked = {"game": record, "rows": as_rows(states).tolist()}
+    return ask(knowledge=asked, searches=asked)
+
+
+@pytest.mark.parametrize("role", Role)
+def test_in_fog_a_side_knows_what_it_knows_in_the_package(foggy, known, role):
+    (game, states), found = foggy, known["knowledge"][role.name.lower()]
 
     def follow(track, state):
         track = tracking.follow(game, track, state, role, jnp.uint32(0))
@@ -277,11 +284,8 @@ def test_in_fog_a_side_knows_what_it_knows_in_the_package(foggy, role):
     assert not can_be.all(axis=1).any()
 
 
-def test_a_pursuer_in_fog_searches_where_it_has_seen_nobody_of_late(foggy):
-    game, states = foggy
-    record = to_dict(replace(game, arena=replace(game.arena, chart=None), sensors=None))
-    found = ask(searches={"game": record, "rows": as_rows(states).tolist()})
-    ages = [one["age"] for one in ask(knowledge={"game": record, "role": "pursuer", "rows": as_rows(states).tolist()})]
+def test_a_pursuer_in_fog_searches_where_it_has_seen_nobody_of_late(known):
+    found, ages = known["searches"], [one["age"] for one in known["knowledge"]["pursuer"]]
     assert len(found["seen"]) == sum(age <= 1.05 for age in ages)
     assert len({act for act, age in zip(found["acts"], ages, strict=True) if age > 1.05}) > 1
 
@@ -332,7 +336,7 @@ def as_json(game):
 def test_a_passage_that_is_too_narrow_for_one_robot_is_said():
     walls = [[[2, 0], [2.2, 0], [2.2, 2.6], [2, 2.6]], [[2, 3.4], [2.2, 3.4], [2.2, 6], [2, 6]]]
     arena = {"x_max": 8, "y_max": 6, "polygons": [{"vertices": wall} for wall in walls]}
-    wide, narrow = (ask(survey=json.dumps({"arena": arena, "pursuer": {"radius": one}})) for one in (0.45, 0.2))
+    wide, narrow = ask(survey=[json.dumps({"arena": arena, "pursuer": {"radius": one}}) for one in (0.45, 0.2)])
     assert wide.startswith("the free space falls into 2 parts, and a robot never leaves the one it starts in")
     assert narrow is None
 
@@ -343,35 +347,41 @@ def test_games_are_read_as_the_package_reads_them():
         assert read["answer"] == as_json(find_game(name))
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ('{"arena": 3}', "arena = 3"),
-        ('{"arena": {"colour": "red"}}', "arena: 'colour'"),
-        ('{"arena": {"discs": [{"x": 1, "y": 2}]}}', "arena.discs[0].radius = null"),
-        ('{"arena": {"discs": [{"x": 1, "y": 2, "radius": 0}]}}', "arena.discs[0].radius = 0"),
-        ('{"arena": {"discs": [{"x": 11, "y": 2, "radius": 1}]}}', "arena.discs[0] centre = [11,2]"),
-        ('{"arena": {"polygons": [{"vertices": [[1, 1], [2, 2], [2, 1], [1, 2]]}]}}', "arena.polygons[0].vertices"),
-        ('{"max_steps": 1.5}', "max_steps = 1.5"),
-        ('{"capture_distance": NaN}', "NaN"),
-        ('{"capture_distance": 2}', "starts.separation = 1"),
-        ('{"pursuer": {"u2_max": 30}}', "pursuer.u2_max = 30"),
-        ('{"starts": {"speed": "fast"}}', "starts.speed = fast"),
-        ('{"starts": {"clearance": 9}}', "no place to start"),
-        ('{"reward": {"profile": "__proto__"}}', "reward.profile = __proto__"),
-        ('{"__proto__": {}}', "'__proto__'"),
-        ('{"arena": ', "JSON"),
-        ('"arena\nof two lines', "JSON"),
-        ('{"arena": {"map": {"file": "floor.yaml", "sha256": "0"}}}', "on the map floor.yaml: apollonius play"),
-        ('{"pursuers": 3}', "chosen under Games"),
-    ],
-)
-def test_what_the_package_refuses_the_page_refuses(text, said, tmp_path):
+REFUSED = [
+    ('{"arena": 3}', "arena = 3"),
+    ('{"arena": {"colour": "red"}}', "arena: 'colour'"),
+    ('{"arena": {"discs": [{"x": 1, "y": 2}]}}', "arena.discs[0].radius = null"),
+    ('{"arena": {"discs": [{"x": 1, "y": 2, "radius": 0}]}}', "arena.discs[0].radius = 0"),
+    ('{"arena": {"discs": [{"x": 11, "y": 2, "radius": 1}]}}', "arena.discs[0] centre = [11,2]"),
+    ('{"arena": {"polygons": [{"vertices": [[1, 1], [2, 2], [2, 1], [1, 2]]}]}}', "arena.polygons[0].vertices"),
+    ('{"max_steps": 1.5}', "max_steps = 1.5"),
+    ('{"capture_distance": NaN}', "NaN"),
+    ('{"capture_distance": 2}', "starts.separation = 1"),
+    ('{"pursuer": {"u2_max": 30}}', "pursuer.u2_max = 30"),
+    ('{"starts": {"speed": "fast"}}', "starts.speed = fast"),
+    ('{"starts": {"clearance": 9}}', "no place to start"),
+    ('{"reward": {"profile": "__proto__"}}', "reward.profile = __proto__"),
+    ('{"__proto__": {}}', "'__proto__'"),
+    ('{"arena": ', "JSON"),
+    ('"arena\nof two lines', "JSON"),
+    ('{"arena": {"map": {"file": "floor.yaml", "sha256": "0"}}}', "on the map floor.yaml: apollonius play"),
+    ('{"pursuers": 3}', "chosen under Games"),
+]
+"""What neither the package nor the page reads, and words of the page's complaint."""
+
+
+@pytest.fixture(scope="module")
+def complaints():
+    return [answer["complaint"] for answer in ask(read=[text for text, _ in REFUSED])]
+
+
+@pytest.mark.parametrize("number", range(len(REFUSED)))
+def test_what_the_package_refuses_the_page_refuses(number, complaints, tmp_path):
+    (text, said), complaint = REFUSED[number], complaints[number]
     if "Games" not in said:
         (tmp_path / "bad.json").write_text(text)
         with pytest.raises(InvalidInput):
             load_game(tmp_path / "bad.json")
-    complaint = ask(read=[text])[0]["complaint"]
     assert said in complaint
     assert "\n" not in complaint
     assert len(complaint) < 300
