@@ -6,21 +6,13 @@ import os
 import sys
 from typing import Any, NoReturn
 
-from apollonius.cli.arena import add_arena
-from apollonius.cli.evaluate import add_evaluate, add_simulate
-from apollonius.cli.exploit import add_exploit
+from apollonius.cli.arena import add_arena, add_players
+from apollonius.cli.exploit import add_exploit, add_regret
 from apollonius.cli.export import add_export, add_replay
-from apollonius.cli.play import add_play
-from apollonius.cli.players import add_players
-from apollonius.cli.pursuers import add_pursuers
-from apollonius.cli.regret import add_regret
-from apollonius.cli.reproduce import add_reproduce
-from apollonius.cli.runs import add_runs, add_track
-from apollonius.cli.show import add_report, add_show
-from apollonius.cli.slice import add_slice
-from apollonius.cli.solve import add_solve
-from apollonius.cli.suite import add_suite
-from apollonius.cli.tournament import add_tournament
+from apollonius.cli.judge import add_evaluate, add_simulate, add_suite, add_tournament
+from apollonius.cli.runs import add_reproduce, add_runs, add_track
+from apollonius.cli.show import add_play, add_report, add_show, add_slice
+from apollonius.cli.solve import add_pursuers, add_solve
 from apollonius.cli.train import add_resume, add_train
 from apollonius.io.cache import keep_compilations
 from apollonius.io.errors import LONGEST_MESSAGE, InvalidInput, nearest, shown

@@ -1,11 +1,24 @@
-"""`apollonius show` and `report`: one game as a picture, an animation or a replay file; a training run as a page."""
+"""`apollonius show`, `report`, `slice` and `play`: games and agents as pictures and pages, and in a browser."""
 
 import argparse
+import tempfile
+import webbrowser
+from math import radians
 from pathlib import Path
 
-from apollonius.cli.options import AGENT, add_game_options, chosen_rules, command, finish, requested_match
-from apollonius.cli.values import agent_of, new_file, real, run_folder
-from apollonius.io.errors import require, require_extra
+from apollonius.cli.options import (
+    AGENT,
+    add_game,
+    add_game_options,
+    chosen_rules,
+    command,
+    finish,
+    requested_match,
+    warn,
+)
+from apollonius.cli.values import agent_of, count, known_agent, new_file, new_folder, real, run_folder
+from apollonius.io.errors import InvalidInput, require, require_extra
+from apollonius.io.limits import PORT, SEED
 
 MOVING = (".gif", ".webp", ".mp4")
 """Formats of moving pictures."""
@@ -84,4 +97,125 @@ def run_report(options: argparse.Namespace) -> int:
     save_report(report_of(folder), out)
     options.display.end()
     finish(out, then=f"open {out} in a browser")
+    return 0
+
+
+def add_slice(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "agent", type=known_agent, metavar="AGENT", help="a zoo agent, or a .safetensors file, of solve game too"
+    )
+    parser.add_argument(
+        "--opponent", type=real, nargs=2, required=True, metavar=("X", "Y"), help="where the other robot is [m]"
+    )
+    parser.add_argument("--opponent-speed", type=real, default=0.0, metavar="V", help="[m/s] (default: 0)")
+    parser.add_argument(
+        "--opponent-heading", type=real, default=0.0, metavar="DEG", help="from the x axis, leftwards (default: 0)"
+    )
+    parser.add_argument("--speed", type=real, default=0.0, metavar="V", help="of the agent itself [m/s] (default: 0)")
+    parser.add_argument("--heading", type=real, default=0.0, metavar="DEG", help="of the agent itself (default: 0)")
+    add_game(parser)
+    parser.add_argument("--out", type=new_file(".png"), default="slice.png", help="PNG to write (default: %(default)s)")
+    parser.set_defaults(run=run_slice)
+
+
+def run_slice(options: argparse.Namespace) -> int:
+    import jax.numpy as jnp
+
+    from apollonius.agents.kind import Named
+    from apollonius.agents.policy import AbstractActionValuePolicy
+    from apollonius.agents.trained import find_trained, greedy
+    from apollonius.arenas.charting import charted
+    from apollonius.arenas.file import game_in_one_arena
+    from apollonius.game.by_side import BySide
+    from apollonius.game.types import RobotState, Role
+    from apollonius.show.slices import save_slice
+    from apollonius.solve.solving import table_player
+    from apollonius.solve.store import is_solution
+
+    numbers = (*options.opponent, options.opponent_speed, radians(options.opponent_heading))
+    opponent = RobotState(*(jnp.float32(number) for number in numbers))
+    own = (options.speed, radians(options.heading))
+    game = game_in_one_arena(options.game, "slice")
+    if is_solution(Path(options.agent)):
+        path, player = Path(options.agent), table_player(Path(options.agent), game)
+        role, header = player.zero_sum_game.role, None
+    else:
+        agent, path = find_trained(options.agent)
+        player, role, header = greedy(agent.network), Role[agent.header.role.upper()], agent.header
+        if not isinstance(player, AbstractActionValuePolicy):
+            raise InvalidInput(
+                f"'{options.agent}' has continuous actions and values none: name an agent trained by DQN."
+            )
+    warn(options, game, [Named(path.stem, player, header)])
+    if player.charted:
+        game = charted(game)
+    options.display.begin("asking the agent all over the arena", compiles=True)
+    save_slice(player, role, path.stem, game, own, opponent, options.out)
+    options.display.end()
+    players = BySide.of(role, options.agent, "random")
+    finish(
+        options.out, then=command("show", *players, *chosen_rules(options), "--out", options.out.with_suffix(".gif"))
+    )
+    return 0
+
+
+PLAYER = (
+    "a rule such as intercept, a zoo agent, a .safetensors file, or a .wasm file of your own; shielded: may precede it"
+)
+"""Help for an argument that names a player of the page."""
+
+
+def add_play(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--as", dest="side", choices=("evader", "pursuer"), default="evader", help="your side (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--against",
+        type=known_agent,
+        metavar="AGENT",
+        help=f"your opponent: {PLAYER} (default: the best there is, a little slow to see)",
+    )
+    add_game(parser)
+    parser.add_argument("--seed", type=count(SEED), default=0, help="seed of the starts (default: %(default)s)")
+    parser.add_argument(
+        "--port", type=count(PORT), help="port of the page on this machine (default: the first free one)"
+    )
+    parser.add_argument("--no-open", action="store_true", help="print the page's address, open no browser")
+    parser.add_argument(
+        "--site",
+        type=new_folder,
+        metavar="DIR",
+        help="write the page to this folder, for a web host, and serve nothing",
+    )
+    parser.set_defaults(run=run_play)
+
+
+def run_play(options: argparse.Namespace) -> int:
+    from apollonius.arenas.file import find_game
+    from apollonius.game.types import Role
+    from apollonius.io.document import whole_folder
+    from apollonius.web.server import make_server
+    from apollonius.web.site import choose, write_site
+
+    options.display.begin("writing the page")
+    choice = choose(Role[options.side.upper()], options.against, options.game, options.seed)
+    warn(options, find_game(options.game))
+    if options.site:
+        empty = not options.site.exists() or (options.site.is_dir() and not any(options.site.iterdir()))
+        require(empty, "--site", options.site, "a new or empty folder; choose another")
+        with whole_folder(options.site) as folder:
+            write_site(folder, choice)
+        options.display.end()
+        finish(options.site, then=f"put it on any web host; its page is {options.site / 'index.html'}")
+        return 0
+    with tempfile.TemporaryDirectory() as private:
+        folder = Path(private) / "site"  # which takes the mode of the page's own folder
+        write_site(folder, choice)
+        options.display.end()
+        with make_server(folder, options.port) as server:
+            address = f"http://{server.server_address[0]}:{server.server_port}/"
+            print(f"play at {address}  (Ctrl-C ends)", flush=True)
+            if not options.no_open:
+                webbrowser.open(address)
+            server.serve_forever()
     return 0

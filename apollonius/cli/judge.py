@@ -1,0 +1,200 @@
+"""`apollonius evaluate`, `simulate`, `tournament` and `suite`: games counted, and the cards of the benchmark."""
+
+import argparse
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from apollonius.agents.names import SIDES
+from apollonius.cli.options import (
+    AGENT,
+    add_game_options,
+    add_json,
+    add_match_options,
+    add_workers,
+    answer,
+    answer_varied,
+    answer_with_replays,
+    check_records,
+    chosen_rules,
+    command,
+    finish,
+    jobs_run,
+    match_facts,
+    requested_match,
+    warn,
+)
+from apollonius.cli.values import agent_of, count, existing_file, known_entrant, new_file
+from apollonius.evaluate.names import PANELS
+from apollonius.io.errors import require, require_extra
+from apollonius.io.limits import ENTRANTS, GAMES, SIMULATED_GAMES
+
+if TYPE_CHECKING:
+    from apollonius.evaluate.suite_card import SuiteCard
+
+
+def add_evaluate(parser: argparse.ArgumentParser) -> None:
+    add_match_options(parser)
+    parser.add_argument(
+        "--out", type=new_file(".png"), metavar="FILE", help="draw the pursuer's wins over the varied numbers as .png"
+    )
+    parser.set_defaults(run=run_evaluate)
+
+
+def add_simulate(parser: argparse.ArgumentParser) -> None:
+    add_match_options(parser, SIMULATED_GAMES)
+    parser.add_argument(
+        "--drive", type=existing_file, metavar="FILE", help="a .toml file with the numbers of your own robots"
+    )
+    parser.set_defaults(run=run_simulate, out=None)
+
+
+def run_evaluate(options: argparse.Namespace) -> int:
+    from apollonius.cli.terminal import match_table
+    from apollonius.evaluate.match import count, play_games, play_match, record_game, worst_first
+
+    if options.vary:
+        return answer_varied(options, play_match)
+    require(options.out is None, "--out", options.out, "given with --vary, whose values it draws")
+    check_records(options, options.games, f"--games = {options.games}")
+    match = requested_match(options, in_one_arena=options.record > 0)  # of which a replay is
+    options.display.begin(f"playing {match.games:,} games", compiles=True)
+    results = play_games(match, report=options.display.report)
+    options.display.begin("judging the starts", compiles=True)
+    result, games = count(match, results), (record_game(match, index) for index in worst_first(results))
+    facts = match_facts(options, match) | result.to_dict()
+    return answer_with_replays(options, facts, match_table(match, result), "game", games)
+
+
+def run_simulate(options: argparse.Namespace) -> int:
+    """Play with bodies, and the same games by the rules."""
+    require_extra("sim", "simulate")
+    from apollonius.cli.terminal import comparison_table
+    from apollonius.evaluate.match import count, play_games, worst_first
+    from apollonius.simulate.drive import load_drive
+    from apollonius.simulate.simulation import compare, record_course, simulate_match
+
+    drive, display = load_drive(options.drive), options.display
+    if options.vary:
+        return answer_varied(options, lambda match, report: count(match, simulate_match(match, drive, report).results))
+    check_records(options, options.games, f"--games = {options.games}")
+    match = requested_match(options, in_one_arena=True)
+    display.begin("playing with bodies", compiles=True)
+    simulated = simulate_match(match, drive, display.report)
+    display.begin("playing by the rules", compiles=True)
+    comparison = compare(match, play_games(match, report=display.report), simulated)
+    courses = (record_course(simulated, match, index) for index in worst_first(simulated.results))
+    facts = match_facts(options, match) | asdict(comparison)
+    return answer_with_replays(options, facts, comparison_table(match, comparison), "bodies", courses)
+
+
+def add_tournament(parser: argparse.ArgumentParser) -> None:
+    about = f"{AGENT} (default: all that need no file and fit the game)"
+    for side in SIDES:
+        parser.add_argument(f"--{side}s", type=agent_of(side), nargs="+", metavar=side.upper(), help=about)
+    parser.add_argument("--games", type=count(GAMES), default=1000, help="games in each match (default: %(default)s)")
+    add_game_options(parser)
+    parser.add_argument("--plot", type=new_file(".png"), metavar="FILE", help="draw win rates and ratings as .png")
+    add_workers(parser, "matches", None)
+    add_json(parser)
+    parser.set_defaults(run=run_tournament)
+
+
+def run_tournament(options: argparse.Namespace) -> int:
+    from apollonius.arenas.file import find_game
+    from apollonius.catalogue import find_player, player_names
+    from apollonius.cli.terminal import tournament_table
+    from apollonius.evaluate.match import Match, MatchResult, starting
+    from apollonius.evaluate.tournament import play_tournament
+    from apollonius.game.by_side import BySide
+    from apollonius.game.types import ROLES
+
+    game, viable = starting(find_game(options.game), options.starts)
+    asked = BySide(options.pursuers, options.evaders)
+    names = ROLES.map(lambda role: asked[role] or player_names(role, game))
+    players = ROLES.map(lambda role: [find_player(name, role, game) for name in names[role]])
+    warn(options, game, (*players.pursuer, *players.evader))
+
+    def tell(match: Match, result: MatchResult) -> None:
+        if not options.json:
+            who = " against ".join(player.name for player in match.players)
+            options.display.tell(f"{who}: {result.pursuer_win_rate:.1%}")
+
+    options.display.begin(f"playing {len(players.pursuer) * len(players.evader)} matches", compiles=True)
+    asked_for = game, players, options.games, options.seed, viable
+    tournament = play_tournament(*asked_for, tell, options.display.report, jobs_run(options))
+    if options.plot:
+        from apollonius.show.matches import draw_tournament
+
+        draw_tournament(tournament, options.plot)
+    starts = options.starts or game.starts.speed
+    settings = {"game": options.game, "starts": starts, "games": options.games, "seed": options.seed}
+    answer(options, settings | tournament.to_dict(), tournament_table(tournament, starts))
+    if options.plot:
+        best = [side[rated.points.argmax()] for side, rated in zip(names, tournament.ratings, strict=True)]
+        then = command("show", *best, *chosen_rules(options), "--out", "best.gif")
+        finish(options.plot, then=then, json=options.json)
+    return 0
+
+
+def add_suite(parser: argparse.ArgumentParser) -> None:
+    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    judged = actions.add_parser("judge", help="play all games of the benchmark and write a card")
+    judged.add_argument("agent", type=known_entrant, metavar="AGENT", help=f"{AGENT}; or a .py or .onnx file")
+    judged.add_argument("--side", choices=("pursuer", "evader"), help="of an agent from outside, or that plays either")
+    judged.add_argument("--track", choices=PANELS, default="full", help="the benchmark's part (default: %(default)s)")
+    judged.add_argument(
+        "--out", type=new_file(".json"), default=Path("card.json"), help="file to write, a new one (default: card.json)"
+    )
+    add_workers(judged, "rounds", None)
+    judged.set_defaults(run=run_judge)
+    checked = actions.add_parser("verify", help="play games of a card again, and refuse one that does not come out")
+    checked.add_argument("card", type=existing_file, metavar="CARD")
+    checked.add_argument("--agent", type=known_entrant, metavar="FILE", help="of an agent that lies elsewhere")
+    checked.add_argument("--all", action="store_true", help="play all its games (default: half, drawn at random)")
+    checked.set_defaults(run=run_verify)
+    for action in (judged, checked):
+        about = "interpreter that runs a .py or .onnx file (default: the one that runs this)"
+        action.add_argument("--python", type=existing_file, default=Path(sys.executable), help=about)
+        add_json(action)
+
+
+def run_judge(options: argparse.Namespace) -> int:
+    from apollonius.evaluate.benchmark import Benchmark
+    from apollonius.evaluate.suite_card import judge
+    from apollonius.export.player import side_of
+    from apollonius.game.types import Role
+    from apollonius.io.document import to_json, write_atomically
+
+    require(not options.out.exists(), "--out", options.out, "a new file; choose another name")
+    outside = options.agent.endswith(ENTRANTS)
+    require(options.side or not outside, "--side", None, "given for an agent from outside: pursuer or evader")
+    role = Role[options.side.upper()] if outside else side_of(options.agent, options.side)
+    options.display.begin("playing the benchmark", compiles=True)
+    asked_for = Benchmark(options.track, role), options.agent, str(options.python.absolute())
+    card = judge(*asked_for, options.display.report, jobs_run(options))
+    write_atomically(options.out, to_json(asdict(card)).encode())
+    _answer(options, card)
+    finish(options.out, then=command("suite", "verify", options.out), json=options.json)
+    return 0
+
+
+def run_verify(options: argparse.Namespace) -> int:
+    from apollonius.evaluate.suite_card import verify
+
+    options.display.begin("playing games of the card", compiles=True)
+    card = verify(options.card, options.agent, str(options.python.absolute()), options.all, options.display.report)
+    _answer(options, card, "it comes out: ")
+    return 0
+
+
+def _answer(options: argparse.Namespace, card: "SuiteCard", before: str = "") -> None:
+    score = card.score
+    text = (
+        f"{before}{card.agent} ({card.side}, {card.track}): {score.worth:+.3f} [{score.interval[0]:+.3f}, "
+        f"{score.interval[1]:+.3f}] against {score.against}, worst tenth {score.worst_tenth:+.3f}, "
+        f"crashes {score.crashes:.1%}, forfeits {score.forfeits:.1%}, {card.decision_us:.4g} us a decision"
+    )
+    facts = {"agent": card.agent, "side": card.side, "track": card.track, "decision_us": card.decision_us}
+    answer(options, facts | asdict(score), text + (f"\nit failed: {card.failure}" if card.failure else ""))
