@@ -23,7 +23,6 @@ from apollonius.reproduce.finding import (
 from apollonius.reproduce.study import Study
 from apollonius.show import palette, style
 from apollonius.show.animation import last_frame
-from apollonius.show.canvas import SIZE, save_side_by_side
 from apollonius.show.style import Curve, draw_seeds, draw_strips, smooth
 
 _WINDOW = 50
@@ -77,8 +76,11 @@ def figure_5(study: Study) -> Finding:
 
 def _draw_games(games: dict[str, Replay], path: Path) -> list[str]:
     """Draw the ends of games side by side, each above its name, and return how they ended."""
-    pictures = {name: last_frame(replay) for name, replay in games.items()}
-    save_side_by_side(pictures, path, columns=len(games), size=SIZE)
+    with style.picture(path, columns=len(games), width=3.2, height=4.0) as panels:
+        for axes, (name, replay) in zip(panels, games.items(), strict=True):
+            axes.imshow(last_frame(replay))
+            axes.set_title(name)
+            axes.set_axis_off()
     return [replay.ending() for replay in games.values()]
 
 

@@ -1,27 +1,33 @@
 """A game as a picture with words around it: moving as GIF, WebP or, with the `video` extra, MP4; its end as PNG."""
 
 import errno
+import functools
 import io
 import math
 import tempfile
 import warnings
 from collections.abc import Iterator, Sequence
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
-from PIL import Image, ImageColor, ImageDraw, ImageFont
+from jaxtyping import Array, Bool, UInt32
+from PIL import Image, ImageDraw, ImageFont
 
+from apollonius.arenas.charting import charted
+from apollonius.evaluate.match import keys_of
 from apollonius.game.game import Game
-from apollonius.game.types import Role
+from apollonius.game.types import GameState, Role
 from apollonius.io.document import write_atomically
 from apollonius.io.errors import require, require_extra
+from apollonius.observe import tracking
+from apollonius.play.random_bits import random_bits_of
 from apollonius.play.replay import Replay
 from apollonius.show.canvas import Canvas, draw_robot
-from apollonius.show.fog import fog
-from apollonius.show.palette import EVADER, INK, OBSTACLE, PAPER, PURSUER
+from apollonius.show.palette import EVADER, INK, PAPER, PURSUER
 
 LETTERS = 14
 """Height of a line's letters [pixels]."""
@@ -63,7 +69,7 @@ class Captioned:
     def picture(self) -> Image.Image:
         page, step = self._page.copy(), self._step
         page.paste(self._canvas.picture(self._fog and (self._fog[1][step], self._fog[0])), self.corner)
-        write = partial(ImageDraw.Draw(page).text, fill=INK, font=self._font)
+        write = functools.partial(ImageDraw.Draw(page).text, fill=INK, font=self._font)
         clock = f"{step * float(self._replay.game.dt):.1f} s"
         if step == len(self._replay.actions):
             clock = self._replay.ending()
@@ -74,7 +80,7 @@ class Captioned:
 
     def _head(self, draw: ImageDraw.ImageDraw) -> None:
         """Draw the signs of both robots with their players' names, and the reach of a capture."""
-        right, write = self._page.width - MARGIN, partial(draw.text, font=self._font)
+        right, write = self._page.width - MARGIN, functools.partial(draw.text, font=self._font)
         first, second = (MARGIN + LINE // 2 + LINE * line for line in range(2))
         reach = f"capture within {float(self._replay.game.capture_distance):g} m"
         write((right, first), reach, PURSUER, anchor="rm")
@@ -117,6 +123,31 @@ def _standing(game: Game, robots: Sequence[float], active: Sequence[bool]) -> st
     return f"{len(pursuers)} v {len(evaders)} in play{distance and ', '}{distance}"
 
 
+def fog(replay: Replay) -> tuple[Role, Bool[np.ndarray, "states rows columns"]] | None:
+    """Return a side and the coarse cells of the chart in which its robots could be in each state, as the other knew.
+
+    The other side is the pursuer's or, if that sees everything, the evader's; None if both do.
+    """
+    game = replay.game
+    role = next((role for role in Role if game.sensors and game.sensors[role]), None)
+    if role is None:
+        return None
+    states, key = replay.trajectory().states, keys_of(np.uint32(replay.seed))[1]
+    bits = random_bits_of(key, jnp.full(len(replay.states), replay.index), states.steps)
+    return role.other, np.asarray(_beliefs(charted(game), states, bits[role], role)) >= 0
+
+
+@functools.partial(jax.jit, static_argnames="role")
+def _beliefs(game: Game, states: GameState, bits: UInt32[Array, " states"], role: Role) -> Array:
+    def one(track: Any, now: tuple[GameState, UInt32[Array, ""]]) -> tuple[Any, Any]:
+        state, own_bits = now
+        track, known = tracking.update(game, role, track, state, own_bits)
+        return track, known.sight and known.sight.belief
+
+    first = tracking.begin(game, jax.tree.map(lambda leaf: leaf[0], states), role)
+    return jax.lax.scan(one, first, (states, bits))[1]
+
+
 MOVING = (".gif", ".webp", ".mp4")
 """Formats of moving pictures."""
 SLOWEST, FASTEST = 0.05, 100.0
@@ -125,6 +156,8 @@ _SHORTEST = 0.02
 """Least time that a picture is shown [s]: browsers take what is less for a mistake, and show it for 0.1 s."""
 _LAST_SECONDS = 2.0
 """How long the end is shown."""
+_COLOURS = 64
+"""Colours of a GIF: those of its end, which has all trails."""
 
 
 def save_animation(replay: Replay, path: Path, speed: float = 1.0) -> None:
@@ -154,7 +187,7 @@ def save_animation(replay: Replay, path: Path, speed: float = 1.0) -> None:
     ends = [tick * round(1000 * pace * step / tick) for step in steps]
     durations = [*(max(after - before, shortest) for before, after in pairwise(ends)), round(1000 * _LAST_SECONDS)]
     if path.suffix == ".gif":
-        palette = _palette()
+        palette = pictures[-1].quantize(_COLOURS, Image.Quantize.MAXCOVERAGE)
         pictures = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
     options: dict[str, Any] = {"optimize": True} if path.suffix == ".gif" else {"method": 0, "quality": 80}
     options |= {"save_all": True, "append_images": pictures[1:], "duration": durations, "loop": 0}
@@ -180,20 +213,6 @@ def frames(replay: Replay, steps: list[int] | None = None, speed: float = 1.0) -
 def last_frame(replay: Replay) -> Image.Image:
     """Return the end of a game with all trails."""
     return next(frames(replay, [len(replay.actions)]))
-
-
-def _palette() -> Image.Image:
-    """Return the colours of all frames: each of the picture's own, and its blends with the others."""
-    own = [ImageColor.getrgb(colour) for colour in (PURSUER, EVADER, OBSTACLE, INK, PAPER)]
-    colours = [
-        tuple(round(a + (b - a) * part / 8) for a, b in zip(first, second, strict=True))
-        for index, first in enumerate(own)
-        for second in own[index + 1 :]
-        for part in range(9)
-    ]
-    palette = Image.new("P", (1, 1))
-    palette.putpalette([channel for colour in colours for channel in colour])
-    return palette
 
 
 def _mp4(pictures: list[Image.Image], per_second: float) -> bytes:

@@ -1,9 +1,7 @@
-"""Pictures that Pillow draws: an arena from above with trails and robots, and several pictures side by side."""
+"""A picture that Pillow draws: an arena from above with trails and robots."""
 
-import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import cos, pi, sin
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +12,6 @@ from apollonius.game.arena import Arena, Disc
 from apollonius.game.game import Game
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.types import Role
-from apollonius.io.document import write_atomically
 from apollonius.show.palette import EVADER, INK, OBSTACLE, PAPER, PURSUER
 
 SIZE = 480
@@ -181,25 +178,3 @@ def _draw_cross(draw: ImageDraw.ImageDraw, centre: Point, radius: float, colour:
     for sign in (-1, 1):
         ends = [(x - radius, y - sign * radius), (x + radius, y + sign * radius)]
         draw.line(ends, fill=colour, width=round(0.4 * radius))
-
-
-_GAP = 16
-_LETTERS = 22
-"""Height of a caption [pixels]."""
-
-
-def save_side_by_side(pictures: Mapping[str, Image.Image], path: Path, columns: int, size: int) -> None:
-    """Write pictures in rows as one PNG, each above its caption; `size` bounds their longer sides [pixels]."""
-    lines = 1 + max(caption.count("\n") for caption in pictures)
-    width, height = size + _GAP, size + 2 * _GAP + lines * _LETTERS
-    rows = -(-len(pictures) // columns)
-    whole = Image.new("RGB", (min(len(pictures), columns) * width + _GAP, rows * height + _GAP), PAPER)
-    draw, font = ImageDraw.Draw(whole), ImageFont.load_default(_LETTERS)
-    for number, (caption, picture) in enumerate(pictures.items()):
-        left, top = _GAP + number % columns * width, _GAP + number // columns * height
-        picture.thumbnail((size, size), Image.Resampling.BOX)
-        whole.paste(picture, (left, top + size - picture.height))
-        draw.text((left, top + size + _GAP // 3), caption, fill=INK, font=font)
-    content = io.BytesIO()
-    whole.save(content, "PNG", optimize=True)
-    write_atomically(path, content.getvalue())

@@ -1,6 +1,7 @@
 """Pictures show what they are given: games in as many frames as they take, shapes to scale, means, bars and values."""
 
 from dataclasses import replace
+from functools import partial
 
 import imageio_ffmpeg
 import jax
@@ -27,11 +28,10 @@ from apollonius.play import rollout
 from apollonius.play.random_bits import random_bits_of
 from apollonius.play.replay import Replay
 from apollonius.show import palette, style
-from apollonius.show.animation import LINE, MARGIN, Captioned, frames, save_animation
+from apollonius.show.animation import LINE, MARGIN, Captioned, fog, frames, save_animation
 from apollonius.show.arena import draw_arena
-from apollonius.show.canvas import SIZE, Canvas, save_side_by_side
-from apollonius.show.fog import fog
-from apollonius.show.palette import DARK, LIGHT, OBSTACLE, PAPER
+from apollonius.show.canvas import SIZE, Canvas
+from apollonius.show.palette import DARK, LIGHT, OBSTACLE
 from apollonius.show.slices import _TURNS, _draw_actions, slice_values
 from apollonius.show.style import draw_rate, draw_seeds, draw_strips, smooth
 from tests.show.conftest import BLUE, RED, WHITE, colour_at
@@ -119,23 +119,6 @@ def test_obstacles_and_the_territory_are_where_they_are(replay):
     assert colour_at(picture, goal.x + goal.radius, goal.y) != WHITE
 
 
-def test_pictures_side_by_side_are_whole_and_so_are_their_captions(tmp_path):
-    """Captions of two lines lie on no picture; one that is too large is made smaller."""
-    sizes = {"red": (100, 60), "lime": (30, 50), "blue": (100, 100), "yellow": (200, 80)}
-    known, ink = np.array([ImageColor.getrgb(colour) for colour in (*sizes, PAPER)]), set()
-    for columns in (1, 2, 4):
-        pictures = {f"one\n{colour}": Image.new("RGB", size, colour) for colour, size in sizes.items()}
-        save_side_by_side(pictures, tmp_path / "all.png", columns, 100)
-        with Image.open(tmp_path / "all.png") as drawn:
-            content = np.asarray(drawn.convert("RGB"))
-        assert content.shape == (4 // columns * 176 + 16, columns * 116 + 16, 3)
-        for colour, (width, height) in zip(known, [*list(sizes.values())[:3], (100, 40)], strict=False):
-            places = np.argwhere((content == colour).all(axis=2))
-            assert [*np.ptp(places, axis=0) + 1, len(places)] == [height, width, height * width]
-        ink.add((content[:, :, None] != known).any(axis=3).all(axis=2).sum())
-    assert len(ink) == 1
-
-
 def test_a_frame_says_who_plays_the_time_the_distance_and_at_the_end_the_outcome(replay, words_of):
     first = words_of(replay, [0])
     assert {"pursuer P", "evader E", "capture within 0.3 m", "0.0 s"} <= set(first)
@@ -199,14 +182,11 @@ def save_panel(path):
         pass
 
 
-@pytest.mark.parametrize("name", ["g.gif", "g.mp4", "panel.png", "gallery.png"])
+@pytest.mark.parametrize("name", ["g.gif", "g.mp4", "panel.png"])
 def test_a_full_disk_spares_the_old_file(replay, tmp_path, name):
     """No file may grow beyond a kilobyte, so that every writer fails in the middle."""
     resource = pytest.importorskip("resource")
-    write = {
-        "panel.png": save_panel,
-        "gallery.png": lambda path: save_side_by_side({"paper": Canvas(replay.game).picture()}, path, 1, SIZE),
-    }.get(name, lambda path: save_animation(replay, path))
+    write = save_panel if name == "panel.png" else partial(save_animation, replay)
     (tmp_path / name).write_bytes(b"good")
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))

@@ -18,7 +18,7 @@ from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.view import look
 from apollonius.play.replay import as_state, load_replay
-from apollonius.show.fog import fog
+from apollonius.show.animation import fog
 from apollonius.web import wasm
 from apollonius.web.programs import player_program
 from apollonius.web.wasm import digest, sources, write_player
