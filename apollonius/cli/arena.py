@@ -74,7 +74,7 @@ def run_check(options: argparse.Namespace) -> int:
     data: dict[str, Any] = {"game": options.game, "wrong": found.wrong, "notes": notes}
     if options.players:
         from apollonius.cli.terminal import advice_table
-        from apollonius.evaluate.advice import advise
+        from apollonius.evaluate.tournament import advise
 
         options.display.begin("playing the players against each other", compiles=True)
         advice = advise(game, GAMES, report=options.display.report)

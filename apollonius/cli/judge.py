@@ -26,12 +26,15 @@ from apollonius.cli.options import (
     warn,
 )
 from apollonius.cli.values import agent_of, count, existing_file, known_entrant, new_file
-from apollonius.evaluate.names import PANELS
 from apollonius.io.errors import require, require_extra
 from apollonius.io.limits import ENTRANTS, GAMES, SIMULATED_GAMES
 
 if TYPE_CHECKING:
     from apollonius.evaluate.suite_card import SuiteCard
+
+
+TRACKS = ("full", "lidar", "team")
+"""Parts of the benchmark."""
 
 
 def add_evaluate(parser: argparse.ArgumentParser) -> None:
@@ -143,7 +146,7 @@ def add_suite(parser: argparse.ArgumentParser) -> None:
     judged = actions.add_parser("judge", help="play all games of the benchmark and write a card")
     judged.add_argument("agent", type=known_entrant, metavar="AGENT", help=f"{AGENT}; or a .py or .onnx file")
     judged.add_argument("--side", choices=("pursuer", "evader"), help="of an agent from outside, or that plays either")
-    judged.add_argument("--track", choices=PANELS, default="full", help="the benchmark's part (default: %(default)s)")
+    judged.add_argument("--track", choices=TRACKS, default="full", help="the benchmark's part (default: %(default)s)")
     judged.add_argument(
         "--out", type=new_file(".json"), default=Path("card.json"), help="file to write, a new one (default: card.json)"
     )

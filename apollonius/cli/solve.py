@@ -108,7 +108,7 @@ def add_solve(parser: argparse.ArgumentParser) -> None:
 def run_solve(options: argparse.Namespace) -> int:
     from apollonius.arenas.file import game_in_one_arena
     from apollonius.cli.terminal import sweeps_on
-    from apollonius.evaluate.solution import about
+    from apollonius.evaluate.solved import about
     from apollonius.solve.solving import solve_problem
     from apollonius.solve.store import load_solution, save_solution
 

@@ -9,10 +9,9 @@ from apollonius.agents.names import SIDES
 
 if TYPE_CHECKING:
     from apollonius.cli.display import Display
-    from apollonius.evaluate.advice import Advice
-    from apollonius.evaluate.card import Card
     from apollonius.evaluate.match import Match, MatchResult
-    from apollonius.evaluate.tournament import Tournament
+    from apollonius.evaluate.solved import Card
+    from apollonius.evaluate.tournament import Advice, Tournament
     from apollonius.evaluate.vary import VariedMatches
     from apollonius.learn.metrics import MetricsLine
     from apollonius.learn.progress import Progress

@@ -25,7 +25,6 @@ from apollonius.arenas.record import to_dict
 from apollonius.arenas.suite import each_alone, suite_entries
 from apollonius.catalogue import find_player
 from apollonius.evaluate.match import Match, begin
-from apollonius.evaluate.names import PANELS, PART, SUITE
 from apollonius.evaluate.result import worst_mean
 from apollonius.evaluate.statistics import mean_interval
 from apollonius.game.by_side import BySide
@@ -41,6 +40,18 @@ from apollonius.play.playout import AbstractWatcher, Results, play_out
 from apollonius.play.random_bits import random_bits
 from apollonius.play.rollout import Transition
 
+_EVADERS = ("still", "hide", "E_any", "shielded:E_any")
+_PURSUERS = {
+    "full": ("pure-pursuit", "intercept", "pursuer", "shielded:pursuer"),
+    "lidar": ("intercept", "search", "searching:pursuer", "shielded:searching:pursuer"),
+    "team": ("pure-pursuit", "intercept", "pursuer", "shielded:pursuer"),
+}
+PANELS = {track: {"pursuer": pursuers, "evader": _EVADERS} for track, pursuers in _PURSUERS.items()}
+"""By track: the players of either side that an agent of the other one meets; other panels are another benchmark."""
+SUITE, PART = "suite-v2", "held-out"
+"""The arenas that are played in."""
+ROUNDS = 2
+"""Games in each arena against each opponent."""
 FORFEIT = int(Outcome.ONGOING)
 """In the place of an outcome: an agent from outside failed, and its game counts as lost."""
 _SLOTS = 32

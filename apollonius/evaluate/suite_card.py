@@ -16,8 +16,7 @@ import numpy as np
 from apollonius.agents.entrant import process_of
 from apollonius.agents.kind import Named
 from apollonius.arenas.record import from_dict
-from apollonius.evaluate.benchmark import Benchmark, Round, Score, file_of
-from apollonius.evaluate.names import ROUNDS
+from apollonius.evaluate.benchmark import ROUNDS, Benchmark, Round, Score, file_of
 from apollonius.game.types import Role
 from apollonius.io.cache import environment
 from apollonius.io.document import parse_json, read_bytes

@@ -1,4 +1,4 @@
-"""A tournament: every pursuer against every evader, on the same starts, and the Elo ratings that follow."""
+"""Tournaments: every pursuer against every evader on the same starts, Elo ratings, and advice for a game."""
 
 import itertools
 from collections.abc import Callable, Sequence
@@ -12,10 +12,13 @@ import scipy  # its parts are loaded where they are used
 from jaxtyping import Float
 
 from apollonius.agents.kind import Named
-from apollonius.evaluate.match import Match, MatchResult, play_matches
+from apollonius.catalogue import find_player
+from apollonius.evaluate.benchmark import PANELS
+from apollonius.evaluate.match import Match, MatchResult, play_games, play_matches, record_game
 from apollonius.evaluate.statistics import Z
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
+from apollonius.game.types import ROLES, Outcome
 from apollonius.io.errors import require
 from apollonius.io.workers import Run
 from apollonius.play.playout import Report
@@ -28,6 +31,10 @@ _PRIOR = 0.5
 """Wins and losses that are added to every match, or a player who wins every game would have no rating (Haldane and
 Anscombe's correction of log-odds)."""
 _NEWTON_STEPS = 30
+STANDING = "still"
+"""The evader that should always be caught."""
+_SHOWN = 8
+"""Greatest number of games whose ends are shown."""
 
 
 @dataclass(frozen=True)
@@ -124,4 +131,46 @@ def play_tournament(
     results = iter(play_matches(matches, on_match, report, run=run))
     return Tournament(
         names.pursuer, names.evader, tuple(tuple(next(results) for _ in names.evader) for _ in names.pursuer)
+    )
+
+
+@dataclass(frozen=True)
+class Advice:
+    """The players of the benchmark's panels that do best in a game against the opponent that is worst for them.
+
+    Attributes:
+        tournament: every pursuer of the panel against every evader.
+        best: that pursuer and that evader.
+        least: in how many of its games this pursuer won, and this evader was not beaten, against that opponent.
+        stops: where [m] that pursuer was when the time to catch a standing evader ran out, in some such games.
+    """
+
+    tournament: Tournament
+    best: BySide[str]
+    least: BySide[float]
+    stops: list[tuple[float, float]]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the advice as JSON-like data."""
+        sides = {role.name.lower(): {"name": self.best[role], "least": self.least[role]} for role in ROLES}
+        return sides | {"stops": self.stops, "matches": self.tournament.to_dict()["matches"]}
+
+
+def advise(game: Game, games: int, seed: int = 0, report: Report = lambda done, total: None) -> Advice:
+    """Play every pursuer of the panel that fits a game against every evader; errors as of `play_matches`."""
+    panel = PANELS["team" if game.teams else "lidar" if game.sensors else "full"]
+    players = ROLES.map(lambda role: [find_player(name, role, game) for name in panel[role.name.lower()]])
+    tournament = play_tournament(game, players, games, seed, report=report)
+    rates = tournament.win_rates
+    least = BySide(rates.min(axis=1), 1 - rates.max(axis=0))
+    first = least.map(lambda each: int(np.argmax(each)))
+    best = ROLES.map(lambda role: players[role][first[role]])
+    standing = Match(game, BySide(best.pursuer, find_player(STANDING, ROLES.evader, game)), games, seed)
+    missed = np.flatnonzero(np.asarray(play_games(standing).outcome) == Outcome.NO_RESULT)[:_SHOWN]
+    ends = [record_game(standing, index).states[-1] for index in missed.tolist()]
+    return Advice(
+        tournament,
+        best.map(lambda player: player.name),
+        ROLES.map(lambda role: float(least[role][first[role]])),
+        [(round(float(x), 1), round(float(y), 1)) for x, y, *_ in ends],
     )

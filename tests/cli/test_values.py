@@ -137,9 +137,11 @@ def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
     from apollonius.agents.built_in import PLAYERS
     from apollonius.agents.names import BUILT_IN
     from apollonius.cli.exploit import ATTACKERS
+    from apollonius.cli.judge import TRACKS
     from apollonius.cli.options import LENGTHS
     from apollonius.cli.show import MOVING
     from apollonius.cli.train import PROFILES
+    from apollonius.evaluate.benchmark import PANELS
     from apollonius.exploit.attackers import KINDS
     from apollonius.game import names
     from apollonius.game import presets as games
@@ -147,6 +149,7 @@ def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
     from apollonius.learn.config import PRESETS
     from apollonius.show import animation
 
+    assert set(TRACKS) == set(PANELS)
     assert set(LENGTHS) == set(PRESETS)
     assert list(ATTACKERS) == list(KINDS)
     assert list(PLAYERS) == list(BUILT_IN)

@@ -13,11 +13,11 @@ from apollonius.agents.greedy import SquashedMean
 from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.store import describe, save_agent
 from apollonius.cli.terminal import advice_table
-from apollonius.evaluate import advice
-from apollonius.evaluate.card import measure_card
+from apollonius.evaluate import tournament
 from apollonius.evaluate.claims import Claim
 from apollonius.evaluate.match import begin, play_match
 from apollonius.evaluate.pairings import last_agents, pairings
+from apollonius.evaluate.solved import measure_card
 from apollonius.evaluate.statistics import (
     mean_band,
     mean_interval,
@@ -163,8 +163,8 @@ PANEL = {"full": {"pursuer": ("still", "intercept"), "evader": ("still", "flee")
 def advised():
     short = replace(make_game("paper"), arena=Arena(), max_steps=60)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(advice, "PANELS", PANEL)
-        yield advice.advise(short, 16, seed=1)
+        patch.setattr(tournament, "PANELS", PANEL)
+        yield tournament.advise(short, 16, seed=1)
 
 
 def test_the_best_players_are_those_that_do_best_against_their_worst_opponent(advised):

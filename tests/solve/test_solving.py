@@ -11,7 +11,7 @@ from apollonius.agents.shield import Shielded
 from apollonius.arenas.charting import charted
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_player
-from apollonius.evaluate.solution import about
+from apollonius.evaluate.solved import about
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch, sample_starts
 from apollonius.game.types import GameState, RobotState, Role
@@ -163,7 +163,7 @@ def test_a_solved_game_comes_back_as_it_went_and_plays(file, solution, monkeypat
     expected = SaddlePolicy(zero_sum_game_of(PROBLEM, SMALL), solution.table)
     starts = sample_starts(SMALL, jax.random.key(0), 20)
     np.testing.assert_array_equal(player.policy.best_value(starts), expected.best_value(starts))
-    monkeypatch.setattr("apollonius.evaluate.solution.STARTS", 20)
+    monkeypatch.setattr("apollonius.evaluate.solved.STARTS", 20)
     sure, facts = np.asarray(expected.best_value(starts)), about(solution, SMALL)
     assert [*facts.values()][-3:] == pytest.approx([np.mean(sure), np.max(sure), np.min(sure)], abs=1e-6)
     other = replace(SMALL, max_steps=77, starts=replace(SMALL.starts, speed="moving"))
