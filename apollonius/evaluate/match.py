@@ -27,14 +27,12 @@ from apollonius.solve.viability import doomed_start_rate, solve_viability, viabl
 
 
 def starting(game: Game, starts: str | None) -> tuple[Game, bool]:
-    """Return a game with the starts that a word asks for, and whether the viable ones alone are played.
+    """Return a game with the starts that a word asks for, and whether the viable ones alone are played; raises
+    InvalidInput for `viable` in several arenas.
 
     Args:
         starts: initial speeds, `rest` or `moving`; or `viable`: moving, but for starts that are lost before they begin.
             None for the game's own.
-
-    Raises:
-        InvalidInput: for `viable` in several arenas.
     """
     if starts is None:
         return game, False

@@ -108,16 +108,14 @@ class Card:
 def measure_card(
     match: Match, own: SaddlePolicy, other: SaddlePolicy, report: Report = lambda done, total: None
 ) -> Card:
-    """Compare what an agent gets from the other side's table with what its own side's table promises.
+    """Compare what an agent gets from the other side's table with what its own side's table promises; errors as of
+    `play_match`.
 
     Between the nodes of the grid that promise is no bound: it errs either way.
 
     Args:
         match: the agent against `other`.
         own: the player by the table of the agent's side; `other` is that by the other side's.
-
-    Raises:
-        InvalidInput: as `play_match`.
     """
     zero_sum_game, games = own.zero_sum_game, match.games
     starts, _ = begin(match)

@@ -113,13 +113,11 @@ def predict(values: Float[np.ndarray, "rows columns"], least: float, most: float
 
 
 def mean_band(curves: Float[np.ndarray, "seeds points"]) -> tuple[Float[np.ndarray, " points"], ...]:
-    """Return the lower and the upper end of the 95 % interval of a mean curve over seeds, by Student's t.
+    """Return the lower and the upper end of the 95 % interval of a mean curve over seeds, by Student's t; raises
+    ValueError for fewer than two seeds.
 
     Wide with few seeds, as it should be (of three: 2.5 standard deviations either way), where a percentile bootstrap's
     would stay within their range and hold the mean in 3 of 4 studies. It takes seeds to be normally distributed.
-
-    Raises:
-        ValueError: for fewer than two seeds.
     """
     seeds = len(curves)
     if seeds < 2:

@@ -51,10 +51,8 @@ class SuiteCard:
 def judge(
     benchmark: Benchmark, name: str, python: str, report: Report = lambda done, total: None, run: Run | None = None
 ) -> SuiteCard:
-    """Play all rounds of an agent, by its name or its file, here or as jobs, and return its card.
-
-    Raises:
-        InvalidInput: as `Benchmark.find`, and where jobs failed.
+    """Play all rounds of an agent, by its name or its file, here or as jobs, and return its card; errors as of
+    `Benchmark.find`, and where jobs failed.
     """
     agent, side = benchmark.find(name, python), "pursuer" if benchmark.role == Role.PURSUER else "evader"
     rounds: dict[str, tuple[Round, ...]] = dict.fromkeys(benchmark.panel, ())
@@ -90,11 +88,8 @@ def _play_apart(benchmark: Benchmark, agent: Named, opponent: str, seed: int) ->
 
 
 def load_card(path: Path) -> SuiteCard:
-    """Return the card of a file.
-
-    Raises:
-        InvalidInput: for another file, and for a card of other arenas, rules or opponents than this version's, or
-            whose score does not follow from its games.
+    """Return the card of a file; raises InvalidInput for another file, and for a card of other arenas, rules or
+    opponents than this version's, or whose score does not follow from its games.
     """
     about = f"'{path}' is no card of the benchmark; judge the agent again"
     card = from_dict(SuiteCard, parse_json(read_bytes(path, "a card", "check the path"), about), f"'{path}'")

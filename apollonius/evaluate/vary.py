@@ -90,10 +90,8 @@ def varied_matches(
     seed: int = 0,
     starts: str | None = None,
 ) -> list[Match]:
-    """Return a match of two players for each value of a number of the game, or each pair of values of two numbers.
-
-    Raises:
-        InvalidInput: as `with_numbers` and `Match.of_names`.
+    """Return a match of two players for each value of a number of the game, or each pair of values of two numbers;
+    errors as of `with_numbers` and `Match.of_names`.
     """
     fields = [one.field for one in variations]
     require(1 <= len(set(fields)) == len(fields) <= 2, "varied numbers", ", ".join(fields), "one or two different ones")

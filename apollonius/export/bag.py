@@ -58,12 +58,10 @@ def load_bag(folder: Path) -> Bag:
 
 
 def ask_again(bag: Bag, name: str, game: Game) -> list[dict[str, Any]]:
-    """Return where an agent, with its memory since the game began, acts otherwise than was recorded.
+    """Return where an agent, with its memory since the game began, acts otherwise than was recorded; errors as of
+    `find_exportable`, and for a game of other numbers of robots.
 
     That is the `time` since the first step [s], the `step`, and the controls `then` and `now`: u1 [m/s^2], u2 [rad/s].
-
-    Raises:
-        InvalidInput: as `find_exportable`, and for a game of other numbers of robots.
     """
     player = find_exportable(name, bag.side, game)
     decide, memory, differences = jax.jit(player.decide), player.memory, list[dict[str, Any]]()

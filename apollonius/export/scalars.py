@@ -82,15 +82,13 @@ def number(value: float | int | bool, kind: str) -> str:
 
 
 def apply(operation: str, kind: str, of: str, *given: str) -> str:
-    """Return an operation on numbers, in brackets where that could matter.
+    """Return an operation on numbers, in brackets where that could matter; raises NotImplementedError for an operation
+    that C does not have for numbers of that kind.
 
     Args:
         kind: of the result.
         of: kind of the first operand.
         given: the operands.
-
-    Raises:
-        NotImplementedError: for an operation that C does not have for numbers of that kind.
     """
     if operation in _SIGNS:
         both = f"({given[0]} {_SIGNS[operation]} {given[1]})"

@@ -43,7 +43,8 @@ _LIBRARIES = f"{Path(jax.__file__).parents[1]}/"
 
 
 def translated(function: Callable[..., Any], *arguments: Any, name: str = "program", whole: bool = False) -> Program:
-    """Return a JAX function as a program.
+    """Return a JAX function as a program; raises InvalidInput for a primitive or a number type that cannot be
+    translated, with the line that it comes from.
 
     Arguments become records of the leaves that the program reads; those that have a result of their name, in a dict of
     results, are whole, so that what comes out as `next_...` can be put in again.
@@ -52,9 +53,6 @@ def translated(function: Callable[..., Any], *arguments: Any, name: str = "progr
         arguments: pytrees of arrays or numbers of the shapes that the program shall take.
         name: what the program is called.
         whole: whether all records are whole, so that programs with the same arguments can share them.
-
-    Raises:
-        InvalidInput: for a primitive or a number type that cannot be translated, with the line that it comes from.
     """
     closed, shape = jax.make_jaxpr(function, return_shape=True)(*arguments)
     names = [*inspect.signature(function).parameters][: len(arguments)]

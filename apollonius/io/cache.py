@@ -38,15 +38,13 @@ def cache_folder(kind: str) -> Path | None:
 
 
 def cached(path: Path | None, make: Callable[[], T], save: Callable[[T, Path], None], load: Callable[[Path], T]) -> T:
-    """Return what a file holds, or make it and write the file.
+    """Return what a file holds, or make it and write the file; raises OSError when the file cannot be written, unless
+    it is in the user's cache, which is only a convenience.
 
     Args:
         path: by `entry`; None writes nothing.
         save: writes the file atomically.
         load: reads it; raises InvalidInput or OSError if it cannot.
-
-    Raises:
-        OSError: when the file cannot be written, unless it is in the user's cache, which is only a convenience.
     """
     if path is None:
         return make()

@@ -90,13 +90,11 @@ def to_json(data: Any, indent: int | None = None, sort_keys: bool = False) -> st
 
 
 def parse_json(content: str | bytes, about: str) -> dict[str, Any]:
-    """Return the object of a JSON text.
+    """Return the object of a JSON text; raises InvalidInput when the text is no JSON object, is nested too deeply, or
+    has a number that is not finite.
 
     Args:
         about: the message of a refusal, to which the reason is added.
-
-    Raises:
-        InvalidInput: when the text is no JSON object, is nested too deeply, or has a number that is not finite.
     """
     try:
         data = json.loads(content)

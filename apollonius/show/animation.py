@@ -161,14 +161,12 @@ _COLOURS = 64
 
 
 def save_animation(replay: Replay, path: Path, speed: float = 1.0) -> None:
-    """Write a game as a moving picture, or its end as a PNG.
+    """Write a game as a moving picture, or its end as a PNG; raises InvalidInput for another format or an impossible
+    speed, and for MP4 where `imageio-ffmpeg` is not installed.
 
     Args:
         speed: seconds of the game in one of the picture. Where that asks for too many frames a second, some steps are
             left out; the last one never is.
-
-    Raises:
-        InvalidInput: for another format or an impossible speed, and for MP4 where `imageio-ffmpeg` is not installed.
     """
     formats = (*MOVING, ".png")
     require(path.suffix in formats, "path", path, f"a file that ends in one of {', '.join(formats)}")

@@ -82,13 +82,11 @@ def save_slice(
     opponent: RobotState,
     path: Path,
 ) -> None:
-    """Save two maps of the arena as PNG: the value of a player's best action, and that action.
+    """Save two maps of the arena as PNG: the value of a player's best action, and that action; raises InvalidInput for
+    an opponent outside the walls or inside a disc, or speeds that the robots cannot have.
 
     Of a solved game the first one shows the barrier too: the line where the payoff that it promises its side is
     neither a win nor a loss. The player's `own` speed [m/s] and heading [rad] are given.
-
-    Raises:
-        InvalidInput: for an opponent outside the walls or inside a disc, or speeds that the robots cannot have.
     """
     other = ("opponent's speed", float(opponent.v), game.body(role.other))
     for what, speed, body in (("speed", own[0], game.body(role)), other):

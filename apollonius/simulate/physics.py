@@ -41,14 +41,12 @@ def robots_of(game: Game) -> dict[str, Unicycle]:
 
 
 def mjcf(game: Game, drive: Drive, step: float) -> str:
-    """Return the model as text, for a physics of steps of `step` [s].
+    """Return the model as text, for a physics of steps of `step` [s]; raises InvalidInput for an obstacle of another
+    kind, and for a robot that is not driven by two wheels.
 
     Walls stand outside the arena's bounds. Discs are cylinders; a polygon is its edges, since MuJoCo would fill a
     hollow one; a map is boxes of its cells. Robots do not touch each other: whether the evader is caught is for the
     referee to say.
-
-    Raises:
-        InvalidInput: for an obstacle of another kind, and for a robot that is not driven by two wheels.
     """
     bound = "discs, polygons and maps, the only ones that robots with bodies know"
     game.arena.require_only((Disc, Polygon, OccupancyMap), bound)

@@ -86,10 +86,8 @@ def _made(function: Callable[..., Any], name: str | None = None, **shapes: Any) 
 
 
 def player_program(player: AbstractPolicy) -> Program:
-    """Return a player of a user's own as the page calls it, from all that a robot sees to its action.
-
-    Raises:
-        InvalidInput: for a player with a memory or with continuous actions.
+    """Return a player of a user's own as the page calls it, from all that a robot sees to its action; raises
+    InvalidInput for a player with a memory or with continuous actions.
     """
     plays = not jax.tree.leaves(player.memory) and not player.continuous
     require(

@@ -53,13 +53,11 @@ class FolderHandler(SimpleHTTPRequestHandler):
 
 
 def make_server(folder: Path, port: int | None = None) -> ThreadingHTTPServer:
-    """Return a server of a folder, and nothing above it, on the loopback address, ready for `serve_forever`.
+    """Return a server of a folder, and nothing above it, on the loopback address, ready for `serve_forever`; raises
+    InvalidInput when the port cannot be used.
 
     Args:
         port: to listen on; None takes the first free one from `FIRST_PORT` on.
-
-    Raises:
-        InvalidInput: when the port cannot be used.
     """
     if port is not None:
         PORT.require("port", port)

@@ -65,10 +65,8 @@ class Choice:
 
 
 def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
-    """Return the choice of a person on one side, against an opponent and in a game by their names or files.
-
-    Raises:
-        InvalidInput: for a game, seed or player that does not exist, or that the page cannot play.
+    """Return the choice of a person on one side, against an opponent and in a game by their names or files; raises
+    InvalidInput for a game, seed or player that does not exist, or that the page cannot play.
     """
     SEED.require("seed", seed)
     rules = game_in_one_arena(game, "the page")

@@ -52,9 +52,7 @@ def compiled(programs: Sequence[Program], flags: Sequence[str]) -> bytes:
 
 
 def write_player(player: AbstractPolicy, path: Path) -> None:
-    """Write a player as a file that `apollonius play --against FILE` takes.
-
-    Raises:
-        InvalidInput: for a player that the page cannot play, or where the compiler is not installed.
+    """Write a player as a file that `apollonius play --against FILE` takes; raises InvalidInput for a player that the
+    page cannot play, or where the compiler is not installed.
     """
     write_atomically(path, compiled([player_program(player)], _OF_PLAYER))
