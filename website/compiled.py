@@ -10,9 +10,8 @@ from typing import Any
 import apollonius.show
 from apollonius.export.c import Program
 from apollonius.export.record import Record
-from apollonius.web.programs import page_programs
+from apollonius.web.programs import OF_PAGE, compiled, digest, page_programs, sources
 from apollonius.web.site import PAGE
-from apollonius.web.wasm import OF_PAGE, compiled, digest, sources
 
 COMPILED = PAGE / "compiled.js"
 IN_REPORTS = Path(apollonius.show.__file__).with_name("compiled.js")

@@ -17,10 +17,9 @@ import numpy as np
 from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, Var, jaxprs_in_params
 from jax.interpreters.partial_eval import dce_jaxpr
 
-from apollonius.export.arrays import FOLDS, OTHERS
+from apollonius.export.arrays import CONTROL, FOLDS, OTHERS
 from apollonius.export.block import Block, Value, buffer_of, placed, scalar
 from apollonius.export.c import Program, words
-from apollonius.export.control import CONTROL
 from apollonius.export.elementwise import COMPUTED, VIEWS
 from apollonius.export.indexing import INDEXED, part
 from apollonius.export.record import Leaf, Record, record_of

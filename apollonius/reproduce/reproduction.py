@@ -1,17 +1,187 @@
-"""The whole evaluation of the paper: train what is missing, play, draw, report."""
+"""The paper's figures 4 to 8, its Tables II and III, and all of them from trainings to a report."""
 
 from collections.abc import Callable
 from pathlib import Path
 
+import jax.numpy as jnp
+
+from apollonius import Outcome
+from apollonius.evaluate.claims import STAGE_1, TABLE_2, TABLE_3, Claim
+from apollonius.evaluate.match import record_game
+from apollonius.game.outcome import pursuer_wins
 from apollonius.io.errors import InvalidInput, require
 from apollonius.io.limits import SEEDS, STUDY_GAMES
 from apollonius.io.workers import Job, Run, run_jobs
 from apollonius.learn.config import PRESETS
 from apollonius.learn.folder import agent_file, create_run, load_config
 from apollonius.learn.run import train
-from apollonius.reproduce.figures import figure_4, figure_5, figure_6, figure_7, figure_8, table_2, table_3
-from apollonius.reproduce.finding import write_report
+from apollonius.play.replay import Replay
+from apollonius.reproduce.finding import (
+    Finding,
+    as_data,
+    beside_the_paper,
+    captured,
+    differences,
+    outcome_shares,
+    outcome_table,
+    rates,
+    won,
+    write_report,
+)
 from apollonius.reproduce.study import Study
+from apollonius.show import palette, style
+from apollonius.show.animation import last_frame
+from apollonius.show.style import Curve, draw_seeds, draw_strips, smooth
+
+_WINDOW = 50
+"""Chunks over which the reward is averaged."""
+MOMENTS = (25, 75, 100)
+"""Percentages of self-play, where agents are kept; the paper's Fig. 5 shows 23, 80 and 100 %."""
+
+
+def figure_4(study: Study) -> Finding:
+    """Draw success rate and average reward in stage 1, over episodes."""
+    successes, rewards = [], []
+    for seed in study.seeds:
+        evaluations = study.evaluations("curriculum", seed, "fixed-target")
+        games = sum(evaluations[0].outcomes.values())
+        success = [100 * evaluation.outcomes["captured"] / games for evaluation in evaluations]
+        successes.append(([evaluation.episodes for evaluation in evaluations], success))
+        rewards.append(_rewards(study, "curriculum", seed, "fixed-target"))
+    with style.picture(study.folder / "figure4.png", columns=2) as (left, right):
+        draw_seeds(left, successes, palette.PURSUER, "greedy")
+        left.axhline(100 * STAGE_1, color=palette.INK, linewidth=0.8, ls=":", label="the paper, 200,000 episodes")
+        left.set(title="success rate in stage 1", xlabel="episodes", ylabel="captured [%]", ylim=(0, 102))
+        left.legend(loc="lower right")
+        draw_seeds(right, rewards, palette.PURSUER, "exploring")
+        right.set(title="average reward of an episode", xlabel="episodes", ylabel="reward")
+        right.legend(loc="lower right")
+    matches = study.matches("P_stage1", "still")
+    claim = Claim("stage 1: success", "section IV, Fig. 4", STAGE_1, STAGE_1, rates(matches, won))
+    episodes = ", ".join(f"{x[-1]:,}" for x, _ in successes)
+    text = f"Left: greedy games from fixed starts. Right: the games of training. Episodes in all, by seed: {episodes}."
+    return Finding(
+        "Fig. 4: stage 1", text, ("figure4.png",), (claim,), {"success": successes} | as_data({"matches": matches})
+    )
+
+
+def _rewards(study: Study, name: str, seed: int, stage: str) -> Curve:
+    """Return the episodes of a stage, and the running mean of the exploring pursuer's reward in an episode."""
+    played = [line for line in study.metrics(name, seed, stage) if line.games]
+    return [line.episodes for line in played], smooth([line.pursuer_return for line in played], _WINDOW)
+
+
+def figure_5(study: Study) -> Finding:
+    """Draw the first game of the match between both sides of the first seed, as they were at each moment."""
+    seed, games = study.seeds[0], {}
+    for percent in MOMENTS:
+        match = study.pairing("P_curriculum", "E_curriculum", (seed, seed), percent)
+        games[f"after {percent} % of self-play"] = record_game(match, index=0)
+    ends = _draw_games(games, study.folder / "figure5.png")
+    moments = "; ".join(f"{percent} %: {end}" for percent, end in zip(MOMENTS, ends, strict=True))
+    return Finding("Fig. 5: one start as self-play goes on", f"{moments}.", ("figure5.png",), data={"ends": ends})
+
+
+def _draw_games(games: dict[str, Replay], path: Path) -> list[str]:
+    """Draw the ends of games side by side, each above its name, and return how they ended."""
+    with style.picture(path, columns=len(games), width=3.2, height=4.0) as panels:
+        for axes, (name, replay) in zip(panels, games.items(), strict=True):
+            axes.imshow(last_frame(replay))
+            axes.set_title(name)
+            axes.set_axis_off()
+    return [replay.ending() for replay in games.values()]
+
+
+def figure_6(study: Study) -> Finding:
+    """Draw how often pursuers of the curriculum win, and its evaders stay undefeated, against agents from scratch."""
+    chasing, fleeing = study.matches("P_curriculum", "E_scratch"), study.matches("P_scratch", "E_curriculum")
+    undefeated = rates(fleeing, lambda match: match.evader_undefeated_rate)
+    claims = (
+        Claim("P_curriculum beats E_scratch", "Fig. 6", 0.70, 0.70, rates(chasing, won)),
+        Claim("E_curriculum undefeated by P_scratch", "Fig. 6", 0.70, 0.70, undefeated),
+    )
+    names = ["P_curriculum wins\nagainst E_scratch", "E_curriculum undefeated\nby P_scratch"]
+    with style.picture(study.folder / "figure6.png") as (axes,):
+        draw_strips(axes, names, [claim.values for claim in claims], [claim.prediction.interval for claim in claims])
+        axes.axhline(70, color=palette.INK, linewidth=0.8, linestyle=":")
+        axes.set_title("against agents from scratch (dotted: the paper's 70 %)")
+    ours, theirs = outcome_shares(chasing), outcome_shares(fleeing)
+    text = outcome_table([("P_curriculum v E_scratch", ours), ("P_scratch v E_curriculum", theirs)])
+    text += "\n\nDots: pairs of trainings; colours: the pursuer's; lines: the evader's; bars: predictions."
+    data = as_data({"chasing": chasing, "fleeing": fleeing})
+    return Finding("Fig. 6: curriculum against scratch", text, ("figure6.png",), claims, data)
+
+
+def figure_7(study: Study) -> Finding:
+    """Draw the pursuer's reward over all episodes: the curriculum's, and against the random evader throughout."""
+    curriculum = [_both_stages(study, seed) for seed in study.seeds]
+    random = [_rewards(study, "random", seed, "fixed-target") for seed in study.seeds]
+    with style.picture(study.folder / "figure7.png", width=6.0) as (axes,):
+        draw_seeds(axes, curriculum, palette.PURSUER, "curriculum")
+        draw_seeds(axes, random, palette.OTHER, "trained on a random evader")
+        axes.set(title="average reward of the pursuer in training", xlabel="episodes", ylabel="reward of an episode")
+        axes.legend()
+    text = (
+        "Exploring players, as in training. Self-play weighs progress with another c than stage 1 and than training "
+        "on a random evader, so the level changes where it begins. It begins after different numbers of episodes with "
+        "different seeds, and there their band is widest."
+    )
+    return Finding("Fig. 7: average reward", text, ("figure7.png",))
+
+
+def _both_stages(study: Study, seed: int) -> Curve:
+    """Return the rewards of the curriculum; self-play's episodes are counted on from those of stage 1."""
+    episodes, rewards = _rewards(study, "curriculum", seed, "fixed-target")
+    later, more = _rewards(study, "curriculum", seed, "self-play")
+    return [*episodes, *(episodes[-1] + episode for episode in later)], [*rewards, *more]
+
+
+def figure_8(study: Study) -> Finding:
+    """Draw the first game in which P_random crashes and P_curriculum wins, or else the first that it loses."""
+    seed = study.seeds[0]
+    ours, theirs = (study.play(name, "E_scratch", (seed, seed)).outcome for name in ("P_curriculum", "P_random"))
+    wanted = pursuer_wins(ours) & (theirs == Outcome.PURSUER_HIT_OBSTACLE)
+    if not wanted.any():
+        wanted = theirs != Outcome.CAPTURED
+    index, pursuers = int(jnp.argmax(wanted)), ("P_random", "P_curriculum")
+    games = {
+        f"{name} against E_scratch": record_game(study.pairing(name, "E_scratch", (seed, seed)), index)
+        for name in pursuers
+    }
+    found = _draw_games(games, study.folder / "figure8.png")
+    ends = [f"{name}: {end}" for name, end in zip(pursuers, found, strict=True)]
+    text = f"Game {index} of the match. {'; '.join(ends)}."
+    return Finding("Fig. 8: the same start", text, ("figure8.png",), data={"game": index, "ends": ends})
+
+
+def table_2(study: Study) -> Finding:
+    """Play both pursuers against the random evader: wins, and direct captures."""
+    results = {name: study.matches(name, "random") for name in TABLE_2}
+    captures = {name: rates(matches, captured) for name, matches in results.items()}
+    wins = {name: rates(matches, won) for name, matches in results.items()}
+    claims = (
+        Claim("P_curriculum beats random", "Table II", 0.93, 0.93, wins["P_curriculum"]),
+        Claim("P_random beats random", "Table II", 0.91, 0.91, wins["P_random"]),
+        Claim(
+            "direct captures of random: P_random minus P_curriculum", "Table II", (336 - 62) / 500, 0.2,
+            differences(captures["P_random"], captures["P_curriculum"]), least=-1.0,
+        ),
+    )  # fmt: skip
+    text = beside_the_paper(results, TABLE_2)
+    return Finding("Table II: against the random evader", text, claims=claims, data=as_data(results))
+
+
+def table_3(study: Study) -> Finding:
+    """Play both pursuers against the evader of self-play from scratch."""
+    results = {name: study.matches(name, "E_scratch") for name in TABLE_3}
+    wins = {name: rates(matches, won) for name, matches in results.items()}
+    claim = Claim(
+        "wins against E_scratch: P_curriculum minus P_random", "Table III", 0.706 - 0.434, 0.1,
+        differences(wins["P_curriculum"], wins["P_random"]), least=-1.0,
+    )  # fmt: skip
+    text = beside_the_paper(results, TABLE_3)
+    return Finding("Table III: against E_scratch", text, claims=(claim,), data=as_data(results))
+
 
 SECTIONS = (figure_4, figure_5, figure_6, figure_7, table_2, table_3, figure_8)
 """In the order of the report."""

@@ -41,7 +41,7 @@ READS = ("paper", "encoded", *ANY_ARENA)
 ROBOTS = 6
 """Most robots of a side in the page, whose programs always have as many places for them."""
 OWN = ".wasm"
-"""Suffix of the files of users' own players (`apollonius.web.wasm.write_player`)."""
+"""Suffix of the files of users' own players (`apollonius.web.programs.write_player`)."""
 _BEGINS_WITH = ("pursuer", "evader", "game", "difficulty", "seed", "level")
 _MADE = f"one that the page makes: {', '.join(READS)}; choose another player"
 
@@ -93,7 +93,7 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     agents = {}
     if own:
         is_there = own.is_file() and own.read_bytes()[:4] == b"\0asm"
-        require(is_there, "opponent", bare, "a file that apollonius.web.wasm.write_player has written")
+        require(is_there, "opponent", bare, "a file that apollonius.web.programs.write_player has written")
         name, agents = name.removesuffix(bare) + own.stem, {own.stem: own}
     elif found is not None and found.header is not None:
         require(found.header.observation in READS, "observation", found.header.observation, _MADE)

@@ -20,8 +20,7 @@ from apollonius.observe.view import look
 from apollonius.play.replay import as_state, load_replay
 from apollonius.show.animation import fog
 from apollonius.web import wasm
-from apollonius.web.programs import player_program
-from apollonius.web.wasm import digest, sources, write_player
+from apollonius.web.programs import digest, player_program, sources, write_player
 from tests.documents import REPOSITORY
 from tests.web.browser import needs_chromium, playwright
 

@@ -78,7 +78,7 @@ export const run = Object.fromEntries(Object.entries(LAYOUTS.functions).map(([na
 
 const [OWN, OWN_END] = [2 ** 26, 2 ** 26 + 2 ** 23]; // where a user's own module has its constants and its stack
 
-/** The player in a user's own module (`apollonius/web/wasm.py`): from numbers to its action. There is room for one. */
+/** The player in a user's own module (`apollonius/web/programs.py`): from numbers to its action. There is room for one. */
 export function ownProgram(bytes) {
   if (end > OWN) throw new Error("there is no room for another player of your own: reload the page");
   allocate(OWN_END - end);
