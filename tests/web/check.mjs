@@ -32,7 +32,7 @@ function findPlayer({ name, late = 0 }, role) {
   const known = name.replace("shielded:", "");
   if (known === "forwards") return { name, act: () => game.HOLD };
   const rule = calls.CLASSICAL[role][known];
-  const player = players.BUILT_IN[known] ?? (rule ? players.byValues(rule) : players.atBest(read(known)));
+  const player = players.BUILT_IN[known] ?? (rule ? players.byValues(rule) : players.trained(read(known)).player);
   const seeing = late ? players.seeingLate(player, late) : player;
   const ranked = name === known ? seeing : players.shielded(seeing);
   return { name, act: (...seen) => ranked(...seen)[0] };

@@ -19,7 +19,7 @@ from apollonius.io.errors import InvalidInput
 from apollonius.observe.view import look
 from apollonius.play.replay import as_state, load_replay
 from apollonius.show.animation import fog
-from apollonius.web import wasm
+from apollonius.web import programs
 from apollonius.web.programs import digest, player_program, sources, write_player
 from tests.documents import REPOSITORY
 from tests.web.browser import needs_chromium, playwright
@@ -435,6 +435,6 @@ def test_a_player_that_the_page_cannot_play_is_refused_and_so_is_a_compiler_that
     smooth = find_player("P_smooth", Role.PURSUER, make_game("paper")).policy
     with pytest.raises(InvalidInput, match=r"player = .* discrete actions and without a memory"):
         write_player(smooth, tmp_path / "smooth.wasm")
-    monkeypatch.setattr(wasm, "find_spec", lambda module: None)
+    monkeypatch.setattr(programs, "find_spec", lambda module: None)
     with pytest.raises(InvalidInput, match=r"ziglang = missing .* pip install ziglang"):
-        wasm.compiled([], ())
+        programs.compiled([], ())

@@ -51,7 +51,7 @@ class Hand:
         return where["left"] + right / where["ratio"], where["top"] + down / where["ratio"]
 
     def use(self, tool, start, end=None):
-        self.page.click(f"#tools [data-tool={tool}]")
+        self.page.click(f"#tools [value={tool}]")
         self.page.mouse.move(*self.at(*start))
         self.page.mouse.down()
         if end:
@@ -128,8 +128,8 @@ def test_what_is_wrong_is_said_while_it_is_drawn(desk, tmp_path):
 def test_an_arena_on_a_map_is_changed_and_played(desk):
     page = desk.open("?pursuer=pursuer&evader=still&game=hall")
     page.click("#draw")
-    page.click("#tools [data-tool=disc]")
-    page.focus("#tools [data-tool=disc]")
+    page.click("#tools [value=disc]")
+    page.focus("#tools [value=disc]")
     page.keyboard.press("Enter")
     page.click("#play-here")
     page.wait_for_selector("#go:enabled")
@@ -151,8 +151,8 @@ def test_fingers_draw_on_a_phone(phone, tmp_path):
     assert page.evaluate("document.documentElement.scrollWidth") <= 375
     screen = page.context.new_cdp_session(page)
     for tool, ways in (("wall", [(2, 4), (5, 4), (8, 4)]), ("disc", [(5, 8)])):
-        page.click(f"#tools [data-tool={tool}]")
-        page.wait_for_selector(f"#tools [data-tool={tool}][aria-pressed=true]")
+        page.click(f"#tools [value={tool}]")
+        page.wait_for_selector(f"#tools [value={tool}][aria-pressed=true]")
         for kind, (x, y) in zip(["touchStart", *["touchMove"] * 2], ways, strict=False):
             right, down = hand.at(x, y)
             screen.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": right, "y": down}]})

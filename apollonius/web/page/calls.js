@@ -2,7 +2,7 @@
 //
 // What was written to their memory last stays there, so that an arena or a chart is copied once and not for every call.
 
-import { EVADER, OUTCOMES, PURSUER, ROLES, STATUSES, actionLevels, bodiesOf, isActive, other } from "./game.js";
+import { ACTIONS, EVADER, OUTCOMES, PURSUER, ROLES, STATUSES, actionLevels, bodiesOf, isActive, other } from "./game.js";
 import { addresses, given, kept, ownProgram, run } from "./programs.js";
 
 export const MOST_ROBOTS = given.robots().status.length / 2; // of a side
@@ -192,13 +192,14 @@ export function pathsFrom(game, { x, y }) {
   return Float32Array.from({ length: count }, (_, cell) => near.reduce((sum, [path, weight]) => sum + weight * path[cell], 0));
 }
 
-/** A player of a user's own, from the bytes of its module: from (game, state, who) to its action. */
+/** A player of a user's own, from the bytes of its module. */
 export function readOwn(buffer) {
   const act = ownProgram(buffer);
-  return (...seen) => {
-    writeView("own", ...seen);
-    return act(seen[0].capture_distance, seen[0].dt)[0];
+  const player = (game, ...seen) => {
+    writeView("own", game, ...seen);
+    return [act(game.capture_distance, game.dt)[0], ...ACTIONS];
   };
+  return { player, values: null };
 }
 
 /** Return whether a rule can be followed in a game with a number of pursuers. */

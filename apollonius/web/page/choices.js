@@ -3,6 +3,7 @@
 
 import { MOST_ROBOTS } from "./calls.js";
 import { drawGround, scaled } from "./draw.js";
+import { make } from "./files.js";
 import { EVADER, ROLES, countsOf, other, partsOf, teamName } from "./game.js";
 import { LEVELS, bestOf, endless, levelOf } from "./levels.js";
 import { ANYWHERE, DIFFICULTIES, ruleNames } from "./players.js";
@@ -13,13 +14,6 @@ const PICTURE = 96; // side of a level's [pixels]
 const SIZES = [[1, 1], [2, 1], [3, 1], [3, 2]]; // pursuers and evaders
 
 const asOptions = (names) => names.map((name) => new Option(name === YOU ? inWords(name) : `${inWords(name)} (${name})`, name));
-
-const group = (label, options) => {
-  const made = document.createElement("optgroup");
-  made.label = label;
-  made.append(...options);
-  return made;
-};
 
 export class Choices {
   /** @param form whose fields are filled here; `games` are all games by name */
@@ -71,9 +65,9 @@ export class Choices {
       const trained = (knows) => this.agents[role].filter((agent) => this.anywhere.includes(agent) === knows);
       field.replaceChildren(
         ...asOptions([YOU]),
-        group("knows any arena", asOptions(trained(true))),
-        group("rules of thumb", asOptions(ruleNames(role, this.games[name], this.#counts))),
-        group("trained in one arena", asOptions(trained(false))),
+        make("optgroup", { label: "knows any arena" }, ...asOptions(trained(true))),
+        make("optgroup", { label: "rules of thumb" }, ...asOptions(ruleNames(role, this.games[name], this.#counts))),
+        make("optgroup", { label: "trained in one arena" }, ...asOptions(trained(false))),
       );
       field.value = before;
       const isAbroad = trained(false).includes(field.value) && !AT_HOME.includes(name) && /^[PE]_\w+$/.test(field.value);
@@ -145,28 +139,18 @@ export function asQuery({ level, ...choice }) {
 /** Buttons for all levels, with their arenas and what has been reached in each. */
 export function levelButtons(games, colours, current, onChoice) {
   return LEVELS.map((level) => {
-    const [item, picture, about] = ["li", "canvas", "small"].map((kind) => document.createElement(kind));
     const { arena } = games[partsOf(level.game, games)[0]];
-    Object.assign(picture, { width: PICTURE, height: PICTURE, ariaHidden: "true" });
+    const picture = make("canvas", { width: PICTURE, height: PICTURE, ariaHidden: "true" });
     drawGround(scaled(picture, arena), arena, colours);
     const best = bestOf(level);
     const isFlight = level.side === EVADER;
     const reached = best === null ? "" : `; ✓ won${isFlight ? "" : `, ${best.toFixed(1)} s`}`;
-    const button = buttonOf(`${level.number}. ${level.name}`, () => onChoice(level));
-    about.textContent = `${isFlight ? "flee" : "hunt"}, ${level.difficulty}${reached}`;
-    button.prepend(picture);
-    button.append(about);
+    const about = make("small", {}, `${isFlight ? "flee" : "hunt"}, ${level.difficulty}${reached}`);
+    const button = make("button", { onclick: () => onChoice(level) }, picture, `${level.number}. ${level.name}`, about);
     if (level === current) button.setAttribute("aria-current", "true");
-    item.append(button);
     const longest = bestOf(endless(level));
     const ever = `Endless${longest === null ? "" : `: ${longest.toFixed(1)} s so far`}`;
-    if (isFlight && best !== null) item.append(buttonOf(ever, () => onChoice(endless(level))));
-    return item;
+    const more = isFlight && best !== null ? [make("button", { onclick: () => onChoice(endless(level)) }, ever)] : [];
+    return make("li", {}, button, ...more);
   });
-}
-
-function buttonOf(text, onClick) {
-  const button = Object.assign(document.createElement("button"), { textContent: text });
-  button.addEventListener("click", onClick);
-  return button;
 }

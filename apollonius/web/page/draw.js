@@ -1,7 +1,7 @@
 // A match under way on a canvas, from above: the arena, trails, robots. Lengths are in metres, y points up.
 
 import { clearanceAlong } from "./calls.js";
-import { drawBelief } from "./fog.js";
+import { drawCells } from "./fog.js";
 import { PURSUER, ROLES, bodyOf, isActive, robotOf, robotsOf, wrapAngle } from "./game.js";
 
 const ROBOT = 0.16; // least radius that a robot is drawn with [m]
@@ -159,7 +159,7 @@ export function drawGround(context, arena, colours, beneath = null) {
 export function draw(canvas, { game, states, now, colours, steered = [], layers = null, fog = null }) {
   const { arena } = game;
   const context = begin(canvas, arena);
-  drawGround(context, arena, colours, fog?.isHidden ? () => drawBelief(context, arena, FOG, fog.credit, colours) : layers?.beneath);
+  drawGround(context, arena, colours, fog?.isHidden ? () => drawCells(context, arena, FOG, fog.credit, colours) : layers?.beneath);
   const robots = robotsOf(now, ROLES).filter(({ role }) => !(fog?.isHidden && role === fog.rival));
   if (fog?.last) drawSighting(context, fog.last, colours[fog.rival]);
   for (const who of robots.filter(({ role }) => role !== fog?.rival)) {

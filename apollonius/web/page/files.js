@@ -1,5 +1,5 @@
-// Files that the page loads when it is first asked for, as the fields of maps, games from a catalogue, and
-// those that it lets a person save.
+// Files that the page loads when it is first asked for, as the fields of maps, games from a catalogue, and what it makes:
+// elements, links, files that a person saves.
 
 import { inTeams, partsOf } from "./game.js";
 
@@ -14,9 +14,6 @@ export async function load(name, path, reads) {
   }
   return read.get(path);
 }
-
-/** Return whether an agent is a user's own player, and no network. */
-export const isOwn = ({ files }, name) => files[name]?.endsWith(".wasm");
 
 /** A game, such as `office` or `team-3v1/office`. */
 export async function findGame(catalogue, name) {
@@ -40,11 +37,22 @@ export function asRecord(game) {
   return map ? { ...game, arena: { ...arena, map: { file: map.file, sha256: map.sha256 } } } : game;
 }
 
+/** An element of a kind, with its properties and what is inside. */
+export function make(kind, properties = {}, ...inside) {
+  const made = Object.assign(document.createElement(kind), properties);
+  made.append(...inside);
+  return made;
+}
+
 /** Let a person save a text, or bytes, as a file. */
 export function saveAs(name, content, type) {
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(new Blob([content], { type }));
-  link.download = name;
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+  const href = URL.createObjectURL(new Blob([content], { type }));
+  make("a", { href, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(href), 1000);
+}
+
+/** Copy a link, and put it into the address bar. */
+export async function copyLink(url) {
+  history.replaceState(null, "", url);
+  await navigator.clipboard?.writeText(url).catch(() => null);
 }

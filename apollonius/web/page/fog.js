@@ -47,13 +47,8 @@ export function fogOf({ game, states, isOver }, me) {
   return { rival: other(me), isHidden, last: isHidden && found.isSeen ? found.last : null, credit: found.credit };
 }
 
-/** Draw where an opponent can be: in which cells of an arena's chart. */
-export function drawBelief(context, arena, opacity, credit, colours) {
-  drawCells(context, arena, opacity, credit, colours, (one) => (one < 0 ? null : colours.ink));
-}
-
-/** Draw cells of an arena's chart, from the bottom: each in the colour that its value has, if any. */
-export function drawCells(context, arena, opacity, values, colours, colourOf) {
+/** Draw cells of an arena's chart, from the bottom: each in the colour that its value has, if any; dark where an opponent can be. */
+export function drawCells(context, arena, opacity, values, colours, colourOf = (credit) => (credit < 0 ? null : colours.ink)) {
   const { x_min: x, x_max: right, y_min: y, y_max: top } = arena;
   const cell = Math.max(right - x, top - y) / CELLS;
   context.save();

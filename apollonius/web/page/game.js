@@ -42,13 +42,6 @@ export function actionLevels(action) {
   return [Math.floor(action / 3) - 1, (action % 3) - 1];
 }
 
-/** Return the winner: "pursuer", "evader" or null (outlived the time limit, or both failed). */
-export function winner(game, outcome) {
-  if (["captured", "evader_hit_obstacle", "evader_out_of_range"].includes(outcome)) return PURSUER;
-  if (["pursuer_hit_obstacle", "pursuer_out_of_range", "territory_reached"].includes(outcome)) return EVADER;
-  return outcome === "no_result" && game.reward.profile === "zero-sum" ? EVADER : null;
-}
-
 // ---- robots
 
 /** Return the limits of every robot of a side. */

@@ -32,10 +32,6 @@ export class SlowReplay {
     return (this.last * this.match.game.dt) / FASTER + AFTERWARDS;
   }
 
-  hold(number) {
-    this.held = number;
-  }
-
   /** The number of the state that is shown at a time [s], whole or between two. */
   at(now) {
     if (this.held !== null) return this.held;

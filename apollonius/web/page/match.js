@@ -2,7 +2,7 @@
 
 import { step } from "./calls.js";
 import { asRecord } from "./files.js";
-import { EVADER, HOLD, PURSUER, ROLES, actionLevels, isActive, isContinuous, winner } from "./game.js";
+import { EVADER, HOLD, PURSUER, ROLES, actionLevels, isActive, isContinuous } from "./game.js";
 import { drawStart, makeRandom } from "./starts.js";
 
 const REPLAY_FORMAT = 1;
@@ -63,8 +63,10 @@ export class Match {
 
   /** The winner of a game that is over: "pursuer", "evader" or null. On this page outliving the time limit is a win. */
   get winner() {
-    const survived = this.outcome === "no_result" && !this.game.arena.territory;
-    return survived ? EVADER : winner(this.game, this.outcome);
+    const { game, outcome } = this;
+    if (["captured", "evader_hit_obstacle", "evader_out_of_range"].includes(outcome)) return PURSUER;
+    if (["pursuer_hit_obstacle", "pursuer_out_of_range", "territory_reached"].includes(outcome)) return EVADER;
+    return outcome === "no_result" && (!game.arena.territory || game.reward.profile === "zero-sum") ? EVADER : null;
   }
 
   /** The time until the limit [s]. */

@@ -1,7 +1,7 @@
 // The page: buttons, keys and choices in, frames out. What is played is a `Session`.
 
 import { Choices, asChoice, levelButtons } from "./choices.js";
-import { saveAs } from "./files.js";
+import { copyLink, make, saveAs } from "./files.js";
 import { EVADER, PURSUER } from "./game.js";
 import { SHARES, learner, withOpenFloor } from "./levels.js";
 import { Session } from "./session.js";
@@ -86,8 +86,7 @@ async function share() {
   const url = location.href.split(/[?#]/)[0] + (await asReplayLink(page.match));
   const shared = { title: "Apollonius", text, url, files: [picture] };
   if (matchMedia("(pointer: coarse)").matches && navigator.canShare?.(shared)) return navigator.share(shared);
-  history.replaceState(null, "", url);
-  await navigator.clipboard?.writeText(url).catch(() => null);
+  await copyLink(url);
   saveAs(picture.name, picture, picture.type);
   element("message").textContent = "The picture is saved. The link that plays this game again is copied, and in the address bar.";
 }
@@ -142,14 +141,9 @@ function onKey(event) {
 
 /** A box to tick for each layer. */
 function offerLayers() {
-  const boxes = Object.entries(LAYERS).map(([name, words]) => {
-    const [label, box] = ["label", "input"].map((kind) => document.createElement(kind));
-    Object.assign(box, { type: "checkbox", name, checked: true });
-    label.className = "check";
-    label.append(box, words);
-    return label;
-  });
-  element("layers").append(...boxes);
+  for (const [name, words] of Object.entries(LAYERS)) {
+    element("layers").append(make("label", { className: "check" }, make("input", { type: "checkbox", name, checked: true }), words));
+  }
   element("layers").addEventListener("change", showLayers);
 }
 

@@ -6,7 +6,7 @@
 // shield stays a shield.
 
 import { CLASSICAL, canStop, clearanceAfter, fits, observe, readOwn } from "./calls.js";
-import { isOwn, load } from "./files.js";
+import { load } from "./files.js";
 import { bySight } from "./fog.js";
 import { ACTIONS, EVADER, PURSUER, actionLevels, bodyOf, other, robotOf } from "./game.js";
 import { addresses, given, kept, run } from "./programs.js";
@@ -68,16 +68,11 @@ function byNearness(means) {
 /** The order of actions by a network's outputs: values of the 9 actions, or means and spreads of two levels. */
 const PREFERENCES = { values: byValue, gaussian: (said) => byNearness(said.subarray(0, 2)) };
 
-/** A trained agent without exploration. */
-export function atBest(agent) {
+/** A trained agent without exploration: as a player, and its values of the nine actions; null of one without values. */
+export function trained(agent) {
   const { observation, network = "values" } = agent.header;
-  return (...seen) => PREFERENCES[network](outputs(agent, observe(observation, ...seen)));
-}
-
-/** Return a function from (game, state, who) to the values of the nine actions, or null for an agent without values. */
-function valuesOf(agent) {
-  const { observation, network = "values" } = agent.header;
-  return network === "values" ? (...seen) => outputs(agent, observe(observation, ...seen)) : null;
+  const says = (...seen) => outputs(agent, observe(observation, ...seen));
+  return { player: (...seen) => PREFERENCES[network](says(...seen)), values: network === "values" ? says : null };
 }
 
 /** Return the player that prefers actions of higher value. */
@@ -161,7 +156,6 @@ export async function findPlayer(catalogue, name, role, difficulty, steer) {
 async function findBare(catalogue, name, role) {
   if (Object.hasOwn(BUILT_IN, name)) return { player: BUILT_IN[name], values: null };
   if (Object.hasOwn(CLASSICAL[role], name)) return { player: byValues(CLASSICAL[role][name]), values: CLASSICAL[role][name] };
-  const agent = await load(name, catalogue.files[name], isOwn(catalogue, name) ? readOwn : readAgent);
-  if (isOwn(catalogue, name)) return { player: (...seen) => [agent(...seen), ...ACTIONS], values: null };
-  return { player: atBest(agent), values: valuesOf(agent) };
+  const isOwn = catalogue.files[name]?.endsWith(".wasm"); // of a user's own, and no network
+  return load(name, catalogue.files[name], isOwn ? readOwn : (buffer) => trained(readAgent(buffer)));
 }

@@ -197,7 +197,7 @@ export class Session {
 
   /** Hold a moment of the game that is over, by the number of its state. */
   look(number) {
-    this.ending.hold(number);
+    this.ending.held = number;
     this.seen = this.match.from(number);
   }
 }

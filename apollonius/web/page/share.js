@@ -1,5 +1,6 @@
 // What a person can show to others of a game that is over: a picture with its trails, and a link that plays it again.
 
+import { make } from "./files.js";
 import { HOLD, PURSUER, ROLES, isContinuous } from "./game.js";
 import { asFragment, fromFragment, gameFrom } from "./gamefile.js";
 import { Match, asRow } from "./match.js";
@@ -57,7 +58,7 @@ export function record(canvas, seconds) {
   if (!globalThis.MediaRecorder) throw new Error("this browser makes no films: save the replay");
   const scale = FILM.side / Math.max(canvas.width, canvas.height);
   const [width, height] = [canvas.width, canvas.height].map((side) => Math.round(scale * side));
-  const frame = Object.assign(document.createElement("canvas"), { width, height });
+  const frame = make("canvas", { width, height });
   const context = frame.getContext("2d");
   const recorder = new MediaRecorder(frame.captureStream(FILM.rate));
   const parts = [];
@@ -77,7 +78,7 @@ export function record(canvas, seconds) {
 /** Return a picture of a game that is over: the arena as it is on a canvas, how it ended, and where to play. */
 export function drawCard(canvas, said, colours) {
   const { width, height, margin } = CARD;
-  const card = Object.assign(document.createElement("canvas"), { width, height });
+  const card = make("canvas", { width, height });
   const context = card.getContext("2d");
   const style = getComputedStyle(document.body);
   context.fillStyle = style.backgroundColor;

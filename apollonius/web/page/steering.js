@@ -1,5 +1,6 @@
 // Actions of people: keys held down, fingers or a mouse on pads of nine actions, game controllers.
 
+import { make } from "./files.js";
 import { EVADER, PURSUER, clip } from "./game.js";
 
 const KEYS = {
@@ -76,7 +77,7 @@ export class Steering {
 
   /** Make an element of nine cells a robot's pad: rows speed up, hold, brake; columns turn left, straight, right. */
   attach(element, role) {
-    for (const arrow of "↖↑↗←•→↙↓↘") element.append(Object.assign(document.createElement("span"), { textContent: arrow }));
+    for (const arrow of "↖↑↗←•→↙↓↘") element.append(make("span", {}, arrow));
     const choose = (event) => {
       const box = element.getBoundingClientRect();
       const third = (offset, length) => clip(Math.floor((3 * offset) / length), 0, 2);

@@ -3,7 +3,7 @@
 
 import { CELLS, canStop, move, pathsFrom } from "./calls.js";
 import { circle, cross, path } from "./draw.js";
-import { drawBelief, drawCells, isFoggy, knowledge } from "./fog.js";
+import { drawCells, isFoggy, knowledge } from "./fog.js";
 import { ACTIONS, EVADER, PURSUER, ROLES, bodyOf, isActive, robotOf, robotsOf } from "./game.js";
 
 const HELD = 1; // for how long actions are held to show where they lead [s]
@@ -97,7 +97,7 @@ export function layersOf({ game, state }, { leads, robots, belief }, colours) {
   const beneath = (context) => {
     const first = (lead) => (Number.isNaN(lead) ? null : colours[lead > 0 ? EVADER : PURSUER]);
     if (leads) drawCells(context, game.arena, FAINT, leads, colours, first);
-    if (belief) drawBelief(context, game.arena, DENSE, belief.credit, colours);
+    if (belief) drawCells(context, game.arena, DENSE, belief.credit, colours);
   };
   const above = (context) => {
     context.save();

@@ -1,7 +1,7 @@
 // Where arenas are drawn: tools, sliders, files and links around the editor, and the way to the game and back.
 
 import { Editor, TOOLS } from "./editor.js";
-import { saveAs } from "./files.js";
+import { copyLink, make, saveAs } from "./files.js";
 import { DEFAULT, asFragment, fromFragment, gameFrom, readGame, writeGame } from "./gamefile.js";
 import { cleared, withSize } from "./plan.js";
 import { survey } from "./survey.js";
@@ -117,13 +117,11 @@ export class Workshop {
 
   #makeTools() {
     const buttons = TOOLS.map((tool) => {
-      const button = Object.assign(document.createElement("button"), { textContent: tool, title: HINTS[tool] });
-      button.dataset.tool = tool;
-      button.addEventListener("click", ({ detail }) => {
+      const onclick = ({ detail }) => {
         this.#choose(tool);
         if (detail === 0) this.editor.useInTheMiddle(tool); // by the keyboard
-      });
-      return button;
+      };
+      return make("button", { value: tool, title: HINTS[tool], onclick }, tool);
     });
     this.element("tools").prepend(...buttons);
     this.#choose("block");
@@ -132,21 +130,17 @@ export class Workshop {
   #choose(tool) {
     this.editor.tool = tool;
     if (tool !== "select") this.editor.selected = null;
-    for (const button of this.element("tools").querySelectorAll("[data-tool]")) {
-      button.setAttribute("aria-pressed", String(button.dataset.tool === tool));
-    }
+    for (const button of this.element("tools").querySelectorAll("[value]")) button.setAttribute("aria-pressed", button.value === tool);
     this.#say(HINTS[tool]);
   }
 
   #makeSliders() {
     this.sliders = [];
     const add = (place, text, [least, most, step], get, set) => {
-      const [label, value, input] = ["label", "span", "input"].map((kind) => document.createElement(kind));
-      Object.assign(input, { type: "range", min: least, max: most, step });
-      input.addEventListener("change", () => this.editor.change(set(this.editor.game, Number(input.value))));
-      input.addEventListener("input", () => (value.textContent = input.value));
-      label.append(`${text} `, value, input);
-      this.element(place).append(label);
+      const [value, input] = [make("span"), make("input", { type: "range", min: least, max: most, step })];
+      input.onchange = () => this.editor.change(set(this.editor.game, Number(input.value)));
+      input.oninput = () => (value.textContent = input.value);
+      this.element(place).append(make("label", {}, `${text} `, value, input));
       this.sliders.push((game) => {
         input.value = get(game);
         value.textContent = Number(get(game).toFixed(3));
@@ -197,8 +191,7 @@ export class Workshop {
   async #share() {
     if (this.game.arena.map) throw new Error("a map is too large for a link: save the game and send its files");
     const link = new URL(await asFragment(MARK, writeGame(this.game, 0)), location.href.split("#")[0].split("?")[0]).href;
-    history.replaceState(null, "", new URL(link).hash);
-    await navigator.clipboard?.writeText(link).catch(() => null);
+    await copyLink(link);
     this.#say("The link to this arena is copied, and in the address bar.");
   }
 }
