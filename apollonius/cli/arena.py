@@ -7,6 +7,7 @@ from typing import Any
 from apollonius.agents.names import BUILT_IN, SIDES, side_of, zoo_names
 from apollonius.arenas.names import KINDS
 from apollonius.cli.options import add_json, answer, command, finish
+from apollonius.cli.terminal import advice_table
 from apollonius.cli.values import count, known_game, new_file, real
 from apollonius.io.errors import require
 from apollonius.io.limits import DISCS, GAME_FILES, SEED
@@ -73,7 +74,6 @@ def run_check(options: argparse.Namespace) -> int:
     verdict = [] if found.wrong else [f"{options.game}: nothing is wrong with this arena"]
     data: dict[str, Any] = {"game": options.game, "wrong": found.wrong, "notes": notes}
     if options.players:
-        from apollonius.cli.terminal import advice_table
         from apollonius.evaluate.tournament import advise
 
         options.display.begin("playing the players against each other", compiles=True)

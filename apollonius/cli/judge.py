@@ -25,6 +25,7 @@ from apollonius.cli.options import (
     requested_match,
     warn,
 )
+from apollonius.cli.terminal import comparison_table, match_table, tournament_table
 from apollonius.cli.values import agent_of, count, existing_file, known_entrant, new_file
 from apollonius.io.errors import require, require_extra
 from apollonius.io.limits import ENTRANTS, GAMES, SIMULATED_GAMES
@@ -54,7 +55,6 @@ def add_simulate(parser: argparse.ArgumentParser) -> None:
 
 
 def run_evaluate(options: argparse.Namespace) -> int:
-    from apollonius.cli.terminal import match_table
     from apollonius.evaluate.match import count, play_games, play_match, record_game, worst_first
 
     if options.vary:
@@ -73,7 +73,6 @@ def run_evaluate(options: argparse.Namespace) -> int:
 def run_simulate(options: argparse.Namespace) -> int:
     """Play with bodies, and the same games by the rules."""
     require_extra("sim", "simulate")
-    from apollonius.cli.terminal import comparison_table
     from apollonius.evaluate.match import count, play_games, worst_first
     from apollonius.simulate.drive import load_drive
     from apollonius.simulate.simulation import compare, record_course, simulate_match
@@ -105,12 +104,10 @@ def add_tournament(parser: argparse.ArgumentParser) -> None:
 
 
 def run_tournament(options: argparse.Namespace) -> int:
-    from apollonius.arenas.file import find_game
-    from apollonius.catalogue import find_player, player_names
-    from apollonius.cli.terminal import tournament_table
-    from apollonius.evaluate.match import Match, MatchResult, starting
+    from apollonius import BySide, Match, find_game, find_player
+    from apollonius.catalogue import player_names
+    from apollonius.evaluate.match import MatchResult, starting
     from apollonius.evaluate.tournament import play_tournament
-    from apollonius.game.by_side import BySide
     from apollonius.game.types import ROLES
 
     game, viable = starting(find_game(options.game), options.starts)

@@ -9,6 +9,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from apollonius.cli.terminal import varied_table
 from apollonius.cli.values import agent_of, count, installed, known_game, new_folder, require_writable, varied
 from apollonius.io.document import to_json
 from apollonius.io.errors import require
@@ -16,9 +17,8 @@ from apollonius.io.limits import GAME_FILES, GAMES, RECORDS, SEED, Counted
 from apollonius.io.workers import WORKERS, Run, run_jobs
 
 if TYPE_CHECKING:
-    from apollonius.agents.kind import Named
-    from apollonius.evaluate.match import Match, MatchResult
-    from apollonius.game.game import Game
+    from apollonius import Game, Match, Named
+    from apollonius.evaluate.match import MatchResult
     from apollonius.play.replay import Replay
 
 
@@ -100,7 +100,6 @@ def requested_match(options: argparse.Namespace, in_one_arena: bool = False) -> 
 def answer_varied(options: argparse.Namespace, play: "Callable[..., MatchResult]") -> int:
     """Play a match for each value of `--vary`, as `play_match` does, and print or draw how often the pursuer wins."""
     from apollonius.arenas.file import game_in_one_arena
-    from apollonius.cli.terminal import varied_table
     from apollonius.evaluate.vary import Variation, play_varied, varied_matches
     from apollonius.game.by_side import BySide
 

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from apollonius.cli.options import LENGTHS, add_json, add_workers, answer, command, finish
+from apollonius.cli.terminal import runs_table
 from apollonius.cli.values import count, installed, new_folder, run_folder, runs_folder
 from apollonius.io.errors import TRACKERS, require_extra
 from apollonius.io.interrupts import go_on
@@ -29,7 +30,6 @@ def add_track(parser: argparse.ArgumentParser) -> None:
 
 
 def run_runs(options: argparse.Namespace) -> int:
-    from apollonius.cli.terminal import runs_table
     from apollonius.learn.progress import progress_of, runs_below
 
     folder: Path = options.folder
@@ -72,7 +72,6 @@ def train_and_judge(folder: Path) -> bool:
 
 def train_all(runs: Sequence[Path], folder: Path, options: argparse.Namespace) -> int:
     """Train and judge runs at or below a folder as jobs, and list how they ended."""
-    from apollonius.cli.terminal import runs_table
     from apollonius.learn.progress import progress_of, runs_below
 
     display, on = options.display, options.on or "processes"

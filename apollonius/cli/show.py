@@ -121,13 +121,11 @@ def add_slice(parser: argparse.ArgumentParser) -> None:
 def run_slice(options: argparse.Namespace) -> int:
     import jax.numpy as jnp
 
-    from apollonius.agents.kind import Named
+    from apollonius import BySide, Named, RobotState, Role
     from apollonius.agents.policy import AbstractActionValuePolicy
     from apollonius.agents.trained import find_trained, greedy
     from apollonius.arenas.charting import charted
     from apollonius.arenas.file import game_in_one_arena
-    from apollonius.game.by_side import BySide
-    from apollonius.game.types import RobotState, Role
     from apollonius.show.slices import save_slice
     from apollonius.solve.solving import table_player
     from apollonius.solve.store import is_solution
@@ -191,8 +189,7 @@ def add_play(parser: argparse.ArgumentParser) -> None:
 
 
 def run_play(options: argparse.Namespace) -> int:
-    from apollonius.arenas.file import find_game
-    from apollonius.game.types import Role
+    from apollonius import Role, find_game
     from apollonius.io.document import whole_folder
     from apollonius.web.server import make_server
     from apollonius.web.site import choose, write_site

@@ -7,19 +7,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.cli.options import add_game, add_json, answer, chosen_rules, command, finish, warn
-from apollonius.cli.terminal import columns
+from apollonius.cli.terminal import columns, sweeps_on
 from apollonius.cli.values import count, existing_file, known_game, new_file, nodes, real, require_writable
 from apollonius.io.errors import InvalidInput, require
 from apollonius.io.limits import HOLD
 
 if TYPE_CHECKING:
+    from apollonius import BySide, Game, Role, SaddlePolicy
     from apollonius.cli.display import Display
-    from apollonius.game.by_side import BySide
-    from apollonius.game.game import Game
-    from apollonius.game.types import Role
     from apollonius.solve.enough import Enough
     from apollonius.solve.grid import Sweep
-    from apollonius.solve.players import SaddlePolicy
     from apollonius.solve.store import Problem
 
 
@@ -31,7 +28,6 @@ def solved_game(
     display: "Display", game: "Game", counts: Sequence[int] | None, folder: Path | None
 ) -> "BySide[SaddlePolicy]":
     """Return the players of both sides by the solved game; arguments and errors as of `cached_tables`."""
-    from apollonius.cli.terminal import sweeps_on
     from apollonius.solve.solving import cached_tables
 
     shows: dict[Role, Callable[[Sweep], None]] = {}
@@ -59,10 +55,9 @@ def add_table_options(parser: argparse.ArgumentParser) -> None:
 
 def requested_tables(options: argparse.Namespace, game: "Game") -> "BySide[SaddlePolicy]":
     """Return the players by the solved game: from files, or solved here and kept in the cache."""
-    from apollonius.game.by_side import BySide
-    from apollonius.game.types import Role
+    from apollonius import BySide, Role, joint_grid
     from apollonius.io.cache import cache_folder
-    from apollonius.solve.solving import FEW_PAIRS, joint_grid, table_player
+    from apollonius.solve.solving import FEW_PAIRS, table_player
 
     if options.tables:
         options.display.begin(SOLVING[0], compiles=True)
@@ -107,7 +102,6 @@ def add_solve(parser: argparse.ArgumentParser) -> None:
 
 def run_solve(options: argparse.Namespace) -> int:
     from apollonius.arenas.file import game_in_one_arena
-    from apollonius.cli.terminal import sweeps_on
     from apollonius.evaluate.solved import about
     from apollonius.solve.solving import solve_problem
     from apollonius.solve.store import load_solution, save_solution
@@ -136,10 +130,9 @@ def run_solve(options: argparse.Namespace) -> int:
 
 
 def _requested_problem(options: argparse.Namespace, game: "Game") -> "Problem":
+    from apollonius import Role, joint_grid, reference_grid
     from apollonius.arenas.record import to_dict
-    from apollonius.game.types import Role
     from apollonius.solve.grid import make_grid
-    from apollonius.solve.solving import joint_grid, reference_grid
     from apollonius.solve.store import Problem
 
     what, target = options.what, options.target

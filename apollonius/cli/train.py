@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from apollonius.cli.options import LENGTHS, add_workers, command, finish
 from apollonius.cli.runs import train_all
 from apollonius.cli.solve import solved_game
+from apollonius.cli.terminal import match_table, training_notes
 from apollonius.cli.values import (
     agent_of,
     count,
@@ -168,7 +169,6 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
 def _train_and_judge(config: "RunConfig", folder: Path, display: "Display", to: str | None = None) -> int:
     """Train to the end or to Ctrl-C; at the end judge the new agents."""
     from apollonius.arenas.suite import each_alone
-    from apollonius.cli.terminal import match_table, training_notes
     from apollonius.evaluate.pairings import evaluate_run
     from apollonius.learn.metrics import Tracker
     from apollonius.learn.run import Run
