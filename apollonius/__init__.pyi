@@ -12,11 +12,11 @@ from apollonius.agents.store import save_agent as save_agent
 from apollonius.arenas.file import find_game as find_game
 from apollonius.catalogue import find_player as find_player
 from apollonius.envs.pettingzoo import parallel_env as parallel_env
-from apollonius.evaluate.solved import measure_card as measure_card
 from apollonius.evaluate.match import Match as Match
 from apollonius.evaluate.match import play_match as play_match
 from apollonius.evaluate.match import record_game as record_game
 from apollonius.evaluate.result import MatchResult as MatchResult
+from apollonius.evaluate.solved import measure_card as measure_card
 from apollonius.export.writing import translate as translate
 from apollonius.game.arena import Arena as Arena
 from apollonius.game.arena import Disc as Disc

@@ -42,15 +42,10 @@ FEWEST_SEEDS = 3
 
 @dataclass(frozen=True)
 class Claim:
-    """A statement of the paper with a bound that our agents have to reach.
+    """A statement of the paper, its value there, and a bound that our agents have to reach.
 
-    Attributes:
-        name: what is claimed.
-        source: where, as `Table II`.
-        paper: the paper's value.
-        bound: what has to be reached.
-        values: measured: a row for each training of the pursuer, a column for each of the evader where it is trained.
-        least: what a value can be at least; 1 at most.
+    Values, from `least` to 1, are a row for each training of the pursuer and a column for each of the evader where it
+    is trained.
     """
 
     name: str

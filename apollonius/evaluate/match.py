@@ -27,12 +27,10 @@ from apollonius.solve.viability import doomed_start_rate, solve_viability, viabl
 
 
 def starting(game: Game, starts: str | None) -> tuple[Game, bool]:
-    """Return a game with the starts that a word asks for, and whether the viable ones alone are played; raises
-    InvalidInput for `viable` in several arenas.
+    """Return a game with the starts that a word asks for, and whether the viable ones alone are played.
 
-    Args:
-        starts: initial speeds, `rest` or `moving`; or `viable`: moving, but for starts that are lost before they begin.
-            None for the game's own.
+    `rest` and `moving` are initial speeds, and None is the game's own; `viable` is moving, but for starts that are lost
+    before they begin, and raises InvalidInput in several arenas.
     """
     if starts is None:
         return game, False
@@ -102,11 +100,7 @@ def keys_of(seed: UInt32[Array, ""]) -> tuple[PRNGKeyArray, PRNGKeyArray]:
 
 
 def play_match(match: Match, report: Report = lambda done, total: None) -> MatchResult:
-    """Play the games of a match and count; raises InvalidInput where too few of the starts that it asks for are viable.
-
-    Args:
-        report: called several times in a second with the numbers of games ended, and of games.
-    """
+    """Play the games of a match and count; raises InvalidInput where too few starts are viable that have to be."""
     return count(match, play_games(match, report=report))
 
 
@@ -117,13 +111,9 @@ def play_matches(
     play: Callable[..., MatchResult] = play_match,
     run: Run | None = None,
 ) -> list[MatchResult]:
-    """Play matches one after the other, or each as a job; `report` has the games of all together.
+    """Play matches one after the other, or each as a job by `run`; `report` has the games of all together.
 
-    Args:
-        run: runs the matches as jobs; None for here.
-
-    Raises:
-        InvalidInput: as `play_match` and `run_jobs`.
+    Errors are those of `play_match` and `run_jobs`.
     """
     if run:
         return run([Job(" against ".join(one.name for one in match.players), play, (match,)) for match in matches])

@@ -111,11 +111,8 @@ def measure_card(
     """Compare what an agent gets from the other side's table with what its own side's table promises; errors as of
     `play_match`.
 
-    Between the nodes of the grid that promise is no bound: it errs either way.
-
-    Args:
-        match: the agent against `other`.
-        own: the player by the table of the agent's side; `other` is that by the other side's.
+    Between the nodes of the grid that promise is no bound: it errs either way. The match is the agent's against
+    `other`, the player by the other side's table.
     """
     zero_sum_game, games = own.zero_sum_game, match.games
     starts, _ = begin(match)

@@ -40,11 +40,9 @@ def paired_difference_interval(
 def mean_interval(
     values: Sequence[float] | Float[np.ndarray, " values"], least: float = -inf, most: float = inf
 ) -> tuple[float, float]:
-    """Return the 95 % interval of a mean over seeds, arenas or games by Student's t.
+    """Return the 95 % interval of a mean over independent seeds, arenas or games by Student's t.
 
-    Args:
-        values: independent ones.
-        least, most: what values can be at all. One value alone says no more than that.
+    Values are within `least` and `most`, and one alone says no more than that.
     """
     if len(values) == 1:
         return least, most
@@ -56,11 +54,8 @@ def mean_interval(
 class Prediction:
     """The value that another training, or another pair of trainings, would show, by Student's t.
 
-    Attributes:
-        mean: of the values that were measured.
-        spread: standard deviation of a new value's distance from it; infinite where it is unknown.
-        freedom: degrees of freedom.
-        least, most: what values can be at all.
+    The spread, with `freedom` degrees of freedom, is the standard deviation of a new value's distance from the mean,
+    infinite where it is unknown; values are within `least` and `most`.
     """
 
     mean: float
@@ -93,9 +88,6 @@ def predict(values: Float[np.ndarray, "rows columns"], least: float, most: float
     is an opponent that is not trained. The variances of rows, of columns and of the rest are those of the analysis of
     variance (Searle, Casella and McCulloch, "Variance Components", 1992); the degrees of freedom are the fewer of the
     two sides', on the safe side. One training of a side says nothing of another.
-
-    Args:
-        least, most: what values can be at all.
     """
     (rows, columns), mean = values.shape, float(values.mean())
     if rows == 1:

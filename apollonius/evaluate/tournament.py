@@ -136,13 +136,10 @@ def play_tournament(
 
 @dataclass(frozen=True)
 class Advice:
-    """The players of the benchmark's panels that do best in a game against the opponent that is worst for them.
+    """The players of the benchmark's panels that do `best` in a game against the opponent that is worst for them.
 
-    Attributes:
-        tournament: every pursuer of the panel against every evader.
-        best: that pursuer and that evader.
-        least: in how many of its games this pursuer won, and this evader was not beaten, against that opponent.
-        stops: where [m] that pursuer was when the time to catch a standing evader ran out, in some such games.
+    There this pursuer won the share `least` of games, and this evader was not beaten in such a share. The `stops` are
+    places [m] where that pursuer was when the time to catch a standing evader ran out.
     """
 
     tournament: Tournament

@@ -28,13 +28,9 @@ class Place:
 
 @dataclass(frozen=True)
 class Value:
-    """An array that can be read.
+    """An array that can be read: from an index to the element there, in C.
 
-    Attributes:
-        kind: the name of its NumPy type.
-        read: from an index to the element there, in C.
-        place: where it lies, if it does.
-        pending: whether its elements are computed as they are read.
+    Its kind is the name of its NumPy type; the elements of a `pending` one are computed as they are read.
     """
 
     kind: str
@@ -90,13 +86,9 @@ def moved(
     starts: Sequence[str] | None = None,
     steps: Sequence[int] | None = None,
 ) -> Value:
-    """Return a value seen through other axes.
+    """Return a value seen through other axes: for each of its own the new one that runs along it, or None.
 
-    Args:
-        shape: the new shape.
-        axes: for each axis of the value the new one that runs along it, or None.
-        starts: the index along each axis of the value that the new index 0 stands for; 0 unless given.
-        steps: by how much it grows; 1 unless given.
+    Along each the new index 0 stands for a start, 0 unless given, which grows by steps of 1 unless given.
     """
     starts, steps = starts or ["0"] * len(axes), steps or [1] * len(axes)
 

@@ -35,14 +35,10 @@ def words(text: str) -> frozenset[str]:
 
 @dataclass(frozen=True)
 class Program:
-    """A translated function, which reads its arguments and writes its results.
+    """A translated function, which reads its arguments and writes its results; its public names begin with its own.
 
-    Attributes:
-        name: an identifier that all its public names begin with.
-        functions: those that it calls, in C, each after those that it calls itself.
-        body: its own statements, in braces.
-        constants: the arrays that it closes over, with their names.
-        arguments, results: how they lie in memory.
+    Of the functions that it calls, in C, each is after those that it calls itself. Constants are the arrays that it
+    closes over, with their names.
     """
 
     name: str

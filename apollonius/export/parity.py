@@ -54,14 +54,10 @@ class Cases(NamedTuple):
 
 @dataclass(frozen=True)
 class Parity:
-    """In how many states an exported policy did what the package's player did not.
+    """In how many of some states an exported policy did what the package's player did not.
 
-    Attributes:
-        states: how many there were.
-        ties: differences within rounding: an action of the same value, or what the player does within `BREADTH` of
-            the state.
-        errors: all others.
-        away: the largest difference of a control, in shares of its largest value.
+    Ties are within rounding: an action of the same value, or what the player does within `BREADTH` of the state; all
+    others are errors. The largest difference of a control is `away`, in shares of its largest value.
     """
 
     states: int

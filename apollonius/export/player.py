@@ -37,14 +37,9 @@ _FALLBACK = -1.0, 0.0
 
 @dataclass(frozen=True)
 class Player:
-    """A player of one robot in games of one size.
+    """A player of one robot in games of one size, with the arena's chart if it reads one.
 
-    Attributes:
-        name: what it is called.
-        role: its side.
-        game: the game, with the arena's chart if the player reads one.
-        package: the player as the package plays it.
-        policy: the same, its layers' weights transposed: `[in, out]`.
+    The `policy` is what the package plays, its layers' weights transposed: `[in, out]`.
     """
 
     name: str

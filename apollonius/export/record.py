@@ -35,9 +35,7 @@ class Leaf:
 class Record:
     """An argument, or the result, as one block of memory: its leaves in order, each aligned to its kind, as C does.
 
-    Attributes:
-        name: what the program calls it.
-        leaves: the arrays in it; of a lone array one without a name.
+    A lone array is one leaf without a name.
     """
 
     name: str

@@ -50,21 +50,18 @@ def write_c(player: Player, out: Path, constants: bool = False, states: int = ST
     """Write a player as C99: a source, its header, and files of what it reads. Nothing is written unless it decides as
     the package's player does.
 
-    Args:
-        out: the source, a name of C that ends in `.c`; the other files lie beside it.
-        constants: whether the player's numbers are in the source instead of a file.
-        states: how many decisions are compared.
-
-    Raises:
-        InvalidInput: for a name that C does not allow, a player that cannot be translated, and one that decides
-            otherwise.
+    The source's name is one of C and ends in `.c`; the other files lie beside it. With `constants` the player's numbers
+    are in the source. Raises InvalidInput for another name, a player that cannot be translated, and one that decides
+    otherwise in some of the states.
     """
     allowed = re.fullmatch("[A-Za-z][A-Za-z0-9_]*", out.stem)
     require(allowed, "file", out, "a file whose name begins with a letter and goes on with letters, digits and _")
-    program = program_of(player, out.stem, constants)
+    given = player.arguments[1:] if constants else player.arguments
+    decide = partial(player.decide, player.policy) if constants else player.decide
+    program = translated(decide, *given, name=out.stem)
     checked = _check(program, player, constants, states)
     kept = {out: source(program).encode(), out.with_suffix(".h"): header(program, _about(program, player)).encode()}
-    for record, argument in zip(program.arguments, _given(player, constants), strict=False):
+    for record, argument in zip(program.arguments, given, strict=False):
         if record.name in ("player", "game", "memory") and record.leaves:
             kept[out.with_suffix(f".{record.name}")] = record.pack(argument)
     kept[out.with_suffix(ABOUT)] = to_json(_facts(program, player, kept)).encode()
@@ -75,11 +72,8 @@ def write_c(player: Player, out: Path, constants: bool = False, states: int = ST
 
 def write_onnx(player: Player, out: Path) -> Written:
     """Write a player as an ONNX model, by jax2onnx over the function that plays. Nothing is written unless it decides
-    as the package's player does.
-
-    Raises:
-        InvalidInput: for a player behind a shield, where the libraries are not installed, for a player that jax2onnx
-            cannot take, and for one that decides otherwise.
+    as the package's player does; raises InvalidInput there, for a player behind a shield or that jax2onnx cannot take,
+    and where the libraries are not installed.
     """
     bound = "one without a shield: jax2onnx takes a remainder of known numbers for 0, and braking turns; C takes it"
     require(not player.name.startswith(SHIELDED), "player", player.name, bound)
@@ -92,16 +86,6 @@ def write_onnx(player: Player, out: Path) -> Written:
     write_atomically(out, model)
     timed = f"one decision in onnxruntime, median of 10,000: {microseconds(again):.1f} us"
     return Written((out,), (f"The {player.role.name.lower()} {player.name}", *lines, timed))
-
-
-def program_of(player: Player, name: str, constants: bool = False) -> Program:
-    """Return the program that plays, its own numbers as an argument or as constants."""
-    given = _given(player, constants)
-    return translated(partial(player.decide, player.policy) if constants else player.decide, *given, name=name)
-
-
-def _given(player: Player, constants: bool) -> tuple[Any, ...]:
-    return player.arguments[1:] if constants else player.arguments
 
 
 def _check(program: Program, player: Player, constants: bool, states: int) -> list[str]:

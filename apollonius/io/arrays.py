@@ -52,12 +52,7 @@ def write_arrays(path: Path, arrays: dict[str, np.ndarray], header: Any) -> None
 
 
 def read_header(path: Path, file: Any, form: tuple[str, int], foreign: str) -> dict[str, Any]:
-    """Return the fields of the header of an open file.
-
-    Args:
-        form: name and version of the format that it must have.
-        foreign: the message of InvalidInput for a file of another format.
-    """
+    """Return the header's fields of an open file of a format, its name and version; one of another is `foreign`."""
     fields = parse_json((file.metadata() or {}).get("header", ""), foreign)
     if fields.get("format") != form[0]:
         raise InvalidInput(f"{foreign}.")

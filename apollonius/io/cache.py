@@ -38,13 +38,10 @@ def cache_folder(kind: str) -> Path | None:
 
 
 def cached(path: Path | None, make: Callable[[], T], save: Callable[[T, Path], None], load: Callable[[Path], T]) -> T:
-    """Return what a file holds, or make it and write the file; raises OSError when the file cannot be written, unless
-    it is in the user's cache, which is only a convenience.
+    """Return what a file holds, or make it and write the file; for a path of None make it.
 
-    Args:
-        path: by `entry`; None writes nothing.
-        save: writes the file atomically.
-        load: reads it; raises InvalidInput or OSError if it cannot.
+    A file that `load` refuses, by InvalidInput or OSError, is made again. Raises OSError when it cannot be written,
+    unless it is in the user's cache, which is only a convenience.
     """
     if path is None:
         return make()
@@ -64,12 +61,7 @@ def cached(path: Path | None, make: Callable[[], T], save: Callable[[T, Path], N
 
 
 def entry(folder: Path, name: str, key: Any) -> Path:
-    """Return the file of a key.
-
-    Args:
-        name: the readable part of its name, with the suffix: `a.json` for `a-0123456789abcdef.json`.
-        key: all that the result depends on besides the version of this package, as JSON-like data.
-    """
+    """Return the file for what depends on this version and a key, JSON-like data: `a-0123456789abcdef.json`, of `a.json`."""
     stem, dot, suffix = name.replace("/", "-").replace(":", "-").rpartition(".")
     return folder / f"{stem}-{digest([__version__, key])[:16]}{dot}{suffix}"
 

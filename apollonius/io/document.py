@@ -20,17 +20,10 @@ _DEEPEST = 100
 
 
 def read_bytes(path: Path, kind: str, remedy: str, most: int = MOST_BYTES, within: Path | None = None) -> bytes:
-    """Return the content of a regular file.
+    """Return the content of a regular file of `most` bytes at most; its kind, "a game's TOML file", is for messages.
 
-    Args:
-        kind: of file, for the message: "a game's TOML file".
-        remedy: for the message.
-        most: largest size that is read [bytes].
-        within: the folder that must contain the file, wherever links and `..` lead; None for any.
-
-    Raises:
-        InvalidInput: for a path of no regular file, a file outside the folder, and one that is too large.
-        OSError: when it cannot be read.
+    Raises InvalidInput for any other path, for a file that is too large, and for one that is not `within` a folder,
+    wherever links and `..` lead; OSError when it cannot be read.
     """
     try:
         is_file, outside = path.is_file(), within and not path.resolve().is_relative_to(within.resolve())
@@ -50,11 +43,7 @@ def read_bytes(path: Path, kind: str, remedy: str, most: int = MOST_BYTES, withi
 def write_atomically(path: Path, content: bytes, synced: bool = True) -> None:
     """Write a file, and its folder if need be, so that at every moment it is whole: the old one or the new.
 
-    Args:
-        synced: wait for the disk, so that the content also survives a loss of power.
-
-    Raises:
-        OSError: when the disk is full or read-only; the old content is untouched.
+    A `synced` one survives a loss of power. Raises OSError when the disk is full or read-only.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f"{path.name}.{secrets.token_hex(4)}.tmp")  # others may be writing this file too
@@ -91,10 +80,7 @@ def to_json(data: Any, indent: int | None = None, sort_keys: bool = False) -> st
 
 def parse_json(content: str | bytes, about: str) -> dict[str, Any]:
     """Return the object of a JSON text; raises InvalidInput when the text is no JSON object, is nested too deeply, or
-    has a number that is not finite.
-
-    Args:
-        about: the message of a refusal, to which the reason is added.
+    has a number that is not finite: what this is `about`, and the reason.
     """
     try:
         data = json.loads(content)

@@ -39,12 +39,9 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
 
 
 def unknown_name(kind: str, name: str, known: Sequence[str], others: str, meant: str | None) -> str:
-    """Return the message that refuses an unknown name.
+    """Return the message that refuses the unknown name of a kind of thing, as "game".
 
-    Args:
-        kind: the kind of thing, as "game".
-        others: what else could be given.
-        meant: the `nearest` known name; without one, the message lists all.
+    It names the one that is `meant`, the nearest, or else all and what else could be given.
     """
     if meant:
         return f"no {kind} is called '{shown(name)}': did you mean '{meant}'?"

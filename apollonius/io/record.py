@@ -19,12 +19,7 @@ _PLURAL = {bool: "true and false", int: "whole numbers", float: "numbers", str: 
 
 
 def write_record(value: Any, hooks: Hooks, derived: tuple[str, ...] = ()) -> Any:
-    """Return a dataclass as nested dictionaries, lists and numbers, without None.
-
-    Args:
-        hooks: what to write for an instance of each class.
-        derived: names of fields that follow from others and are not written.
-    """
+    """Return a dataclass as nested dictionaries, lists and numbers, without None and without `derived` fields."""
     if type(value) in hooks:
         return hooks[type(value)](value)
     if is_dataclass(value):
@@ -37,15 +32,10 @@ def write_record(value: Any, hooks: Hooks, derived: tuple[str, ...] = ()) -> Any
 
 
 def read_record(kind: type[T], data: dict[str, Any], source: str, hooks: Hooks, named: tuple[type, ...] = ()) -> T:
-    """Return a dataclass from nested dictionaries; missing values have their defaults.
+    """Return a dataclass from nested dictionaries of some source; missing values have their defaults.
 
-    Args:
-        source: origin of the data, for the message.
-        hooks: functions that prepare the data of a class.
-        named: classes of which a record holds no fields, but a name.
-
-    Raises:
-        InvalidInput: for an unknown key, a value of the wrong kind, or an impossible one.
+    Of classes that are `named` a record holds no fields, but a name. Raises InvalidInput for an unknown key, a value of
+    the wrong kind, or an impossible one.
     """
     try:
         _require_lists(kind, data)

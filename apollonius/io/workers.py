@@ -61,12 +61,9 @@ Run = Callable[[Sequence[Job]], list[Any]]
 def run_jobs(
     jobs: Sequence[Job], report: Callable[[str], None] = print, on: str = "processes", logs: Path | None = None
 ) -> list[Any]:
-    """Run all jobs and return their results; one that fails does not end the others.
+    """Run all jobs `on` one of `WORKERS` and return their results; one that fails does not end the others.
 
-    Args:
-        report: called with a line whenever a job ends.
-        on: one of `WORKERS`.
-        logs: folder of what jobs print on Slurm; None keeps nothing of that.
+    A line is reported whenever a job ends; what jobs print on Slurm is kept in the folder of logs, if there is one.
 
     Raises:
         KeyboardInterrupt: after Ctrl-C, when every job that was running has stopped by itself.

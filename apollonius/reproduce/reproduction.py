@@ -1,4 +1,4 @@
-"""The paper's figures 4 to 8, its Tables II and III, and all of them from trainings to a report."""
+"""The figures 4 to 8 of the paper, its Tables II and III, and the whole evaluation: from trainings to a report."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -164,9 +164,8 @@ def save_animation(replay: Replay, path: Path, speed: float = 1.0) -> None:
     """Write a game as a moving picture, or its end as a PNG; raises InvalidInput for another format or an impossible
     speed, and for MP4 where `imageio-ffmpeg` is not installed.
 
-    Args:
-        speed: seconds of the game in one of the picture. Where that asks for too many frames a second, some steps are
-            left out; the last one never is.
+    The speed is seconds of the game in one of the picture. Where that asks for too many frames, some steps are left
+    out; the last one never is.
     """
     formats = (*MOVING, ".png")
     require(path.suffix in formats, "path", path, f"a file that ends in one of {', '.join(formats)}")

@@ -83,11 +83,9 @@ class Canvas:
         self._active: Sequence[bool] = ()
 
     def move(self, robots: Sequence[float], active: Sequence[bool]) -> None:
-        """Move all robots; from the second time on each leaves a piece of trail.
+        """Move all robots, which are in play or not; from the second time on each leaves a piece of trail.
 
-        Args:
-            robots: x [m], y [m], v [m/s], heading [rad] of each pursuer, then of each evader.
-            active: for each robot, whether it is in play.
+        A robot is x [m], y [m], v [m/s], heading [rad]; the pursuers come first.
         """
         here = [robots[first : first + 4] for first in range(0, 4 * len(self._robots), 4)]
         draw, begins = ImageDraw.Draw(self._trails), not self._here
@@ -102,9 +100,7 @@ class Canvas:
     def picture(self, fog: tuple[Bool[np.ndarray, "rows columns"], Role] | None = None) -> Image.Image:
         """Return the game as it stands, or an empty arena where no robot has moved yet.
 
-        Args:
-            fog: cells of the square on the arena's lower left corner, its lowest row first, that are shaded, and the
-                side in whose colour.
+        In fog cells of the square on the arena's lower left corner, the lowest row first, have a side's colour.
         """
         picture = self._trails.copy()
         if fog:

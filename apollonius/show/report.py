@@ -193,9 +193,7 @@ _COMMENT = re.compile(r"^ *(?://[^\n]*|/\*\*.*?\*/)\n", re.MULTILINE | re.DOTALL
 def bundled(entry: Path) -> str:
     """Return a module after all that it imports, each as an object of its exports, without comments.
 
-    Args:
-        entry: the module's file; its imports name files relative to it, and form no circle. A file beside it is taken
-            in place of one of the same name elsewhere.
+    Imports name files relative to it, and form no circle; one beside it is taken in place of its namesake elsewhere.
     """
     objects: dict[Path, str] = {}
 

@@ -119,10 +119,7 @@ def draw_strips(
 ) -> None:
     """Draw rates [%] of pairs of trainings as dots, a strip of dots for each name, and an interval beside each.
 
-    Args:
-        values: for each name a row for each training of one side; its dots have a colour and a place of their own.
-            Lines join those of each training of the other side.
-        intervals: for each name.
+    A row for each training of one side has a colour and a place of its own; lines join those of the other side.
     """
     for index, (rows, (low, high)) in enumerate(zip(values, intervals, strict=True)):
         places = np.linspace(-0.15, 0.15, len(rows)) if len(rows) > 1 else np.zeros(1)

@@ -98,11 +98,8 @@ class References:
     ) -> Float[np.ndarray, "games steps wheels"]:
         """Return the wheel speeds [rad/s] asked for over one step of the game: left and right of each robot in turn.
 
-        Args:
-            chosen: acceleration [m/s^2] and turn rate [rad/s] of all robots.
-            limits: lowest and highest speed [m/s] of each.
-            steps, h: of the physics in one step of the game, and their duration [s].
-            turn_acceleration: of each robot [rad/s^2].
+        Chosen are accelerations [m/s^2] and turn rates [rad/s]; limits are lowest and highest speeds [m/s], those of
+        turn accelerations [rad/s^2]. The physics makes some steps of duration `h` [s] in one of the game.
         """
         asked = np.empty((len(self.v), steps, *self.v.shape[1:], 2))
         reach = turn_acceleration * h

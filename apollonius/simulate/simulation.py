@@ -31,14 +31,10 @@ from apollonius.simulate.physics import Physics
 
 @dataclass(frozen=True)
 class Simulated:
-    """Simulated games with all their steps.
+    """Simulated games with all their steps, those of a game in order; each belongs to the game of its index.
 
-    Attributes:
-        results: how the games ended.
-        index: which game each step belongs to; the steps of a game are in order.
-        states: before each step, x [m], y [m], v [m/s], heading [rad] of pursuers, then evaders.
-        actions: of all robots in each step, as in a `Replay`.
-        after: the states that each step led to.
+    States before a step, and after it, are x [m], y [m], v [m/s], heading [rad] of pursuers, then evaders; actions are
+    as in a `Replay`.
     """
 
     results: Results
@@ -64,13 +60,7 @@ def simulate(
     where the bodies' axles are at its two ends and with the radii of the game's robots, so that what differs from the
     game is how the robots move and nothing else. A robot that is out of play brakes.
 
-    Args:
-        starts: initial states, leaves `[games]`.
-        key: consumed.
-        report: called after every step with the number of games that have ended.
-
-    Raises:
-        InvalidInput: as `Physics`.
+    Starts are leaves `[games]`; the key is consumed. Errors are those of `Physics`.
     """
     physics, bodies_of = Physics(game, drive), [body for side in game.bodies for body in side]
     strongest = np.array([body.u1_max for body in bodies_of], float)

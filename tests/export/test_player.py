@@ -23,7 +23,8 @@ from apollonius.export.bag import Bag, ask_again
 from apollonius.export.c import FLAGS, Compiled
 from apollonius.export.parity import Cases, _is_as_good, as_given, cases_of, compare, reference
 from apollonius.export.player import find_exportable, side_of
-from apollonius.export.writing import check, program_of, write_c
+from apollonius.export.translate import translated
+from apollonius.export.writing import check, write_c
 from apollonius.game.by_side import BySide
 from apollonius.game.game import reset_batch
 from apollonius.game.scenario import stack_arenas
@@ -82,7 +83,9 @@ def in_c(players, asked):
     programs = {}
     for player in players:
         shape = str(jax.tree.map(jnp.shape, (player.policy, player.game)))
-        compiled = programs.get(shape) or programs.setdefault(shape, Compiled(program_of(player, "robot")))
+        compiled = programs.get(shape) or programs.setdefault(
+            shape, Compiled(translated(player.decide, *player.arguments, name="robot"))
+        )
         yield lambda *given: compiled(player.policy, player.game, *given)[:2]  # noqa: B023
     print(len(programs), "programs")
 
