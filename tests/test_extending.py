@@ -28,7 +28,7 @@ from apollonius.catalogue import find_player, find_pool, player_names
 from apollonius.export.c import Compiled, header
 from apollonius.export.parity import cases_of, compare
 from apollonius.export.player import find_exportable
-from apollonius.export.writing import program_of
+from apollonius.export.translate import translated
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
@@ -133,7 +133,7 @@ def test_a_new_observation_is_read_by_networks_in_games_and_from_files(tmp_path,
     assert read.observation == BEARING
     assert read.layers[0].in_features == 6
     exported = find_exportable(str(tmp_path / "agent.safetensors"), Role.PURSUER, game)
-    assert "void bearing(" in header(program_of(exported, "bearing"))
+    assert "void bearing(" in header(translated(exported.decide, *exported.arguments, name="bearing"))
     starts = jax.jit(reset_batch, static_argnums=2)(game, jax.random.key(0), 4)
     player = Greedy(make_network("encoded", 8, 2, jax.random.key(1)))
     results = play_out(game, BySide(solo(Greedy(read)), solo(player)), starts, jax.random.key(1))
@@ -168,7 +168,7 @@ def test_a_new_robot_is_read_from_files_and_turns_as_fast_as_it_is_steered():
 def test_a_new_robot_is_the_same_in_c_and_its_shield_brakes_as_it_drives():
     game = from_dict(WithCars, STEERED, "a file")
     player = find_exportable("shielded:P_pool", Role.PURSUER, game)
-    in_c, cases = Compiled(program_of(player, "car")), cases_of(player, 500)
+    in_c, cases = Compiled(translated(player.decide, *player.arguments, name="car")), cases_of(player, 500)
     assert compare(lambda *given: in_c(player.policy, player.game, *given)[:2], player, cases).errors == 0
     starts = jax.jit(reset_batch, static_argnums=2)(game, jax.random.key(0), 200)
     uniform = find_exportable("random", Role.EVADER, game).package

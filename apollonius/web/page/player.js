@@ -142,7 +142,7 @@ function onKey(event) {
 /** A box to tick for each layer. */
 function offerLayers() {
   for (const [name, words] of Object.entries(LAYERS)) {
-    element("layers").append(make("label", { className: "check" }, make("input", { type: "checkbox", name, checked: true }), words));
+    element("layers").append(make("label", { className: "line" }, make("input", { type: "checkbox", name, checked: true }), words));
   }
   element("layers").addEventListener("change", showLayers);
 }
