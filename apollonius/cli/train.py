@@ -9,7 +9,6 @@ from apollonius.cli.runs import train_all
 from apollonius.cli.solve import solved_game
 from apollonius.cli.terminal import match_table, training_notes
 from apollonius.cli.values import (
-    agent_of,
     count,
     existing_file,
     installed,
@@ -57,18 +56,6 @@ def add_train(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add_workers(parser, "the runs of a sweep", None)
     parser.add_argument("--config", type=existing_file, help="a config.toml to start from instead of a preset")
-    parser.add_argument(
-        "--pursuer",
-        type=agent_of("pursuer"),
-        help="agent that the pursuer of a lone --stage continues training from (default: none)",
-    )
-    parser.add_argument(
-        "--evader",
-        type=agent_of("evader"),
-        nargs="+",
-        help="players that the pursuer of --stage fixed-target learns to catch (default: still), or the agent that the "
-        "evader of --stage self-play continues training from (default: none)",
-    )
     parser.add_argument(
         "--opponents", choices=SCHEMES, help="whom both sides of self-play meet (default: latest, each other)"
     )
@@ -150,16 +137,10 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
     self_play = config.self_play
     if options.opponents:
         self_play = replace(self_play, opponents=replace(self_play.opponents, scheme=options.opponents))
-    evaders: list[str] = options.evader or []
-    goes_on = (options.stage or config.stages) == "self-play"
-    require(not goes_on or len(evaders) < 2, "--evader", ", ".join(evaders), "one agent where --stage is self-play")
     changes: dict[str, Any] = {
         "self_play": self_play,
         "stages": options.stage,
         "seed": options.seed,
-        "evaders": tuple(evaders) if evaders and not goes_on else None,
-        "evader": evaders[0] if evaders and goes_on else None,
-        "pursuer": options.pursuer,
         "dqn": PROFILES[options.profile] if options.profile else None,
         "game": find_game(options.game) if options.game else None,
     }

@@ -61,7 +61,7 @@ def cached(path: Path | None, make: Callable[[], T], save: Callable[[T, Path], N
 
 
 def entry(folder: Path, name: str, key: Any) -> Path:
-    """Return the file for what depends on this version and a key, JSON-like data: `a-0123456789abcdef.json`, of `a.json`."""
+    """Return the file of what depends on this version and a key, JSON-like data: `a-0123456789abcdef.json`."""
     stem, dot, suffix = name.replace("/", "-").replace(":", "-").rpartition(".")
     return folder / f"{stem}-{digest([__version__, key])[:16]}{dot}{suffix}"
 

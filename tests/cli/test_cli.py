@@ -220,11 +220,9 @@ REFUSED = {
     "evaluate P_pool still --game ofice": "did you mean 'office'",
     "evaluate P_pool still --game team-3v1/ofice": "did you mean 'office'",
     "train --game chess": "paper, four-small, one-large, zero-sum",
-    "train --stage fixed-target --evader nobody": "'nobody': choose one of random, still",
-    "train --stage fixed-target --evader random still": "random, still is not possible",
-    "train --evader random": "evaders = random is not possible",
-    "train --stage self-play --evader E_scratch random": "E_scratch, random is not possible: it must be one agent",
-    "train --stage self-play --evader random": "no agent is called 'random'",
+    'train --stage fixed-target --vary evaders=["nobody"]': "'nobody': choose one of random, still",
+    'train --stage fixed-target --vary evaders=["random","still"]': "random, still is not possible",
+    "train --stage self-play --vary evader=random": "no agent is called 'random'",
     "evaluate random still --games 5 --record 6": "--record = 6 is not possible: it must be from 0 to --games = 5",
     "evaluate random still --vary pursuer.radius=0:6:2": "with pursuer.radius = 6",
     "evaluate random still --vary dt=0.1:0.2:2 --vary dt=0.1:0.2:2": "one or two different ones",
@@ -387,9 +385,9 @@ def old_run():
     [
         ("resume run", "sede"),
         ("train --force --out run --config run/config.toml", "sede"),
-        ("train --force --out run --stage self-play --pursuer nobody", "nobody"),
-        ("train --force --out run --stage self-play --pursuer E.safetensors", "evader"),
-        ("train --force --out run --stage self-play --pursuer P.safetensors", "encoded"),
+        ("train --force --out run --stage self-play --vary pursuer=nobody", "nobody"),
+        ("train --force --out run --stage self-play --vary pursuer=E.safetensors", "evader"),
+        ("train --force --out run --stage self-play --vary pursuer=P.safetensors", "encoded"),
     ],
 )
 def test_bad_input_never_costs_an_old_run(capsys, words, naming):
