@@ -8,7 +8,9 @@ from apollonius.arenas.map_file import load_map
 from apollonius.arenas.random_arena import is_drawn, random_map
 from apollonius.arenas.suite import find_scenario
 from apollonius.game.arena import Arena
+from apollonius.game.game import Game
 from apollonius.game.occupancy import OccupancyMap
+from apollonius.game.presets import make_game
 from apollonius.game.scenario import Scenario
 from apollonius.io.errors import InvalidInput, require
 from apollonius.io.record import read_record, write_record
@@ -28,11 +30,12 @@ def to_dict(config: Any) -> dict[str, Any]:
 def from_dict(kind: type[T], data: dict[str, Any], source: str, folder: Path = Path()) -> T:
     """Return a configuration from nested dictionaries; missing values have their defaults.
 
-    The walls of an arena with a map are the map's ends, unless the record gives others. Files that it names lie in the
-    folder. Raises InvalidInput for an unknown key, and for a value that is of the wrong kind or impossible, with the
-    source of the data.
+    A game within a configuration can be the name of a preset. The walls of an arena with a map are the map's ends,
+    unless the record gives others. Files that it names lie in the folder. Raises InvalidInput for an unknown key, and
+    for a value that is of the wrong kind or impossible, with the source of the data.
     """
     hooks = {
+        Game: lambda given: make_game(given) if isinstance(given, str) else given,
         Arena: partial(_with_map, folder=folder),
         Scenario: lambda named: named if isinstance(named, Scenario) else find_scenario(named),
     }

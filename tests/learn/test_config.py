@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import pytest
 
 from apollonius.arenas.record import to_dict
+from apollonius.game.game import Game
 from apollonius.game.presets import in_teams, make_game
 from apollonius.game.scenario import Spread
 from apollonius.io.document import to_json
@@ -108,6 +109,18 @@ def test_a_config_comes_back_from_its_file(config, tmp_path):
 def test_every_example_of_a_training_is_one():
     for name in ("prioritised", "robust", "team", "optimal_evader", "optimal_pursuer"):
         assert load_config(REPOSITORY / "examples" / f"{name}.toml") != RunConfig()
+    tasks = load_config(REPOSITORY / "examples" / "pursuer_first.toml").distillation.tasks
+    assert make_game("paper") in [task.game for task in tasks], "with its discs"
+
+
+def test_a_game_is_a_preset_by_its_name_or_tables(tmp_path):
+    path = tmp_path / "config.toml"
+    for text, game in (('game = "team-3v1"', make_game("team-3v1")), ("[game]\ndt = 0.05", Game(dt=0.05))):
+        path.write_text(text)
+        assert load_config(path).game == game
+    path.write_text('game = "papre"')
+    with pytest.raises(InvalidInput, match="no game is called 'papre': choose one of paper, "):
+        load_config(path)
 
 
 def test_a_table_that_is_given_in_part_keeps_the_defaults_of_its_own_stage(tmp_path):
