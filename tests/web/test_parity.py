@@ -400,3 +400,8 @@ def test_shapes_stay_shapes():
     assert moves["far"] == [[4, 0], [9, 0], [9, 0.2], [4, 0.2]]
     assert moves["small"] == 0
     assert len({x for x, _ in moves["crossed"]}) == 2
+
+
+def test_a_link_plays_the_game_again_with_all_its_robots_and_its_fog():
+    for played, again in ask(shared=[[1, 1, False], [3, 2, False], [1, 1, True]]):
+        assert played == again

@@ -1,7 +1,9 @@
 // What a person can show to others of a game that is over: a picture with its trails, and a link that plays it again.
 
+import { MOST_ROBOTS } from "./calls.js";
 import { make } from "./files.js";
-import { HOLD, PURSUER, ROLES, isContinuous } from "./game.js";
+import { inFog } from "./fog.js";
+import { HOLD, PURSUER, ROLES, countsOf, inTeams, isContinuous } from "./game.js";
 import { asFragment, fromFragment, gameFrom } from "./gamefile.js";
 import { Match, asRow } from "./match.js";
 import { YOU, inWords } from "./words.js";
@@ -11,11 +13,15 @@ const CARD = { width: 1200, height: 630, margin: 40 }; // [pixels], as pages tha
 const FILM = { side: 480, rate: 15 }; // the longer side [pixels], frames in a second
 const NUMBERS = 4; // of a robot in a row of a replay
 
-/** Return the fragment of a link to a finished game: its rules, its start, and what all robots did. */
+/** Return the fragment of a link to a finished game: its rules, how many play and whether in fog, its start, and what all did. */
 export async function asReplayLink(match) {
-  const { game, pursuer, evader, actions, outcome } = match.replay();
+  const { game: all, pursuer, evader, actions } = match.replay();
+  const { teams, sensors, ...game } = all;
+  const counts = countsOf(all);
   if (game.arena.map) throw new Error("a game on a map is too large for a link: save the replay");
-  return asFragment(MARK, JSON.stringify({ game, pursuer, evader, actions, outcome, start: asRow(match.start) }));
+  if (JSON.stringify(inTeams(game, ...counts).teams) !== JSON.stringify(teams)) throw new Error("team mates differ: save the replay");
+  const said = { game, counts, isFoggy: Boolean(sensors), pursuer, evader, actions, start: asRow(match.start) };
+  return asFragment(MARK, JSON.stringify(said));
 }
 
 /** Return the match that a link's fragment plays again, or null where it has none. Throws an Error in one line. */
@@ -29,12 +35,13 @@ export async function fromReplayLink(fragment) {
 }
 
 /** Return a match in which all robots do what they did. */
-function again({ game: said, start, actions, ...names }) {
-  const game = gameFrom(said);
+function again({ game: said, counts = [1, 1], isFoggy, start, actions, ...names }) {
+  if (!counts.every((count) => count >= 1 && count <= MOST_ROBOTS && count % 1 === 0)) throw new Error("other teams");
+  const rules = inTeams(gameFrom(said), ...counts);
+  const game = isFoggy ? inFog(rules) : rules;
   const isAction = (one) => (isContinuous(one) ? one.length === 2 && one.every(Number.isFinite) : one >= 0 && one <= 8 && one % 1 === 0);
   const players = Object.fromEntries(ROLES.map((role) => [role, []]));
   const match = new Match(game, players, 0);
-  const counts = ROLES.map((role) => match.start[role].length);
   const robots = ROLES.flatMap((role) => match.start[role]);
   if (!actions.every((all) => all.length === robots.length && all.every(isAction))) throw new Error("other actions");
   if (start.length !== NUMBERS * robots.length || !start.every(Number.isFinite)) throw new Error("another start");
