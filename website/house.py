@@ -15,7 +15,6 @@ class Room:
 
     purpose: str
     """The first line of its docstring."""
-    files: int
     imports: frozenset[str]
     """The other rooms that its files import, without those that these import themselves."""
 
@@ -61,8 +60,7 @@ def rooms(texts: Mapping[str, str]) -> dict[str, Room]:
     for name in sorted(behind, key=lambda name: (len(behind[name]), name)):
         first = texts.get(f"{PACKAGE.name}.{name}", texts.get(name, ""))
         direct = frozenset(other for other in arrows[name] if not any(other in behind[one] for one in arrows[name]))
-        files = sum(room_of(module) == name for module in texts)
-        found[name] = Room((ast.get_docstring(ast.parse(first)) or "").partition("\n")[0], files, direct)
+        found[name] = Room((ast.get_docstring(ast.parse(first)) or "").partition("\n")[0], direct)
     return found
 
 

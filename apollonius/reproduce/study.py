@@ -8,8 +8,8 @@ from apollonius.evaluate.claims import FULL_BUDGET
 from apollonius.evaluate.match import MatchResult, count, play_games
 from apollonius.game.by_side import BySide
 from apollonius.learn.config import RunConfig
-from apollonius.learn.folder import Evaluation, agent_file
-from apollonius.learn.metrics import MetricsLine, evaluations_of, load_metrics
+from apollonius.learn.folder import agent_file
+from apollonius.learn.metrics import MetricsLine, load_metrics
 from apollonius.play.playout import Results
 
 RUN_OF = {
@@ -102,9 +102,6 @@ class Study:
             ]
             for row in self.seeds
         ]
-
-    def evaluations(self, name: str, seed: int, stage: str) -> list[Evaluation]:
-        return evaluations_of(self.metrics(name, seed, stage), stage)
 
     def metrics(self, name: str, seed: int, stage: str) -> list[MetricsLine]:
         return [line for line in load_metrics(self.run(name, seed) / "metrics.jsonl") if line.stage == stage]
