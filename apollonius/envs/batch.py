@@ -2,7 +2,7 @@
 
 import functools
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
@@ -18,9 +18,9 @@ from apollonius.game.game import Game
 from apollonius.game.sensing import DriveStates
 from apollonius.game.types import ROLES, Action, GameState, Role
 from apollonius.io.errors import InvalidInput
-from apollonius.observe.observation import AbstractObservation, perceive
-from apollonius.observe.tracking import Track, update
-from apollonius.play.rollout import Games, begin, of_robots, step_games
+from apollonius.observe.observation import AbstractObservation
+from apollonius.observe.tracking import Track
+from apollonius.play.rollout import Games, SideState, begin, look_around, of_robots, step_games
 
 Tree = TypeVar("Tree")
 SideActions = Int[Array, "games *robots"] | Float[Array, "games *robots 2"]
@@ -82,16 +82,47 @@ class Outside(AbstractPolicy):
         return memory, memory
 
 
-class UnderWay(eqx.Module):
-    """Games under way, the observations of the side from outside, and all else that games carry.
+def begun(game: Game, players: BySide[Pool], state: GameState) -> Games:
+    """Return games that begin in these states."""
+    return begin(game, state, players, jnp.zeros((2, len(state.steps)), jnp.uint32))
 
-    That is the opponent's memory, and what `carried` says: a flat tuple, as taking a tree apart costs as much as a
-    step, and empty in games without sensors and drives.
+
+def _parts(games: Games, players: BySide[Pool]) -> BySide[tuple[Memory, Track | None, DriveStates]]:
+    def parts(role: Role) -> tuple[Memory, Track | None, DriveStates]:
+        side = games.sides[role]
+        return () if isinstance(players[role].members, Outside) else side.memory, side.track, side.drives
+
+    return ROLES.map(parts)
+
+
+def carried(games: Games, players: BySide[Pool]) -> tuple[Array, ...]:
+    """Return what games carry besides their states: memories of players inside, tracks and drives.
+
+    It is flat, as taking a tree apart costs as much as a step.
     """
+    return tuple(jax.tree.leaves(_parts(games, players)))
+
+
+def resumed(
+    game: Game, players: BySide[Pool], state: GameState, carried: Sequence[Array], actions: BySide[Any]
+) -> Games:
+    """Return the games that carry this, in which a side from outside takes these actions, `[games, robots]`."""
+    games = begun(game, players, state)
+    parts = jax.tree.unflatten(jax.tree.structure(_parts(games, players)), carried)
+
+    def side(role: Role) -> SideState:
+        memory, track, drives = parts[role]
+        acts = isinstance(players[role].members, Outside)
+        return replace(games.sides[role], memory=actions[role] if acts else memory, track=track, drives=drives)
+
+    return replace(games, sides=ROLES.map(side))
+
+
+class UnderWay(eqx.Module):
+    """Games under way, the observations of the side from outside, and all else that games carry (`carried`)."""
 
     state: GameState
     seen: Float[Array, "games *robots size"]
-    memory: Memory
     carried: tuple[Array, ...]
 
 
@@ -112,14 +143,8 @@ class Result(eqx.Module):
 
 @dataclass(frozen=True)
 class Batch:
-    """Constants of many games.
-
-    Attributes:
-        game: the rules.
-        role: the side from outside.
-        players: `Outside` on that side, the opponent on the other.
-        num_envs: number of games.
-        next_step: whether a game that has ended begins again in the next step, not in the same one.
+    """Constants of many games: of players that on one side are `Outside`, and whether a game that has ended begins
+    again in the next step, not in the same one.
     """
 
     game: Game
@@ -132,18 +157,11 @@ class Batch:
         """Return a pile of starts."""
         keys = jax.random.split(jax.random.key(bits), SPARE * self.num_envs)
         starts: GameState = jax.lax.map(self.game.reset, keys, batch_size=_TOGETHER)
-        games = self._begun(starts)
-        looks = jax.vmap(functools.partial(update, self.game, self.role))
-        _, states = looks(games.sides[self.role].track, starts, jax.random.bits(keys[0], (len(keys),), jnp.uint32))
-        _, seen = perceive(self.players[self.role].observation, self.game, states, self.role)
-        return self._packed(games, of_robots(jnp.split(seen, len(self.game.bodies[self.role]))))
-
-    def _begun(self, state: GameState) -> Games:
-        """Return games that begin in these states."""
-        return begin(self.game, state, self.players, jnp.zeros((2, len(state.steps)), jnp.uint32))
-
-    def _packed(self, games: Games, seen: Float[Array, "games *robots size"]) -> UnderWay:
-        return UnderWay(games.state, seen, games.sides[self.role.other].memory, tuple(jax.tree.leaves(_carried(games))))
+        games, drawn = begun(self.game, self.players, starts), jax.random.bits(keys[0], (len(keys),), jnp.uint32)
+        tracks = games.sides.map(lambda side: side.track)
+        _, seen = look_around(self.game, self.players, tracks, starts, jnp.stack([drawn, drawn]))
+        observations = of_robots(jnp.split(seen[self.role][1], len(self.game.bodies[self.role])))
+        return UnderWay(starts, observations, carried(games, self.players))
 
     def step(
         self, now: UnderWay, ended: Bool[Array, " games"], starts: UnderWay, used: Int[Array, ""],
@@ -151,32 +169,22 @@ class Batch:
     ) -> tuple[UnderWay, Result]:  # fmt: skip
         """Return every game after a step, and its result; of games that have `ended` a new one begins instead."""
         several = len(self.game.bodies[self.role]) > 1
-        games = self._begun(now.state)
-        carried = jax.tree.unflatten(jax.tree.structure(_carried(games)), now.carried)
-        memory = BySide.of(self.role, actions if several else actions[:, None], now.memory)
-        sides = ROLES.map(
-            lambda role: replace(
-                games.sides[role], memory=memory[role], track=carried[role][0], drives=carried[role][1]
-            )
-        )
+        asked = BySide.of(self.role, actions if several else actions[:, None], None)
+        games = resumed(self.game, self.players, now.state, now.carried, asked)
         drawn = jax.random.bits(jax.random.key(bits), (self.num_envs,), jnp.uint32)
-        games, made = step_games(self.game, self.players, replace(games, sides=sides), jnp.stack([drawn, drawn]))
+        games, made = step_games(self.game, self.players, games, jnp.stack([drawn, drawn]))
         own, status = made.sides[self.role], games.state.status
         rewards = jnp.unstack(own.reward, axis=1) if several else [own.reward]
         result = Result(
             own.next_observation, sum(rewards[1:], rewards[0]) / len(rewards), made.terminated, made.truncated,
             made.outcome, *(() if status is None else (jnp.stack(rewards, 1), jnp.stack(status[self.role], 1))),
         )  # fmt: skip
-        after = self._packed(games, result.seen)
+        after = UnderWay(games.state, result.seen, carried(games, self.players))
         if not self.next_step:
             return renewed(after, starts, used, made.ended), result
         # Zeros: no reward, no end, an ongoing game, active robots.
         begun = replace(jax.tree.map(jnp.zeros_like, result), seen=result.seen)
         return renewed(after, starts, used, ended), _chosen(ended, begun, result)
-
-
-def _carried(games: Games) -> BySide[tuple[Track | None, DriveStates]]:
-    return games.sides.map(lambda side: (side.track, side.drives))
 
 
 def renewed(now: UnderWay, starts: UnderWay, used: Int[Array, ""], resets: Bool[Array, " games"]) -> UnderWay:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise, starmap
+from itertools import accumulate, pairwise, starmap
 from typing import Any
 
 import gymnasium
@@ -11,27 +11,25 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, UInt8, UInt32
 
-from apollonius.agents.policy import AbstractPolicy, Memory, mixed
+from apollonius.agents.policy import mixed
+from apollonius.agents.pool import Pool, solo
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import as_game
 from apollonius.catalogue import find_player
-from apollonius.envs.batch import Compiled, require_unforked
+from apollonius.envs.batch import Compiled, Outside, begun, carried, require_unforked, resumed
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.sensing import DriveStates, drive_of
-from apollonius.game.types import NUM_ACTIONS, ROLES, Action, GameState, Outcome, RobotStatus, Role
+from apollonius.game.types import NUM_ACTIONS, ROLES, GameState, Outcome, RobotStatus, Role
 from apollonius.io.errors import require
-from apollonius.observe import tracking
 from apollonius.observe.registry import find_observation
-from apollonius.observe.tracking import Track
-from apollonius.observe.view import look
 from apollonius.play.replay import as_state
-from apollonius.play.rollout import bits_of_team, step_driven
+from apollonius.play.rollout import look_around, step_games
 from apollonius.show.canvas import Canvas
 
 _STATUS, _REWARD, _COLUMNS = 4, 5, 6
 """Columns of a robot's row of numbers, after x, y, v, heading, and how many there are. After the rows of all robots
-come whether the game was terminated, whether it was truncated, and its outcome, then the observations of all."""
+come whether the game was terminated, whether it was truncated, and its outcome, then the observations of those from
+outside."""
 RENDER_MODES = ["rgb_array"]
 _OUTCOMES = [outcome.name.lower() for outcome in Outcome]
 
@@ -94,21 +92,22 @@ class LiveGame:
         require(render_mode in (None, *RENDER_MODES), "render_mode", render_mode, f"{RENDER_MODES[0]}, or None")
         reads, game = find_observation(observation), as_game(game)
         game.require_one_arena("an environment of a single game")
-        players = {role: find_player(name, role, game).policy for role, name in (inside or {}).items()}
-        self.game = game = charted(game, reads.charted or any(one.charted for one in players.values()))
+        found = {role: find_player(name, role, game).policy for role, name in (inside or {}).items()}
+        self.game = game = charted(game, reads.charted or any(one.charted for one in found.values()))
         self.frames_per_second = max(1, round(1 / float(game.dt)))
         self.places = [(role, number) for role in Role for number in range(len(game.bodies[role]))]
         """Side and number of each robot, in the order of a game's robots."""
         self._end = _COLUMNS * len(self.places)
-        ends = [self._end + 3 + reads.size * number for number in range(len(self.places) + 1)]
-        self._seen = list(starmap(slice, pairwise(ends)))
+        sizes = [0 if role in found else reads.size for role, _ in self.places]
+        self._seen = list(starmap(slice, pairwise(accumulate([self._end + 3, *sizes]))))
         self._kind, space = actions, action_space(actions)
         self.idle = np.zeros(space.shape or (), space.dtype)
         """A placeholder for the action of a robot that is not played from outside."""
+        first = jnp.asarray(self.idle.astype(np.int32 if actions == "discrete" else np.float32))
+        players = ROLES.map(lambda role: solo(found.get(role) or Outside(first, reads)))
         # The game is a constant of both functions.
-        self._begin = Compiled(_begin, game, observation, players)
-        self._step = Compiled(_step, game, observation, players, self.idle.shape)
-        self._carried, self._steps = list[Array](), 0
+        self._begin, self._step = Compiled(_begin, game, players), Compiled(_step, game, players, self.idle.shape)
+        self._carried, self._steps = tuple[Array, ...](), 0
         self._numbers: Array | None = None
         self._canvas = Canvas(game) if render_mode else None
 
@@ -125,14 +124,9 @@ class LiveGame:
         self._take(numbers)
 
     def step(self, actions: Sequence[Any], bits: np.uint32) -> None:
-        """Let all robots hold their actions for one step; those of a side played from inside are ignored.
+        """Let all robots hold their actions, pursuers first, for one step; those of a side inside are ignored.
 
-        Args:
-            actions: of each pursuer and each evader, all of the kind of this game's actions.
-            bits: random bits for a player inside.
-
-        Raises:
-            InvalidInput: for an impossible action.
+        Raises InvalidInput for an impossible action. A player inside uses the random bits.
         """
         checked = [as_actions(action, self._kind) for action in actions]
         given = np.empty(1 + self.idle.size * len(checked), checked[0].dtype)
@@ -149,7 +143,7 @@ class LiveGame:
             self._canvas.move(rows[:, :_STATUS].ravel().tolist(), active)
 
     def observation(self, robot: int) -> Float[np.ndarray, " size"]:
-        """Return the observation of a robot by its number among the game's robots."""
+        """Return the observation of a robot from outside by its number among the game's robots."""
         return self._read[self._seen[robot]].copy()
 
     @property
@@ -180,71 +174,49 @@ class LiveGame:
         return np.array(self._canvas.picture()) if self._canvas else None
 
 
-Carried = tuple[dict[Role, list[Memory]], BySide[Track | None], BySide[DriveStates]]
-"""The state of a game besides its numbers: memories of the players inside, tracks of both sides, all drives."""
+def _begin(game: Game, players: BySide[Pool], bits: UInt32[Array, ""]) -> tuple[Float[Array, " _"], tuple[Array, ...]]:
+    """Return a game's numbers, and what it carries."""
+    games = begun(game, players, jax.tree.map(lambda leaf: leaf[None], game.reset(jax.random.key(bits))))
+    tracks, nothing = games.sides.map(lambda side: side.track), jnp.zeros(())
+    _, seen = look_around(game, players, tracks, games.state, _bits_of(players, ~bits))
+    observations = [seen[role][1] for role in Role if isinstance(players[role].members, Outside)]
+    rewards = games.sides.map(lambda side: side.episode_return)
+    return _packed(games.state, rewards, [nothing] * 3, observations), carried(games, players)
 
 
-def _first(game: Game, players: dict[Role, AbstractPolicy], state: GameState) -> Carried:
-    memory = {role: [player.memory] * len(game.bodies[role]) for role, player in players.items()}
-    drives = ROLES.map(lambda role: (drive_of(game.drives, role).begin(),) * len(game.bodies[role]))
-    return memory, ROLES.map(lambda role: tracking.begin(game, state, role)), drives
-
-
-def _begin(
-    game: Game, observation: str, players: dict[Role, AbstractPolicy], bits: UInt32[Array, ""]
-) -> tuple[Float[Array, " numbers"], list[Array]]:
-    """Return a game's numbers, and the leaves of what it carries: taking a tree apart costs as much as a step."""
-    state, nothing = game.reset(jax.random.key(bits)), jnp.zeros(())
-    carried, rewards = _first(game, players, state), state.robots.map(lambda side: (nothing,) * len(side))
-    known = _looked(game, carried[1], state, ~bits)
-    return _packed(game, observation, state, known, rewards, [nothing] * 3), jax.tree.leaves(carried)
-
-
-def _looked(
-    game: Game, tracks: BySide[Track | None], state: GameState, bits: UInt32[Array, ""]
-) -> BySide[tuple[Track | None, GameState]]:
-    """Return what each side knows after a look at a state, and the state as it knows it."""
-    return ROLES.map(lambda role: tracking.update(game, role, tracks[role], state, mixed(bits, jnp.uint32(role))))
+def _bits_of(players: BySide[Pool], bits: UInt32[Array, ""]) -> UInt32[Array, "2 1"]:
+    """Return random bits of each side, those given for a player inside."""
+    outside = [isinstance(pool.members, Outside) for pool in players]
+    sides = [mixed(bits, jnp.uint32(1 + number)) if out else bits for number, out in enumerate(outside)]
+    return jnp.stack(sides)[:, None]
 
 
 def _step(
-    game: Game, observation: str, players: dict[Role, AbstractPolicy], shape: tuple[int, ...],
-    numbers: Float[Array, " numbers"], given: Int[Array, " given"] | Float[Array, " given"],
-    bits: UInt32[Array, ""], carried: list[Array],
-) -> tuple[Float[Array, " numbers"], list[Array]]:  # fmt: skip
+    game: Game, players: BySide[Pool], shape: tuple[int, ...], numbers: Float[Array, " numbers"],
+    given: Int[Array, " given"] | Float[Array, " given"], bits: UInt32[Array, ""], leaves: Sequence[Array],
+) -> tuple[Float[Array, " numbers"], tuple[Array, ...]]:  # fmt: skip
     counts = game.bodies.map(len)
     rows = numbers[: _COLUMNS * sum(counts)].reshape(-1, _COLUMNS)
-    asked = list(given[1:].reshape(sum(counts), *shape))
     state = as_state(rows[:, :_STATUS].ravel(), given[0].astype(jnp.int32), counts.pursuer)
     if state.status is not None:
         statuses = tuple(rows[:, _STATUS].astype(jnp.int32))
         state = replace(state, status=BySide(statuses[: counts.pursuer], statuses[counts.pursuer :]))
-    actions: dict[Role, list[Action]] = {Role.PURSUER: asked[: counts.pursuer], Role.EVADER: asked[counts.pursuer :]}
-    memory, tracks, drives = jax.tree.unflatten(jax.tree.structure(_first(game, players, state)), carried)
-    known = _looked(game, tracks, state, bits)
-    for role, player in players.items():
-        own_bits = bits_of_team(bits[None], counts[role])
-        seen = [player.observation(look(game, known[role][1], role, number)) for number in range(counts[role])]
-        acted = [player(*own) for own in zip(seen, memory[role], own_bits, strict=True)]
-        actions[role] = [action for action, _ in acted]
-        memory[role] = [after for _, after in acted]
-    after, drives = step_driven(game, state, drives, ROLES.map(lambda role: tuple(actions[role])))
-    ends = [after.terminated, after.truncated, after.outcome]
-    tracks = known.map(lambda one: one[0])
-    numbers = _packed(game, observation, after.state, _looked(game, tracks, after.state, ~bits), after.rewards, ends)
-    return numbers, jax.tree.leaves((memory, tracks, drives))
+    actions = BySide(*jnp.split(given[1:].reshape(1, sum(counts), *shape), [counts.pursuer], axis=1))
+    games = resumed(game, players, jax.tree.map(lambda leaf: leaf[None], state), leaves, actions)
+    games, made = step_games(game, players, games, _bits_of(players, bits))
+    seen = [made.sides[role].next_observation for role in Role if isinstance(players[role].members, Outside)]
+    ends = [made.terminated, made.truncated, made.outcome]
+    return _packed(games.state, made.sides.map(lambda side: side.reward), ends, seen), carried(games, players)
 
 
 def _packed(
-    game: Game, observation: str, state: GameState, known: BySide[tuple[Track | None, GameState]],
-    rewards: BySide[tuple[Array, ...]], ends: list[Array],
-) -> Float[Array, " numbers"]:  # fmt: skip
-    sees, statuses = find_observation(observation), state.status or state.robots.map(lambda side: (0,) * len(side))
+    state: GameState, rewards: BySide[Array], ends: Sequence[Array], seen: Sequence[Array]
+) -> Float[Array, " numbers"]:
+    statuses = state.status or state.robots.map(lambda side: (jnp.zeros(1),) * len(side))
     robots = [
         number
         for role in Role
-        for parts in zip(state.robots[role], statuses[role], rewards[role], strict=True)
+        for parts in zip(state.robots[role], statuses[role], jnp.unstack(rewards[role].ravel()), strict=True)
         for number in jax.tree.leaves(parts)
     ]
-    seen = [sees(look(game, known[role][1], role, number)) for role in Role for number, _ in enumerate(rewards[role])]
-    return jnp.concatenate([jnp.stack([jnp.asarray(one).astype(jnp.float32) for one in [*robots, *ends]]), *seen])
+    return jnp.concatenate([jnp.ravel(one).astype(jnp.float32) for one in (*robots, *ends, *seen)])

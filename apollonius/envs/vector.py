@@ -128,7 +128,8 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             raise gymnasium.error.ResetNeeded("games begin with reset()")
         actions = as_actions(actions, self._kind, self._acting)
         self._provide()
-        now, made = self._step(self._now, self._ended, self._starts, self._used, actions, self._bits())
+        used = np.int32(SPARE * self.num_envs - self._left)
+        now, made = self._step(self._now, self._ended, self._starts, used, actions, self._bits())
         self._now, seen, reward = now, np.array(now.seen), np.array(made.reward)
         terminated, truncated, outcome = np.array(made.terminated), np.array(made.truncated), np.array(made.outcome)
         over = terminated | truncated
@@ -146,10 +147,6 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def _of_all(self, **values: np.ndarray) -> dict[str, Any]:
         return values | {f"_{name}": np.ones(self.num_envs, bool) for name in values}
-
-    @property
-    def _used(self) -> np.int32:
-        return np.int32(SPARE * self.num_envs - self._left)
 
     def _provide(self) -> None:
         """Draw a new pile of starts where the last might not do; each is used once, from the first on."""

@@ -106,6 +106,15 @@ def of_robots(values: Sequence[Array]) -> Array:
     return values[0] if len(values) == 1 else jnp.stack(values, axis=1)
 
 
+def look_around(
+    game: Game, players: BySide[AbstractPlayers], tracks: BySide[Track | None], states: GameState, bits: Array
+) -> tuple[BySide[Track | None], BySide[tuple[Read, Any]]]:
+    """Return what both sides know after a look, by random bits of each, and what `perceive` makes of it."""
+    both = ROLES.map(lambda role: jax.vmap(partial(update, game, role))(tracks[role], states, bits[role]))
+    seen = ROLES.map(lambda role: perceive(players[role].observation, game, both[role][1], role))
+    return both.map(lambda one: one[0]), seen
+
+
 def step_games(
     game: Game,
     players: BySide[AbstractPlayers],
@@ -117,19 +126,12 @@ def step_games(
     transitions have no observations, which take long to trace.
     """
 
-    def sees(
-        tracks: BySide[Track | None], state: GameState, bits: Array
-    ) -> tuple[BySide[Any], BySide[tuple[Read, Any]]]:
-        both = ROLES.map(lambda role: jax.vmap(partial(update, game, role))(tracks[role], state, bits[role]))
-        seen = ROLES.map(lambda role: perceive(players[role].observation, game, both[role][1], role))
-        return both.map(lambda one: one[0]), seen
-
-    tracks, seen = sees(games.sides.map(lambda side: side.track), games.state, bits)
+    tracks, seen = look_around(game, players, games.sides.map(lambda side: side.track), games.state, bits)
     acted = ROLES.map(lambda role: decide(players[role], games.sides[role], seen[role], bits[role]))
     actions = acted.map(lambda side: side[0])
     drives = games.sides.map(lambda side: side.drives)
     after, drives = jax.vmap(step_driven, in_axes=(None, 0, 0, 0))(game, games.state, drives, actions)
-    next_seen = sees(tracks, after.state, ~bits)[1] if observes else seen
+    next_seen = look_around(game, players, tracks, after.state, ~bits)[1] if observes else seen
     rewards = after.rewards.map(of_robots)
     returns = ROLES.map(lambda role: games.sides[role].episode_return + rewards[role])
 
