@@ -1,7 +1,5 @@
 """The public names, and where each is from: for type checkers, and for `__init__.py`, which imports what is used."""
 
-from apollonius.agents.greedy import EpsilonGreedy as EpsilonGreedy
-from apollonius.agents.greedy import Greedy as Greedy
 from apollonius.agents.kind import Named as Named
 from apollonius.agents.policy import AbstractPolicy as AbstractPolicy
 from apollonius.agents.pool import solo as solo
@@ -9,6 +7,8 @@ from apollonius.agents.pool import stack as stack
 from apollonius.agents.shield import shielded as shielded
 from apollonius.agents.store import load_agent as load_agent
 from apollonius.agents.store import save_agent as save_agent
+from apollonius.agents.trained import EpsilonGreedy as EpsilonGreedy
+from apollonius.agents.trained import Greedy as Greedy
 from apollonius.arenas.file import find_game as find_game
 from apollonius.catalogue import find_player as find_player
 from apollonius.envs.pettingzoo import parallel_env as parallel_env

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 
 from apollonius.agents.built_in import BuiltIn
 from apollonius.agents.classical import BRAKE_STRAIGHT, Still, Uniform
-from apollonius.agents.greedy import Greedy, SquashedMean
 from apollonius.agents.kind import AbstractKind, Named, unknown
 from apollonius.agents.names import SEARCHING, SHIELDED
 from apollonius.agents.network import QNetwork, valuing
@@ -17,7 +16,7 @@ from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
 from apollonius.agents.pool import Pool, solo, stack
 from apollonius.agents.searching import Search, Searching
 from apollonius.agents.shield import shielded
-from apollonius.agents.trained import Trained, exploring
+from apollonius.agents.trained import Greedy, SquashedMean, Trained, exploring
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.io.errors import require

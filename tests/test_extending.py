@@ -13,13 +13,12 @@ import pytest
 from apollonius import catalogue
 from apollonius.agents import names, trained
 from apollonius.agents.classical import Still
-from apollonius.agents.greedy import Greedy
 from apollonius.agents.kind import AbstractKind, Named
 from apollonius.agents.network import make_network
 from apollonius.agents.pool import solo
 from apollonius.agents.shield import Shielded, shielded
 from apollonius.agents.store import describe, load_agent, save_agent
-from apollonius.agents.trained import learned_elsewhere
+from apollonius.agents.trained import Greedy, learned_elsewhere
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
 from apollonius.arenas.record import from_dict, to_dict

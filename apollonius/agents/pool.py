@@ -110,15 +110,7 @@ class Assigned(AbstractPlayers):
     """One player for most games of a batch, and others who each have a few games of their own, in a row.
 
     A batch meets many players and takes no more arithmetic than with one. Member 0 is the player at large, members 1,
-    2, ... are the others.
-
-    Attributes:
-        at_large: the player of all games that belong to no other.
-        assigned: the others; array leaves have a leading axis.
-        count: their number.
-        first: the first game that belongs to one.
-        games: how many games belong to each.
-        bits: as of a `Pool`.
+    2, ... are the others, stacked: from the `first` game on each has some `games`. Bits are as of a `Pool`.
     """
 
     at_large: AbstractPolicy

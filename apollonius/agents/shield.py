@@ -68,11 +68,7 @@ class Backup(eqx.Module):
         Polygons that are out of reach by the `surroundings` are left out: where that makes a difference, there is more
         clearance than `MARGIN` without them and with them.
         """
-        return jnp.max(self.clearances(robot))
-
-    def clearances(self, robot: RobotState) -> Float[Array, " manoeuvres"]:
-        """Return that clearance [m] by each of the manoeuvres."""
-        return self._clearances(robot, self._near(robot))
+        return jnp.max(self._clearances(robot, self._near(robot)))
 
     @jax.jit
     def clearance_after(self, robot: RobotState, action: Action) -> Scalar:
@@ -165,13 +161,10 @@ class Shielded(AbstractWrapper):
 
 
 class _Search(eqx.Module):
-    """A search for an action that is allowed.
+    """A search for an action that is allowed: the one to be tried or, at the end, to be taken.
 
-    Attributes:
-        action: the one to be tried or, at the end, to be taken.
-        number: its number; of a player's own that is continuous, one more than there are.
-        clearances: what each of the nine leaves [m], infinite until it is tried.
-        open: whether it has not ended.
+    Its number is one more than there are if it is a player's own and continuous. Clearances are what each of the nine
+    leaves [m], infinite until it is tried.
     """
 
     action: Action

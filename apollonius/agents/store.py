@@ -19,8 +19,7 @@ from apollonius.io.arrays import kinds_in, kinds_of, named_leaves, opened, read_
 from apollonius.io.errors import InvalidInput, require, require_within, shown
 from apollonius.observe.registry import OBSERVATIONS
 
-FORMAT = "apollonius-agent"
-FORMAT_VERSION = 1
+FORMAT = "apollonius-agent", 1
 _MAKE = {"values": make_network, "gaussian": make_actor}
 _ACTIONS = {"values": NUM_ACTIONS, "gaussian": 0}
 
@@ -47,8 +46,6 @@ class AgentHeader:
     """Actions it chooses between; 0 where actions are pairs of levels."""
     network: str = "values"
     """Kind of its network: the `values` of the actions, or the `gaussian` of their levels."""
-    format: str = FORMAT
-    version: int = FORMAT_VERSION
 
     def __post_init__(self) -> None:
         require(self.role in ("pursuer", "evader"), "role", self.role, "pursuer or evader")
@@ -83,7 +80,8 @@ def describe(network: Network, role: Role, game: dict[str, Any], training: dict[
 
 def save_agent(agent: Agent, path: Path) -> None:
     """Write an agent's file, atomically."""
-    write_arrays(path, {name: np.asarray(leaf) for name, leaf in named_leaves(agent.network).items()}, agent.header)
+    arrays = {name: np.asarray(leaf) for name, leaf in named_leaves(agent.network).items()}
+    write_arrays(path, arrays, agent.header, FORMAT)
 
 
 def load_agent(path: Path) -> Agent:
@@ -121,7 +119,7 @@ def _opened_agent(path: Path) -> Generator[tuple[Any, AgentHeader], None, None]:
 
 def _read_header(path: Path, file: Any) -> AgentHeader:
     foreign = f"'{path}' holds no Apollonius agent: give a file from a run's agents/ folder"
-    fields = read_header(path, file, (FORMAT, FORMAT_VERSION), foreign)
+    fields = read_header(path, file, FORMAT, foreign)
     header = from_dict(AgentHeader, fields, f"the header of '{path}'")
     if header.network not in _MAKE:
         raise InvalidInput(

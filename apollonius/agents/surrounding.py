@@ -1,7 +1,7 @@
 """Pursuers that surround the evader as a team: by the area that is left to it, and by their bearings around it.
 
 Each decides for itself, by what it sees of its mates. Path lengths and cells are those of the arena's chart, so that
-obstacles count; without a chart paths are straight lines.
+obstacles count.
 """
 
 from abc import abstractmethod
@@ -56,10 +56,8 @@ class AbstractSurrounding(AbstractSteering):
         own, body, opponent = seen.own.state, seen.own.body, seen.opponent.state
         angles = jnp.arange(_DIRECTIONS, dtype=jnp.float32) * (2 * jnp.pi / _DIRECTIONS)
         cos, sin = jnp.cos(angles), jnp.sin(angles)
-        along = jnp.full(_DIRECTIONS, _AHEAD, jnp.float32)
-        if (chart := seen.arena.chart) is not None:
-            free = jax.vmap(chart.range, in_axes=(None, None, 0, 0))(own.x, own.y, cos, sin) - body.radius
-            along = jnp.clip(free, 0.0, along)
+        free = jax.vmap(seen.chart.range, in_axes=(None, None, 0, 0))(own.x, own.y, cos, sin) - body.radius
+        along = jnp.clip(free, 0.0, jnp.full(_DIRECTIONS, _AHEAD, jnp.float32))
         costs = jax.vmap(self.cost(seen))(own.x + along * cos, own.y + along * sin)
         # A mean of the directions: of a cost that falls evenly it is just the direction in which it falls.
         worst, best = jnp.max(costs), jnp.min(costs)
@@ -142,23 +140,16 @@ def even_bearings(bearings: Float[Array, " robots"], active: Bool[Array, " robot
 
 def path_length_to(seen: View, end: RobotState) -> Cost:
     """Return the length [m] of the path from a point to a robot."""
-    if (chart := seen.arena.chart) is None:
-        return lambda x, y: jnp.hypot(end.x - x, end.y - y)
-    there = chart.cell_weights(end.x, end.y)
+    chart, there = seen.chart, seen.chart.cell_weights(end.x, end.y)
     return lambda x, y: chart.path_length(chart.cell_weights(x, y), there)
 
 
 def to_all(seen: View, robot: Robot) -> Float[Array, " places"]:
     """Return the lengths [m] of the paths from a robot to points all over the arena, huge where it cannot be."""
-    state, numbers = robot.state, jnp.arange(0, COARSE, _STRIDE)
-    if (chart := seen.arena.chart) is not None:
-        cells, weights = chart.cell_weights(state.x, state.y)
-        places = (numbers[:, None] * COARSE + numbers[None, :]).ravel()
-        return weights @ (chart.lengths[chart.member, cells[:, None], places[None, :]].astype(jnp.float32) / 100)
-    arena, middles = seen.arena, (numbers.astype(jnp.float32) + 0.5) * (_side(seen) / COARSE)
-    x, y = (jnp.ravel(one) for one in jnp.meshgrid(arena.x_min + middles, arena.y_min + middles))
-    free = jax.vmap(arena.clearance)(x, y) > robot.body.radius
-    return jnp.where(free, jnp.hypot(x - state.x, y - state.y), NO_PATH / 100)
+    chart, numbers = seen.chart, jnp.arange(0, COARSE, _STRIDE)
+    cells, weights = chart.cell_weights(robot.state.x, robot.state.y)
+    places = (numbers[:, None] * COARSE + numbers[None, :]).ravel()
+    return weights @ (chart.lengths[chart.member, cells[:, None], places[None, :]].astype(jnp.float32) / 100)
 
 
 def _side(seen: View) -> Scalar:

@@ -15,10 +15,9 @@ from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.names import TEAM
 from apollonius.game.presets import PRESETS, in_teams, make_game
-from apollonius.game.validation import MOST_ROBOTS
 from apollonius.io.document import parse_json, parse_toml, read_bytes, to_json, write_atomically
 from apollonius.io.errors import InvalidInput, require
-from apollonius.io.limits import GAME_FILES
+from apollonius.io.limits import GAME_FILES, ROBOTS
 
 
 def about_game(name: str) -> str:
@@ -119,15 +118,11 @@ def _read_teams(data: dict[str, Any], path: Path) -> None:
     for side in ("pursuer", "evader"):
         if (said := data.pop(f"{side}s", None)) is None:
             continue
-        name, bound = f"'{path}': {side}s", f"from 1 to {MOST_ROBOTS}, or as many tables"
-        if isinstance(said, list):
-            require(side not in data, name, "tables", f"without a table [{side}] beside them; take that one away")
-            bodies = said
-        else:
-            require(isinstance(said, int) and not isinstance(said, bool), name, said, bound)
-            require(said <= MOST_ROBOTS, name, said, bound)
-            bodies = [data.get(side, {})] * said
-        require(1 <= len(bodies) <= MOST_ROBOTS, name, len(bodies), bound)
+        name, listed = f"'{path}': {side}s", isinstance(said, list)
+        beside = f"without a table [{side}] beside them; take that one away"
+        require(not listed or side not in data, name, "tables", beside)
+        ROBOTS.require(name, len(said) if listed else said)
+        bodies = said if listed else [data.get(side, {})] * said
         data[side], teams[f"{side}s"] = bodies[0], bodies[1:]
     if any(teams.values()):
         data["teams"] = teams

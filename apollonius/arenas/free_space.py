@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from apollonius.arenas.map_file import connected, largest
+from apollonius.arenas.map_file import islands, largest
 from apollonius.arenas.survey import clearances_at, places
 from apollonius.game.game import Game
 from apollonius.io.errors import require
@@ -22,14 +22,10 @@ from apollonius.io.errors import require
 
 @dataclass(frozen=True)
 class FreeSpace:
-    """The places of both robots' centres, `[rows, columns]`, the first row at the bottom.
+    """The places of both robots' centres: the largest connected part, the first row at the bottom.
 
-    Attributes:
-        free: the largest connected part.
-        x, y: the lower left corner [m].
-        cell: side of a cell [m].
-        parts: number of connected parts.
-        islands: number of islands in the largest part: obstacles with free space all around.
+    It has the lower left corner x, y and the side of a cell [m]; the number of all parts; and that of the islands in
+    the largest one, obstacles with free space all around.
     """
 
     free: Bool[np.ndarray, "rows columns"]
@@ -58,19 +54,15 @@ def free_space(game: Game) -> FreeSpace:
 def largest_part(free: Bool[np.ndarray, "rows columns"], x: float, y: float, cell: float) -> FreeSpace:
     """Return the largest part of a raster's free cells, one of which there is, and the number of islands in it."""
     part, count = largest(free)
-    _, islands = connected(np.pad(~part, 1, constant_values=True))
-    return FreeSpace(part, x, y, cell, count, islands - 1)  # one of them is joined to the outside
+    return FreeSpace(part, x, y, cell, count, islands(part))
 
 
 @dataclass(frozen=True)
 class Tiling:
     """A graph of an arena. Two nodes are neighbours where their pieces of cells share a part of a side.
 
-    Attributes:
-        places: a point of each node [m], next to the middle of its piece.
-        adjacency: which nodes are neighbours, never of themselves.
-        spacing: between the middles of neighbouring cells [m].
-        angle: of the cells [rad].
+    The place of a node [m] is next to the middle of its piece. Cells have a spacing between their middles [m] and are
+    turned by an angle [rad].
     """
 
     places: Float[np.ndarray, "nodes 2"]

@@ -95,6 +95,11 @@ def largest(cells: Bool[np.ndarray, "rows columns"]) -> tuple[Bool[np.ndarray, "
     return (numbered == 1 + np.argmax(sizes[1:])) if count else cells, count
 
 
+def islands(free: Bool[np.ndarray, "rows columns"]) -> int:
+    """Count the pieces of what is not free that are apart from the outside, not even touching it at corners."""
+    return connected(np.pad(~free, 1, constant_values=True))[1] - 1
+
+
 def save_map(cells: OccupancyMap, path: Path) -> None:
     """Write a map as a YAML file and a `.pgm` image beside it, from which `load_map` reads the same field."""
     from PIL import Image

@@ -39,15 +39,8 @@ OTHERS = 48
 
 @dataclass(frozen=True)
 class Entry:
-    """One arena of a suite.
-
-    Attributes:
-        part: one of `PARTS`.
-        kind: of random arenas, or `gallery` for one that ships with the package, of the same name.
-        width, height: requested size of the arena [m].
-        sha256: `digest` of the arena.
-        gap: least width of its passages [m]; None in the gallery.
-        seed: of its random numbers; None in the gallery.
+    """One arena of a suite: random, of a requested size [m], or of the kind `gallery`, which ships with the package
+    under the same name and has neither gap nor seed. `sha256` is its `digest`.
     """
 
     name: str

@@ -20,6 +20,7 @@ from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.reach import Reach
 from apollonius.solve.solving import zero_sum_game_of
 from apollonius.solve.store import Solution
+from apollonius.solve.zero_sum_game import payoff_of
 
 STARTS = 20_000
 """Starts over which shares and times are taken."""
@@ -118,7 +119,7 @@ def measure_card(
     starts, _ = begin(match)
     results = play_games(match, report=report)
     seconds = results.steps.astype(jnp.float32) * match.game.dt
-    payoffs = np.asarray(zero_sum_game.payoff_of(results.outcome, seconds))
+    payoffs = np.asarray(payoff_of(zero_sum_game.role, results.outcome, seconds))
     promised = np.asarray(own.best_value(starts))
     gaps = promised - payoffs
     counts = BySide(pursuer_wins(results.outcome), evader_wins(results.outcome, time_limit_wins=False))

@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Int, PRNGKeyArray, UInt32
+from jaxtyping import Array, Int, PRNGKeyArray, UInt32
 
 from apollonius.game import validation
 from apollonius.game.arena import Arena
@@ -171,8 +172,9 @@ class Game(eqx.Module):
             ends = tuple(body.move(robot, *held, self.dt) for body, robot, held in robots)
             if state.status is None:
                 return ends
-            moves = zip(state.active[role], ends, state.robots[role], strict=True)
-            return tuple(_moved_or_still(active, end, start) for active, end, start in moves)
+            halted = (replace(robot, v=jnp.zeros_like(robot.v)) for robot in state.robots[role])
+            moves = zip(state.active[role], ends, halted, strict=True)
+            return tuple(jax.tree.map(partial(jnp.where, active), end, still) for active, end, still in moves)
 
         after = replace(state, robots=ROLES.map(moved), steps=state.steps + 1)
         outcome, status = judge(game, state, after)
@@ -189,12 +191,6 @@ class Game(eqx.Module):
             terminated=(outcome != Outcome.ONGOING) & ~truncated,
             truncated=truncated,
         )
-
-
-def _moved_or_still(active: Bool[Array, ""], end: RobotState, start: RobotState) -> RobotState:
-    """Return the robot after a step: at rest where it was, if it is not active."""
-    halted = replace(start, v=jnp.zeros_like(start.v))
-    return jax.tree.map(lambda there, here: jnp.where(active, there, here), end, halted)
 
 
 def distance(state: GameState) -> Scalar:

@@ -51,10 +51,7 @@ class Fate(eqx.Module):
 class _Events(eqx.Module):
     """The events of one robot in a step; none if it is not active before it.
 
-    Attributes:
-        captured: it is caught, which excludes all other events.
-        hit, out: it touches an obstacle, leaves the walls.
-        collided: it touches a mate, and does neither.
+    A capture excludes all others: that it touches an obstacle, leaves the walls, or touches a mate and does neither.
     """
 
     active: Flag

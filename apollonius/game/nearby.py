@@ -18,13 +18,8 @@ _ROUNDING = 1e-3
 
 
 class Surroundings(eqx.Module):
-    """For each square cell of a rectangle the polygons within reach from anywhere in it.
-
-    Attributes:
-        edges: of all polygons, and a last one that is far from everywhere.
-        within: for each cell the numbers of the edges of those polygons, padded with the last one.
-        x, y: the lower left corner [m].
-        cell: side of a cell [m].
+    """For each square cell of a rectangle, by its lower left corner and the side of a cell [m], the polygons within
+    reach from anywhere in it: the numbers of their edges, padded with that of a last one which is far from everywhere.
     """
 
     edges: Edge

@@ -13,8 +13,8 @@ from apollonius.game.reward import Reward
 from apollonius.game.scenario import RobotKinds, Scenario, Spread, stack_arenas
 from apollonius.game.sensing import Noise, Sensing, Sensors
 from apollonius.game.teams import Body, Teams
-from apollonius.game.validation import MOST_ROBOTS
 from apollonius.io.errors import InvalidInput, require
+from apollonius.io.limits import ROBOTS
 
 
 def paper() -> Game:
@@ -87,7 +87,7 @@ def in_teams(game: Game, pursuers: int, evaders: int, mates_collide: bool = Fals
     """
     require(game.teams is None, "robots", game.size, "1 v 1, to be made a game of teams")
     for side, count in (("pursuers", pursuers), ("evaders", evaders)):
-        require(1 <= count <= MOST_ROBOTS, side, count, f"from 1 to {MOST_ROBOTS}")
+        ROBOTS.require(side, count)
     if pursuers == evaders == 1:
         return game
     others = (game.pursuer,) * (pursuers - 1), (game.evader,) * (evaders - 1)

@@ -95,13 +95,8 @@ def _with(part: Any, path: Sequence[str], value: Real, field: str) -> Any:
 
 
 class Scenario(eqx.Module):
-    """Arenas of one shape, all equally likely, and maybe robots of several kinds, equally likely too.
-
-    Attributes:
-        arenas: leaves `[arenas]`.
-        count: number of arenas.
-        kinds: the robots, all of a side alike; None for those of the game everywhere.
-        name: its name in a game's file (`apollonius.arenas.suite`), or empty.
+    """Arenas of one shape, leaves `[arenas]`, all equally likely, and maybe robots of several kinds, all of a side
+    alike, equally likely too; and its name in a game's file (`apollonius.arenas.suite`).
     """
 
     arenas: Arena
@@ -141,13 +136,10 @@ def stack_arenas(arenas: Sequence[Arena]) -> Arena:
     alike = [padded(arena, discs, polygons, corners, corners_of_map) for arena in arenas]
     shapes = {jax.tree.structure(arena) for arena in alike}
     require(len(shapes) == 1, "arenas", "of several kinds", "all with a territory or all without, and of one class")
-    packed = [replace(arena, polygons=tuple(map(_packed, arena.polygons))) for arena in alike]
+    # The corners of a polygon in one array: compiling takes time for every number that is passed alone.
+    outlines = [[jnp.asarray(np.asarray(one.vertices, np.float32)) for one in arena.polygons] for arena in alike]
+    packed = [replace(arena, polygons=tuple(map(Polygon, some))) for arena, some in zip(alike, outlines, strict=True)]
     return jax.tree.map(lambda *leaves: jnp.asarray(np.array(leaves, np.float32)), *packed)
-
-
-def _packed(polygon: Polygon) -> Polygon:
-    """Return the polygon with its corners in one array: compiling takes time for every number that is passed alone."""
-    return Polygon(jnp.asarray(np.asarray(polygon.vertices, np.float32)))
 
 
 def padded(arena: Arena, discs: int, polygons: int, corners: int, corners_of_map: tuple[int, int] | None) -> Arena:

@@ -19,11 +19,7 @@ Body = Unicycle
 
 
 class Teams(eqx.Module):
-    """The limits of either side's robots besides its first one.
-
-    Attributes:
-        mates_collide: robots of one side whose bodies touch are out of play.
-    """
+    """The limits of either side's robots besides its first one, and whether mates that touch are out of play."""
 
     pursuers: tuple[Body, ...] = ()
     evaders: tuple[Body, ...] = ()

@@ -83,11 +83,8 @@ class RobotState(eqx.Module):
 
 
 class Sight(eqx.Module):
-    """What one side knows of opponents whose last sighting takes the place of their state.
-
-    Attributes:
-        ages: times since each opponent was as its state says [s].
-        belief: seconds since coarse cells of the chart were last seen, negative where no opponent can be, if charted.
+    """What one side knows of opponents whose last sighting takes the place of their state: its age [s] and, with a
+    chart, the seconds since each coarse cell was last seen, negative where no opponent can be.
     """
 
     ages: tuple[Scalar, ...]

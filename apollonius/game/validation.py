@@ -18,8 +18,6 @@ from apollonius.io.limits import ROBOTS
 
 MAX_SIZE = 1e6
 """Largest size of any number of a game: in single precision positions in a larger arena would be decimetres apart."""
-MOST_ROBOTS = ROBOTS.most
-"""Most robots of a side."""
 _DRAWS = 100_000
 """Pairs of positions among which starts are sought; a rarer start would take for ever to draw."""
 _TOGETHER = 5_000
@@ -85,7 +83,7 @@ def check_bodies(bodies: Bodies, dt: float, sensors: Sensing | None, drives: Dri
     """Refuse too many robots, and robots with impossible limits, sensors or drives."""
     check_parts(sensors, drives)
     for side, robots in zip(_SIDES, bodies, strict=True):
-        require(len(robots) <= MOST_ROBOTS, f"{side}s", len(robots), f"at most {MOST_ROBOTS}")
+        ROBOTS.require(f"{side}s", len(robots))
         for number, body in enumerate(robots):
             body.check(f"{side}s[{number}]" if len(robots) > 1 else side, dt)
 

@@ -45,18 +45,19 @@ def opened(path: Path, remedy: str, kind: str = "safetensors file") -> Generator
         raise InvalidInput(f"{damaged} ({error}): {remedy}.") from error
 
 
-def write_arrays(path: Path, arrays: dict[str, np.ndarray], header: Any) -> None:
-    """Write a file of arrays and a header, a dataclass, atomically."""
+def write_arrays(path: Path, arrays: dict[str, np.ndarray], header: Any, form: tuple[str, int]) -> None:
+    """Write a file of arrays and a header, a dataclass, in a format of a name and version, atomically."""
     # One entry: safetensors writes several in an order of their own, and one seed must give one file.
-    write_atomically(path, save(arrays, {"header": to_json(asdict(header), sort_keys=True)}))
+    fields = asdict(header) | {"format": form[0], "version": form[1]}
+    write_atomically(path, save(arrays, {"header": to_json(fields, sort_keys=True)}))
 
 
 def read_header(path: Path, file: Any, form: tuple[str, int], foreign: str) -> dict[str, Any]:
     """Return the header's fields of an open file of a format, its name and version; one of another is `foreign`."""
     fields = parse_json((file.metadata() or {}).get("header", ""), foreign)
-    if fields.get("format") != form[0]:
+    if fields.pop("format", None) != form[0]:
         raise InvalidInput(f"{foreign}.")
-    version = fields.get("version")
+    version = fields.pop("version", None)
     if version != form[1]:
         raise InvalidInput(f"'{path}' has format version {shown(version)}, this program reads {form[1]}: update it.")
     return fields

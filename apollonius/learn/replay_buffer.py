@@ -12,9 +12,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
-DISCRETE, CONTINUOUS = jax.ShapeDtypeStruct((), jnp.int32), jax.ShapeDtypeStruct((2,), jnp.float32)
-"""Shape and number type of an action."""
-
 
 class Row(eqx.Module):
     """Transitions of one side at one or more time steps of every game."""
@@ -56,15 +53,15 @@ class Batch(eqx.Module):
     active: Bool[Array, " batch"] | None = None
 
 
-def init(rows: int, games: int, size: int, action: jax.ShapeDtypeStruct, of_teams: bool = False) -> ReplayBuffer[Row]:
-    """Return an empty ring for `rows` steps of `games` games, by the sizes of observations and actions."""
+def init(rows: int, games: int, size: int, continuous: bool = False, of_teams: bool = False) -> ReplayBuffer[Row]:
+    """Return an empty ring for `rows` steps of `games` games, by the size of observations and the kind of actions."""
 
     def zeros(shape: tuple[int, ...] = (), dtype: Any = jnp.float32) -> Array:
         return jnp.zeros((rows, games, *shape), dtype)
 
     empty = Row(
         observation=zeros((size,)),
-        action=zeros(action.shape, action.dtype),
+        action=zeros((2,)) if continuous else zeros(dtype=jnp.int32),
         reward=zeros(),
         next_observation=zeros((size,)),
         terminated=zeros(dtype=bool),

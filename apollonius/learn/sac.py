@@ -84,16 +84,6 @@ def sample(
     return jnp.tanh(before), jnp.sum(normal - squashing, axis=1)
 
 
-def soft_target(
-    reward: Scalar, discount: Scalar, next_values: Float[Array, "2"], log_density: Scalar, temperature: Scalar
-) -> Scalar:
-    """Return `reward + discount * (min(Q_1, Q_2)(s', a') - alpha log pi(a' | s'))` (Eq. 3 and 5).
-
-    Over several steps the entropy on the way is left out. The discount is 0 where the game ended by its rules.
-    """
-    return reward + discount * (jnp.min(next_values) - temperature * log_density)
-
-
 def critics_loss(critics: Critics, batch: Batch, targets: Float[Array, " batch"]) -> Scalar:
     """Return the mean squared error of both critics against the same targets, added up (Eq. 5)."""
     values = critics.batch(batch.observation, batch.action)
@@ -109,30 +99,24 @@ def actor_loss(
     return jnp.mean(temperature * log_density - values), jnp.mean(log_density)
 
 
-def temperature_slope(log_density: Scalar, target_entropy: float) -> Scalar:
-    """Return the slope of the temperature's loss `-log(alpha) (log pi + target entropy)` by log(alpha) (Eq. 18).
-
-    It is below zero, so that the temperature rises, while the mean entropy `-log pi` is below the target.
-    """
-    return -(log_density + target_entropy)
-
-
 def update(
     learner: SACLearner, batch: Batch, key: PRNGKeyArray, learning_rate: Scalar, config: SACConfig
 ) -> tuple[SACLearner, Scalar]:
-    """Return the learner after one step of Adam on a batch, and the critics' loss before it. The key is consumed."""
+    """Return the learner after one step of Adam on a batch, and the critics' loss before it. The key is consumed.
+
+    Targets are `reward + discount * (min(Q_1, Q_2)(s', a') - alpha log pi(a' | s'))` (Eq. 3 and 5); over several steps
+    the entropy on the way is left out.
+    """
     noise, next_noise = jax.random.normal(key, (2, *batch.action.shape))
     temperature = jnp.exp(learner.log_temperature)
     next_action, next_density = sample(learner.network, batch.next_observation, next_noise)
     next_values = learner.target.batch(batch.next_observation, next_action)
-    targets = jax.vmap(soft_target, in_axes=(0, 0, 1, 0, None))(
-        batch.reward, batch.discount, next_values, next_density, temperature
-    )
+    targets = batch.reward + batch.discount * (jnp.min(next_values, axis=0) - temperature * next_density)
     loss, of_critics = eqx.filter_value_and_grad(critics_loss)(learner.critics, batch, jax.lax.stop_gradient(targets))
     (_, log_density), of_actor = eqx.filter_value_and_grad(actor_loss, has_aux=True)(
         learner.network, learner.critics, temperature, batch, noise
     )
-    of_temperature = temperature_slope(log_density, config.target_entropy)
+    of_temperature = -(log_density + config.target_entropy)  # of -log(alpha) times that, by log(alpha) (Eq. 18)
     gradient: Any = (of_actor, of_critics, of_temperature)
     direction: Any
     direction, optimiser = _adam.update(gradient, learner.optimiser)

@@ -51,13 +51,10 @@ class StageConfig:
         """Share of random actions of either side when the stage begins, if it learns."""
         return BySide(self.pursuer_epsilon, self.evader_epsilon)
 
-    def rewarded(self, game: Game) -> Game:
-        """Return the game with this stage's reward weights."""
-        return replace(game, reward=replace(game.reward, progress=self.progress, failure=self.failure))
-
     def trained_in(self, game: Game) -> Game:
         """Return the game of this stage's training: with its reward weights, and between the robots that it draws."""
-        return randomised(self.rewarded(game), self.randomise) if self.randomise else self.rewarded(game)
+        rewarded = replace(game, reward=replace(game.reward, progress=self.progress, failure=self.failure))
+        return randomised(rewarded, self.randomise) if self.randomise else rewarded
 
 
 @dataclass(frozen=True)

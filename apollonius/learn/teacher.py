@@ -59,13 +59,9 @@ class Clearance(KeptClearance):
 
 
 class Teacher(eqx.Module):
-    """A player that values all nine actions, and the clearance that they leave.
+    """A player that values all nine actions, and the clearance that they leave to the student's robot, or None.
 
-    Attributes:
-        policy: the player.
-        scale: price of a lost game in its values.
-        unit: that price in the student's.
-        clearance: of the student's robot; None leaves it out.
+    A lost game has the price `scale` in its values, and `unit` in the student's.
     """
 
     policy: AbstractActionValuePolicy
@@ -87,12 +83,9 @@ class Teacher(eqx.Module):
 
 
 class Setting(eqx.Module):
-    """The game, the teacher there, and the student's opponents.
+    """The game, the teacher there, and the student's opponents, of equal parts of the games that attackers leave.
 
-    Attributes:
-        opponents: each plays an equal part of the games that the attackers leave.
-        table: the other side's player by the game solved in this one arena, by which the attackers look ahead; None
-            where nobody needs it.
+    Attackers look ahead by a table, the other side's player by the game solved in this one arena, if there are any.
     """
 
     game: Game

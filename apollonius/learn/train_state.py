@@ -65,8 +65,8 @@ def start(
 
     def first(role: Role, key: PRNGKeyArray) -> LearnerState:
         columns, size = config.games * len(game.bodies[role]), find_observation(config.observation).size
-        action = replay_buffer.CONTINUOUS if isinstance(config, SACConfig) else replay_buffer.DISCRETE
-        buffer = replay_buffer.init(config.rows, columns, size, action, game.teams is not None)
+        continuous, of_teams = isinstance(config, SACConfig), game.teams is not None
+        buffer = replay_buffer.init(config.rows, columns, size, continuous, of_teams)
         return LearnerState(first_learner(plan, key, networks[role]), buffer)
 
     learners = {role: first(role, key) for role, key in zip(learning, network_keys, strict=True)}

@@ -151,8 +151,8 @@ class Sweep:
         return 1 - log(max(self.residual, wanted) / wanted) / whole if whole > 0 else 1.0
 
 
-def silent(sweep: Sweep) -> None:
-    """Report nothing."""
+Report = Callable[[Sweep], None]
+"""Called after each sweep."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ class Solved:
 def iterate(
     sweep: Callable[[Table], tuple[Table, Scalar]],
     table: Table,
-    report: Callable[[Sweep], None] = silent,
+    report: Report | None = None,
     tolerance: float = TOLERANCE,
 ) -> Solved:
     """Sweep, from a table to the next one with the largest change, until that residual is at most the tolerance.
@@ -178,7 +178,8 @@ def iterate(
     for number in range(1, _MOST_SWEEPS + 1):
         table, change = sweep(table)
         residual = float(change)
-        report(Sweep(number, residual, tolerance))
+        if report:
+            report(Sweep(number, residual, tolerance))
         if residual <= (tolerance if number < _MOST_SWEEPS else max(tolerance, TOLERANCE)):
             return Solved(table, number, residual)
     raise RuntimeError(f"value iteration still moves by {residual:g} after {_MOST_SWEEPS} sweeps")

@@ -21,7 +21,6 @@ kept in tiles, each with all nodes of the robot that moves and a few of the one 
 runs along contiguous memory, and what it reads again soon is still in a core's own cache.
 """
 
-from collections.abc import Callable
 from functools import partial
 
 import equinox as eqx
@@ -34,7 +33,7 @@ from apollonius.game.types import NUM_ACTIONS, RobotState, Scalar
 from apollonius.io.errors import require
 from apollonius.io.limits import require_memory
 from apollonius.solve.capture import Decided, decisive
-from apollonius.solve.grid import FEWER_NODES, Grid, Solved, Sweep, iterate, lanes_of, silent
+from apollonius.solve.grid import FEWER_NODES, Grid, Report, Solved, iterate, lanes_of
 from apollonius.solve.motion import discount_after
 from apollonius.solve.transition_map import Side, make_side
 from apollonius.solve.zero_sum_game import LOSE, WIN, ZeroSumGame
@@ -50,12 +49,8 @@ BYTES_PER_PAIR = 3 * 4 + 2
 
 
 class Duel(eqx.Module):
-    """The two-robot game on a grid, as the side sees it that moves first.
-
-    Attributes:
-        zero_sum_game: the game, from that side.
-        first, second: the robots in the order in which they move.
-        decided: the first one's actions that decide the game by a capture.
+    """The two-robot game on a grid, as the side sees it that moves first; `decided` are its robot's actions that decide
+    the game by a capture.
     """
 
     zero_sum_game: ZeroSumGame
@@ -81,7 +76,7 @@ def make_duel(zero_sum_game: ZeroSumGame, whole_cells: bool = False) -> Duel:
     return Duel(zero_sum_game, first, second, decisive(zero_sum_game, first, second))
 
 
-def solve_duel(duel: Duel, report: Callable[[Sweep], None] = silent, tolerance: float = TOLERANCE) -> Solved:
+def solve_duel(duel: Duel, report: Report | None = None, tolerance: float = TOLERANCE) -> Solved:
     """Return the value for the first side once it has moved: A(s', o), in tiles in which the second robot moves.
 
     It is within 1 / (1 - discount) times the tolerance, the largest change in the last sweep, of the fixed point.

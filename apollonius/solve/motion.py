@@ -20,12 +20,7 @@ _UNROLL = 5
 
 
 class Motion(eqx.Module):
-    """One robot alone in its arena, by the rules' own dynamics and contact.
-
-    Attributes:
-        body, arena, dt: the game's.
-        steps: control steps for which an action is held.
-    """
+    """One robot alone in its arena, by the rules' own dynamics and contact, which holds actions for some steps."""
 
     body: Unicycle
     arena: Arena

@@ -15,12 +15,13 @@ from apollonius.agents.batching import batched_by, spread
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy, Memory
 from apollonius.agents.pool import act_in_rows
 from apollonius.game.by_side import BySide
-from apollonius.game.types import NUM_ACTIONS, Action, GameState, Outcome, RobotState, Role
+from apollonius.game.game import Game
+from apollonius.game.types import NUM_ACTIONS, Action, Actions, GameState, Outcome, RobotState, Role
 from apollonius.observe.observation import perceive
 from apollonius.observe.view import View
 from apollonius.solve.joint import interpolate
 from apollonius.solve.motion import discount_after, every_hold, last
-from apollonius.solve.zero_sum_game import ZeroSumGame, first_events
+from apollonius.solve.zero_sum_game import ZeroSumGame, first_events, payoff_of
 
 
 class AbstractSearch(AbstractActionValuePolicy):
@@ -62,10 +63,8 @@ def _values_in_one(
 
 
 class SaddlePolicy(AbstractSearch):
-    """The player of either side that makes most of its promised value (`value_before_move`).
-
-    Attributes:
-        table: that of `solve_duel`: the value for its side once it has moved; between nodes an estimate.
+    """The player of either side that makes most of its promised value (`value_before_move`), by the table of
+    `solve_duel`.
     """
 
     table: Shaped[Array, "tiles moving lanes"]
@@ -83,7 +82,7 @@ class SaddlePolicy(AbstractSearch):
         if game.role == Role.EVADER:
             outcome, seconds = jnp.swapaxes(outcome, 0, 1), jnp.swapaxes(seconds, 0, 1)
         later = game.motions[0].discount * interpolate(self.table, (other_grid, other), (grid, last(mine)))
-        values = jnp.where(outcome == Outcome.ONGOING, later[:, None], game.payoff_of(outcome, seconds))
+        values = jnp.where(outcome == Outcome.ONGOING, later[:, None], payoff_of(game.role, outcome, seconds))
         return jnp.min(values, axis=1)
 
 
@@ -101,14 +100,8 @@ class RolloutSearch(AbstractSearch):
     (beam search); where none is left out, the search is exhaustive.
 
     An opponent that acts by chance is followed along one course, with random bits of the searching player's own. The
-    game itself draws other bits.
-
-    Attributes:
-        table: the value for its side once it has moved; between nodes an estimate.
-        opponent: the other player.
-        hold: control steps for which a plan holds an action.
-        holds: how many holds a plan has.
-        width: most plans that are extended after a hold.
+    game itself draws other bits. The table is as of a `SaddlePolicy`. A plan has some `holds`, each of `hold` control
+    steps, after which `width` plans are extended at most.
     """
 
     table: Shaped[Array, "tiles moving lanes"]
@@ -126,7 +119,9 @@ class RolloutSearch(AbstractSearch):
         for number in range(self.holds):
             if number > 0 and self.width < plans.first.shape[1]:
                 plans = plans.best(self._values(plans), self.width)
-            plans = self._extended(plans, _bits_of_hold(bits, number, self.hold))
+            drawn = jax.vmap(lambda bits, number=number: jax.random.fold_in(jax.random.key(bits), number))(bits)
+            drawn = jax.vmap(lambda key: jax.random.bits(key, (self.hold,), jnp.uint32), out_axes=1)(drawn)
+            plans = self._extended(plans, drawn)
         begins = plans.first[None] == jnp.arange(NUM_ACTIONS)[:, None, None]
         return jnp.max(jnp.where(begins, self._values(plans)[None], -jnp.inf), axis=2)
 
@@ -140,10 +135,6 @@ class RolloutSearch(AbstractSearch):
         def flat(leaf: Array) -> Array:
             return jnp.broadcast_to(leaf, shape).reshape(-1)
 
-        def stepped(state: GameState, own: Action, other: Action) -> tuple[GameState, Int[Array, ""]]:
-            after = game.step(state, *BySide.of(role, own, other))
-            return after.state, after.outcome
-
         def one_step(
             before: tuple[GameState, Int[Array, "games plans"]], bits: UInt32[Array, " games"]
         ) -> tuple[tuple[GameState, Int[Array, "games plans"]], None]:
@@ -151,9 +142,7 @@ class RolloutSearch(AbstractSearch):
             # All plans in a game meet the same course of an opponent that acts by chance.
             read, rows = perceive(self.opponent.observation, game, states, role.other)
             answers, _ = act_in_rows(self.opponent, read, rows, (), flat(bits[:, None]))
-            after = jax.vmap(stepped)(states, flat(held[None]), answers)
-            ongoing = before[1] == Outcome.ONGOING
-            return jax.tree.map(lambda new, old: jnp.where(ongoing, new.reshape(shape), old), after, before), None
+            return step_all(game, role, *before, flat(held[None]), answers), None
 
         (states, outcome), _ = jax.lax.scan(one_step, (longer.states, longer.outcome), bits)
         first = longer.first if plans.first.shape[1] > 1 else jnp.broadcast_to(held, longer.first.shape)
@@ -167,18 +156,30 @@ class RolloutSearch(AbstractSearch):
         here = jax.tree.map(lambda leaf: leaf[None], own)
         later = interpolate(self.table, (other_grid, other), (grid, here)).reshape(plans.outcome.shape)
         seconds = plans.states.steps.astype(jnp.float32) * zero_sum_game.game.dt
-        ended = zero_sum_game.payoff_of(plans.outcome, seconds)
+        ended = payoff_of(zero_sum_game.role, plans.outcome, seconds)
         return jnp.where(plans.outcome == Outcome.ONGOING, discount_after(seconds) * later, ended)
 
 
-class _Plans(eqx.Module):
-    """Plans in several games.
+def step_all(
+    game: Game, role: Role, states: GameState, outcome: Int[Array, "starts n"], own: Actions, other: Actions
+) -> tuple[GameState, Int[Array, "starts n"]]:
+    """Return several courses of each game, and their outcomes, a step later; those that are over stay as they are.
 
-    Attributes:
-        first: the action that a plan begins with.
-        states: where they lead, with the steps taken, leaves `[games plans]`.
-        outcome: of the game then; one that is over stays as it ended.
+    Actions of one side and of the other are in rows, all courses of the first game first.
     """
+
+    def stepped(state: GameState, own: Action, other: Action) -> tuple[GameState, Int[Array, ""]]:
+        after = game.step(state, *BySide.of(role, own, other))
+        return after.state, after.outcome
+
+    after = jax.vmap(stepped)(jax.tree.map(jnp.ravel, states), own, other)
+    ongoing = outcome == Outcome.ONGOING
+    in_games = jax.tree.map(lambda leaf: leaf.reshape(outcome.shape), after)
+    return jax.tree.map(lambda new, old: jnp.where(ongoing, new, old), in_games, (states, outcome))
+
+
+class _Plans(eqx.Module):
+    """Plans in several games: their first action, and state and outcome at their end, or at the end of the game."""
 
     first: Int[Array, "games plans"]
     states: GameState
@@ -195,12 +196,3 @@ class _Plans(eqx.Module):
         """Return those of the greatest values."""
         _, kept = jax.lax.top_k(values, width)
         return jax.tree.map(lambda leaf: jax.vmap(lambda plans, kept: plans[kept])(leaf, kept), self)
-
-
-def _bits_of_hold(bits: UInt32[Array, " games"], hold: int, steps: int) -> UInt32[Array, "steps games"]:
-    """Return random bits for each step of a hold, from one for each game."""
-
-    def of_game(bits: UInt32[Array, ""]) -> UInt32[Array, " steps"]:
-        return jax.random.bits(jax.random.fold_in(jax.random.key(bits), hold), (steps,), jnp.uint32)
-
-    return jax.vmap(of_game, out_axes=1)(bits)

@@ -12,7 +12,6 @@ of a held action is
 and U is the greatest. Begun at 0, the iteration only goes up.
 """
 
-from collections.abc import Callable
 from math import ceil
 
 import equinox as eqx
@@ -26,7 +25,7 @@ from apollonius.game.types import Outcome, RobotState, Role, Scalar
 from apollonius.io.errors import require
 from apollonius.io.limits import require_memory
 from apollonius.observe.view import View
-from apollonius.solve.grid import FEWER_NODES, Grid, Solved, Sweep, iterate, silent
+from apollonius.solve.grid import FEWER_NODES, Grid, Report, Solved, iterate
 from apollonius.solve.motion import HORIZON, Motion, discount_after, every_hold, last
 from apollonius.solve.transition_map import Side, make_side
 from apollonius.solve.zero_sum_game import first_events
@@ -36,13 +35,8 @@ BYTES_PER_NODE = 4 * (9 + 6) + 9
 
 
 class Reach(AbstractActionValuePolicy):
-    """The least time to one target, and the pursuer that takes it: it decides again in every step.
-
-    Attributes:
-        game: the rules.
-        motion, grid: the pursuer's.
-        target_x, target_y: where the target stands [m].
-        table: U at the nodes.
+    """The least time to a target [m], by U at the nodes of the pursuer's grid, and the pursuer that takes it: it
+    decides again in every step.
     """
 
     game: Game
@@ -67,7 +61,7 @@ class Reach(AbstractActionValuePolicy):
 
 
 def solve_reach(
-    game: Game, grid: Grid, hold: int, target: tuple[float, float], report: Callable[[Sweep], None] = silent
+    game: Game, grid: Grid, hold: int, target: tuple[float, float], report: Report | None = None
 ) -> tuple[Reach, Solved]:
     """Return the least time to a target at x, y [m] from everywhere on the pursuer's grid, by holds of some steps.
 

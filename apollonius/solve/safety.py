@@ -16,7 +16,6 @@ robot that cannot stop has its clearance worn away by interpolation without end;
 `TOLERANCE`, and by how much its table is above a fixed point is not known.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import equinox as eqx
@@ -28,7 +27,7 @@ from apollonius.agents.shield import BRAKING, Backup, brakes
 from apollonius.game.game import Game
 from apollonius.game.types import RobotState, Role, Scalar
 from apollonius.io.limits import require_memory
-from apollonius.solve.grid import FEWER_NODES, TOLERANCE, Grid, Solved, Sweep, iterate, silent
+from apollonius.solve.grid import FEWER_NODES, TOLERANCE, Grid, Report, Solved, iterate
 from apollonius.solve.motion import Motion, last, motion_of
 from apollonius.solve.transition_map import TransitionMap, of_courses, transition_map_of
 
@@ -36,7 +35,7 @@ BYTES_PER_NODE = 4 * (9 + 5)
 """The clearances of nine actions; the table before and after a sweep, padded, and what is between."""
 
 
-def solve_safety(game: Game, role: Role, grid: Grid, hold: int, report: Callable[[Sweep], None] = silent) -> Solved:
+def solve_safety(game: Game, role: Role, grid: Grid, hold: int, report: Report | None = None) -> Solved:
     """Return the clearance [m] that one side's robot can keep, at every node of a grid.
 
     Of a robot that comes to rest, the residual is 0: the table is a fixed point and not above one. Of any other, and in
@@ -65,12 +64,7 @@ def _sweep(
 
 
 class KeptClearance(eqx.Module):
-    """The clearance that a robot can keep for ever after each of its actions, by the table of `solve_safety`.
-
-    Attributes:
-        motion: of the robot, for as many steps as an action is held.
-        grid, table: the clearance [m] at the nodes.
-    """
+    """The clearance [m] that a robot can keep for ever after each of its actions, by the table of `solve_safety`."""
 
     motion: Motion
     grid: Grid

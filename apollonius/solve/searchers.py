@@ -7,7 +7,7 @@ All move at once, to a neighbour or nowhere; then the pursuers look.
 
 import heapq
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -102,7 +102,11 @@ def clearing(
             return [], whole
         left, number, contaminated = heapq.heappop(waiting)
         if not left:
-            return list(_way(ways, number))[::-1], False
+            found: list[Team] = []
+            while number >= 0:
+                team, number = ways[number]
+                found.append(team)
+            return found[::-1], False
         after = spreads @ contaminated.astype(np.float32) > 0
         teams = sorted({tuple(sorted(nodes)) for nodes in itertools.product(*(around[at] for at in ways[number][0]))})
         rest = after & ~np.any(seen[np.array(teams)], axis=1)
@@ -111,10 +115,3 @@ def clearing(
         for move in best.tolist():
             add(teams[move], rest[move], number)
     return [], False
-
-
-def _way(ways: list[tuple[Team, int]], number: int) -> Iterator[Team]:
-    """Yield the teams of a state and of those before it."""
-    while number >= 0:
-        team, number = ways[number]
-        yield team

@@ -14,7 +14,7 @@ from apollonius.game.game import Game
 from apollonius.game.types import ROLES, Role
 from apollonius.io.cache import cached, entry
 from apollonius.io.errors import InvalidInput, require
-from apollonius.solve.grid import Grid, Sweep, make_grid, silent
+from apollonius.solve.grid import Grid, Report, Sweep, make_grid
 from apollonius.solve.joint import make_duel, solve_duel
 from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.reach import solve_reach
@@ -117,7 +117,7 @@ def joint_grids(game: Game, counts: list[int]) -> tuple[Grid, Grid]:
     return make_grid(game.arena, game.pursuer, tuple(counts)), make_grid(game.arena, game.evader, tuple(counts))
 
 
-def solve_problem(problem: Problem, game: Game, report: Callable[[Sweep], None] = silent) -> Solution:
+def solve_problem(problem: Problem, game: Game, report: Report | None = None) -> Solution:
     """Solve a problem of a game; raises InvalidInput for too large a grid, and a target that is not clear of all."""
     if problem.kind == "game":
         solved = solve_duel(make_duel(zero_sum_game_of(problem, game), problem.whole_cells), report)

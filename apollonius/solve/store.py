@@ -16,8 +16,7 @@ from apollonius.io.errors import InvalidInput, require
 from apollonius.io.limits import HOLD, JOINT_HOLD, MOST_COUNTED, require_memory
 from apollonius.solve.grid import FEWER_NODES
 
-FORMAT = "apollonius-solution"
-FORMAT_VERSION = 1
+FORMAT = "apollonius-solution", 1
 KINDS = ("safety", "reach", "game")
 """What can be solved."""
 _MOST_NODES = 1_000_000
@@ -58,36 +57,31 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class Solution:
-    """A solved problem."""
-
-    problem: Problem
-    sweeps: int
-    residual: float
-    """Largest change of a value in the last sweep."""
-    table: Shaped[Array, "..."]
-    """Values at the nodes, by (v, heading, x, y); of `game` what `solve_duel` returns, in half precision."""
-
-
-@dataclass(frozen=True)
 class _Header:
     """What a solution's file says about it."""
 
     problem: Problem
     sweeps: int
     residual: float
-    format: str = FORMAT
-    version: int = FORMAT_VERSION
+    """Largest change of a value in the last sweep."""
 
     def __post_init__(self) -> None:
         require(0 <= self.sweeps <= MOST_COUNTED, "sweeps", self.sweeps, "0 or more")
         require(0 <= self.residual < inf, "residual", self.residual, "0 or more, and finite")
 
 
+@dataclass(frozen=True)
+class Solution(_Header):
+    """A solved problem."""
+
+    table: Shaped[Array, "..."]
+    """Values at the nodes, by (v, heading, x, y); of `game` what `solve_duel` returns, in half precision."""
+
+
 def save_solution(solution: Solution, path: Path) -> None:
     """Write a solution's file, atomically."""
     header = _Header(solution.problem, solution.sweeps, solution.residual)
-    write_arrays(path, {"table": np.asarray(solution.table)}, header)
+    write_arrays(path, {"table": np.asarray(solution.table)}, header, FORMAT)
 
 
 def load_solution(path: Path) -> Solution:
@@ -101,7 +95,7 @@ def load_solution(path: Path) -> Solution:
     remedy = "solve it again, into another file"
     foreign = f"'{path}' holds no whole Apollonius solution: {remedy}"
     with opened(path, remedy, "Apollonius solution") as file:
-        fields = read_header(path, file, (FORMAT, FORMAT_VERSION), foreign)
+        fields = read_header(path, file, FORMAT, foreign)
         header = from_dict(_Header, fields, f"the header of '{path}'")
         if not _fits(header.problem, kinds_in(file), path):
             raise InvalidInput(f"{foreign} (its table is not of the size that its header says).")
@@ -115,7 +109,7 @@ def is_solution(path: Path) -> bool:
         if not path.is_file():
             return False
         with opened(path, "") as file:
-            return bool(read_header(path, file, (FORMAT, FORMAT_VERSION), ""))
+            return bool(read_header(path, file, FORMAT, ""))
     except (InvalidInput, OSError):
         return False
 

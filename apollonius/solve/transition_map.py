@@ -165,13 +165,7 @@ def of_courses(of: Callable[[RobotState], Array], grid: Grid, transitions: Trans
 
 
 class Side(eqx.Module):
-    """One robot on its grid; it knows no opponent.
-
-    Attributes:
-        motion, grid: the robot's.
-        transitions: where its held actions lead.
-        failure: the step in which they touch something; `NEVER` if in none.
-    """
+    """One robot on its grid: where its held actions lead, and the step in which they touch something, or `NEVER`."""
 
     motion: Motion
     grid: Grid

@@ -1,21 +1,22 @@
 """Starts that are lost before they begin: a robot in them cannot help crashing."""
 
 import functools
+from collections.abc import Callable
 from dataclasses import replace
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.tree_util import Partial
 from jaxtyping import Array, Bool, PRNGKeyArray
 
-from apollonius.agents.shield import Backup
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import ROLES, GameState, RobotState, Role, Scalar
 from apollonius.io.cache import Memory
 from apollonius.io.errors import InvalidInput
-from apollonius.solve.grid import Grid, Table
+from apollonius.solve.grid import Table
 from apollonius.solve.motion import motion_of
 from apollonius.solve.safety import solve_safety, steered_brakes
 from apollonius.solve.solving import reference_grid
@@ -25,25 +26,14 @@ _ROUNDS = 1000
 """Draws of as many starts as are wanted, before a game is refused of which hardly any is viable."""
 
 
-class TableClearance(eqx.Module):
-    """The clearance [m] that a robot can keep, from a table alone: for robots that do not stop when they brake."""
-
-    grid: Grid
-    table: Table
-
-    def clearance(self, robot: RobotState) -> Scalar:
-        """Interpolate, so only as exactly as the grid."""
-        return self.grid.interpolate(self.table, robot)
-
-
-class Viability(BySide[Backup | TableClearance]):
-    """The judge of starts from which both robots can stay clear of everything for ever, by the clearance that each can
-    keep."""
+class Viability(BySide[Callable[[RobotState], Scalar]]):
+    """The judge of starts from which both robots can stay clear of everything for ever, by the clearance [m] that each
+    can keep."""
 
     def __call__(self, state: GameState) -> Bool[Array, ""]:
         """Return whether every robot can stay clear."""
         sides = zip(self, state.robots, strict=True)
-        kept = [judge.clearance(robot) >= 0 for judge, robots in sides for robot in robots]
+        kept = [judge(robot) >= 0 for judge, robots in sides for robot in robots]
         return functools.reduce(jnp.logical_and, kept)
 
 
@@ -60,12 +50,14 @@ def solve_viability(game: Game) -> Viability:
     return Viability(*ROLES.map(lambda role: _judge(game, role)))
 
 
-def _judge(game: Game, role: Role) -> Backup | TableClearance:
+def _judge(game: Game, role: Role) -> Callable[[RobotState], Scalar]:
     body = game.body(role)
     grid, hold = reference_grid(game, role, coarse=body.brakes_to_rest)
     # All that a table depends on: not rewards or the time limit.
     table = _tables.get((motion_of(game, role, hold), grid), lambda: solve_safety(game, role, grid, hold).table)
-    return steered_brakes(game, role, grid, table) if body.brakes_to_rest else TableClearance(grid, table)
+    return (
+        steered_brakes(game, role, grid, table).clearance if body.brakes_to_rest else Partial(grid.interpolate, table)
+    )
 
 
 @eqx.filter_jit

@@ -20,12 +20,8 @@ _UNROLL = 5
 
 
 class Alone(eqx.Module):
-    """A step of one robot, judged without the other one.
-
-    Attributes:
-        before, after: the robot at the two ends of the step.
-        hit, out: whether it touches an obstacle, and whether it leaves the walls.
-        arrives: whether it comes into the territory; None where it has none to come to.
+    """A step of one robot, judged without the other one: whether it touches an obstacle, leaves the walls, or comes
+    into a territory, if it has one to come to.
     """
 
     before: RobotState
@@ -90,13 +86,7 @@ def _steps_alone(game: Game, role: Role, courses: RobotState) -> Alone:
 
 
 class ZeroSumGame(eqx.Module):
-    """The two-robot game, from one side. What one gains the other loses.
-
-    Attributes:
-        game: the rules.
-        motions, grids: of this side's robot, then the other's.
-        role: the side.
-    """
+    """The two-robot game, from one side, with the motion and the grid of its robot and then of the other's."""
 
     game: Game
     motions: tuple[Motion, Motion]
@@ -113,12 +103,11 @@ class ZeroSumGame(eqx.Module):
         both = BySide.of(self.role, own, other)
         return both.pursuer, both.evader
 
-    def payoff_of(self, outcome: Int[Array, "*batch"], seconds: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
-        """Return the value to this side of an outcome after some seconds."""
-        won, lost = pursuer_wins(outcome), evader_wins(outcome, time_limit_wins=False)
-        if self.role == Role.EVADER:
-            won, lost = lost, won
-        return discount_after(seconds) * jnp.where(won, WIN, jnp.where(lost, LOSE, 0.0))
+
+def payoff_of(role: Role, outcome: Int[Array, "*batch"], seconds: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+    """Return the value to one side of an outcome after some seconds."""
+    won, lost = BySide.of(role, pursuer_wins(outcome), evader_wins(outcome, time_limit_wins=False))
+    return discount_after(seconds) * jnp.where(won, WIN, jnp.where(lost, LOSE, 0.0))
 
 
 def make_zero_sum_game(game: Game, grids: tuple[Grid, Grid], hold: int, role: Role) -> ZeroSumGame:

@@ -15,9 +15,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from apollonius.agents.chasing import Flee, FleeAware, Intercept, PurePursuit
+from apollonius.agents.chasing import Flee, FleeAware, Intercept, PurePursuit, Territory
 from apollonius.agents.classical import AbstractClassical
-from apollonius.agents.guarding import Territory
 from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.surrounding import Encirclement, VoronoiPursuit

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from apollonius.agents import built_in
-from apollonius.agents.chasing import Flee, FleeAware, Intercept, PurePursuit
+from apollonius.agents.chasing import Flee, FleeAware, Intercept, PurePursuit, nearest_reach
 from apollonius.agents.classical import AbstractClassical
-from apollonius.agents.guarding import nearest_reach
 from apollonius.agents.surrounding import Encirclement, VoronoiPursuit, even_bearings, path_length_to, to_all
 from apollonius.arenas.charting import charted
 from apollonius.catalogue import find_player, player_names
@@ -220,10 +219,10 @@ def test_who_aims_there_guards_better_than_who_heads_for_the_evader():
 OPEN_TO_TEAMS = in_teams(Game(arena=Arena(0.0, 10.0, 0.0, 10.0)), 3, 1)
 
 
-def view_of_team(pursuers, evader, out=(), number=0, game=OPEN_TO_TEAMS):
+def view_of_team(pursuers, evader, out=(), number=0, game=None):
     statuses = [RobotStatus.HIT_OBSTACLE if n in out else 0 for n in range(len(pursuers))]
     state = state_of(pursuers, [evader], (statuses, [0]))
-    return look(game, state, Role.PURSUER, number)
+    return look(game or charted(OPEN_TO_TEAMS), state, Role.PURSUER, number)
 
 
 def random_teams(seed, count):
@@ -290,10 +289,10 @@ def test_bearings_are_even_in_their_order_and_turn_as_little_as_can_be():
         assert turned[36] == pytest.approx(max(turned), abs=1e-5)
 
 
-def test_in_the_open_the_lengths_of_paths_are_distances_to_points_all_over():
+def test_in_the_open_the_lengths_of_paths_are_nearly_distances_to_points_all_over():
     seen = view_of_team([(2, 3), (9, 9), (8, 1)], (6, 4))
     x, y = np.meshgrid(*[(np.arange(0, 40, 2) + 0.5) / 4] * 2)
-    np.testing.assert_allclose(to_all(seen, seen.own), np.hypot(x - 2, y - 3).ravel(), atol=1e-5)
+    np.testing.assert_allclose(to_all(seen, seen.own), np.hypot(x - 2, y - 3).ravel(), rtol=0.05, atol=0.15)
 
 
 def test_encirclement_closes_in_at_its_own_bearing():
@@ -301,7 +300,7 @@ def test_encirclement_closes_in_at_its_own_bearing():
     player = Encirclement.for_side(OPEN_TO_TEAMS, Role.PURSUER)
     seen = view_of_team([(8, 5.5), (8, 4.5), (5, 1)], (5, 5), out=(2,))
     cost, radius = player.cost(seen), 0.7 * hypot(3, 0.5)
-    assert float(cost(jnp.float32(5), jnp.float32(5 + radius))) == pytest.approx(0, abs=1e-4)
+    assert float(cost(jnp.float32(5), jnp.float32(5 + radius))) == pytest.approx(0, abs=0.2)
     heading, _ = player.course(seen)
     assert float(heading) == pytest.approx(atan2(5 + radius - 5.5, 5 - 8), abs=0.1)
     close, _ = player.course(view_of_team([(5.5, 5.5), (8, 4.5), (5, 1)], (5, 5)))

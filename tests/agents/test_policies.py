@@ -13,13 +13,12 @@ from safetensors.numpy import save_file
 from scipy.stats import chisquare, kstest, norm
 
 from apollonius.agents.classical import Still, Uniform, uniform_action
-from apollonius.agents.greedy import EpsilonGreedy, Greedy, SquashedGaussian, normal_pair
 from apollonius.agents.holding import Holding
 from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.policy import AbstractContinuous, AbstractPolicy
 from apollonius.agents.pool import Apart, solo, stack
 from apollonius.agents.store import describe, load_agent, save_agent
-from apollonius.agents.trained import exploring, greedy
+from apollonius.agents.trained import EpsilonGreedy, Greedy, SquashedGaussian, exploring, greedy, normal_pair
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_pool
 from apollonius.cli.main import main

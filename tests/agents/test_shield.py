@@ -11,10 +11,10 @@ import pytest
 from scipy.integrate import quad
 
 from apollonius.agents.classical import Uniform
-from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
 from apollonius.agents.policy import AbstractContinuous, AbstractPolicy
 from apollonius.agents.shield import MARGIN, brakes, shielded
+from apollonius.agents.trained import Greedy
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
 from apollonius.arenas.random_arena import random_arena

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from apollonius.agents.classical import Uniform
-from apollonius.agents.greedy import SquashedMean
 from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.store import describe, save_agent
+from apollonius.agents.trained import SquashedMean
 from apollonius.cli.terminal import advice_table
 from apollonius.evaluate import tournament
 from apollonius.evaluate.claims import Claim

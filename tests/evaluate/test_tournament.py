@@ -263,7 +263,11 @@ def test_shields_get_one_structure_and_leave_as_much_room_as_before():
 
     @jax.jit
     def clearances(backup, places):
-        return jax.vmap(lambda at: backup.clearances(RobotState(at[0], at[1], jnp.float32(0.6), at[2])))(places)
+        def at(place):
+            robot = RobotState(place[0], place[1], jnp.float32(0.6), place[2])
+            return backup._clearances(robot, backup._near(robot))
+
+        return jax.vmap(at)(places)
 
     for old, new in zip(before, after, strict=True):
         found = np.asarray(clearances(old.backup, places))

@@ -8,10 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
 from apollonius.agents.pool import solo
 from apollonius.agents.store import load_agent
+from apollonius.agents.trained import Greedy
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide
 from apollonius.game.game import reset_batch

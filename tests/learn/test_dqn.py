@@ -69,7 +69,7 @@ def as_rows(history):
 
 
 def remember(history, steps_at_once=1):
-    memory = replay_buffer.init(ROWS, GAMES, size=2, action=replay_buffer.DISCRETE)
+    memory = replay_buffer.init(ROWS, GAMES, size=2)
     for time in range(0, len(history), steps_at_once):
         memory = add(memory, as_rows(history[time : time + steps_at_once]))
     return memory

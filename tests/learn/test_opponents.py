@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.stats import chisquare
 
-from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
 from apollonius.agents.pool import Assigned, solo, stack
+from apollonius.agents.trained import Greedy
 from apollonius.game.types import Outcome, Role
 from apollonius.learn import archive as archives
 from apollonius.learn.loop import play_and_learn, renew_opponents

@@ -17,11 +17,11 @@ from numpy.testing import assert_array_equal
 from scipy import stats
 
 from apollonius.agents.classical import uniform_action
-from apollonius.agents.greedy import SquashedGaussian
 from apollonius.agents.kind import Named
 from apollonius.agents.network import make_actor
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.pool import solo, stack
+from apollonius.agents.trained import SquashedGaussian
 from apollonius.catalogue import find_player
 from apollonius.evaluate.match import Match, play_games, record_game
 from apollonius.game.arena import Arena, Disc

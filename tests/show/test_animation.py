@@ -12,8 +12,8 @@ from matplotlib.colors import to_hex, to_rgba
 from matplotlib.figure import Figure
 from PIL import Image, ImageColor
 
-from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
+from apollonius.agents.trained import Greedy
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
 from apollonius.evaluate.match import Match, begin

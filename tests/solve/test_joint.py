@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from apollonius.agents.chasing import FleeAware, PurePursuit
-from apollonius.agents.greedy import EpsilonGreedy
 from apollonius.agents.network import make_network
+from apollonius.agents.trained import EpsilonGreedy
 from apollonius.game.arena import Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import reset_batch
@@ -23,7 +23,7 @@ from apollonius.solve.grid import lanes_of, make_grid
 from apollonius.solve.joint import interpolate, make_duel, solve_duel, value_before_move
 from apollonius.solve.motion import HORIZON, motion_of
 from apollonius.solve.players import RolloutSearch, SaddlePolicy
-from apollonius.solve.zero_sum_game import first_events, make_zero_sum_game
+from apollonius.solve.zero_sum_game import first_events, make_zero_sum_game, payoff_of
 from tests.acting import act
 from tests.oracle import numpy_duel as oracle
 from tests.oracle import numpy_teams
@@ -163,7 +163,7 @@ def test_the_value_of_an_outcome_is_the_winners_gain_discounted(role):
     won |= {"PURSUER_HIT_OBSTACLE": -1, "PURSUER_OUT_OF_RANGE": -1, "BOTH_FAILED": 0, "ONGOING": 0}
     sign = 1 if role == Role.PURSUER else -1
     for name, value in won.items():
-        found = zero_sum_game.payoff_of(jnp.int32(Outcome[name]), jnp.float32(1.5))
+        found = payoff_of(zero_sum_game.role, jnp.int32(Outcome[name]), jnp.float32(1.5))
         assert float(found) == pytest.approx(sign * value * np.exp(-1.5 / HORIZON), abs=1e-6)
 
 
@@ -214,7 +214,7 @@ def by_hand(role, holds, start):
             here, there = jax.tree.map(lambda leaf: np.asarray(leaf)[None], (own, other))
             value = float(BETWEEN(jax.tree.map(lambda leaf: leaf[None], here), there)[0, 0])
         else:
-            value = float(player.zero_sum_game.payoff_of(jnp.int32(outcome), jnp.float32(0)))
+            value = float(payoff_of(player.zero_sum_game.role, jnp.int32(outcome), jnp.float32(0)))
         best[plan[0]] = max(best[plan[0]], value * np.exp(-float(state.steps) * SMALL.dt / HORIZON))
     return best
 

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.tree_util import Partial
 from scipy.interpolate import RegularGridInterpolator
 
 from apollonius.agents.shield import Shielded
@@ -37,7 +38,7 @@ from apollonius.solve.solving import (
 )
 from apollonius.solve.store import Problem, Solution, load_solution, save_solution
 from apollonius.solve.transition_map import of_courses, transition_map_of
-from apollonius.solve.viability import TableClearance, Viability, doomed_start_rate, solve_viability, viable_starts
+from apollonius.solve.viability import Viability, doomed_start_rate, solve_viability, viable_starts
 from tests.oracle import numpy_solver as oracle
 from tests.solve.small import BODY, CRAMPED, FEW, MOVING, SMALL, TINY, as_table
 
@@ -103,7 +104,7 @@ def test_a_start_is_lost_where_the_table_is_negative(metres, lost):
 def test_a_start_is_viable_where_both_robots_stay_clear(pursuer, evader, viable):
     def always(metres):
         grid = make_grid(SMALL.arena, BODY, (2, 2, 2, 4))
-        return TableClearance(grid, jnp.full(grid.shape, metres, jnp.float32))
+        return Partial(grid.interpolate, jnp.full(grid.shape, metres, jnp.float32))
 
     state = GameState.of_two(RobotState(*[jnp.float32(0.2)] * 4), RobotState(*[jnp.float32(0.5)] * 4), jnp.int32(0))
     assert bool(Viability(always(pursuer), always(evader))(state)) == viable

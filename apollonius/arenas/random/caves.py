@@ -7,7 +7,7 @@ import numpy as np
 import scipy  # its parts are loaded where they are used: `scipy.ndimage` alone takes 0.4 s
 from jaxtyping import Bool
 
-from apollonius.arenas.map_file import connected, largest
+from apollonius.arenas.map_file import islands, largest
 from apollonius.arenas.random.scattered import Layout
 from apollonius.game.arena import Arena
 from apollonius.game.occupancy import OccupancyMap, distance_field
@@ -50,17 +50,12 @@ def caves(layout: Layout, rng: np.random.Generator) -> Arena:
     pillars = max(1, round(columns * rows / (_PER_PILLAR * _PER_GAP**2)))
     for _ in range(_TRIES):
         free = _widened(_worn(rng.random((rows, columns)) < _ROCK))
-        if free.mean() >= _LEAST_FREE and _pillars(free) >= pillars and _is_one(free):
+        if free.mean() >= _LEAST_FREE and islands(free) >= pillars and _is_one(free):
             return _arena(~free, cell)
     raise InvalidInput(
         f"caves with passages of {layout.gap:g} m find no room: none of {_TRIES} leaves {_LEAST_FREE:.0%} of the arena "
         f"free and has {pillars} ways round; ask for a smaller gap, or a larger arena."
     )
-
-
-def _pillars(free: Bool[np.ndarray, "rows columns"]) -> int:
-    """Count the pieces of rock that do not touch the walls, not even corner to corner."""
-    return connected(np.pad(~free, 1, constant_values=True))[1] - 1
 
 
 def _worn(rock: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows columns"]:
