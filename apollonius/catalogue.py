@@ -61,13 +61,12 @@ def find_player(name: str, role: Role, game: Game) -> Named:
 def price_of_losing(player: Named, game: Game) -> float:
     """Return about what a lost game costs in the units of a player's action values.
 
-    It is 1 for a solved game's player and its students, and the reward of a failure for those who learned by rewards.
+    It is 1 for a solved game's player, the price in the record of a student, which has its teacher's, and the reward of
+    a failure for those who learned by rewards.
     """
     if player.header is None:
         return 1.0
-    training = player.header.training
-    taught = training.get("stage") == "distillation" and training["config"]["distillation"]["teacher"] == TABLE
-    return 1.0 if taught else float(game.reward.failure)
+    return float(player.header.training.get("price", game.reward.failure))
 
 
 def player_names(role: Role, game: Game) -> list[str]:

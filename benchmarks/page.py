@@ -23,8 +23,8 @@ from website.playground import write_playground
 FLAGS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update")
 CASES = {
     "two agents": ("?pursuer=shielded:P_pool&evader=shielded:E_curriculum", False),
-    "three hunt two, all layers": ("?pursuer=shielded:pursuer&evader=shielded:E_any&game=team-3v2", True),
-    "all layers, office": ("?pursuer=shielded:pursuer&evader=shielded:E_any&game=office", True),
+    "three hunt two, all layers": ("?pursuer=shielded:pursuer&evader=shielded:evader&game=team-3v2", True),
+    "all layers, office": ("?pursuer=shielded:pursuer&evader=shielded:evader&game=office", True),
 }
 """What is opened, and whether all layers are on."""
 TIMED = """() => {

@@ -23,7 +23,7 @@ from apollonius.io.errors import InvalidInput
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.registry import find_observation
 
-ANY = BySide("pursuer", "E_any")
+ANY = BySide("pursuer", "evader")
 """Those that play in any arena."""
 
 

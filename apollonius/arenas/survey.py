@@ -194,10 +194,10 @@ def missed_passage(game: Game) -> str | None:
         return None
     at, longer = (float(axis.ravel()[start[worst]]) for axis in (x, y)), detour[worst]
     known = "know no other way" if np.isinf(longer) else f"know a way that is {longer:.1f} m longer"
+    place = ", ".join(f"{axis:.2f}" for axis in at)
     return (
-        f"the passage at ({', '.join(f'{axis:.2f}' for axis in at)}) is too narrow for the chart of pursuer and E_any: "
-        f"they {known}. This arena's chart resolves {2 * radius + side / COARSE + side / SIDE:.2f} m, so widen it to "
-        "that."
+        f"the passage at ({place}) is too narrow for the chart of pursuer and evader: they {known}. This arena's chart "
+        f"resolves {2 * radius + side / COARSE + side / SIDE:.2f} m, so widen it to that."
     )
 
 

@@ -85,7 +85,7 @@ def run_check(options: argparse.Namespace) -> int:
         finish(saved, then=command("play", "--game", saved), json=options.json)
     elif options.out:
         again = command("arena", "check", options.game, "--out", options.out)
-        watch = command("show", "pursuer", "E_any", "--game", options.game, "--out", options.out.with_suffix(".gif"))
+        watch = command("show", "pursuer", "evader", "--game", options.game, "--out", options.out.with_suffix(".gif"))
         finish(options.out, then=f"mend it, then {again}" if found.wrong else watch, json=options.json)
     return 1 if found.wrong else 0
 
@@ -117,13 +117,13 @@ def run_random(options: argparse.Namespace) -> int:
 
 
 ZOO = {
-    "pursuer": "learned from four teachers in 416 arenas, plays in any, alone or in a team",
+    "pursuer": "learned from three teachers in 416 arenas, plays in any, alone or in a team",
     "P_optimal": "learned from P_hunter, hard to exploit", "P_hunter": "learned from five evaders",
     "P_prioritised": "learned from its earlier selves", "P_pool": "learned from three evaders",
     "P_robust": "learned with slow, noisy robots", "P_smooth": "steers without steps",
     "P_curriculum": "of the paper: self-play after P_stage1", "P_scratch": "of the paper: self-play alone",
     "P_random": "of the paper: learned from a random evader", "P_stage1": "of the paper: standing targets only",
-    "E_any": "learned from 15 solved games, plays in any arena", "E_optimal": "learned from the solved game",
+    "evader": "learned from two teachers in 416 arenas, plays in any", "E_optimal": "learned from the solved game",
     "E_prioritised": "learned from its earlier selves", "E_robust": "learned with slow, noisy robots",
     "E_smooth": "steers without steps", "E_curriculum": "of the paper: self-play after P_stage1",
     "E_scratch": "of the paper: self-play alone",

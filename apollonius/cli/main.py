@@ -47,7 +47,7 @@ COMMANDS = {
         "pursuers": (add_pursuers, "how many pursuers are enough in an arena", "office"),
     },
     "Watch and play": {
-        "show": (add_show, "a game as a picture or an animation, and as a replay file", "pursuer E_any --game office"),
+        "show": (add_show, "a game as a picture or an animation, and as a replay file", "pursuer evader --game office"),
         "players": (add_players, "name all players, and say what they do", ""),
         "play": (add_play, "play in a browser against a trained agent", "--as pursuer"),
         "slice": (add_slice, "an agent's action values and actions over the arena", "P_pool --opponent 5 5"),

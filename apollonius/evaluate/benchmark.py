@@ -40,7 +40,7 @@ from apollonius.play.playout import AbstractWatcher, Results, play_out
 from apollonius.play.random_bits import random_bits
 from apollonius.play.rollout import Transition
 
-_EVADERS = ("still", "hide", "E_any", "shielded:E_any")
+_EVADERS = ("still", "hide", "evader", "shielded:evader")
 _PURSUERS = {
     "full": ("pure-pursuit", "intercept", "pursuer", "shielded:pursuer"),
     "lidar": ("intercept", "search", "searching:pursuer", "shielded:searching:pursuer"),

@@ -199,7 +199,9 @@ class Run:
         plan, stage = self.plans[standing.stage], standing.stage
         kind = "curriculum" if FIXED_TARGET in self.plans or self.config.pursuer else "scratch"
         percents = {SELF_PLAY: self.config.self_play.snapshot_percents, DISTILLATION: (100,)}.get(stage, ())
-        record = {"env_steps": int(train.env_steps), "episodes": int(train.episodes)}
+        record: dict[str, object] = {"env_steps": int(train.env_steps), "episodes": int(train.episodes)}
+        if stage == DISTILLATION:
+            record["price"] = float(self.settings[0].teacher.unit)
         for percent in percents:
             if before < -(-plan.chunks * percent // 100) <= standing.chunks:
                 for role, side in train.learners.items():

@@ -183,22 +183,22 @@ def test_arenas_that_are_wrong_and_agents_that_have_not_learned_there_are_told_o
 
 
 @pytest.mark.parametrize(
-    "words",
+    ("file", "words"),
     [
-        "evaluate still still",
-        "show still still",
-        "simulate still still",
-        "tournament --pursuers still --evaders still",
-        "regret still",
-        "exploit pursuer still",
-        "pursuers paper",
-        "slice P_stage1 --opponent 5 5",
-        "solve safety",
-        "play",
-        "export P_pool --to c --out P_pool.c --game paper",
+        ("options", "evaluate still still"),
+        ("options", "show still still"),
+        ("options", "simulate still still"),
+        ("judge", "tournament --pursuers still --evaders still"),
+        ("exploit", "regret still"),
+        ("exploit", "exploit pursuer still"),
+        ("solve", "pursuers paper"),
+        ("solve", "solve safety"),
+        ("show", "slice P_stage1 --opponent 5 5"),
+        ("show", "play"),
+        ("export", "export P_pool --to c --out P_pool.c --game paper"),
     ],
 )
-def test_every_command_about_one_arena_warns_before_it_works(words, tmp_path, monkeypatch):
+def test_every_command_about_one_arena_warns_before_it_works(file, words, tmp_path, monkeypatch):
     class Warned(Exception):
         pass
 
@@ -206,9 +206,7 @@ def test_every_command_about_one_arena_warns_before_it_works(words, tmp_path, mo
         raise Warned
 
     monkeypatch.chdir(tmp_path)
-    command = words.split()[0]
-    where = "options" if command in ("evaluate", "show", "simulate") else command
-    monkeypatch.setattr(f"apollonius.cli.{where}.warn", stop)
+    monkeypatch.setattr(f"apollonius.cli.{file}.warn", stop)
     with pytest.raises(Warned):
         main(words.split())
 

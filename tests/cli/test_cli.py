@@ -118,7 +118,7 @@ def test_help_version_and_refusals_import_nothing_that_takes_time():
         "heavy = ('jax', 'numpy', 'matplotlib', 'scipy', 'scipy.stats', 'equinox', 'optax', 'rich')\n"
         "print('imported:', [name for name in heavy if name in sys.modules])",
         "", "--version", "evaluate random still --games 10000000000", "evaluate P_pol still", "report folder",
-        "evaluate a.safetensors still", "show game.json", "evaluate nowhere/P still", "show E_any still",
+        "evaluate a.safetensors still", "show game.json", "evaluate nowhere/P still", "show evader still",
     )  # fmt: skip
     assert (result.returncode, result.stderr.count("\n")) == (0, 7)
     assert "train " in result.stdout
@@ -186,7 +186,7 @@ def test_players_are_named_with_what_they_do_for_people_and_for_programs(capsys)
     ("words", "naming"),
     [
         ("evaluate P_optima still", ["no agent is called 'P_optima': did you mean 'P_optimal'?"]),
-        ("evaluate E_any still", ["PURSUER: 'E_any' plays the evader, not the pursuer"]),
+        ("evaluate evader still", ["PURSUER: 'evader' plays the evader, not the pursuer"]),
         ("show pursuer shielded:zoo/pursuer", ["EVADER: 'shielded:zoo/pursuer' plays the pursuer, not the evader"]),
         ("tournament --evaders intercept", ["--evaders: 'intercept' plays the pursuer"]),
         ("evaluate mine still", ["no agent is called 'mine': did you mean 'mine/P_one'?"]),

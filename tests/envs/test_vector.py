@@ -160,7 +160,7 @@ def test_bad_input_is_refused(env):
 @pytest.mark.slow
 def test_an_opponent_that_reads_a_chart_is_given_it():
     """The environment's own observation reads none."""
-    env = ManyGames(Role.PURSUER, 4, opponent="E_any")
+    env = ManyGames(Role.PURSUER, 4, opponent="evader")
     env.reset(seed=0)
     assert env.observation_space.contains(env.step(np.full(4, 4))[0])
 

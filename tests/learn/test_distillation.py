@@ -140,6 +140,7 @@ def test_a_run_leaves_an_agent_that_has_learned_what_the_table_says(uninterrupte
     agent = load_agent(uninterrupted / "agents" / "E_distilled.safetensors")
     assert agent.header.role == "evader"
     assert agent.header.training["config"]["distillation"]["teacher"] == "table"
+    assert agent.header.training["price"] == 1.0
     losses = [line["losses"]["evader"] for line in metrics(uninterrupted)]
     assert losses[-1] < losses[0] / 2
     asked = jax.jit(query_states)(GAME, visited, jax.random.key(5))

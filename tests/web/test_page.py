@@ -328,7 +328,7 @@ def test_agents_are_a_show_at_any_speed(desk):
 
 def test_why_shows_every_robot_in_play(desk):
     """What agents think best is what they then do."""
-    page = desk.open("?pursuer=pursuer&evader=E_any&game=team-2v1/office&seed=3")
+    page = desk.open("?pursuer=pursuer&evader=evader&game=team-2v1/office&seed=3")
     page.keyboard.press("KeyV")
     assert page.get_attribute("#why", "aria-pressed") == "true"
     page.click("#go")
@@ -372,7 +372,7 @@ def test_an_agent_that_cannot_be_loaded_is_said(desk):
 
 
 def test_a_person_leads_a_team_to_its_end(desk, tmp_path):
-    page = desk.open("?pursuer=you&evader=shielded:E_any&game=team-3v1&seed=2")
+    page = desk.open("?pursuer=you&evader=shielded:evader&game=team-3v1&seed=2")
     assert page.inner_text("#goal") == "You are red 1 of 3: catch blue within 100\u00a0s"
     page.keyboard.press("Space")
     page.keyboard.down("ArrowUp")

@@ -159,7 +159,7 @@ def test_the_site_is_whole(tmp_path):
     assert len(learners) == 5
     assert sorted(catalogue["agents"]["pursuer"] + catalogue["agents"]["evader"]) == sorted([*read, *learners])
     assert read == sorted(zoo_names())
-    assert set(catalogue["anywhere"]) == {"pursuer", "E_any"}
+    assert set(catalogue["anywhere"]) == {"pursuer", "evader"}
     for name, file in catalogue["files"].items():
         assert (tmp_path / file).read_bytes() == learners.get(name, ZOO / f"{name}.safetensors").read_bytes()
     page = (tmp_path / "index.html").read_text()
@@ -184,7 +184,7 @@ def test_a_person_meets_the_best_unless_told_otherwise():
     choice = choose(Role.EVADER, None, "paper", 3)
     assert (choice.pursuer, choice.evader, choice.seed, choice.agents) == ("shielded:P_optimal", YOU, 3, {})
     assert choose(Role.EVADER, None, "team-3v1", 3).pursuer == "shielded:pursuer"
-    assert choose(Role.PURSUER, None, "maze", 3).evader == "shielded:E_any"
+    assert choose(Role.PURSUER, None, "maze", 3).evader == "shielded:evader"
     assert choose(Role.PURSUER, "random", "robot", 0).evader == "random"
     assert choose(Role.EVADER, None, "paper", 0).level == 1
     asked = choose(Role.EVADER, "P_pool", "paper", 0)

@@ -27,7 +27,7 @@ export const LEVELS = [
   { name: "The warehouse", side: EVADER, against: "pursuer", difficulty: "sharp", game: "warehouse", seconds: 100 },
   { name: "In the fog", side: EVADER, against: "pursuer", difficulty: "sharp", game: "blocks", seconds: 60, isFoggy: true },
   { name: "Hide and seek", side: PURSUER, against: "flee-aware", difficulty: "sharp", game: "office", seconds: 100, isFoggy: true },
-  { name: "Lead two others", side: PURSUER, against: "E_any", difficulty: "fair", game: "team-3v1", seconds: 60 },
+  { name: "Lead two others", side: PURSUER, against: "evader", difficulty: "fair", game: "team-3v1", seconds: 60 },
   { name: "Three hunters", side: EVADER, against: "pure-pursuit", difficulty: "gentle", game: "team-3v1", seconds: 30 },
 ].map((level, index) => ({ seed: index + 1, ...level, number: index + 1 }));
 

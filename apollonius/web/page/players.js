@@ -91,7 +91,7 @@ export function shielded(player) {
 // ---- by name
 
 /** Agents of either side that know any arena: those a person meets, leads, and is replaced by. */
-export const ANYWHERE = { [PURSUER]: "pursuer", [EVADER]: "E_any" };
+export const ANYWHERE = { [PURSUER]: "pursuer", [EVADER]: "evader" };
 
 /** Difficulties, the gentlest first: label, delay of what is seen [s]. */
 export const DIFFICULTIES = {

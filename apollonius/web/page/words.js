@@ -8,7 +8,7 @@ export const SHIELDED = "shielded:";
 const WORDS = {
   [YOU]: "you",
   pursuer: "knows any arena",
-  any: "knows any arena",
+  evader: "knows any arena",
   optimal: "taught by the solved game",
   hunter: "learned to catch the best evaders",
   prioritised: "learned from its own past, longest",
