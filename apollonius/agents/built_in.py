@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from apollonius.agents.chasing import Flee, FleeAware, Intercept, PurePursuit, Territory
 from apollonius.agents.classical import AbstractClassical, Still, Uniform
+from apollonius.agents.guidance import Flee, FleeAware, Intercept, PurePursuit, Territory
 from apollonius.agents.kind import AbstractKind, Named
 from apollonius.agents.names import BUILT_IN
 from apollonius.agents.policy import AbstractPolicy

@@ -4,8 +4,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, UInt32
 
-from apollonius.agents.chasing import arc_speed
 from apollonius.agents.classical import AbstractSteering, direction, separation
+from apollonius.agents.guidance import arc_speed
 from apollonius.agents.policy import AbstractActionValuePolicy, Memory, mixed
 from apollonius.game.chart import COARSE, Chart
 from apollonius.game.sensing import Sensors

@@ -11,8 +11,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from apollonius.agents.chasing import arc_speed
 from apollonius.agents.classical import AbstractSteering, direction, facing_speed, separation
+from apollonius.agents.guidance import arc_speed
 from apollonius.game.chart import COARSE, NO_PATH
 from apollonius.game.game import Game
 from apollonius.game.types import RobotState, Scalar
@@ -27,7 +27,7 @@ _EVEN = 1e-3
 _STRIDE = 2
 """Sampling stride over the chart's coarse cells, along rows and columns."""
 _AHEAD = 0.75
-"""How far ahead it looks [m]."""
+"""Distance of the places ahead that it compares [m]."""
 _NEAR = 1.6
 """Path length to the evader [m] from which on a pursuer heads straight for it."""
 _CLOSING = 0.7

@@ -1,4 +1,4 @@
-"""What the solved game says: a solution in numbers, and the regret card of an agent."""
+"""Solved games in numbers, and the regret card of an agent."""
 
 from dataclasses import dataclass, replace
 from typing import Any

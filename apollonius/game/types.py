@@ -83,8 +83,8 @@ class RobotState(eqx.Module):
 
 
 class Sight(eqx.Module):
-    """What one side knows of opponents whose last sighting takes the place of their state: its age [s] and, with a
-    chart, the seconds since each coarse cell was last seen, negative where no opponent can be.
+    """The age [s] of the last sighting of each opponent, which stands for its state; with a chart, the time since
+    each coarse cell was last seen [s], negative where no opponent can be.
     """
 
     ages: tuple[Scalar, ...]

@@ -80,7 +80,7 @@ def figure_5(study: Study) -> Finding:
         games[f"after {percent} % of self-play"] = record_game(match, index=0)
     ends = _draw_games(games, study.folder / "figure5.png")
     moments = "; ".join(f"{percent} %: {end}" for percent, end in zip(MOMENTS, ends, strict=True))
-    return Finding("Fig. 5: one start as self-play goes on", f"{moments}.", ("figure5.png",), data={"ends": ends})
+    return Finding("Fig. 5: one start in the course of self-play", f"{moments}.", ("figure5.png",), data={"ends": ends})
 
 
 def _draw_games(games: dict[str, Replay], path: Path) -> list[str]:

@@ -15,8 +15,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from apollonius.agents.chasing import Flee, FleeAware, Intercept, PurePursuit, Territory
 from apollonius.agents.classical import AbstractClassical
+from apollonius.agents.guidance import Flee, FleeAware, Intercept, PurePursuit, Territory
 from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.surrounding import Encirclement, VoronoiPursuit
@@ -163,7 +163,7 @@ _STACK = 2**24
 OF_PAGE = ("-mexec-model=reactor", f"-Wl,-z,stack-size={_STACK},--export=__heap_base")
 """Flags for a module with a memory of its own."""
 _OWN, _OWN_END = 2**26, 2**26 + 2**23
-"""Where in the page's memory a player of a user's own has its constants and its stack, as in `programs.js` [bytes]."""
+"""Addresses in the page's memory of the constants and the stack of a user's own player, as in `programs.js` [bytes]."""
 _OF_PLAYER = (
     "-mexec-model=reactor",
     f"-Wl,-z,stack-size={2**21},--import-memory,--global-base={_OWN},--initial-memory={_OWN_END}",

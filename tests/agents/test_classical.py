@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from apollonius.agents import built_in
-from apollonius.agents.chasing import Flee, FleeAware, Intercept, PurePursuit, nearest_reach
 from apollonius.agents.classical import AbstractClassical
+from apollonius.agents.guidance import Flee, FleeAware, Intercept, PurePursuit, nearest_reach
 from apollonius.agents.surrounding import Encirclement, VoronoiPursuit, even_bearings, path_length_to, to_all
 from apollonius.arenas.charting import charted
 from apollonius.catalogue import find_player, player_names

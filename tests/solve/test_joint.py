@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.chasing import FleeAware, PurePursuit
+from apollonius.agents.guidance import FleeAware, PurePursuit
 from apollonius.agents.network import make_network
 from apollonius.agents.trained import EpsilonGreedy
 from apollonius.game.arena import Disc

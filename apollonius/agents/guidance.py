@@ -54,7 +54,7 @@ def arc_speed(body: Unicycle, robot: RobotState, target: RobotState) -> Scalar:
 
 
 _HORIZON = 4.0
-"""How far ahead [s] a fleeing robot looks: the paper's takes as long to stop from its top speed."""
+"""Time that a fleeing robot looks ahead [s]: the paper's needs as long to stop from its top speed."""
 _MARGIN = 0.1
 """Least clearance of a way [m]."""
 _WIDE = 1.0
