@@ -75,7 +75,6 @@ EXTRAS = {
     "gym": {"gymnasium": "gymnasium", "pettingzoo": "pettingzoo"},
     "video": {"imageio_ffmpeg": "imageio-ffmpeg"},
     "slurm": {"submitit": "submitit"},
-    "ray": {"ray": "ray"},
     "track": {"tensorboardX": "tensorboardX", "wandb": "wandb", "mlflow": "mlflow", "trackio": "trackio"},
     "export": {"jax2onnx": "jax2onnx", "onnxruntime": "onnxruntime"},
     "sim": {"mujoco": "mujoco"},

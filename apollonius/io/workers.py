@@ -1,4 +1,4 @@
-"""Independent jobs, and workers that do them: processes on this machine, a Slurm array, or a Ray cluster.
+"""Independent jobs, and workers that do them: processes on this machine, or a Slurm array.
 
 A job is a function that can be imported by its name, writes its results to files and resumes where it was stopped: it
 may run anywhere that has the same folders, and be started any number of times.
@@ -182,27 +182,5 @@ def on_slurm(jobs: Sequence[Job], logs: Path | None) -> Iterator[tuple[Job, Endi
             raise InvalidInput(f"sbatch refuses the jobs ({error}): {remedy}.") from error
 
 
-def on_ray(jobs: Sequence[Job], logs: Path | None) -> Iterator[tuple[Job, Ending]]:
-    """Run as many jobs at a time as the cluster has cores: the one of RAY_ADDRESS, or a new one of this machine."""
-    require_extra("ray", "ray")
-    import ray  # pyright: ignore[reportMissingImports]
-    from ray.exceptions import RayError  # pyright: ignore[reportMissingImports]
-
-    here = {} if "RAY_ADDRESS" in os.environ else {"num_cpus": len(available_cores()), "include_dashboard": False}
-    with ray.init(**here, log_to_driver=False):
-        remote = ray.remote(num_cpus=1, max_retries=LOST_WORKERS)(Job.run)
-        waiting = {remote.remote(job): job for job in jobs}
-        while waiting and not asked():
-            for one in ray.wait(list(waiting), timeout=POLL_SECONDS)[0]:
-                try:
-                    ending = ray.get(one)
-                except RayError as error:
-                    ending = str(error), None
-                yield waiting.pop(one), ending
-        for one, job in waiting.items():
-            ray.cancel(one)
-            yield job, (STOPPED, None)
-
-
-WORKERS = {"processes": in_processes, "slurm": on_slurm, "ray": on_ray}
+WORKERS = {"processes": in_processes, "slurm": on_slurm}
 """All kinds of workers, by name: each runs jobs and yields them with their endings; logs go to the folder."""

@@ -314,7 +314,6 @@ def test_an_odd_environment_is_refused_or_makes_no_difference(monkeypatch, varia
     ("modules", "arguments", "extra"),
     [
         (["imageio_ffmpeg"], ["show", "random", "still", "--out", "game.mp4"], "video"),
-        (["ray"], ["reproduce", "--on", "ray"], "ray"),
         (["submitit"], ["train", "--on", "slurm"], "slurm"),
         (["tensorboardX"], ["train", "--track", "tensorboard"], "track"),
         (["tensorboardX"], ["track", str(REPOSITORY / "docs/results/demo"), "--to", "tensorboard"], "track"),
