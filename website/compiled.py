@@ -4,19 +4,14 @@ import base64
 import json
 import sys
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import Any
 
-import apollonius.show
 from apollonius.export.c import Program
 from apollonius.export.record import Record
-from apollonius.web.programs import OF_PAGE, compiled, digest, page_programs, sources
+from apollonius.web.programs import compiled, digest, page_programs, sources
 from apollonius.web.site import PAGE
 
 COMPILED = PAGE / "compiled.js"
-IN_REPORTS = Path(apollonius.show.__file__).with_name("compiled.js")
-"""Its counterpart in reports, with the programs that draw a game."""
-_OF_REPORTS = ("step", "move", "clearance", "clearance_along", "clearance_after", "chart", "cell_weights")
 
 
 def _layouts(programs: Iterable[Program]) -> dict[str, Any]:
@@ -41,7 +36,7 @@ def _layouts(programs: Iterable[Program]) -> dict[str, Any]:
 
 def _text(programs: Sequence[Program], made_of: str) -> str:
     """Return the JavaScript that holds some programs."""
-    module = compiled(programs, OF_PAGE)
+    module = compiled(programs)
     layouts = json.dumps(_layouts(programs), separators=(",", ":"))
     return (
         f"// Made by `make page` from `apollonius/web/programs.py`.\n\n{made_of}"
@@ -50,16 +45,14 @@ def _text(programs: Sequence[Program], made_of: str) -> str:
 
 
 def main() -> None:
-    """Write the files of the page and of reports; with `--check`, fail if they are outdated."""
+    """Write the file; with `--check`, fail if it is outdated."""
     programs = [*page_programs()]
     made_of = f'export const SOURCE = "{digest(sources(programs))}"; // SHA-256 of all C sources\n'
-    files = {COMPILED: programs, IN_REPORTS: [program for program in programs if program.name in _OF_REPORTS]}
     if "--check" in sys.argv:
-        current = all(made_of in path.read_text() for path in files)
+        current = made_of in COMPILED.read_text()
         sys.exit(None if current else "the page's programs are outdated: run `make page`")
-    for path, some in files.items():
-        path.write_text(_text(some, made_of))
-        print(f"{path}: {path.stat().st_size:,} bytes")
+    COMPILED.write_text(_text(programs, made_of))
+    print(f"{COMPILED}: {COMPILED.stat().st_size:,} bytes")
 
 
 if __name__ == "__main__":

@@ -11,8 +11,7 @@ from apollonius.web.site import write_site
 _SCRIPTS = Path(__file__).parent / "scripts"
 """One script leads to `offline.html`, one loads files there."""
 _PLAYER = '<script type="module" src="player.js"></script>'
-_LEAD = '<a id="lead" target="_top" hidden></a>'
-"""A link that the page leaves empty unless it is in a frame."""
+_TITLE = "<h1>Apollonius</h1>"
 _DATA = (".json", ".safetensors", ".f32")
 
 
@@ -25,8 +24,8 @@ def write_playground(folder: Path) -> None:
     write_site(folder)
     page = (folder / "index.html").read_text()
     assert _PLAYER in page
-    assert _LEAD in page
-    page = page.replace(_LEAD, '<a id="lead" target="_top" href="../index.html" aria-label="Back to the site">‹</a>')
+    assert _TITLE in page
+    page = page.replace(_TITLE, '<h1><a target="_top" href="../index.html">Apollonius</a></h1>')
     (folder / "offline").mkdir()
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder).as_posix()

@@ -157,12 +157,6 @@ def run_slice(options: argparse.Namespace) -> int:
     return 0
 
 
-PLAYER = (
-    "a rule such as intercept, a zoo agent, a .safetensors file, or a .wasm file of your own; shielded: may precede it"
-)
-"""Help for an argument that names a player of the page."""
-
-
 def add_play(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--as", dest="side", choices=("evader", "pursuer"), default="evader", help="your side (default: %(default)s)"
@@ -171,7 +165,7 @@ def add_play(parser: argparse.ArgumentParser) -> None:
         "--against",
         type=known_agent,
         metavar="AGENT",
-        help=f"your opponent: {PLAYER} (default: the best there is, a little slow to see)",
+        help=f"your opponent: {AGENT} (default: the best there is, a little slow to see)",
     )
     add_game(parser)
     parser.add_argument("--seed", type=count(SEED), default=0, help="seed of the starts (default: %(default)s)")

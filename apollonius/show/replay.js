@@ -4,7 +4,6 @@
 
 import { between, coloursOf, draw } from "../web/page/draw.js";
 import { ROLES, countsOf, isActive } from "../web/page/game.js";
-import { known, layersOf } from "../web/page/why.js";
 
 /** The states of a game as the page has them. */
 export function statesOf({ game, states, until }) {
@@ -29,20 +28,18 @@ export function facts(game, state) {
   return [distance, ...rest].filter(Boolean).join(" · ");
 }
 
-/** Draw a game as it stands at a step, whole or not, with some of the page's layers: `brakes`, `regions`. */
-export function drawGame(canvas, game, states, step, colours, shown = []) {
+/** Draw a game as it stands at a step, whole or not. */
+export function drawGame(canvas, game, states, step, colours) {
   const index = Math.min(Math.floor(step), states.length - 1);
   const now = between(states[index], states[Math.min(index + 1, states.length - 1)], step - index);
   const passed = [...states.slice(0, index + 1), now];
-  const layers = layersOf({ game, state: now }, known(game, [now], shown), colours);
-  draw(canvas, { game, states: passed, now, colours, layers });
+  draw(canvas, { game, states: passed, now, colours });
 }
 
 /**
  * Plays games in the elements of a page. Inside `root` it looks for `canvas`, and by `data-part` for `play` and `pace`
  * (a button and a select: simulated seconds in a second), `seek` (a range), `clock`, `facts` and `outcome` (for text),
- * `layers` (boxes to tick, each with the name of a layer), and for elements with `data-game`, each of which chooses the
- * game of that index.
+ * and for elements with `data-game`, each of which chooses the game of that index.
  */
 export class ReplayPlayer {
   constructor(root, replays) {
@@ -56,7 +53,6 @@ export class ReplayPlayer {
       this.pause();
       this.show(Number(event.target.value));
     });
-    this.part("layers").addEventListener("change", () => this.show(this.step));
     this.choices = [...root.querySelectorAll("[data-game]")];
     for (const choice of this.choices) {
       choice.addEventListener("click", () => {
@@ -70,7 +66,7 @@ export class ReplayPlayer {
     this.choose(0);
   }
 
-  /** Take up a game; it is shown at its end, with all trails. A map's cells are not in the report, and so neither are its layers. */
+  /** Take up a game; it is shown at its end, with all trails. A map's cells are not in the report. */
   choose(index) {
     this.pause();
     this.replay = this.replays[index];
@@ -81,7 +77,6 @@ export class ReplayPlayer {
     this.last = this.states.length - 1;
     this.canvas.style.aspectRatio = `${arena.x_max - arena.x_min} / ${arena.y_max - arena.y_min}`;
     this.part("seek").max = this.last;
-    this.part("layers").disabled = Boolean(arena.map);
     this.part("outcome").textContent =
       `${pursuer} against ${evader}: ${outcome.replaceAll("_", " ")} after ${(this.last * dt).toFixed(1)} s` +
       (arena.map ? "; the occupancy map of this arena is not shown here" : "");
@@ -114,8 +109,7 @@ export class ReplayPlayer {
   /** Show the game as it stands at a step, whole or not. */
   show(step) {
     this.step = step;
-    const shown = [...this.part("layers").querySelectorAll(":checked:enabled")].map(({ name }) => name);
-    drawGame(this.canvas, this.game, this.states, step, coloursOf(this.root), shown);
+    drawGame(this.canvas, this.game, this.states, step, coloursOf(this.root));
     const { dt } = this.game;
     const clock = `${(step * dt).toFixed(1)} s of ${(this.last * dt).toFixed(1)} s`;
     this.part("seek").value = Math.round(step);

@@ -193,7 +193,7 @@ _COMMENT = re.compile(r"^ *(?://[^\n]*|/\*\*.*?\*/)\n", re.MULTILINE | re.DOTALL
 def bundled(entry: Path) -> str:
     """Return a module after all that it imports, each as an object of its exports, without comments.
 
-    Imports name files relative to it, and form no circle; one beside it is taken in place of its namesake elsewhere.
+    Imports name files relative to it, and form no circle.
     """
     objects: dict[Path, str] = {}
 
@@ -206,8 +206,7 @@ def bundled(entry: Path) -> str:
     def obtained(path: Path) -> str:
         name = f"{path.stem}Module"
         if path.resolve() not in objects:
-            beside = entry.parent / path.name
-            text = imported(beside if beside.exists() else path)
+            text = imported(path)
             exports = ", ".join(_EXPORT.findall(text))
             inner = re.sub("^export ", "", text, flags=re.MULTILINE)
             objects[path.resolve()] = f"const {name} = (() => {{\n{inner}return {{ {exports} }};\n}})();\n"

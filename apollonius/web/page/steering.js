@@ -1,4 +1,4 @@
-// Actions of people: keys held down, fingers or a mouse on pads of nine actions, game controllers.
+// Actions of people: keys held down, fingers or a mouse on pads of nine actions.
 
 import { make } from "./files.js";
 import { EVADER, PURSUER, clip } from "./game.js";
@@ -10,31 +10,12 @@ const KEYS = {
 const ALL_KEYS = Object.assign({}, ...Object.values(KEYS));
 const OF_SIDE = { [PURSUER]: KEYS.letters, [EVADER]: KEYS.arrows }; // with two people
 
-// Of a controller: the stick or the cross steers, triggers or shoulders speed up and brake, a face button starts.
-const DEAD = 0.4; // of a stick's way, within which it counts as let go
-const [CROSS_UP, CROSS_DOWN, CROSS_LEFT, CROSS_RIGHT] = [12, 13, 14, 15];
-const BRAKES = [4, 6];
-const THRUSTS = [5, 7];
-const STARTS = [9, 0];
-
 /** The action of two levels, each -1, 0 or 1: `3 * i_u1 + i_u2` (Eq. 5). */
 const asAction = (u1, u2) => 3 * (u1 + 1) + (u2 + 1);
-
-const plugged = () => [...(navigator.getGamepads?.() ?? [])].filter((pad) => pad?.connected);
-
-/** Return the two levels that a controller asks for, -1, 0 or 1 each. */
-function askedBy({ axes, buttons }) {
-  const pressed = (...indices) => indices.some((index) => buttons[index]?.pressed);
-  const push = (axis) => (Math.abs(axes[axis] ?? 0) > DEAD ? Math.sign(axes[axis]) : 0);
-  const thrust = pressed(CROSS_UP, ...THRUSTS) - pressed(CROSS_DOWN, ...BRAKES) || -push(1);
-  const turn = pressed(CROSS_LEFT) - pressed(CROSS_RIGHT) || -push(0);
-  return [thrust, turn];
-}
 
 export class Steering {
   constructor() {
     this.held = new Set();
-    this.wasPressed = false;
     this.pads = { [PURSUER]: null, [EVADER]: null };
   }
 
@@ -52,26 +33,15 @@ export class Steering {
     this.pads = { [PURSUER]: null, [EVADER]: null };
   }
 
-  /** Return whether a start button has just been pressed on any controller; asked once a frame. */
-  starts() {
-    const isPressed = plugged().some(({ buttons }) => STARTS.some((index) => buttons[index]?.pressed));
-    const isNew = isPressed && !this.wasPressed;
-    this.wasPressed = isPressed;
-    return isNew;
-  }
-
   /**
-   * The action a person chooses for a robot. With two people, arrows steer the evader and letters the pursuer, each has
-   * a pad, and of two controllers the first is the pursuer's; one alone is the evader's.
+   * The action a person chooses for a robot. With two people, arrows steer the evader and letters the pursuer, and each has
+   * a pad.
    */
   action(role, together) {
     if (this.pads[role] !== null) return this.pads[role];
     const keys = together ? OF_SIDE[role] : ALL_KEYS;
     const pressed = [...this.held].filter((code) => code in keys).map((code) => keys[code]);
-    const controllers = plugged();
-    const own = !together ? controllers : role === PURSUER ? controllers.slice(0, -1) : controllers.slice(-1);
-    const pushes = [...pressed, ...own.map(askedBy)];
-    const level = (axis) => Math.sign(pushes.reduce((sum, push) => sum + push[axis], 0));
+    const level = (axis) => Math.sign(pressed.reduce((sum, push) => sum + push[axis], 0));
     return asAction(level(0), level(1));
   }
 
