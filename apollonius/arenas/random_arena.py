@@ -28,20 +28,18 @@ _DRAWN = re.compile(
 """Name of a random map."""
 
 
-def random_arena(
-    kind: str, seed: int, *, gap: float = 1.0, width: float = 10.0, height: float = 10.0, count: int | None = None
-) -> Arena:
+def random_arena(kind: str, seed: int, *, gap: float = 1.0, width: float = 10.0, height: float = 10.0) -> Arena:
     """Draw an arena of one of `KINDS`: one seed, one arena. The `file` of a map in it is a name for `random_map`.
 
-    Its passages are as wide as the gap [m] at least. `count` is the number of discs, None for one on 20 m^2. Raises
-    InvalidInput for an unknown kind, impossible numbers, and obstacles that do not fit.
+    Its passages are as wide as the gap [m] at least. Raises InvalidInput for an unknown kind, impossible numbers, and
+    obstacles that do not fit.
     """
     require(kind in KINDS, "kind", kind, f"one of {', '.join(KINDS)}")
     SEED.require("seed", seed)
     require(0 < gap < _LARGEST, "gap", gap, f"more than 0 and less than {_LARGEST:g} m")
     sides = (float(width), float(height))
     require(0 < min(sides) <= max(sides) <= _LARGEST, "width, height", sides, f"more than 0 and at most {_LARGEST:g} m")
-    arena = _DRAW[kind](Layout(*sides, gap, count), np.random.default_rng(seed))
+    arena = _DRAW[kind](Layout(*sides, gap), np.random.default_rng(seed))
     bound = f"wider, or the arena smaller: a game has at most {MOST_POLYGONS} polygons, and this one more"
     require(len(arena.polygons) <= MOST_POLYGONS, "gap", gap, bound)
     if arena.map:
@@ -75,9 +73,7 @@ def random_map(name: str, digest: str | None = None) -> OccupancyMap:
     return drawn
 
 
-def in_random_arena(
-    game: Game, kind: str, seed: int, gap: float, size: tuple[float, float], count: int | None = None
-) -> Game:
+def in_random_arena(game: Game, kind: str, seed: int, gap: float, size: tuple[float, float]) -> Game:
     """Return a game in one random arena of a width and height [m] in which both of its robots can go everywhere.
 
     Arguments and errors are those of `random_arena`; the gap must also let the game's two robots through.
@@ -88,5 +84,5 @@ def in_random_arena(
         bound = f"more than 2 {name}.radius = {2 * body.radius:g} m, or it does not fit through"
         require(gap > 2 * body.radius, "gap", gap, bound)
     width, height = size
-    arena = random_arena(kind, seed, gap=gap, width=width, height=height, count=count)
+    arena = random_arena(kind, seed, gap=gap, width=width, height=height)
     return replace(game, arena=arena, scenario=None)

@@ -10,7 +10,7 @@ from apollonius.cli.options import add_json, answer, command, finish
 from apollonius.cli.terminal import advice_table
 from apollonius.cli.values import count, known_game, new_file, real
 from apollonius.io.errors import require
-from apollonius.io.limits import DISCS, GAME_FILES, SEED
+from apollonius.io.limits import GAME_FILES, SEED
 
 GAMES = 40
 """Games of each match of `check --players`."""
@@ -30,7 +30,6 @@ def add_arena(parser: argparse.ArgumentParser) -> None:
     check.set_defaults(run=run_check)
     draw = actions.add_parser("random", help="write a game in a random arena in which every robot can go everywhere")
     draw.add_argument("--kind", choices=KINDS, default="discs", help="of obstacles (default: %(default)s)")
-    draw.add_argument("--discs", type=count(DISCS), help="of that kind: their number (default: one on 20 m^2)")
     draw.add_argument("--seed", type=count(SEED), default=0, help="seed of the arena (default: %(default)s)")
     draw.add_argument("--gap", type=real, default=1.0, help="least width of all passages [m] (default: %(default)s)")
     draw.add_argument("--size", type=real, nargs=2, default=(10.0, 10.0), metavar=("WIDTH", "HEIGHT"), help="[m]")
@@ -100,11 +99,7 @@ def run_random(options: argparse.Namespace) -> int:
     cells = [options.out.with_suffix(suffix) for suffix in (".yaml", ".pgm")] if options.kind == "caves" else []
     for path in (options.out, *cells):
         require(options.force or not path.exists(), "--out", path, "a new file; --force overwrites it")
-    require(
-        options.discs is None or options.kind == "discs", "--discs", options.discs, "left out unless --kind is discs"
-    )
-    size = tuple(options.size)
-    elsewhere = in_random_arena(find_game(options.game), options.kind, options.seed, options.gap, size, options.discs)
+    elsewhere = in_random_arena(find_game(options.game), options.kind, options.seed, options.gap, tuple(options.size))
     record, what = to_dict(elsewhere), f"{len(elsewhere.arena.discs) + len(elsewhere.arena.polygons)} obstacles"
     if elsewhere.arena.map:
         save_map(elsewhere.arena.map, cells[0])

@@ -12,13 +12,12 @@ from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Edges, Polygon
 from apollonius.game.types import Real, RobotState, Scalar
 from apollonius.io.errors import require
-from apollonius.io.limits import DISCS
 
 MOST_POLYGONS = 200
 """Most polygons: each takes some time to compile."""
 MOST_EDGES = 2_000
 """Most corners of all polygons together."""
-MOST_DISCS = DISCS.most
+MOST_DISCS = 250
 """Most discs: with this many, a game takes half a minute to compile."""
 
 

@@ -100,5 +100,3 @@ PORT = Counted(0, most=2**16 - 1)
 """Port of a server."""
 ROBOTS = Counted(0, most=16)
 """Robots of a side: each takes some time to compile."""
-DISCS = Counted(0, most=250, least=0)
-"""Discs of an arena."""

@@ -4,10 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from apollonius.game.arena import Arena, Disc
+from apollonius.game.arena import MOST_DISCS, Arena, Disc
 from apollonius.game.polygon import Polygon
 from apollonius.io.errors import InvalidInput, require
-from apollonius.io.limits import DISCS
 
 WALL = 0.2
 """Thickness of a wall inside an arena [m]."""
@@ -32,8 +31,6 @@ class Layout:
     width: float
     height: float
     gap: float
-    count: int | None = None
-    """Number of discs, for that kind."""
 
     def require_sides(self, least: float, what: str) -> None:
         """Refuse sides shorter than this [m], by what they must have room for."""
@@ -68,7 +65,7 @@ def _try_circle(
 _DISC_RADIUS = (0.3, 0.8)
 """Smallest and largest radius of a disc [m]."""
 _PER_AREA = 0.05
-"""Discs on each square metre, unless a count is given."""
+"""Discs on each square metre, up to the most that an arena can have."""
 
 
 def discs(layout: Layout, rng: np.random.Generator) -> Arena:
@@ -76,11 +73,10 @@ def discs(layout: Layout, rng: np.random.Generator) -> Arena:
 
     Every robot of a diameter below the gap can go from any free place to any other: discs grown by its radius touch
     neither each other nor the walls, and separate round obstacles do not cut a rectangle in parts. Raises InvalidInput
-    for impossible numbers, and for discs that do not fit.
+    for discs that do not fit.
     """
     least, most = _DISC_RADIUS
-    count = round(_PER_AREA * layout.width * layout.height) if layout.count is None else layout.count
-    DISCS.require("discs", count)
+    count = min(round(_PER_AREA * layout.width * layout.height), MOST_DISCS)
     layout.require_sides(2 * (most + layout.gap), "the largest disc with a gap on either side")
     placed: list[Circle] = []
     for index in range(count):
@@ -90,8 +86,8 @@ def discs(layout: Layout, rng: np.random.Generator) -> Arena:
                 break
         else:
             raise InvalidInput(
-                f"discs = {count} find no room: after {index} the next fits in none of {TRIES:,} places; ask for "
-                "fewer or smaller discs, a smaller gap, or a larger arena."
+                f"{count} discs find no room: after {index} the next fits in none of {TRIES:,} places; ask for a "
+                "smaller gap, or a larger arena."
             )
     return Arena(x_max=layout.width, y_max=layout.height, discs=tuple(Disc(*place) for place in placed))
 
