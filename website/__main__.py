@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 
 from apollonius.cli.main import main as apollonius
-from apollonius.show import palette
 from website.playground import write_playground
 from website.reference import write_reference
 from website.sources import HERE, REPOSITORY, write_sources
@@ -23,9 +22,7 @@ def main() -> int:
     print("the documents, the gallery, the reference", flush=True)
     write_sources(work)
     write_reference(work / "reference")
-    _write_palette(work / "_static" / "palette.css")
     options = ["--builder", "html", "--fail-on-warning", "--keep-going", "--quiet", "--jobs", "auto"]
-    options += ["--define", f"html_static_path={HERE / 'static'},{work / '_static'}"]
     folders = ["--conf-dir", str(HERE), "--doctree-dir", str(work / "doctrees")]
     subprocess.run([sys.executable, "-m", "sphinx", *options, *folders, str(work), str(out)], check=True)
     (out / "_static" / "webpack-macros.html").unlink(missing_ok=True)  # a template that the theme leaves there
@@ -34,16 +31,6 @@ def main() -> int:
     print("the report", flush=True)
     apollonius(["report", str(REPOSITORY / "docs/results/demo"), "--out", str(out / "reports" / "demo.html")])
     return 0
-
-
-def _write_palette(path: Path) -> None:
-    """Write the colours by meaning as CSS variables, for both kinds of pages."""
-    path.parent.mkdir()
-    rules: list[str] = []
-    for theme, colours in (("light", palette.LIGHT), ("dark", palette.DARK)):
-        lines = [f"  --{name}: {colour};" for name, colour in colours.items()]
-        rules.append("\n".join([f"html[data-theme={theme}] {{", *lines, "}"]))
-    path.write_text("\n\n".join(rules) + "\n")
 
 
 if __name__ == "__main__":

@@ -27,13 +27,14 @@ add_module_names = False
 autosummary_generate = False
 autodoc_default_options = {"members": True, "member-order": "bysource"}
 autodoc_preserve_defaults = True
-autodoc_mock_imports = ["imageio_ffmpeg", "jax2onnx", "mujoco", "onnxruntime"]  # extras
+autodoc_mock_imports = ["jax2onnx", "mujoco", "onnxruntime"]  # extras
 maximum_signature_line_length = 100
 toc_object_entries_show_parents = "hide"
 python_use_unqualified_type_names = True
 
 html_theme = "pydata_sphinx_theme"
-html_css_files = ["palette.css", "site.css"]
+html_static_path = ["static"]
+html_css_files = ["site.css"]
 html_favicon = html_logo = str(HERE.parent / "apollonius" / "web" / "page" / "icon.svg")
 html_show_sourcelink = html_copy_source = False
 html_show_search_summary = False  # which it fetches: from a folder nothing can be

@@ -20,7 +20,7 @@ from apollonius.cli.values import agent_of, count, known_agent, new_file, new_fo
 from apollonius.io.errors import InvalidInput, require, require_extra
 from apollonius.io.limits import PORT, SEED
 
-MOVING = (".gif", ".webp", ".mp4")
+MOVING = (".gif", ".webp")
 """Formats of moving pictures."""
 
 
@@ -31,8 +31,8 @@ def add_show(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("evader", type=agent_of("evader"), metavar="EVADER", nargs="?", help="the other side's player")
     add_game_options(parser)
     parser.add_argument(
-        "--out", type=new_file(*MOVING, ".png", ".json", needs={".mp4": "video"}), default="game.gif",
-        help="file to write: .png, .gif, .webp, .mp4 or a replay's .json (default: %(default)s)",
+        "--out", type=new_file(*MOVING, ".png", ".json", needs={}), default="game.gif",
+        help="file to write: .png, .gif, .webp or a replay's .json (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument(
         "--speed", type=real, help="seconds of the game in one of a moving picture (default: 1, real time)"

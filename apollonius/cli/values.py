@@ -23,7 +23,7 @@ from apollonius.io.limits import ENTRANTS, GAME_FILES, SEED, TRAININGS, Counted
 
 LARGEST = 1e6
 """Largest real number that is taken: places, speeds and angles of a game are smaller."""
-_NEEDED = {".png": "plot", ".html": "plot", ".mp4": "video"}
+_NEEDED = {".png": "plot", ".html": "plot"}
 """Extras without which files with these endings cannot be written."""
 _FILES = (".safetensors", ".json")
 """Suffixes of the files of players and of replays."""

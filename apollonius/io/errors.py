@@ -73,7 +73,6 @@ EXTRAS = {
         "matplotlib": "matplotlib", "jinja2": "jinja2", "markupsafe": "markupsafe", "markdown_it": "markdown-it-py",
     },
     "gym": {"gymnasium": "gymnasium", "pettingzoo": "pettingzoo"},
-    "video": {"imageio_ffmpeg": "imageio-ffmpeg"},
     "slurm": {"submitit": "submitit"},
     "track": {"tensorboardX": "tensorboardX", "wandb": "wandb", "mlflow": "mlflow", "trackio": "trackio"},
     "export": {"jax2onnx": "jax2onnx", "onnxruntime": "onnxruntime"},

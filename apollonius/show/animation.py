@@ -1,11 +1,8 @@
-"""A game as a picture with words around it: moving as GIF, WebP or, with the `video` extra, MP4; its end as PNG."""
+"""A game as a picture with words around it: moving as GIF or WebP; its end as PNG."""
 
-import errno
 import functools
 import io
 import math
-import tempfile
-import warnings
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -22,7 +19,7 @@ from apollonius.evaluate.match import keys_of
 from apollonius.game.game import Game
 from apollonius.game.types import GameState, Role
 from apollonius.io.document import write_atomically
-from apollonius.io.errors import require, require_extra
+from apollonius.io.errors import require
 from apollonius.observe import tracking
 from apollonius.play.random_bits import random_bits_of
 from apollonius.play.replay import Replay
@@ -51,8 +48,7 @@ class Captioned:
         arena = self._canvas.picture()
         width = max(arena.width, LEAST_WIDTH) + 2 * MARGIN
         height = 2 * LINE + arena.height + LINE + 2 * MARGIN
-        # Videos store colours for two by two pixels: both sides must be even.
-        self._page = Image.new("RGB", (width + width % 2, height + height % 2), PAPER)
+        self._page = Image.new("RGB", (width, height), PAPER)
         self.corner = ((width - arena.width) // 2, MARGIN + 2 * LINE)
         """Column and row of the arena's upper left corner."""
         self._below = self.corner[1] + arena.height + LINE // 2 + MARGIN // 2
@@ -148,7 +144,7 @@ def _beliefs(game: Game, states: GameState, bits: UInt32[Array, " states"], role
     return jax.lax.scan(one, first, (states, bits))[1]
 
 
-MOVING = (".gif", ".webp", ".mp4")
+MOVING = (".gif", ".webp")
 """Formats of moving pictures."""
 SLOWEST, FASTEST = 0.05, 100.0
 """Seconds of the game that may be shown in one."""
@@ -162,7 +158,7 @@ _COLOURS = 64
 
 def save_animation(replay: Replay, path: Path, speed: float = 1.0) -> None:
     """Write a game as a moving picture, or its end as a PNG; raises InvalidInput for another format or an impossible
-    speed, and for MP4 where `imageio-ffmpeg` is not installed.
+    speed.
 
     The speed is seconds of the game in one of the picture. Where that asks for too many frames, some steps are left
     out; the last one never is.
@@ -176,9 +172,6 @@ def save_animation(replay: Replay, path: Path, speed: float = 1.0) -> None:
     last, pace = len(replay.actions), float(replay.game.dt) / speed
     steps = [*range(0, last, math.ceil(_SHORTEST / pace - 1e-6)), last]
     pictures = list(frames(replay, steps, speed))
-    if path.suffix == ".mp4":
-        write_atomically(path, _mp4(pictures, 1 / (pace * (steps[1] - steps[0]))))
-        return
     # Rounded to what the format knows, in such a way that nothing adds up.
     tick, shortest = 10 if path.suffix == ".gif" else 1, round(1000 * _SHORTEST)
     ends = [tick * round(1000 * pace * step / tick) for step in steps]
@@ -210,30 +203,3 @@ def frames(replay: Replay, steps: list[int] | None = None, speed: float = 1.0) -
 def last_frame(replay: Replay) -> Image.Image:
     """Return the end of a game with all trails."""
     return next(frames(replay, [len(replay.actions)]))
-
-
-def _mp4(pictures: list[Image.Image], per_second: float) -> bytes:
-    require_extra("video", "MP4")
-    import imageio_ffmpeg
-
-    pictures += pictures[-1:] * round(_LAST_SECONDS * per_second)
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "game.mp4"
-        writer = imageio_ffmpeg.write_frames(
-            str(file), pictures[0].size, fps=per_second,  # pyright: ignore[reportArgumentType]  # ffmpeg takes parts too
-            macro_block_size=2, ffmpeg_log_level="error",
-            output_params=["-preset", "veryfast"],
-        )  # fmt: skip
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # JAX fears a fork, but this one becomes ffmpeg at once
-            writer.send(None)
-        for picture in pictures:
-            writer.send(np.ascontiguousarray(picture))
-        writer.close()
-        try:
-            written, _ = imageio_ffmpeg.count_frames_and_secs(str(file))
-        except RuntimeError:  # ffmpeg wrote half a file, which it does not tell
-            written = 0
-        if written != len(pictures):
-            raise OSError(errno.ENOSPC, "ffmpeg could not write the whole video", folder)
-        return file.read_bytes()

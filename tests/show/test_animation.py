@@ -3,7 +3,6 @@
 from dataclasses import replace
 from functools import partial
 
-import imageio_ffmpeg
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -160,20 +159,12 @@ def test_an_animation_takes_as_long_as_it_should(replay, tmp_path, name, speed, 
     assert np.linalg.norm(np.subtract(colour_at(last, 4, 5), RED)) < 40
 
 
-def test_an_mp4_has_every_frame_and_stays_at_the_end(replay, tmp_path):
-    save_animation(replay, tmp_path / "game.mp4", 4.0)
-    count, seconds = imageio_ffmpeg.count_frames_and_secs(str(tmp_path / "game.mp4"))
-    assert count == STEPS + 1 + 2 * 40
-    assert seconds == pytest.approx(count / 40, abs=0.11)
-
-
 @pytest.mark.parametrize(("x_max", "y_max", "size"), [(20.0, 10.0, (480, 240)), (10.0, 20.3, (236, 480))])
 def test_an_arena_that_is_no_square_keeps_its_shape_and_the_words_their_width(replay, x_max, y_max, size):
     wide = replace(replay, game=replace(replay.game, arena=replace(replay.game.arena, x_max=x_max, y_max=y_max)))
     assert Canvas(wide.game).picture().size == size
     picture = next(frames(wide))
     assert picture.width == max(size[0], 400) + 2 * MARGIN
-    assert all(side % 2 == 0 for side in picture.size)
     assert Captioned(wide).corner[0] == (picture.width - size[0]) // 2
 
 
@@ -182,7 +173,7 @@ def save_panel(path):
         pass
 
 
-@pytest.mark.parametrize("name", ["g.gif", "g.mp4", "panel.png"])
+@pytest.mark.parametrize("name", ["g.gif", "panel.png"])
 def test_a_full_disk_spares_the_old_file(replay, tmp_path, name):
     """No file may grow beyond a kilobyte, so that every writer fails in the middle."""
     resource = pytest.importorskip("resource")
@@ -191,7 +182,7 @@ def test_a_full_disk_spares_the_old_file(replay, tmp_path, name):
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
     try:
-        with pytest.raises(OSError, match=r"too large|whole video"):
+        with pytest.raises(OSError, match="too large"):
             write(tmp_path / name)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)

@@ -56,7 +56,6 @@ const actions = {
     page.pause();
     element("levels").replaceChildren(...levelButtons(page.catalogue.games, stage.colours, page.choice?.level ?? null, (level) => choose(asChoice(level))));
     document.activeElement?.blur(); // so that Space and arrows are the game's again when the menu closes
-    element("games").append(element("how"));
     element("games").showModal();
   },
   play() {
@@ -134,10 +133,7 @@ function wire() {
   for (const type of ["keydown", "keyup"]) document.addEventListener(type, onKey);
   globalThis.addEventListener("blur", () => steering.release());
   document.addEventListener("visibilitychange", () => document.hidden && page.pause());
-  element("games").addEventListener("close", () => {
-    document.body.append(element("how")); // beside the arena, where there is space for it
-    document.activeElement?.blur();
-  });
+  element("games").addEventListener("close", () => document.activeElement?.blur());
   element("choices").addEventListener("submit", (event) => {
     event.preventDefault();
     actions.play();
