@@ -20,7 +20,7 @@ from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
-from apollonius.game.presets import in_teams, make_game, paper
+from apollonius.game.presets import in_teams, make_game
 from apollonius.game.types import GameState, RobotStatus, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.view import look
@@ -59,8 +59,12 @@ def course_of(player, own, opponent, game=OPEN, role=Role.PURSUER):
     return map(float, course_in_view(player, view(game, role, robot(*own), robot(*opponent))))
 
 
+def difference(first, second):
+    return abs((first - second + pi) % (2 * pi) - pi)
+
+
 def same_direction(first, second, within=1e-4):
-    return abs((first - second + pi) % (2 * pi) - pi) < within
+    return difference(first, second) < within
 
 
 def test_actions_bring_heading_and_speed_as_close_to_the_course_as_one_step_can():
@@ -72,7 +76,7 @@ def test_actions_bring_heading_and_speed_as_close_to_the_course_as_one_step_can(
         v = [min(max(own[2] + level * body.u1_max * dt, 0), body.v_max) for level in (-1, 0, 1)]
         turned = [own[3] + level * body.u2_max * dt for level in (-1, 0, 1)]
         thrust = int(np.argmin([abs(speed - value) for value in v]))
-        turn = int(np.argmin([abs((heading - value + pi) % (2 * pi) - pi) for value in turned]))
+        turn = int(np.argmin([difference(heading, value) for value in turned]))
         assert int(jnp.argmax(judge(view(OPEN, Role.PURSUER, robot(*own), robot(*opponent))))) == 3 * thrust + turn
 
 
@@ -142,7 +146,8 @@ def test_each_is_found_by_name_and_acts_within_what_is_allowed(name, role):
     )
     player = find_player(name, role, game).policy
     assert name in player_names(role, game)
-    assert find_player(f"shielded:{name}", role, game).policy.policy == player
+    shielded = find_player(f"shielded:{name}", role, game).policy
+    assert (shielded.policy, shielded.charted) == (player, player.charted)
     if (name, role) not in (("pure-pursuit", Role.PURSUER), ("search", Role.PURSUER), ("territory", Role.EVADER)):
         return  # whose actions are chosen alike
 
@@ -160,13 +165,18 @@ def test_each_is_found_by_name_and_acts_within_what_is_allowed(name, role):
     assert other == int(np.argmax(np.where(allowed, values, -np.inf)))
 
 
-def test_a_classical_player_needs_its_own_side():
-    with pytest.raises(InvalidInput, match=r"pursuer = 'flee' .* plays the evader only"):
-        find_player("flee", Role.PURSUER, PAPER)
-    with pytest.raises(InvalidInput, match=r"arena.territory = none .* to guard or to reach"):
-        find_player("territory", Role.PURSUER, PAPER)
-    assert "territory" not in player_names(Role.EVADER, PAPER)
-    assert "flee" not in player_names(Role.PURSUER, PAPER)
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("flee", r"pursuer = 'flee' .* plays the evader only"),
+        ("territory", r"arena.territory = none .* to guard or to reach"),
+        ("encirclement", r"pursuers = 1 is not possible: .* 2 at least"),
+    ],
+)
+def test_a_classical_player_needs_its_own_side_and_game(name, said):
+    with pytest.raises(InvalidInput, match=said):
+        find_player(name, Role.PURSUER, PAPER)
+    assert name not in player_names(Role.PURSUER, PAPER)
     assert {"P_stage1", "pure-pursuit", "random"} <= set(player_names(Role.PURSUER, PAPER))
 
 
@@ -234,10 +244,6 @@ def random_teams(seed, count):
         if apart.min() > 1.7:
             count -= 1
             yield places[:3].tolist(), places[3].tolist()
-
-
-def difference(first, second):
-    return abs((first - second + pi) % (2 * pi) - pi)
 
 
 def test_it_heads_for_the_middle_of_the_edge_between_its_cell_and_the_evaders():
@@ -325,11 +331,3 @@ def test_behind_a_wall_ways_are_those_around_it():
     np.testing.assert_allclose(own[beside], straight[beside], rtol=0.1, atol=0.3)
     heading, _ = VoronoiPursuit.for_side(game, Role.PURSUER).course(seen)
     assert sin(float(heading)) > 0.9
-
-
-def test_they_play_in_teams_only():
-    with pytest.raises(InvalidInput, match=r"pursuers = 1 is not possible: .* 2 at least"):
-        find_player("encirclement", Role.PURSUER, paper())
-    assert "voronoi-pursuit" not in player_names(Role.PURSUER, paper())
-    assert {"voronoi-pursuit", "encirclement"} <= set(player_names(Role.PURSUER, OPEN_TO_TEAMS))
-    assert find_player("shielded:encirclement", Role.PURSUER, in_teams(paper(), 2, 1)).policy.charted

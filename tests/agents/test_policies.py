@@ -163,33 +163,20 @@ def network():
     return make_network("encoded", 16, 3, jax.random.key(0))
 
 
-def one_by_one(network, seen):
-    return jax.vmap(network)(seen)
+def test_a_batch_has_the_values_of_each_observation_and_their_gradients(network):
+    def weighed(values):
+        def error(network, seen):
+            found = values(network, seen)
+            return jnp.mean((found - WANTED) ** 2), found
 
+        (_, found), slopes = jax.jit(jax.value_and_grad(error, argnums=(0, 1), has_aux=True))(network, SEEN)
+        return found, slopes
 
-def together(network, seen):
-    return network.batch(seen)
-
-
-def error(values):
-    return lambda network, seen: jnp.mean((values(network, seen) - WANTED) ** 2)
-
-
-def test_a_batch_has_the_values_of_each_observation(network):
-    values = jax.jit(together)(network, SEEN)
-    assert values.shape == (40, 9)
-    np.testing.assert_allclose(values, jax.jit(one_by_one)(network, SEEN), atol=1e-6)
-
-
-@pytest.mark.parametrize("of", ["weights", "observations"])
-def test_its_gradient_is_that_of_the_same_values(of, network):
-    if of == "weights":
-        slopes = [jax.jit(jax.grad(error(values)))(network, SEEN) for values in (together, one_by_one)]
-    else:
-        slopes = [jax.jit(jax.grad(error(values), argnums=1))(network, SEEN) for values in (together, one_by_one)]
-    mine, theirs = map(jax.tree.leaves, slopes)
-    assert len(mine) == (8 if of == "weights" else 1)
-    for one, other in zip(mine, theirs, strict=True):
+    (values, slopes), (each, theirs) = map(
+        weighed, (lambda network, seen: network.batch(seen), lambda network, seen: jax.vmap(network)(seen))
+    )
+    np.testing.assert_allclose(values, each, atol=1e-6)
+    for one, other in zip(jax.tree.leaves(slopes), jax.tree.leaves(theirs), strict=True):
         assert np.abs(other).max() > 1e-4
         np.testing.assert_allclose(one, other, atol=1e-7, rtol=1e-4)
 

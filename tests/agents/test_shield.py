@@ -268,7 +268,7 @@ def test_a_pursuer_that_searches_is_itself_while_it_sees_and_searches_then():
 
 
 def test_a_searching_agent_of_a_game_without_sensors_is_that_agent():
-    agent, searching = (find_player(name, Role.PURSUER, game()).policy for name in ("pursuer", "searching:pursuer"))
+    agent, searching = (find_player(name, Role.PURSUER, game()).policy for name in ("P_stage1", "searching:P_stage1"))
 
     @jax.jit
     @jax.vmap

@@ -188,6 +188,8 @@ def test_wins_are_counted_by_arenas(three):
     assert (found.rates, found.mean) == ([1.0, 0.0, 1.0], pytest.approx(2 / 3))
     assert found.worst == 0.0
     assert found.interval == (0.0, 1.0)
+    found = count_by_arena(three.scenario, Results(outcome[:2], jnp.ones(2, jnp.int32)))
+    assert (found.wins, found.games) == ((1, 0), (1, 1)), "an arena in which nothing was played is not counted"
 
 
 def test_a_match_in_arenas_with_charts_tells_of_long_ways():

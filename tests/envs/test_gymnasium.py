@@ -47,7 +47,7 @@ def test_an_observation_that_reads_a_chart_is_that_of_the_charted_game():
 
 
 def test_one_robot_acts_against_a_team_and_a_team_is_for_pettingzoo():
-    env = OneSide(Role.EVADER, opponent="pure-pursuit", game="team-3v1")
+    env = OneSide(Role.EVADER, opponent="pure-pursuit", game="team-2v1")
     env.reset(seed=0)
     over, total = False, 0.0
     while not over:

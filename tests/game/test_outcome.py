@@ -14,7 +14,6 @@ from scipy import stats
 
 from apollonius.arenas.charting import charted
 from apollonius.arenas.record import to_dict
-from apollonius.evaluate.result import count_by_arena
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
@@ -27,7 +26,6 @@ from apollonius.game.starts import Starts
 from apollonius.game.teams import Teams
 from apollonius.game.types import GameState, Outcome, RobotState, Role
 from apollonius.io.errors import InvalidInput
-from apollonius.play.playout import Results
 from apollonius.solve.motion import motion_of
 from tests.acting import robot
 from tests.oracle.numpy_game import judge
@@ -103,22 +101,6 @@ def sample(starts, key):
     return jax.vmap(starts.sample, in_axes=(0, None, None))(jax.random.split(key, DRAWS), ARENA, bodies)
 
 
-@pytest.fixture(scope="module")
-def near():
-    """Robots that may start at the same place: their positions are independent."""
-    return sample(Starts(clearance=0.3, separation=0.0), jax.random.key(0))
-
-
-@pytest.fixture(scope="module")
-def apart():
-    return sample(Starts(clearance=0.3, separation=5.0), jax.random.key(1))
-
-
-@pytest.fixture(scope="module")
-def moving():
-    return sample(Starts(speed="moving"), jax.random.key(2))
-
-
 def is_uniform(values, low, high, bins=50):
     counts, _ = np.histogram(values, bins, (low, high))
     return counts.sum() == len(values) and stats.chisquare(counts).pvalue > 1e-3
@@ -136,8 +118,9 @@ def test_what_is_asked_for_is_enough_and_less_is_not(short):
     assert not bool(starts.fits(ARENA, body, body, *map(jnp.float32, places)))
 
 
-def test_pairs_are_uniform_over_all_pairs_that_fit(apart):
+def test_pairs_are_uniform_over_all_pairs_that_fit():
     """The distribution of pairs that a simple rejection in NumPy leaves: compared by place and by distance."""
+    apart = sample(Starts(clearance=0.3, separation=5.0), jax.random.key(1))
     places = np.random.default_rng(0).uniform(0, 10, (200_000, 2, 2))
     to_wall = np.minimum(places, 10 - places).min(axis=-1)
     room = np.minimum(to_wall, np.linalg.norm(places - 5, axis=-1) - 1)
@@ -155,19 +138,12 @@ def test_pairs_are_uniform_over_all_pairs_that_fit(apart):
         assert stats.ks_2samp(measure(ours), measure(expected)).pvalue > 1e-3
 
 
-@pytest.mark.parametrize("role", ["pursuer", "evader"])
-def test_headings_are_uniform_over_the_circle(near, role):
-    assert is_uniform(getattr(near, role).heading, -np.pi, np.pi)
-
-
-def test_at_rest_a_robot_has_speed_zero_or_the_slowest_it_can_go(near):
-    assert np.all(near.pursuer.v == np.float32(0.2))
-    assert np.all(near.evader.v == 0)
-
-
-def test_moving_speeds_are_uniform_between_each_robots_own_limits(moving):
-    assert is_uniform(moving.pursuer.v, 0.2, 1.0)
-    assert is_uniform(moving.evader.v, -0.5, 2.0)
+@pytest.mark.parametrize("speed", ["rest", "moving"])
+def test_headings_are_uniform_and_speeds_too_or_at_rest_the_slowest_forwards(speed):
+    states = sample(Starts(speed=speed), jax.random.key(2))
+    for drawn, low, high, slowest in ((states.pursuer, 0.2, 1.0, 0.2), (states.evader, -0.5, 2.0, 0.0)):
+        assert is_uniform(drawn.heading, -np.pi, np.pi)
+        assert is_uniform(drawn.v, low, high) if speed == "moving" else np.all(drawn.v == np.float32(slowest))
 
 
 STAY = 4
@@ -295,11 +271,3 @@ def test_one_arena_is_a_game_as_ever():
 def test_arenas_that_do_not_go_together_or_must_be_one_are_refused(act, said):
     with pytest.raises(InvalidInput, match=said):
         act()
-
-
-def test_arenas_in_which_nothing_was_played_are_not_counted():
-    """A third arena has no game of the two; the pursuer wins that of the first."""
-    scenario = in_arenas(GAME, [NARROW, WIDE, NARROW]).scenario
-    results = Results(jnp.array([Outcome.CAPTURED, Outcome.NO_RESULT]), jnp.array([3, 4]))
-    counted = count_by_arena(scenario, results)
-    assert (counted.wins, counted.games) == ((1, 0), (1, 1))

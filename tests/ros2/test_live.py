@@ -47,7 +47,7 @@ def folder(tmp_path_factory):
     game = find_game(str(folder / "game.toml"))
     for role in Role:
         name = role.name.lower()
-        write_c(find_exportable(f"shielded:{'PE'[role]}_any", role, game), folder / f"{name}.c", states=100)
+        write_c(find_exportable(f"shielded:{name}", role, game), folder / f"{name}.c", states=100)
         command = ["gcc", "-std=c99", "-O2", "-shared", "-fPIC", f"{name}.c", "-lm", "-o", f"{name}.so"]
         subprocess.run(command, cwd=folder, check=True)
     params = yaml.safe_load((PACKAGE / "config" / "params.yaml").read_text())

@@ -205,7 +205,9 @@ def test_obstacles_and_the_territory_are_drawn_where_they_are(axes):
         away = np.hypot(*(patch.get_xy() - (disc.x, disc.y)).T)
         np.testing.assert_allclose(away, disc.radius, rtol=1e-5)
     np.testing.assert_array_equal(polygon.get_xy(), [*corners, corners[0]])
-    assert [patch.get_fill() for patch in axes.patches[-3:]] == [True, False, False]
+    assert [(patch.get_fill(), patch.get_linewidth()) for patch in axes.patches[-3:]] == [(True, 0)] + [
+        (False, 1.4)
+    ] * 2
     assert to_hex(ring.get_edgecolor()) == palette.EVADER
     assert axes.get_aspect() == 1.0
     for (low, high), (least, most) in zip((axes.get_xlim(), axes.get_ylim()), ((0, 10), (0, 10)), strict=True):
