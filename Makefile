@@ -67,7 +67,6 @@ bench: $(VENV)/installed-dev
 	$(BIN)/python benchmarks/speed.py env
 	$(BIN)/python benchmarks/speed.py train
 	$(BIN)/python benchmarks/speed.py train --profile fast
-	$(BIN)/python benchmarks/page.py
 	taskset -c 0 $(BIN)/python benchmarks/speed.py solve
 
 # Hashes and no addresses: one file serves every Python from 3.11 on.

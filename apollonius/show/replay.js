@@ -3,7 +3,7 @@
 // for each robot the first step at which it is out of play, or null.
 
 import { between, coloursOf, draw } from "../web/page/draw.js";
-import { ROLES, countsOf, isActive } from "../web/page/game.js";
+import { countsOf } from "../web/page/game.js";
 
 /** The states of a game as the page has them. */
 export function statesOf({ game, states, until }) {
@@ -18,16 +18,6 @@ export function statesOf({ game, states, until }) {
   });
 }
 
-/** What there is to say of a state: of two robots distance and speeds, of teams who is in play and how near they are. */
-export function facts(game, state) {
-  const [pursuers, evaders] = ROLES.map((role) => state[role].filter(isActive));
-  const distances = pursuers.flatMap((one) => evaders.map((two) => Math.hypot(two.x - one.x, two.y - one.y)));
-  const distance = distances.length ? `distance ${Math.min(...distances).toFixed(2)} m` : "";
-  const speeds = ROLES.map((role) => `${role} ${state[role][0].v.toFixed(2)} m/s`);
-  const rest = game.teams ? [`${pursuers.length} v ${evaders.length} in play`] : speeds;
-  return [distance, ...rest].filter(Boolean).join(" · ");
-}
-
 /** Draw a game as it stands at a step, whole or not. */
 export function drawGame(canvas, game, states, step, colours) {
   const index = Math.min(Math.floor(step), states.length - 1);
@@ -38,7 +28,7 @@ export function drawGame(canvas, game, states, step, colours) {
 
 /**
  * Plays games in the elements of a page. Inside `root` it looks for `canvas`, and by `data-part` for `play` and `pace`
- * (a button and a select: simulated seconds in a second), `seek` (a range), `clock`, `facts` and `outcome` (for text),
+ * (a button and a select: simulated seconds in a second), `seek` (a range), `clock` and `outcome` (for text),
  * and for elements with `data-game`, each of which chooses the game of that index.
  */
 export class ReplayPlayer {
@@ -115,6 +105,5 @@ export class ReplayPlayer {
     this.part("seek").value = Math.round(step);
     this.part("seek").setAttribute("aria-valuetext", clock);
     this.part("clock").textContent = clock;
-    this.part("facts").textContent = facts(this.game, this.states[Math.floor(step)]);
   }
 }
