@@ -33,12 +33,8 @@ def add_arena(parser: argparse.ArgumentParser) -> None:
     draw.add_argument("--seed", type=count(SEED), default=0, help="seed of the arena (default: %(default)s)")
     draw.add_argument("--gap", type=real, default=1.0, help="least width of all passages [m] (default: %(default)s)")
     draw.add_argument("--size", type=real, nargs=2, default=(10.0, 10.0), metavar=("WIDTH", "HEIGHT"), help="[m]")
-    draw.add_argument(
-        "--game", type=known_game, default="paper", help="game whose other rules it has (default: %(default)s)"
-    )
-    draw.add_argument(
-        "--out", type=new_file(*GAME_FILES), required=True, metavar="FILE", help="file to write: .toml or .json"
-    )
+    draw.add_argument("--game", type=known_game, default="paper", help="whose other rules it has (default: paper)")
+    draw.add_argument("--out", type=new_file(*GAME_FILES), required=True, metavar="FILE", help="a .toml or .json file")
     draw.add_argument("--force", action="store_true", help="overwrite a file that is already there")
     draw.set_defaults(run=run_random)
 

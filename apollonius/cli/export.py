@@ -2,6 +2,7 @@
 
 import argparse
 
+from apollonius.agents.names import SIDES
 from apollonius.cli.options import command, finish, warn
 from apollonius.cli.values import known_agent, known_game, new_file
 from apollonius.io.errors import require
@@ -12,17 +13,9 @@ FORMATS = {"c": ".c", "onnx": ".onnx"}
 def add_export(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("agent", type=known_agent, metavar="AGENT", help="any player: its name, or a .safetensors file")
     parser.add_argument("--to", choices=FORMATS, required=True, help="C99, or ONNX")
-    parser.add_argument(
-        "--out", type=new_file(*FORMATS.values()), required=True, help="file to write: .c (others beside it) or .onnx"
-    )
-    parser.add_argument(
-        "--game",
-        type=known_game,
-        help="game that it plays: its name, or a .toml or .json file (default: the one that the agent was made for)",
-    )
-    parser.add_argument(
-        "--side", choices=("pursuer", "evader"), help="of a player that plays either (default: the agent's own)"
-    )
+    parser.add_argument("--out", type=new_file(*FORMATS.values()), required=True, help="file to write: .c or .onnx")
+    parser.add_argument("--game", type=known_game, help="name or file (default: the one that the agent was made for)")
+    parser.add_argument("--side", choices=SIDES, help="of a player that plays either (default: the agent's own)")
     parser.add_argument("--constants", action="store_true", help="weights in the C source instead of a file beside it")
     parser.set_defaults(run=run_export)
 

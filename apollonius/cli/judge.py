@@ -40,17 +40,13 @@ TRACKS = ("full", "lidar", "team")
 
 def add_evaluate(parser: argparse.ArgumentParser) -> None:
     add_match_options(parser)
-    parser.add_argument(
-        "--out", type=new_file(".png"), metavar="FILE", help="draw the pursuer's wins over the varied numbers as .png"
-    )
+    parser.add_argument("--out", type=new_file(".png"), metavar="FILE", help="draw the wins of --vary as .png")
     parser.set_defaults(run=run_evaluate)
 
 
 def add_simulate(parser: argparse.ArgumentParser) -> None:
     add_match_options(parser, SIMULATED_GAMES)
-    parser.add_argument(
-        "--drive", type=existing_file, metavar="FILE", help="a .toml file with the numbers of your own robots"
-    )
+    parser.add_argument("--drive", type=existing_file, metavar="FILE", help="a .toml file with your robots' numbers")
     parser.set_defaults(run=run_simulate, out=None)
 
 
@@ -142,11 +138,9 @@ def add_suite(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     judged = actions.add_parser("judge", help="play all games of the benchmark and write a card")
     judged.add_argument("agent", type=known_entrant, metavar="AGENT", help=f"{AGENT}; or a .py or .onnx file")
-    judged.add_argument("--side", choices=("pursuer", "evader"), help="of an agent from outside, or that plays either")
+    judged.add_argument("--side", choices=SIDES, help="of an agent from outside, or that plays either")
     judged.add_argument("--track", choices=TRACKS, default="full", help="the benchmark's part (default: %(default)s)")
-    judged.add_argument(
-        "--out", type=new_file(".json"), default=Path("card.json"), help="file to write, a new one (default: card.json)"
-    )
+    judged.add_argument("--out", type=new_file(".json"), default=Path("card.json"), help="default: card.json")
     add_workers(judged, "rounds", None)
     judged.set_defaults(run=run_judge)
     checked = actions.add_parser("verify", help="play games of a card again, and refuse one that does not come out")

@@ -30,16 +30,8 @@ COMMANDS = {
         "evaluate": (add_evaluate, "play many games between two agents and count", "P_pool E_scratch --games 1000"),
         "tournament": (add_tournament, "play every pursuer against every evader", "--games 1000"),
         "exploit": (add_exploit, "let every kind of attacker try to beat an agent that they know", "evader E_scratch"),
-        "suite": (
-            add_suite,
-            "judge an agent by the benchmark, or check such a card",
-            "judge pursuer --out pursuer.json",
-        ),
-        "simulate": (
-            add_simulate,
-            "play many games between robots with bodies, in MuJoCo",
-            "pursuer random --games 300",
-        ),
+        "suite": (add_suite, "judge an agent by the benchmark, or check a card", "judge pursuer --out pursuer.json"),
+        "simulate": (add_simulate, "play games between robots with bodies, in MuJoCo", "pursuer random --games 300"),
     },
     "Solve": {
         "solve": (add_solve, "solve for optimal play on a grid, and keep the table", "safety"),
@@ -134,9 +126,7 @@ def build_parser() -> argparse.ArgumentParser:
         description="Learn, solve and play pursuit-evasion games between mobile robots among obstacles.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument(
-        "--version", action="version", version=f"apollonius {__version__}", help="show the version and exit"
-    )
+    parser.add_argument("--version", action="version", version=f"apollonius {__version__}")
     subparsers = parser.add_subparsers(
         dest="command", required=True, prog="apollonius", metavar="COMMAND", help=argparse.SUPPRESS,
         parser_class=OneLineParser,

@@ -39,11 +39,8 @@ def add_json(parser: argparse.ArgumentParser) -> None:
 
 def add_game_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=count(SEED), default=0, help="seed of the starts (default: %(default)s)")
-    parser.add_argument(
-        "--starts", choices=("rest", "moving", "viable"),
-        help="initial speeds: rest, moving, or moving but for starts that are lost before they begin (default: as the "
-        "game says)",
-    )  # fmt: skip
+    about = "initial speeds; viable: moving, but for starts that are lost before they begin (default: as the game says)"
+    parser.add_argument("--starts", choices=("rest", "moving", "viable"), help=about)
     add_game(parser)
 
 
@@ -71,19 +68,15 @@ def add_match_options(parser: argparse.ArgumentParser, games: Counted = GAMES) -
     add_game_options(parser)
     add_json(parser)
     add_record_options(parser, "write K games as replays, lost ones first")
-    parser.add_argument(
-        "--vary", type=varied, action="append", default=[], metavar="FIELD=FROM:TO:COUNT",
-        help="play a match for each value of a number of the game, as pursuer.v_max=0.8:1.6:5; twice for pairs",
-    )  # fmt: skip
+    about = "play a match for each value of a number of the game, as pursuer.v_max=0.8:1.6:5; twice for pairs"
+    parser.add_argument("--vary", type=varied, action="append", default=[], metavar="FIELD=FROM:TO:COUNT", help=about)
 
 
 def add_record_options(parser: argparse.ArgumentParser, about: str) -> None:
     """Add the number of games that are written as replays, and their folder."""
     parser.add_argument("--record", type=count(RECORDS), default=0, metavar="K", help=about)
-    parser.add_argument(
-        "--replays", type=new_folder, default=Path("replays"), metavar="DIR",
-        help="folder of the replays (default: replays)",
-    )  # fmt: skip
+    about = "folder of the replays (default: replays)"
+    parser.add_argument("--replays", type=new_folder, default=Path("replays"), metavar="DIR", help=about)
 
 
 def requested_match(options: argparse.Namespace, in_one_arena: bool = False) -> "Match":

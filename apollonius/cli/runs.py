@@ -16,9 +16,7 @@ from apollonius.io.workers import Job, run_jobs
 
 
 def add_runs(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "folder", type=runs_folder, nargs="?", default="runs", metavar="DIR", help="a folder of runs (default: runs)"
-    )
+    parser.add_argument("folder", type=runs_folder, nargs="?", default="runs", metavar="DIR", help="default: runs")
     add_json(parser)
     parser.set_defaults(run=run_runs, compiles=False)
 
@@ -95,10 +93,7 @@ def train_all(runs: Sequence[Path], folder: Path, options: argparse.Namespace) -
 
 
 def add_reproduce(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--budget", choices=LENGTHS, default="quick",
-        help="length of each training: quick (default), standard or paper",
-    )  # fmt: skip
+    parser.add_argument("--budget", choices=LENGTHS, default="quick", help="of each training (default: quick)")
     parser.add_argument("--seeds", type=count(SEEDS), default=1, help="number of seeds, from 0 (default: %(default)s)")
     parser.add_argument("--games", type=count(GAMES), default=10_000, help="games in a match (default: %(default)s)")
     parser.add_argument("--out", type=new_folder, help="folder of the study (default: runs/reproduce-BUDGET)")

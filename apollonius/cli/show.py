@@ -6,6 +6,7 @@ import webbrowser
 from math import radians
 from pathlib import Path
 
+from apollonius.agents.names import SIDES
 from apollonius.cli.options import (
     AGENT,
     add_game,
@@ -25,18 +26,15 @@ MOVING = (".gif", ".webp")
 
 
 def add_show(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "pursuer", type=agent_of("pursuer"), metavar="PURSUER|REPLAY", help=f"{AGENT}; or a replay file alone"
-    )
+    about = f"{AGENT}; or a replay file alone"
+    parser.add_argument("pursuer", type=agent_of("pursuer"), metavar="PURSUER|REPLAY", help=about)
     parser.add_argument("evader", type=agent_of("evader"), metavar="EVADER", nargs="?", help="the other side's player")
     add_game_options(parser)
     parser.add_argument(
         "--out", type=new_file(*MOVING, ".png", ".json", needs={}), default="game.gif",
         help="file to write: .png, .gif, .webp or a replay's .json (default: %(default)s)",
     )  # fmt: skip
-    parser.add_argument(
-        "--speed", type=real, help="seconds of the game in one of a moving picture (default: 1, real time)"
-    )
+    parser.add_argument("--speed", type=real, help="seconds of the game in one of a moving picture (default: 1)")
     parser.set_defaults(run=run_show, games=1)
 
 
@@ -101,16 +99,10 @@ def run_report(options: argparse.Namespace) -> int:
 
 
 def add_slice(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "agent", type=known_agent, metavar="AGENT", help="a zoo agent, or a .safetensors file, of solve game too"
-    )
-    parser.add_argument(
-        "--opponent", type=real, nargs=2, required=True, metavar=("X", "Y"), help="where the other robot is [m]"
-    )
+    parser.add_argument("agent", type=known_agent, metavar="AGENT", help="a zoo agent, or a .safetensors file")
+    parser.add_argument("--opponent", type=real, nargs=2, required=True, metavar=("X", "Y"), help="where it is [m]")
     parser.add_argument("--opponent-speed", type=real, default=0.0, metavar="V", help="[m/s] (default: 0)")
-    parser.add_argument(
-        "--opponent-heading", type=real, default=0.0, metavar="DEG", help="from the x axis, leftwards (default: 0)"
-    )
+    parser.add_argument("--opponent-heading", type=real, default=0.0, metavar="DEG", help="from the x axis")
     parser.add_argument("--speed", type=real, default=0.0, metavar="V", help="of the agent itself [m/s] (default: 0)")
     parser.add_argument("--heading", type=real, default=0.0, metavar="DEG", help="of the agent itself (default: 0)")
     add_game(parser)
@@ -158,27 +150,14 @@ def run_slice(options: argparse.Namespace) -> int:
 
 
 def add_play(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--as", dest="side", choices=("evader", "pursuer"), default="evader", help="your side (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--against",
-        type=known_agent,
-        metavar="AGENT",
-        help=f"your opponent: {AGENT} (default: the best there is, a little slow to see)",
-    )
+    parser.add_argument("--as", dest="side", choices=SIDES, default="evader", help="your side (default: evader)")
+    about = f"your opponent: {AGENT} (default: the best there is, a little slow to see)"
+    parser.add_argument("--against", type=known_agent, metavar="AGENT", help=about)
     add_game(parser)
     parser.add_argument("--seed", type=count(SEED), default=0, help="seed of the starts (default: %(default)s)")
-    parser.add_argument(
-        "--port", type=count(PORT), help="port of the page on this machine (default: the first free one)"
-    )
+    parser.add_argument("--port", type=count(PORT), help="of the page on this machine (default: the first free one)")
     parser.add_argument("--no-open", action="store_true", help="print the page's address, open no browser")
-    parser.add_argument(
-        "--site",
-        type=new_folder,
-        metavar="DIR",
-        help="write the page to this folder, for a web host, and serve nothing",
-    )
+    parser.add_argument("--site", type=new_folder, metavar="DIR", help="write the page there, and serve nothing")
     parser.set_defaults(run=run_play)
 
 

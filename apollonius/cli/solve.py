@@ -6,6 +6,7 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from apollonius.agents.names import SIDES
 from apollonius.cli.options import add_game, add_json, answer, chosen_rules, command, finish, warn
 from apollonius.cli.terminal import columns, sweeps_on
 from apollonius.cli.values import count, existing_file, known_game, new_file, nodes, real, require_writable
@@ -45,12 +46,8 @@ def solved_game(
 def add_table_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that say by which tables to play."""
     solved = parser.add_mutually_exclusive_group()
-    solved.add_argument(
-        "--tables", type=existing_file, nargs=2, metavar="FILE", help="the solved game from both sides (solve game)"
-    )
-    solved.add_argument(
-        "--grid", type=nodes, help="nodes on which it is solved otherwise, and kept (default: a coarse grid)"
-    )
+    solved.add_argument("--tables", type=existing_file, nargs=2, metavar="FILE", help="the game solved from both sides")
+    solved.add_argument("--grid", type=nodes, help="nodes on which it is solved otherwise (default: a coarse grid)")
 
 
 def requested_tables(options: argparse.Namespace, game: "Game") -> "BySide[SaddlePolicy]":
@@ -76,25 +73,13 @@ def add_solve(parser: argparse.ArgumentParser) -> None:
         "game: the payoff that the grid promises a side against any opponent",
     )  # fmt: skip
     add_game(parser)
-    parser.add_argument(
-        "--role", choices=("pursuer", "evader"), help="of safety and game: which side (default: pursuer)"
-    )
-    parser.add_argument(
-        "--whole-cells", action="store_true",
-        help="of game: robots move by whole cells along x and y, so that nothing is interpolated there",
-    )  # fmt: skip
+    parser.add_argument("--role", choices=SIDES, help="of safety and game: which side (default: pursuer)")
+    parser.add_argument("--whole-cells", action="store_true", help="of game: robots move by whole cells along x and y")
     parser.add_argument("--target", type=real, nargs=2, metavar=("X", "Y"), help="of reach: where it stands [m]")
-    parser.add_argument(
-        "--grid", type=nodes, help="nodes along x, y, v and heading, as 101x101x9x47 (default: about 0.2 m apart)"
-    )
-    parser.add_argument(
-        "--hold", type=count(HOLD), help="steps for which an action is held (default: about 0.5 s of them)"
-    )
-    parser.add_argument(
-        "--out",
-        type=new_file(".safetensors"),
-        help="file of the table; what it holds is not solved again (default: WHAT-GAME.safetensors)",
-    )
+    parser.add_argument("--grid", type=nodes, help="nodes along x, y, v and heading (default: about 0.2 m apart)")
+    parser.add_argument("--hold", type=count(HOLD), help="steps for which an action is held (default: about 0.5 s)")
+    about = "file of the table; what it holds is not solved again (default: WHAT-GAME.safetensors)"
+    parser.add_argument("--out", type=new_file(".safetensors"), help=about)
     parser.add_argument("--force", action="store_true", help="overwrite a file that holds something else")
     add_json(parser)
     parser.set_defaults(run=run_solve)

@@ -35,17 +35,10 @@ STAGES = ("fixed-target", "self-play", "both")
 
 
 def add_train(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--preset", choices=LENGTHS, default="quick",
-        help="length of training: quick (minutes, default), standard or paper",
-    )  # fmt: skip
+    parser.add_argument("--preset", choices=LENGTHS, default="quick", help="length of training (default: quick)")
     parser.add_argument("--stage", choices=STAGES, help="which stage to train (default: both)")
-    parser.add_argument(
-        "--algorithm", choices=ALGORITHMS, help="dqn: discrete actions (default); sac: continuous ones, smooth motion"
-    )
-    parser.add_argument(
-        "--profile", choices=PROFILES, help="how DQN learns: fast (default) or paper (plain DQN as printed)"
-    )
+    parser.add_argument("--algorithm", choices=ALGORITHMS, help="dqn: discrete actions (default); sac: continuous ones")
+    parser.add_argument("--profile", choices=PROFILES, help="how DQN learns: fast (default), or paper, as printed")
     parser.add_argument("--game", type=known_game, help="name of the game, or a .toml or .json file (default: paper)")
     parser.add_argument("--seed", type=count(SEED), help="seed of everything random (default: 0)")
     parser.add_argument("--seeds", type=seeds, help="a run for each of several seeds, as 0-9 or 0,3,7")
@@ -56,12 +49,8 @@ def add_train(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add_workers(parser, "the runs of a sweep", None)
     parser.add_argument("--config", type=existing_file, help="a config.toml to start from instead of a preset")
-    parser.add_argument(
-        "--opponents", choices=SCHEMES, help="whom both sides of self-play meet (default: latest, each other)"
-    )
-    parser.add_argument(
-        "--out", type=new_folder, help="folder of the run (default: runs/PRESET-STAGE-SEED), or of the runs of a sweep"
-    )
+    parser.add_argument("--opponents", choices=SCHEMES, help="of both sides in self-play (default: latest, each other)")
+    parser.add_argument("--out", type=new_folder, help="folder of the run or sweep (default: runs/PRESET-STAGE-SEED)")
     parser.add_argument("--force", action="store_true", help="overwrite a run that is already there")
     about = "send the metrics of one run to a tracker meanwhile"
     parser.add_argument("--track", type=installed, choices=TRACKERS, help=about)
