@@ -124,10 +124,9 @@ class Searching(AbstractActionValuePolicy):
 
 
 class Hide(AbstractWayfinder):
-    """Drives where the pursuer does not see it, to a place that is near and to which the pursuer has a long way.
+    """Drives where the pursuer does not see it, to a near place to which the pursuer has a long way, and stays there.
 
-    Of the places behind obstacles (Reynolds, "Steering behaviors for autonomous characters", 1999) the one whose path
-    from the pursuer is longest beside its own; once there it stays.
+    Of the places behind obstacles (Reynolds, "Steering behaviors for autonomous characters", 1999).
     """
 
     def course(self, seen: View) -> tuple[Scalar, Scalar]:

@@ -152,10 +152,7 @@ def load_network(name: str, role: Role) -> Network:
 
 
 def called(path: Path) -> str:
-    """Return the name of the agent of a file: RUN/NAME in the folder of a training run, else as the file.
-
-    Two runs give their agents the same names, and those of the zoo.
-    """
+    """Return the name of the agent of a file: RUN/NAME in the folder of a run, where many are called alike."""
     return f"{path.resolve().parents[1].name}/{path.stem}" if path.parent.name == AGENTS else path.stem
 
 

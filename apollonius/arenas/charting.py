@@ -1,7 +1,4 @@
-"""Charting: the field of clearances of an arena and all its shortest paths, once before anyone plays there.
-
-The page runs the same functions, translated.
-"""
+"""Charting: the field of clearances of an arena and all its shortest paths, once before anyone plays there."""
 
 import functools
 from dataclasses import replace

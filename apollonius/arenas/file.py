@@ -40,10 +40,7 @@ def find_game(name: str) -> Game:
 
     `suite-v1/racks-07` is the `paper` game in that arena, `suite-v1/held-out` that in any of the arenas of that part,
     `suite-v1/maze-00,maze-01` that in either of the two. `team-3v1/office` is the game `office` with three pursuers and
-    one evader.
-
-    Raises:
-        InvalidInput: for an unknown name, and as `load_game`, `suite_arena` and `scenario_game`.
+    one evader. Raises InvalidInput for an unknown name, and as `load_game`, `suite_arena` and `scenario_game`.
     """
     team, of_two = split_team(name)
     if team and (counts := TEAM.fullmatch(team)):
@@ -83,14 +80,11 @@ def as_game(given: object) -> Game:
 
 
 def load_game(path: Path) -> Game:
-    """Return the game of a TOML or JSON file: tables `arena`, `pursuer`, `evader`, `starts`, `reward`, and its numbers.
+    """Return the game of a TOML or JSON file (`docs/reference/game_files.md`).
 
     `pursuers = 3` gives that side three robots with the limits of the table `pursuer`; tables `[[pursuers]]` give it
-    one with limits of its own for each; the same for `evaders`. What is left out has its default, and the walls of an
-    arena with a map are the map's ends; see `docs/reference/game_files.md`.
-
-    Raises:
-        InvalidInput: when the file is missing or neither, for an unknown key, and for a game that cannot be played.
+    one with limits of its own for each; the same for `evaders`. Raises InvalidInput when the file is missing or
+    neither, for an unknown key, and for a game that cannot be played.
     """
     content = read_bytes(path, "a game's .toml or .json file", "check the path, or name a preset")
     about = f"'{path}' is no JSON file; correct it"

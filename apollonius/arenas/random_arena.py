@@ -29,10 +29,8 @@ _DRAWN = re.compile(
 
 
 def random_arena(kind: str, seed: int, *, gap: float = 1.0, width: float = 10.0, height: float = 10.0) -> Arena:
-    """Draw an arena of one of `KINDS`: one seed, one arena. The `file` of a map in it is a name for `random_map`.
-
-    Its passages are as wide as the gap [m] at least. Raises InvalidInput for an unknown kind, impossible numbers, and
-    obstacles that do not fit.
+    """Draw an arena of one of `KINDS` by its seed, with passages as wide as the gap [m] at least; raises InvalidInput
+    for impossible numbers, and where obstacles do not fit. The `file` of its map is a name for `random_map`.
     """
     require(kind in KINDS, "kind", kind, f"one of {', '.join(KINDS)}")
     SEED.require("seed", seed)

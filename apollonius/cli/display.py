@@ -20,10 +20,7 @@ _SPEED_SECONDS = 600.0
 
 
 class Display(Progress):
-    """The progress of a command, as a context manager around all its work; plain lines begin with its name.
-
-    In a terminal, output that is printed meanwhile stands above the live bar.
-    """
+    """The progress of a command, as a context manager around all its work; plain lines begin with its name."""
 
     def __init__(self, command: str, get_time: Callable[[], float] = time.monotonic) -> None:
         self._command, self._over, self._what = command, threading.Event(), "loading"

@@ -168,9 +168,7 @@ def finish(*written: Path, then: str = "", json: bool = False) -> None:
 def answer_with_replays(
     options: argparse.Namespace, facts: dict[str, Any], text: str, kind: str, replays: "Iterator[Replay]"
 ) -> int:
-    """Print a result, once the first `options.record` games are written to files named after their kind, number and
-    outcome; return the exit status.
-    """
+    """Print a result, once the first `options.record` games are written to files; return the exit status."""
     from apollonius.play.replay import save_replay
 
     if options.record:

@@ -1,7 +1,4 @@
-"""What a value on the command line can be. What cannot is refused as it is read, before anything is imported or done.
-
-Each function here is the `type` of an argument, or makes one.
-"""
+"""What a value on the command line can be; what cannot is refused before anything is imported or done."""
 
 import argparse
 import math

@@ -32,10 +32,7 @@ _TOGETHER = 512
 
 
 class Compiled:
-    """A function of a module, compiled at its first call with its first arguments as constants.
-
-    It is pickled as what it is made of; what is read compiles for itself.
-    """
+    """A function of a module, compiled with its first arguments as constants; what is pickled compiles for itself."""
 
     def __init__(self, function: Callable[..., Any], *constants: Any) -> None:
         self._function, self._constants = function, constants

@@ -15,18 +15,11 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
     """A game seen from one side, of one robot; on the other there may be a team.
 
     Actions are the 9 of Eq. 5, or two numbers in [-1, 1]. The reward is that side's of Eq. 8 or 9. `info["outcome"]` is
-    `ongoing`, or the name of a row of Tables II and III.
+    `ongoing`, or the name of a row of Tables II and III. The opponent is a player that `find_player` knows; the game,
+    observation, actions and render mode are as those of `apollonius.envs.live.LiveGame`.
 
-    Args:
-        role: the side that acts from outside.
-        opponent: player of the other side, as `find_player` knows it.
-        game, observation, actions, render_mode: as those of `apollonius.envs.live.LiveGame`; the opponent acts as it
-            does.
-
-    Raises:
-        InvalidInput: for an unknown opponent, game, observation, render mode or kind of actions, a side of several
-            robots, and in a forked process: `gymnasium.vector.AsyncVectorEnv` has those unless it is given
-            `context="spawn"`.
+    Raises InvalidInput for what is unknown, a side of several robots, and in a forked process:
+    `gymnasium.vector.AsyncVectorEnv` has those unless it is given `context="spawn"`.
     """
 
     metadata: dict[str, Any] = {"render_modes": RENDER_MODES, "render_fps": 10}  # noqa: RUF012 (as Gymnasium declares it)
@@ -59,12 +52,7 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
         return self._live.observation(self._robot), {"outcome": self._live.outcome}
 
     def step(self, action: int | np.integer | np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Let all robots hold their actions for one step.
-
-        Raises:
-            gymnasium.error.ResetNeeded: before the first `reset`.
-            InvalidInput: for an impossible action.
-        """
+        """Let all robots hold their actions for one step; raises ResetNeeded before the first `reset`."""
         live = self._live
         if not live.begun:
             raise gymnasium.error.ResetNeeded("a game begins with reset()")

@@ -71,17 +71,11 @@ def as_actions(given: Any, kind: str, batch: tuple[int, ...] = ()) -> np.ndarray
 
 
 class LiveGame:
-    """One game, one step at a time, either side's actions from outside or from a player of the package.
+    """One game, one step at a time, either side's actions from outside or from a player of the package (`inside`).
 
     It pickles, before its first reset as well as under way. The numbers of a game, before and after a step, are one
-    array: passing each costs several times the step.
-
-    Args:
-        game: the rules, the name of a game, or its `.toml` or `.json` file.
-        observation: name of what all robots see (`apollonius.observe.registry`).
-        actions: `discrete`, or `continuous`: shares of the largest acceleration and turn rate in [-1, 1].
-        render_mode: `rgb_array` for pictures from `render`, or None.
-        inside: the name of the player of each side that is not played from outside.
+    array: passing each costs several times the step. Actions are `discrete` or `continuous`, shares of the largest
+    acceleration and turn rate in [-1, 1]; the render mode is `rgb_array`, or None.
     """
 
     def __init__(

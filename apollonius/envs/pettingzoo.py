@@ -17,17 +17,11 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
 
     Actions are the 9 of Eq. 5, or two numbers in [-1, 1]; rewards are those of Eq. 8 and 9. `terminations`: the rules
     ended the game; `truncations`: the time limit stopped it. `infos[agent]["outcome"]` is `ongoing`, or the name of a
-    row of Tables II and III.
+    row of Tables II and III. Arguments and errors are those of `apollonius.envs.live.LiveGame`.
 
     In a game of teams a robot that is captured or fails leaves before the others: its termination is true in that step,
     and from then on it is not among `agents` and has neither action nor observation. `infos[agent]["status"]` is
     `active`, `captured`, `hit_obstacle`, `out_of_range` or `hit_mate`.
-
-    Args:
-        game, observation, actions, render_mode: as those of `apollonius.envs.live.LiveGame`.
-
-    Raises:
-        InvalidInput: for an unknown game, observation, render mode or kind of actions.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 (as PettingZoo declares it)
@@ -76,12 +70,7 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
     ) -> tuple[
         dict[str, np.ndarray], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
     ]:  # fmt: skip
-        """Let all agents hold their actions for one step.
-
-        Raises:
-            gymnasium.error.ResetNeeded: before the first `reset`, and after the end of a game.
-            InvalidInput: for an invalid or missing action.
-        """
+        """Let all agents hold their actions for one step; raises ResetNeeded where no game is under way."""
         if not self.agents:
             raise gymnasium.error.ResetNeeded("a game begins with reset()")
         live, acting = self._live, set(self.agents)

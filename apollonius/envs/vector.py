@@ -1,7 +1,4 @@
-"""Gymnasium's vector interface: thousands of games at once in one compiled call, one side from outside.
-
-In games of teams all robots of that side act from outside, and arrays have an axis of robots.
-"""
+"""Gymnasium's vector interface: thousands of games at once in one compiled call, one side from outside."""
 
 from typing import Any
 
@@ -115,14 +112,8 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     def step(
         self, actions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:  # fmt: skip
-        """Step every game.
-
-        Args:
-            actions: of the side from outside, `[games]`, each 0..8, or `[games, 2]`; of a team each robot's.
-
-        Raises:
-            gymnasium.error.ResetNeeded: before the first `reset`.
-            InvalidInput: for actions of another shape, and for an impossible one.
+        """Step every game by the actions `[games]`, each 0..8, or `[games, 2]`, of a team each robot's; raises
+        InvalidInput for impossible ones, and ResetNeeded before the first `reset`.
         """
         if self._now is None:
             raise gymnasium.error.ResetNeeded("games begin with reset()")

@@ -1,7 +1,4 @@
-"""The benchmark: an agent against a fixed panel in the held-out arenas of a suite.
-
-A round is a game in every arena, by a seed of its own.
-"""
+"""The benchmark: an agent against a fixed panel in the held-out arenas of a suite, a round being a game in each."""
 
 import timeit
 from collections.abc import Mapping, Sequence

@@ -188,11 +188,7 @@ _DERIVED = (
 
 
 def read_result(data: Any, source: str) -> MatchResult:
-    """Return the result of a match from what `MatchResult.to_dict` wrote; rates are those of its counts.
-
-    Raises:
-        InvalidInput: for counts that no games come to, and what is not such a result.
-    """
+    """Return the result of a match from what `MatchResult.to_dict` wrote; raises InvalidInput for anything else."""
     require(isinstance(data, dict), source, data, "the result of a match")
     own = {field.name: data[field.name] for field in fields(MatchResult) if field.name in data}
     result = from_dict(MatchResult, own, source)

@@ -111,10 +111,8 @@ def load_card(path: Path) -> SuiteCard:
 def verify(
     path: Path, file: str | None, python: str, every: bool, report: Report = lambda done, total: None
 ) -> SuiteCard:
-    """Play rounds of a card again: one against each opponent, drawn at random, or every one.
-
-    Raises:
-        InvalidInput: as `load_card`; for another agent than the card's, and where a game does not come out.
+    """Play rounds of a card again, one against each opponent or every one; raises InvalidInput as `load_card`, for
+    another agent than the card's, and where a game does not come out.
     """
     card = load_card(path)
     benchmark, name = card.benchmark, file or card.agent

@@ -119,10 +119,8 @@ def play_tournament(
     report: Report = lambda done, total: None,
     run: Run | None = None,
 ) -> Tournament:
-    """Play a match of every pursuer with every evader, as `play_matches`. All matches have the same starts.
-
-    Raises:
-        InvalidInput: unless there is a player on either side, no name twice; and as `play_matches`.
+    """Play a match of every pursuer with every evader on the same starts; raises InvalidInput as `play_matches`, and
+    unless there is a player on either side, no name twice.
     """
     names = players.map(lambda side: tuple(player.name for player in side))
     for side, named in zip(("pursuers", "evaders"), names, strict=True):

@@ -24,10 +24,8 @@ PURSUER_FAILS = (Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE)
 def come_within(
     one: tuple[RobotState, RobotState], other: tuple[RobotState, RobotState], distance: Real
 ) -> Bool[Array, ""]:
-    """Return whether two robots' centres come closer than a distance [m] anywhere along a step.
-
-    Both, each given before and after the step, move along their segments at the same time, so their relative position
-    moves along a segment too.
+    """Return whether two robots' centres come closer than a distance [m] anywhere along a step, in which both move
+    along their segments at the same time.
     """
     (before, after), (other_before, other_after) = one, other
     relative_x = other_before.x - before.x

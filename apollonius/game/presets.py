@@ -39,10 +39,7 @@ def zero_sum() -> Game:
 
 
 def robot() -> Game:
-    """The `paper` game between robots of radius 0.2 m: what touches walls and discs is a body, not a point.
-
-    Their centres are 0.5 m apart when they are caught, so that bodies do not overlap first.
-    """
+    """The `paper` game between robots of radius 0.2 m, caught where their bodies are 0.1 m apart."""
     body = Body(radius=0.2)
     return Game(pursuer=body, evader=body, arena=paper().arena, capture_distance=0.5)
 

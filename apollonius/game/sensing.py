@@ -1,7 +1,5 @@
-"""Sensors of the robots of a side, and drives that respond late and slowly.
-
-Without sensors robots see everything, exactly and at once, as in the paper. Mates know of each other, and share what
-they see.
+"""Sensors and drives of the robots of a side. Without sensors robots see everything, exactly and at once, as in the
+paper; mates know of each other, and share what they see.
 """
 
 import functools

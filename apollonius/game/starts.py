@@ -39,9 +39,8 @@ class Starts(eqx.Module):
     def sample(self, key: PRNGKeyArray, arena: Arena, bodies: BySide[tuple[Unicycle, ...]]) -> GameState:
         """Draw an initial state. The key is consumed.
 
-        The first robots of both sides are drawn together: their positions are drawn again until they fit, so the
-        distribution is exactly uniform over the pairs that fit. Then their mates are drawn one by one, each uniform in
-        the space that is left.
+        The positions of both sides' first robots are drawn together, again until they fit, so the distribution is
+        exactly uniform over the pairs that fit; then their mates', one by one, each uniform in the space that is left.
         """
         order = [(role, number) for role in ROLES for number in range(1, len(bodies[role]))]
         position_key, heading_key, speed_key, *mate_keys = jax.random.split(key, 3 + len(order))

@@ -28,10 +28,8 @@ _NUMBERS = {
 
 @contextmanager
 def opened(path: Path, remedy: str, kind: str = "safetensors file") -> Generator[Any, None, None]:
-    """Open a safetensors file, of which only the header is read yet; its `kind` and the remedy are for the message.
-
-    Raises:
-        InvalidInput: when it is no such file, is cut off, or has a header of more than `MOST_HEADER` bytes.
+    """Open a safetensors file, of which only the header is read yet; raises InvalidInput for a `kind` of file that it
+    is not, one that is cut off, and a header of more than `MOST_HEADER` bytes.
     """
     damaged = f"'{path}' is not a whole {kind}"
     try:

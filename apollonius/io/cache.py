@@ -89,9 +89,8 @@ def _mark_used(path: Path) -> None:
 
 
 def make_room(folder: Path, largest: int) -> int:
-    """Delete files below a folder until at most `largest` bytes are left, and return the bytes that are left.
-
-    Files larger than that go first, then the least recently used ones.
+    """Delete files below a folder, those larger than the bound first, then the least recently used ones, until at most
+    `largest` bytes are left; return those.
     """
     files: list[tuple[bool, float, int, Path]] = []
     for path in folder.rglob("*"):

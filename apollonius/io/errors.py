@@ -39,10 +39,7 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
 
 
 def unknown_name(kind: str, name: str, known: Sequence[str], others: str, meant: str | None) -> str:
-    """Return the message that refuses the unknown name of a kind of thing, as "game".
-
-    It names the one that is `meant`, the nearest, or else all and what else could be given.
-    """
+    """Return the message that refuses the unknown name of a kind of thing; it names what is `meant`, or else all."""
     if meant:
         return f"no {kind} is called '{shown(name)}': did you mean '{meant}'?"
     return f"no {kind} is called '{shown(name)}': choose one of {', '.join(known)}, or give {others}."

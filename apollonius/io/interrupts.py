@@ -56,11 +56,8 @@ def status() -> int | None:
 
 @contextmanager
 def asked_to_stop(again: bool = True, parent: int | None = None) -> Generator[None, None, None]:
-    """Let the block ask whether it is `asked` to stop, instead of interrupting it, so that it can save its work first.
-
-    Args:
-        again: interrupt it at a second signal.
-        parent: number of the process without which it is to stop, too.
+    """Let the block ask whether it is `asked` to stop, instead of interrupting it, so that it can save its work first:
+    at a second signal all the same, if it may come `again`, and without its `parent`, a process.
     """
     global _parent
 

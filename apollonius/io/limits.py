@@ -1,7 +1,4 @@
-"""Upper bounds for the counts that a user can ask for, by memory and by the size of counters.
-
-The bytes of each are measured, rounded up.
-"""
+"""Upper bounds for the counts that a user can ask for, by memory, as measured, and by the size of counters."""
 
 import os
 from contextlib import suppress

@@ -64,10 +64,8 @@ def run_jobs(
     """Run all jobs `on` one of `WORKERS` and return their results; one that fails does not end the others.
 
     A line is reported whenever a job ends; what jobs print on Slurm is kept in the folder of logs, if there is one.
-
-    Raises:
-        KeyboardInterrupt: after Ctrl-C, when every job that was running has stopped by itself.
-        InvalidInput: when jobs failed, after all others; when a library or Slurm is missing.
+    Raises KeyboardInterrupt after Ctrl-C, when every job has stopped by itself, and InvalidInput when jobs failed,
+    after all others, or a library or Slurm is missing.
     """
     require(on in WORKERS, "on", on, f"one of {', '.join(WORKERS)}")
     results, failed, stopped = dict[str, Any](), list[str](), False

@@ -65,11 +65,8 @@ def _path_length(chart: Chart, start: tuple[RobotState, CellWeights], end: tuple
 def _of_a_robot(
     chart: Chart, view: View, ends: tuple[CellWeights, CellWeights], own_length: Scalar, robot: Robot
 ) -> Float[Array, "13"]:
-    """Return the numbers of a robot besides the nearest opponent.
-
-    Args:
-        ends: the cell weights of the robot that looks and of that opponent.
-        own_length: path length between the two [m].
+    """Return the numbers of a robot besides the nearest opponent, by the cell weights (`ends`) of that opponent and of
+    the robot that looks, and the path length between those two [m].
     """
     own, opponent, other = view.own.state, view.opponent.state, robot.state
     cos, sin = turned(own.heading)

@@ -87,11 +87,8 @@ def delayed(sensors: Sensors, late: Percept | None, percept: Percept) -> tuple[P
 
 
 def learn(game: Game, track: Track, percept: Percept, state: GameState, role: Role) -> Track:
-    """Return what one side knows after a percept as old as its sensors' delay.
-
-    Args:
-        game: in one arena, with sensors of this side.
-        state: only who is in play counts.
+    """Return what one side knows after a percept as old as its sensors' delay, in a game in one arena, with sensors of
+    this side; of the state only who is in play counts.
     """
     sensors = game.sensors and game.sensors[role]
     assert sensors is not None, "a side without them knows everything"

@@ -31,13 +31,9 @@ class Robot(eqx.Module):
 
 
 class View(eqx.Module):
-    """The view of one robot. Nothing in it is scaled.
+    """The view of one robot, whose mates and opponents are robots too. Nothing in it is scaled.
 
     Attributes:
-        arena: walls and obstacles.
-        own: the robot itself.
-        mates: the other robots of its side.
-        opponents: the robots of the other side.
         capture_distance: distance at which an evader is captured [m].
         belief: as in `apollonius.game.types.Sight`; None for a side that sees all.
     """

@@ -197,12 +197,8 @@ def reproduce(
     report: Callable[[str], None] = print,
     run: Run = run_jobs,
 ) -> None:
-    """Train the agents of seeds from 0 by a preset, make every section and write the report.
-
-    Raises:
-        KeyboardInterrupt: after Ctrl-C, once the trainings have stopped.
-        InvalidInput: for an unknown budget, no seeds or no games, or a folder that holds something already where
-            `resume` is not given.
+    """Train the agents of seeds from 0 by a preset, make every section and write the report; raises InvalidInput for
+    impossible numbers, and a folder that is not empty unless `resume` is given.
     """
     require(budget in PRESETS, "budget", budget, f"one of {', '.join(PRESETS)}")
     SEEDS.require("seeds", seeds)
@@ -221,11 +217,8 @@ def reproduce(
 
 
 def _train_missing(study: Study, report: Callable[[str], None], run: Run) -> None:
-    """Train the runs that are not finished, or resume them, several at a time.
-
-    Raises:
-        InvalidInput: when a run's folder holds another training than asked for, before anything is trained; when a
-            training fails, after the others that run beside it.
+    """Train the runs that are not finished, or resume them; raises InvalidInput where a folder holds another training,
+    before anything is trained, or a training fails, after the others.
     """
     missing: list[Path] = []
     for folder, (config, agents) in study.trainings().items():

@@ -49,9 +49,7 @@ BYTES_PER_PAIR = 3 * 4 + 2
 
 
 class Duel(eqx.Module):
-    """The two-robot game on a grid, as the side sees it that moves first; `decided` are its robot's actions that decide
-    the game by a capture.
-    """
+    """The two-robot game on a grid, from the side that moves first; `decided` is what `capture.decisive` returns."""
 
     zero_sum_game: ZeroSumGame
     first: Side

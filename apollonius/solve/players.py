@@ -44,9 +44,7 @@ class AbstractSearch(AbstractActionValuePolicy):
     def action_values(
         self, own: RobotState, other: RobotState, bits: UInt32[Array, " games"]
     ) -> Float[Array, "9 games"]:
-        """Return the values of the nine actions in several games at once, against an opponent that acts by chance as by
-        these bits.
-        """
+        """Return the values of the nine actions in several games, against chance by these bits."""
 
 
 def _values_in_many(size: int, batched: Any, player: AbstractSearch, *seen: Any) -> Float[Array, "games 9"]:
@@ -63,9 +61,7 @@ def _values_in_one(
 
 
 class SaddlePolicy(AbstractSearch):
-    """The player of either side that makes most of its promised value (`value_before_move`), by the table of
-    `solve_duel`.
-    """
+    """The player of either side that makes most of the value that the table of `solve_duel` promises it."""
 
     table: Shaped[Array, "tiles moving lanes"]
 

@@ -35,9 +35,7 @@ BYTES_PER_NODE = 4 * (9 + 6) + 9
 
 
 class Reach(AbstractActionValuePolicy):
-    """The least time to a target [m], by U at the nodes of the pursuer's grid, and the pursuer that takes it: it
-    decides again in every step.
-    """
+    """The least time to a target [m], by U at the nodes of the pursuer's grid, and the pursuer that takes it."""
 
     game: Game
     motion: Motion

@@ -85,10 +85,8 @@ def save_solution(solution: Solution, path: Path) -> None:
 
 
 def load_solution(path: Path) -> Solution:
-    """Read a solution's file: its header first, and the table only if it is of the size that the header says.
-
-    Raises InvalidInput for a file that is missing, damaged, foreign, of another version, larger than this machine's
-    memory, or with values that are not finite.
+    """Read a solution's file, the table only if its size is what the header says; raises InvalidInput for a file that
+    is missing, damaged, foreign, larger than memory, or with values that are not finite.
     """
     if not path.is_file():
         raise InvalidInput(f"there is no solution '{path}': check the path, or solve it with apollonius solve.")
