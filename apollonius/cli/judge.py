@@ -56,7 +56,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
     if options.vary:
         return answer_varied(options, play_match)
     require(options.out is None, "--out", options.out, "given with --vary, whose values it draws")
-    check_records(options, options.games, f"--games = {options.games}")
+    check_records(options)
     match = requested_match(options, in_one_arena=options.record > 0)  # of which a replay is
     options.display.begin(f"playing {match.games:,} games", compiles=True)
     results = play_games(match, report=options.display.report)
@@ -76,7 +76,7 @@ def run_simulate(options: argparse.Namespace) -> int:
     drive, display = load_drive(options.drive), options.display
     if options.vary:
         return answer_varied(options, lambda match, report: count(match, simulate_match(match, drive, report).results))
-    check_records(options, options.games, f"--games = {options.games}")
+    check_records(options)
     match = requested_match(options, in_one_arena=True)
     display.begin("playing with bodies", compiles=True)
     simulated = simulate_match(match, drive, display.report)

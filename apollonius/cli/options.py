@@ -67,16 +67,12 @@ def add_match_options(parser: argparse.ArgumentParser, games: Counted = GAMES) -
     parser.add_argument("--games", type=count(games), default=1000, help="number of games (default: %(default)s)")
     add_game_options(parser)
     add_json(parser)
-    add_record_options(parser, "write K games as replays, lost ones first")
-    about = "play a match for each value of a number of the game, as pursuer.v_max=0.8:1.6:5; twice for pairs"
-    parser.add_argument("--vary", type=varied, action="append", default=[], metavar="FIELD=FROM:TO:COUNT", help=about)
-
-
-def add_record_options(parser: argparse.ArgumentParser, about: str) -> None:
-    """Add the number of games that are written as replays, and their folder."""
+    about = "write K games as replays, lost ones first"
     parser.add_argument("--record", type=count(RECORDS), default=0, metavar="K", help=about)
     about = "folder of the replays (default: replays)"
     parser.add_argument("--replays", type=new_folder, default=Path("replays"), metavar="DIR", help=about)
+    about = "play a match for each value of a number of the game, as pursuer.v_max=0.8:1.6:5; twice for pairs"
+    parser.add_argument("--vary", type=varied, action="append", default=[], metavar="FIELD=FROM:TO:COUNT", help=about)
 
 
 def requested_match(options: argparse.Namespace, in_one_arena: bool = False) -> "Match":
@@ -150,9 +146,9 @@ def match_facts(options: argparse.Namespace, match: "Match") -> dict[str, Any]:
     return names | {"game": options.game, "starts": match.starts_played, "seed": match.seed}
 
 
-def check_records(options: argparse.Namespace, most: int, bound: str) -> None:
-    """Refuse more replays than `most`, which is `bound` in words, and a folder that cannot be written to."""
-    require(options.record <= most, "--record", options.record, f"from 0 to {bound}")
+def check_records(options: argparse.Namespace) -> None:
+    """Refuse more replays than games, and a folder that cannot be written to."""
+    require(options.record <= options.games, "--record", options.record, f"from 0 to --games = {options.games}")
     if options.record:
         require_writable("--replays", options.replays)
 

@@ -180,10 +180,7 @@ def card_table(agent: str, starts: str, card: "Card") -> str:
         f"  payoff {card.payoff:+.3f} {within(card.payoff_interval, '+.3f')}",
         f"  the tables promise {card.promised:+.3f} to {card.at_most:+.3f}: estimates, no bounds",
         f"  gap to what its own table promises {card.gap:.3f} {within(card.gap_interval, '.3f')}",
-        "  most is lost in these games (--record K writes them):",
     ]
-    for game in card.worst:
-        lines.append(f"    {game['game']:>6}  {game['outcome']} after {game['seconds']} s, gap {game['gap']:+.3f}")
     return "\n".join(lines)
 
 

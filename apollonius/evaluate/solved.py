@@ -12,7 +12,7 @@ from apollonius.evaluate.statistics import mean_interval, wilson_interval
 from apollonius.game.by_side import BySide, one_each
 from apollonius.game.game import Game, sample_starts
 from apollonius.game.outcome import evader_wins, pursuer_wins
-from apollonius.game.types import Outcome, Role
+from apollonius.game.types import Role
 from apollonius.play.playout import Report
 from apollonius.solve.grid import make_grid
 from apollonius.solve.motion import motion_of
@@ -75,10 +75,6 @@ def _about_game(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
     }
 
 
-WORST = 10
-"""Games that a card lists."""
-
-
 @dataclass(frozen=True)
 class Card:
     """An agent against the table's player of the other side, beside the solved game.
@@ -102,8 +98,6 @@ class Card:
     gap: float
     """Mean over the starts of what that table promises there, less what the agent got."""
     gap_interval: tuple[float, float]
-    worst: list[dict[str, Any]]
-    """The games that cost most: number, outcome, seconds, gap."""
 
 
 def measure_card(
@@ -137,13 +131,4 @@ def measure_card(
         at_most=-float(np.mean(np.asarray(other.best_value(starts)))),
         gap=float(np.mean(gaps)),
         gap_interval=mean_interval(gaps, -2.0, 2.0),
-        worst=[
-            {
-                "game": index,
-                "outcome": Outcome(int(results.outcome[index])).name.lower(),
-                "seconds": round(float(seconds[index]), 2),
-                "gap": round(float(gaps[index]), 4),
-            }
-            for index in np.argsort(-gaps, kind="stable")[:WORST].tolist()
-        ],
     )

@@ -252,7 +252,7 @@ REFUSED = {
     "solve safety --hold 0": "--hold = 0 is not possible: it must be a whole number, at least 1",
     "solve game --hold 20000": "hold = 20000", "solve safety --grid 9001x9001x99x99": "GiB",
     "regret P_stage1 --starts viable": "rest or moving", "regret E_scratch": "plays the evader",
-    "regret P_stage1 --role robot": "--role", "regret P_stage1 --record 11": "from 0 to 10",
+    "regret P_stage1 --role robot": "--role",
     "regret still --games 2147483647": "--games", "tournament --pursuers random flee": "plays the evader, not",
     "exploit pursuer P_stage1 --attackers nobody": "--attackers",
     "exploit pursuer P_stage1 --tables t.safetensors e.safetensors": "check the path",

@@ -222,7 +222,4 @@ def test_its_numbers_are_those_of_the_match_and_the_tables(tables, role):
     assert card.gap_interval[0] < card.gap < card.gap_interval[1]
     if role == Role.EVADER:
         assert card.gap_interval[0] > 0.2, "a random evader is far from what the table promises"
-    worst = [game["gap"] for game in card.worst]
-    assert worst == sorted(worst, reverse=True)
-    assert worst[0] >= card.gap
     json.dumps(asdict(card))
