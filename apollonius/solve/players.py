@@ -36,9 +36,11 @@ class AbstractSearch(AbstractActionValuePolicy):
         """Return the values against an opponent that acts by chance, as by these bits."""
         return _values_in_one(self, seen.own.state, seen.opponent.state, bits), memory
 
+    @eqx.filter_jit
     def best_value(self, states: GameState) -> Float[Array, " games"]:
         """Estimate the value for its side of several states of the game, leaves `[games]`."""
-        return _best_values(self, states)
+        own, other = self.zero_sum_game.pair(states.pursuer, states.evader)
+        return jnp.max(self.action_values(own, other, jnp.zeros(own.x.shape, jnp.uint32)), axis=0)
 
     @abstractmethod
     def action_values(
@@ -80,12 +82,6 @@ class SaddlePolicy(AbstractSearch):
         later = game.motions[0].discount * interpolate(self.table, (other_grid, other), (grid, last(mine)))
         values = jnp.where(outcome == Outcome.ONGOING, later[:, None], payoff_of(game.role, outcome, seconds))
         return jnp.min(values, axis=1)
-
-
-@eqx.filter_jit
-def _best_values(player: AbstractSearch, states: GameState) -> Float[Array, " games"]:
-    own, other = player.zero_sum_game.pair(states.pursuer, states.evader)
-    return jnp.max(player.action_values(own, other, jnp.zeros(own.x.shape, jnp.uint32)), axis=0)
 
 
 class RolloutSearch(AbstractSearch):
