@@ -68,13 +68,16 @@ def test_the_band_of_a_mean_is_students():
 @pytest.mark.parametrize(("spread", "rest", "size"), [(0.1, 0.05, (3, 3)), (0.02, 0.2, (3, 5))])
 def test_another_pair_is_within_its_prediction_as_often_as_it_says(spread, rest, size):
     """In 3,000 studies of rows and columns that add up, with a rest; 0.01 is two standard errors of the share."""
-    generator, within = np.random.default_rng(1), []
+    generator, within, variances = np.random.default_rng(1), [], []
     for _ in range(3000):
         rows, columns = (generator.normal(0, spread, one) for one in ((size[0] + 1, 1), (1, size[1] + 1)))
         values = rows + columns + generator.normal(0, rest, (len(rows), columns.size))
-        low, high = predict(values[:-1, :-1], -9.0, 9.0).interval
-        within.append(low <= values[-1, -1] <= high)
+        found = predict(values[:-1, :-1], -9.0, 9.0)
+        within.append(found.interval[0] <= values[-1, -1] <= found.interval[1])
+        variances.append(found.spread**2)
     assert np.mean(within) > 0.94
+    true = spread**2 * (2 + 1 / size[0] + 1 / size[1]) + rest**2 * (1 + 1 / (size[0] * size[1]))
+    assert 0.97 < np.mean(variances) / true < 1.25, "what is estimated below zero counts as zero"
 
 
 def test_a_prediction_without_columns_is_the_textbooks_and_its_chance_is_students():
