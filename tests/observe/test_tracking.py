@@ -229,7 +229,7 @@ def test_with_sensors_that_limit_nothing_games_are_the_same_to_the_bit():
         players = BySide(
             *(
                 solo(find_player(name, role, rules).policy)
-                for name, role in zip(("P_scratch", "E_scratch"), ROLES, strict=True)
+                for name, role in zip(("pure-pursuit", "random"), ROLES, strict=True)
             )
         )
         starts = jax.tree.map(lambda leaf: leaf[None], reset_batch(game, jax.random.key(1), 16))

@@ -292,7 +292,7 @@ def test_both_plays_are_counted_and_compared(simulated):
 
 
 def played(game, count=4):
-    match = Match.of_names(game, "intercept", "flee-aware", count)
+    match = Match.of_names(game, "pure-pursuit", "flee", count)
     return match, simulate_match(match, Drive())
 
 
