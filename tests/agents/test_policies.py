@@ -89,13 +89,10 @@ def allowing(*actions):
     return jnp.isin(jnp.arange(NUM_ACTIONS), jnp.array(actions))
 
 
-def test_where_only_some_actions_are_allowed_greedy_takes_the_best_of_them():
+def test_where_only_some_actions_are_allowed_greedy_takes_the_best_and_random_its_own_or_the_first():
     player = Greedy(network_with([0, 5, 1, 9, 3, 4, 2, 8, 7]))
     for allowed, action in (((3, 7), 3), ((7, 8), 7), ((0, 2, 4), 4), ((6,), 6)):
         assert int(player.choose(player.weigh(NOTHING, (), WORDS[0])[0], allowing(*allowed))) == action
-
-
-def test_where_only_some_actions_are_allowed_random_keeps_its_own_or_takes_the_first():
     actions = np.asarray(jax.vmap(partial(act, Uniform()))(jnp.zeros((50, 8)), WORDS[:50]))
     held = jax.vmap(lambda bits: Uniform().choose(act(Uniform(), NOTHING, bits), allowing(2, 5, 6)))(WORDS[:50])
     assert held.tolist() == [action if action in (2, 5, 6) else 2 for action in actions]

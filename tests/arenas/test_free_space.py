@@ -57,15 +57,12 @@ def test_only_the_largest_part_is_kept():
     assert not space.free[:, :11].any()
     assert space.area == (20 * 19 - 1) * 0.25
     assert space.islands == 1
-
-
-def test_places_that_touch_at_a_corner_are_apart_and_obstacles_that_do_are_not():
     free = np.zeros((8, 8), bool)
     free[:4, :4] = free[4:, 4:] = True
-    assert largest_part(free, 0.0, 0.0, 1.0).parts == 2
+    assert largest_part(free, 0.0, 0.0, 1.0).parts == 2, "places that touch at a corner are apart"
     free = np.ones((8, 8), bool)
     free[2, 2] = free[3, 3] = False
-    assert largest_part(free, 0.0, 0.0, 1.0).islands == 1
+    assert largest_part(free, 0.0, 0.0, 1.0).islands == 1, "and obstacles that do are not"
 
 
 SIDE = 120

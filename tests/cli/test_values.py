@@ -126,6 +126,15 @@ def test_a_place_that_cannot_be_written_to_is_refused_at_once(here):
     assert sorted(os.listdir(here)) == ["file", "folder", "folder.png"]
 
 
+def test_jobs_run_on_slurm_where_its_command_is(monkeypatch):
+    monkeypatch.setattr(values, "missing", lambda *_: "")
+    monkeypatch.setattr("shutil.which", str)
+    assert values.installed("slurm") == "slurm"
+    monkeypatch.setattr("shutil.which", lambda name: None)
+    with pytest.raises(argparse.ArgumentTypeError, match="sbatch is not on the PATH"):
+        values.installed("slurm")
+
+
 def test_a_written_grid_is_read():
     assert values.nodes("101x51x9x47") == (101, 51, 9, 47)
     for text in ("10x10x9x", "10x-3x9x47", "10.5x10x9x47", "1x2x3x4x5", "9" * 5_000 + "x2x2x3", "٣x3x3x3"):

@@ -1,6 +1,7 @@
 """The replay against a twin of plain lists, Q-learning against numbers by hand, soft actor-critic against NumPy."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from types import SimpleNamespace
 
 import equinox as eqx
 import jax
@@ -27,14 +28,11 @@ add = jax.jit(replay_buffer.add)
 draw = jax.jit(replay_buffer.sample, static_argnames=("batch", "max_n_step", "gamma"))
 
 
-@dataclass
-class Transition:
-    observation: tuple[float, float]
-    action: int
-    reward: float
-    next_observation: tuple[float, float]
-    terminated: bool
-    truncated: bool
+KINDS = {
+    "observation": np.float32, "action": np.int32, "reward": np.float32, "next_observation": np.float32,
+    "terminated": bool, "truncated": bool,
+}  # fmt: skip
+"""Of the numbers of a transition."""
 
 
 def play(rng, steps):
@@ -42,30 +40,17 @@ def play(rng, steps):
 
     def one(time, game):
         ending = rng.choice(["goes on", "terminated", "truncated"], p=[0.7, 0.15, 0.15])
-        return Transition(
-            observation=(time, game),
-            action=int(rng.integers(9)),
-            reward=float(np.float32(rng.normal())),
-            next_observation=(time + 0.5, game),
-            terminated=bool(ending == "terminated"),
-            truncated=bool(ending == "truncated"),
-        )
+        seen = {"observation": (time, game), "next_observation": (time + 0.5, game)}
+        taken = {"action": int(rng.integers(9)), "reward": float(np.float32(rng.normal()))}
+        ends = {name: bool(ending == name) for name in ("terminated", "truncated")}
+        return SimpleNamespace(**seen, **taken, **ends)
 
     return [[one(time, game) for game in range(GAMES)] for time in range(steps)]
 
 
 def as_rows(history):
-    def leaf(name, dtype):
-        return jnp.asarray(np.array([[getattr(one, name) for one in row] for row in history], dtype))
-
-    return replay_buffer.Row(
-        observation=leaf("observation", np.float32),
-        action=leaf("action", np.int32),
-        reward=leaf("reward", np.float32),
-        next_observation=leaf("next_observation", np.float32),
-        terminated=leaf("terminated", bool),
-        truncated=leaf("truncated", bool),
-    )
+    leaves = {name: [[getattr(one, name) for one in row] for row in history] for name in KINDS}
+    return replay_buffer.Row(**{name: jnp.asarray(np.array(leaves[name], kind)) for name, kind in KINDS.items()})
 
 
 def remember(history, steps_at_once=1):
