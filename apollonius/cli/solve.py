@@ -1,14 +1,15 @@
 """`apollonius solve` and `pursuers`: ground truth by dynamic programming, and how many pursuers are enough."""
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import partial
 from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.agents.names import SIDES
 from apollonius.cli.options import add_game, add_json, answer, chosen_rules, command, finish, warn
-from apollonius.cli.terminal import columns, sweeps_on
+from apollonius.cli.terminal import columns, show_sweep
 from apollonius.cli.values import count, existing_file, known_game, new_file, nodes, real, require_writable
 from apollonius.io.errors import InvalidInput, require
 from apollonius.io.limits import HOLD
@@ -31,13 +32,10 @@ def solved_game(
     """Return the players of both sides by the solved game; arguments and errors as of `cached_tables`."""
     from apollonius.solve.solving import cached_tables
 
-    shows: dict[Role, Callable[[Sweep], None]] = {}
-
     def report(role: "Role", sweep: "Sweep") -> None:
-        if role not in shows:
+        if sweep.number == 1:
             display.begin(SOLVING[role], compiles=True)
-            shows[role] = sweeps_on(display)
-        shows[role](sweep)
+        show_sweep(display, sweep)
 
     display.begin(SOLVING[0], compiles=True)
     return cached_tables(game, counts, folder, report)
@@ -103,7 +101,7 @@ def run_solve(options: argparse.Namespace) -> int:
             raise InvalidInput(f"'{path}' holds the solution of another problem: give another --out, or --force.")
     else:
         display.begin(f"solving {problem.kind} on {'x'.join(map(str, problem.counts))} nodes", compiles=True)
-        solution = solve_problem(problem, game, sweeps_on(display))
+        solution = solve_problem(problem, game, partial(show_sweep, display))
         save_solution(solution, path)
     display.begin("judging the table", compiles=True)
     facts = about(solution, game) | {"file": str(path)}

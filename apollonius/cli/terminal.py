@@ -1,6 +1,6 @@
 """Results as text: the progress of a training, and tables."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -46,16 +46,10 @@ def runs_table(runs: "Sequence[Progress]", below: Path) -> str:
     return "\n".join([*columns(rows), *errors])
 
 
-def sweeps_on(display: "Display") -> "Callable[[Sweep], None]":
-    """Return a report callback that shows sweeps of value iteration on a display."""
-    first: list[float] = []
-
-    def show(sweep: "Sweep") -> None:
-        first.append(sweep.residual)
-        display.report(sweep.share(first[0]), 1)
-        display.note({"sweep": f"{sweep.number}", "residual": f"{sweep.residual:.2e}"})
-
-    return show
+def show_sweep(display: "Display", sweep: "Sweep") -> None:
+    """Show a sweep of value iteration on a display."""
+    display.report(sweep.share, 1)
+    display.note({"sweep": f"{sweep.number}", "residual": f"{sweep.residual:.2e}"})
 
 
 def match_heading(match: "Match") -> str:

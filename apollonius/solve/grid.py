@@ -141,14 +141,8 @@ class Sweep:
     number: int
     residual: float
     """Largest change of a value."""
-    tolerance: float = TOLERANCE
-    """The residual that is asked for."""
-
-    def share(self, first_residual: float) -> float:
-        """Return the share of a solution that is done, as residuals fall by a factor each time."""
-        wanted = max(self.tolerance, _ROUNDING)
-        whole = log(max(first_residual, wanted) / wanted)
-        return 1 - log(max(self.residual, wanted) / wanted) / whole if whole > 0 else 1.0
+    share: float
+    """The share of a solution that is done."""
 
 
 Report = Callable[[Sweep], None]
@@ -174,15 +168,23 @@ def iterate(
 
     If it has not come after 10,000 sweeps, `TOLERANCE` has to do.
     """
-    residual = float("inf")
+    residual = first = float("inf")
     for number in range(1, _MOST_SWEEPS + 1):
         table, change = sweep(table)
         residual = float(change)
+        first = residual if number == 1 else first
         if report:
-            report(Sweep(number, residual, tolerance))
+            report(Sweep(number, residual, _share_done(first, residual, tolerance)))
         if residual <= (tolerance if number < _MOST_SWEEPS else max(tolerance, TOLERANCE)):
             return Solved(table, number, residual)
     raise RuntimeError(f"value iteration still moves by {residual:g} after {_MOST_SWEEPS} sweeps")
+
+
+def _share_done(first: float, residual: float, tolerance: float) -> float:
+    """Return the share of a solution that is done, as residuals fall by a factor each time."""
+    wanted = max(tolerance, _ROUNDING)
+    whole = log(max(first, wanted) / wanted)
+    return 1 - log(max(residual, wanted) / wanted) / whole if whole > 0 else 1.0
 
 
 def lanes_of(grid: Grid) -> int:
