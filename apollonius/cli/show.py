@@ -99,7 +99,7 @@ def run_report(options: argparse.Namespace) -> int:
 
 
 def add_slice(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("agent", type=known_agent, metavar="AGENT", help="a zoo agent, or a .safetensors file")
+    parser.add_argument("agent", type=known_agent, metavar="AGENT", help="one that values its actions")
     parser.add_argument("--opponent", type=real, nargs=2, required=True, metavar=("X", "Y"), help="where it is [m]")
     parser.add_argument("--opponent-speed", type=real, default=0.0, metavar="V", help="[m/s] (default: 0)")
     parser.add_argument("--opponent-heading", type=real, default=0.0, metavar="DEG", help="from the x axis")
@@ -113,39 +113,30 @@ def add_slice(parser: argparse.ArgumentParser) -> None:
 def run_slice(options: argparse.Namespace) -> int:
     import jax.numpy as jnp
 
-    from apollonius import BySide, Named, RobotState, Role
+    from apollonius import BySide, RobotState, Role, find_player, load_solution
     from apollonius.agents.policy import AbstractActionValuePolicy
-    from apollonius.agents.trained import find_trained, greedy
     from apollonius.arenas.charting import charted
     from apollonius.arenas.file import game_in_one_arena
+    from apollonius.export.player import side_of
     from apollonius.show.slices import save_slice
-    from apollonius.solve.solving import table_player
     from apollonius.solve.store import is_solution
 
     numbers = (*options.opponent, options.opponent_speed, radians(options.opponent_heading))
     opponent = RobotState(*(jnp.float32(number) for number in numbers))
     own = (options.speed, radians(options.heading))
     game = game_in_one_arena(options.game, "slice")
-    if is_solution(Path(options.agent)):
-        path, player = Path(options.agent), table_player(Path(options.agent), game)
-        role, header = player.zero_sum_game.role, None
-    else:
-        agent, path = find_trained(options.agent)
-        player, role, header = greedy(agent.network), Role[agent.header.role.upper()], agent.header
-        if not isinstance(player, AbstractActionValuePolicy):
-            raise InvalidInput(
-                f"'{options.agent}' has continuous actions and values none: name an agent trained by DQN."
-            )
-    warn(options, game, [Named(path.stem, player, header)])
-    if player.charted:
-        game = charted(game)
+    path = Path(options.agent)
+    role = Role[load_solution(path).problem.role.upper()] if is_solution(path) else side_of(options.agent)
+    agent, nine = find_player(options.agent, role, game), "one that values its nine actions, as those trained by DQN do"
+    if not isinstance(agent.policy, AbstractActionValuePolicy):
+        raise InvalidInput(f"agent = {options.agent} is not possible: it must be {nine}.")
+    warn(options, game, [agent])
+    game = charted(game, agent.policy.charted)
     options.display.begin("asking the agent all over the arena", compiles=True)
-    save_slice(player, role, path.stem, game, own, opponent, options.out)
+    save_slice(agent.policy, role, agent.name, game, own, opponent, options.out)
     options.display.end()
-    players = BySide.of(role, options.agent, "random")
-    finish(
-        options.out, then=command("show", *players, *chosen_rules(options), "--out", options.out.with_suffix(".gif"))
-    )
+    players, gif = BySide.of(role, options.agent, "random"), options.out.with_suffix(".gif")
+    finish(options.out, then=command("show", *players, *chosen_rules(options), "--out", gif))
     return 0
 
 
