@@ -212,6 +212,6 @@ while not heard:
 interrupts._answered.set()
 time.sleep(interrupts.PATIENCE + 0.5)
 print("saved")
-sys.exit(5)
+sys.exit(interrupts.status())
 """
-    assert interrupted(saving, after=0.2) == (5, "saved\n", "")
+    assert interrupted(saving, after=0.2) == (130, "saved\n", "")

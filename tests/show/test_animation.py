@@ -31,7 +31,7 @@ from apollonius.show.animation import LINE, MARGIN, Captioned, fog, frames, save
 from apollonius.show.arena import draw_arena
 from apollonius.show.canvas import SIZE, Canvas
 from apollonius.show.palette import OBSTACLE
-from apollonius.show.slices import _TURNS, _draw_actions, slice_values
+from apollonius.show.slices import _TURNS, _draw_actions, save_slice, slice_values
 from apollonius.show.style import draw_rate, draw_seeds, draw_strips, smooth
 from tests.show.conftest import BLUE, RED, WHITE, colour_at
 
@@ -305,6 +305,16 @@ def test_there_is_no_value_where_the_body_cannot_be(network):
         assert not missing[(away > disc.radius + 0.2) & (away < disc.radius + 0.5)].any()
     assert missing[0].all()
     assert not missing[10, 10]
+
+
+def test_a_slice_says_of_whom_it_is(network, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, _: drawn.append(figure))
+    save_slice(Greedy(network), Role.PURSUER, "P", make_game("robot"), OWN, OPPONENT, tmp_path / "slice.png")
+    assert [axes.get_title(loc="left") for axes in drawn[0].axes if axes.get_title(loc="left")] == [
+        "P: value of its best action\nat 0.6 m/s, heading 46°",
+        "P: its best action\nevader at (7.5, 7) m, 0.4 m/s, heading -57°",
+    ]
 
 
 def test_the_turn_of_the_best_action_is_a_colour_and_its_acceleration_a_sign():
