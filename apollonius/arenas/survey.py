@@ -147,7 +147,7 @@ def _notes(game: Game) -> list[str]:
     ]
 
 
-def missed_passage(game: Game) -> str | None:
+def missed_passage(game: Game) -> list[str]:
     """Return the note on the passage of one arena that costs players with a chart the longest detour, if they miss any.
 
     From every coarse cell of the chart the free space is flooded on a fine raster. Where two floods meet, the robot can
@@ -166,27 +166,27 @@ def missed_passage(game: Game) -> str | None:
     inside = (rows < clearance.shape[0]) & (columns < clearance.shape[1])
     seeds, cells = (rows * clearance.shape[1] + columns)[inside], cells[inside]
     if not len(seeds):
-        return None
+        return []
     away, _, source = dijkstra(graph, directed=False, indices=seeds, min_only=True, return_predecessors=True)
     cell_at = np.zeros(clearance.size, int)
     cell_at[seeds] = cells
     meet = np.flatnonzero((source[start] != source[end]) & np.isfinite(away[start] + away[end]))
     if not len(meet):
-        return None
+        return []
     start, end = start[meet], end[meet]
     real = away[start] + length[meet] + away[end]
     charted_length = lengths[cell_at[source[start]], cell_at[source[end]]]
     detour = np.where(charted_length == NO_PATH, np.inf, charted_length / 100 - _LONGER * real)
     worst = np.argmax(detour)
     if detour[worst] <= _DETOUR * side / COARSE:
-        return None
+        return []
     at, longer = (float(axis.ravel()[start[worst]]) for axis in (x, y)), detour[worst]
     known = "know no other way" if np.isinf(longer) else f"know a way that is {longer:.1f} m longer"
     place = ", ".join(f"{axis:.2f}" for axis in at)
-    return (
+    return [
         f"the passage at ({place}) is too narrow for the chart of pursuer and evader: they {known}. This arena's chart "
         f"resolves {2 * radius + side / COARSE + side / SIDE:.2f} m, so widen it to that."
-    )
+    ]
 
 
 def _links(

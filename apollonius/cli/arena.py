@@ -53,18 +53,13 @@ def run_check(options: argparse.Namespace) -> int:
     from apollonius.arenas.record import to_dict
     from apollonius.arenas.survey import missed_passage, survey
 
-    saved: Path | None = options.out if options.out and options.out.suffix == ".json" else None
-    require(not (saved and saved.exists()), "--out", saved, "a new file; choose another name")
+    out: Path | None = options.out
+    saved = out is not None and out.suffix == ".json"
+    require(not (saved and options.out.exists()), "--out", out, "a new file; choose another name")
     game = game_in_one_arena(options.game, "arena check")
     options.display.begin("surveying the arena", compiles=True)
-    found, passage = survey(game), missed_passage(game)
-    if options.out and not saved:
-        from apollonius.show.arena import save_plan
-
-        save_plan(Path(options.game).stem, game, found, options.out)
-    if saved:
-        save_game(to_dict(game), saved)
-    notes = [*found.notes, *([passage] if passage else [])]
+    found = survey(game)
+    notes = [*found.notes, *missed_passage(game)]
     lines = [*(f"wrong: {line}" for line in found.wrong), *(f"note: {line}" for line in notes)]
     verdict = [] if found.wrong else [f"{options.game}: nothing is wrong with this arena"]
     data: dict[str, Any] = {"game": options.game, "wrong": found.wrong, "notes": notes}
@@ -76,12 +71,16 @@ def run_check(options: argparse.Namespace) -> int:
         data["players"] = advice.to_dict()
         verdict.append(advice_table(advice))
     answer(options, data, "\n".join([*lines, *verdict]))
-    if saved:
-        finish(saved, then=command("play", "--game", saved), json=options.json)
-    elif options.out:
-        again = command("arena", "check", options.game, "--out", options.out)
-        watch = command("show", "pursuer", "evader", "--game", options.game, "--out", options.out.with_suffix(".gif"))
-        finish(options.out, then=f"mend it, then {again}" if found.wrong else watch, json=options.json)
+    if out and saved:
+        save_game(to_dict(game), out)
+        finish(out, then=command("play", "--game", out), json=options.json)
+    elif out:
+        from apollonius.show.arena import save_plan
+
+        save_plan(Path(options.game).stem, game, found, out)
+        again = command("arena", "check", options.game, "--out", out)
+        watch = command("show", "pursuer", "evader", "--game", options.game, "--out", out.with_suffix(".gif"))
+        finish(out, then=f"mend it, then {again}" if found.wrong else watch, json=options.json)
     return 1 if found.wrong else 0
 
 

@@ -3,7 +3,7 @@
 import argparse
 
 from apollonius.agents.names import SIDES
-from apollonius.cli.options import command, finish, warn
+from apollonius.cli.options import finish, warn
 from apollonius.cli.values import known_agent, known_game, new_file
 from apollonius.io.errors import require
 
@@ -22,8 +22,7 @@ def add_export(parser: argparse.ArgumentParser) -> None:
 
 def run_export(options: argparse.Namespace) -> int:
     """Write the files and check them."""
-    from apollonius.arenas.file import find_game, game_in_one_arena
-    from apollonius.arenas.record import to_dict
+    from apollonius.arenas.file import game_in_one_arena
     from apollonius.catalogue import find_player
     from apollonius.export.player import find_exportable, home_of, side_of
     from apollonius.export.writing import STATES, write_c, write_onnx
@@ -41,9 +40,5 @@ def run_export(options: argparse.Namespace) -> int:
     written = write_c(player, out, options.constants) if options.to == "c" else write_onnx(player, out)
     options.display.end()
     print(*written.about, sep="\n")
-    sides = (name, "random") if role.name == "PURSUER" else ("random", name)
-    rules = ["--game", options.game] if options.game else []
-    try_it = f"see what becomes of it on a robot with a body: {command('simulate', *sides, *rules, '--games', 300)}"
-    at_home = options.game or to_dict(game.arena) == to_dict(find_game("paper").arena)
-    finish(*written.files, then=try_it if at_home and player.robots == 2 else "")
+    finish(*written.files)
     return 0

@@ -130,8 +130,8 @@ def warn(options: argparse.Namespace, game: "Game", players: "Iterable[Named]" =
         return
     from apollonius.arenas.survey import map_notes, missed_passage, survey  # which load SciPy
 
-    passage = missed_passage(game) if any(player.policy.charted for player in found) else None
-    for line in (*survey(game).wrong, *map_notes(game.arena), *([passage] if passage else [])):
+    passages = missed_passage(game) if any(player.policy.charted for player in found) else []
+    for line in (*survey(game).wrong, *map_notes(game.arena), *passages):
         options.display.tell(f"{options.game}: {line}")
 
 

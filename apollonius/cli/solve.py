@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.agents.names import SIDES
-from apollonius.cli.options import add_game, add_json, answer, chosen_rules, command, finish, warn
+from apollonius.cli.options import add_game, add_json, answer, finish, warn
 from apollonius.cli.terminal import columns, show_sweep
 from apollonius.cli.values import count, existing_file, known_game, new_file, nodes, real, require_writable
 from apollonius.io.errors import InvalidInput, require
@@ -108,7 +108,7 @@ def run_solve(options: argparse.Namespace) -> int:
     said = {name: f"{value:.4g}" if isinstance(value, float) else value for name, value in facts.items()}
     answer(options, facts, "\n".join(f"{name:<52} {value}" for name, value in said.items()))
     if is_new:
-        finish(path, then=_next(options, path, problem.role), json=options.json)
+        finish(path, json=options.json)
     return 0
 
 
@@ -127,16 +127,6 @@ def _requested_problem(options: argparse.Namespace, game: "Game") -> "Problem":
     counts, hold = options.grid or grid.counts, options.hold or hold
     make_grid(game.arena, game.body(role), counts)  # refused here, before anything is solved
     return Problem(what, role.name.lower(), to_dict(game), list(counts), hold, target, options.whole_cells)
-
-
-def _next(options: argparse.Namespace, path: Path, role: str) -> str:
-    rules = chosen_rules(options)
-    if options.what == "game":
-        players = (path, "random") if role == "pursuer" else ("random", path)
-        return command("evaluate", *players, *rules, "--games", 100)
-    if options.what == "reach":
-        return command("evaluate", "P_stage1", "still", *rules, "--games", 1000)
-    return command("evaluate", "P_curriculum", "random", *rules, "--starts", "viable")
 
 
 def add_pursuers(parser: argparse.ArgumentParser) -> None:
