@@ -42,13 +42,11 @@ class Failure(Exception):
 
 
 class EntrantProcess:
-    """The process of an agent from outside, one for each round of games.
+    """The process of an agent from outside, one for each round of games, in which `python` runs the agent's file.
 
     A row of a round, one robot of the game in one slot, is asked in every step until it fails: an answer that is late,
     missing or no action costs the games that were asked, and an impossible action that game alone. Then it brakes.
-
-    The interpreter `python` runs the agent's file, with the game as JSON-like data. Raises InvalidInput for
-    another file, and for an agent that does not start.
+    Raises InvalidInput for another file, and for an agent that does not start.
     """
 
     def __init__(self, path: Path, python: str, game: dict[str, Any], robots: int) -> None:

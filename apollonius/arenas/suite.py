@@ -160,10 +160,8 @@ def arena_names(name: Any) -> list[str]:
 def draw_robot_kinds(suite: str = SUITES[0]) -> RobotKinds:
     """Draw the robots of training: the paper's two robots, and log-uniform pairs of others.
 
-    Speeds are from 0.6 to 2 m/s, the evader's within a factor of 1.4 of the pursuer's, accelerations from 0.15 to
-    1.2 m/s^2 and turn rates from 0.4 to 2 rad/s. In `suite-v1` every other pair has bodies, with a radius of 0.05 to
-    0.25 m; in later ones all have, up to 0.3 m, and every other pair of the paper's robots too. The evader is caught
-    within 0.2 to 0.4 m between bodies.
+    In `suite-v1` every other pair has bodies; in later ones all have, and every other pair of the paper's robots too.
+    The evader is caught within 0.2 to 0.4 m between bodies.
     """
     rng = np.random.default_rng(0)
 

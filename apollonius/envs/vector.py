@@ -45,15 +45,8 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     `[games, robots]` or `[games, robots, 2]`, and a game's reward is the mean of its robots'. Those of a robot that is
     out of play are ignored, and it is rewarded with 0.
 
-    Args:
-        role: the side that acts from outside.
-        num_envs: number of games.
-        opponent, game, observation, actions: as those of `apollonius.envs.gymnasium.OneSide`.
-        autoreset_mode: one of the two, or its name: `SameStep` or `NextStep`.
-
-    Raises:
-        InvalidInput: for an unknown opponent, game, observation, kind of actions or mode, for less than one game or
-            more than memory has room for, and in a forked process.
+    Arguments and errors are those of `apollonius.envs.gymnasium.OneSide`; the mode can be given by its name, `SameStep`
+    or `NextStep`.
     """
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}  # noqa: RUF012

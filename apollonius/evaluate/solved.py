@@ -103,11 +103,9 @@ class Card:
 def measure_card(
     match: Match, own: SaddlePolicy, other: SaddlePolicy, report: Report = lambda done, total: None
 ) -> Card:
-    """Compare what an agent gets from the other side's table with what its own side's table promises; errors as of
-    `play_match`.
+    """Compare what an agent gets from `other`, the player by the other side's table, with what its own side's promises.
 
-    Between the nodes of the grid that promise is no bound: it errs either way. The match is the agent's against
-    `other`, the player by the other side's table.
+    Between the nodes of the grid that promise is no bound: it errs either way. Errors are those of `play_match`.
     """
     zero_sum_game, games = own.zero_sum_game, match.games
     starts, _ = begin(match)

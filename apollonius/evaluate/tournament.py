@@ -136,8 +136,8 @@ def play_tournament(
 class Advice:
     """The players of the benchmark's panels that do `best` in a game against the opponent that is worst for them.
 
-    There this pursuer won the share `least` of games, and this evader was not beaten in such a share. The `stops` are
-    places [m] where that pursuer was when the time to catch a standing evader ran out.
+    There they won, or were not beaten in, the shares `least` of games. The `stops` are places [m] where the pursuer was
+    when the time to catch a standing evader ran out.
     """
 
     tournament: Tournament

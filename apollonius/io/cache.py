@@ -1,7 +1,6 @@
 """One cache: a file is named after the digest of all that it was made from, and is whole or not there.
 
-One that cannot be read is made again. In the user's cache folder, compilations and tables each have a bound, beyond
-which the least recently used files are deleted.
+Beyond a bound for each folder of the user's cache the least recently used files in it are deleted.
 """
 
 import functools

@@ -8,7 +8,6 @@ import os
 import signal
 import subprocess
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -24,8 +23,8 @@ DONE, STOPPED = "done", "stopped"
 """Endings of jobs that did not fail; any other says why one failed."""
 POLL_SECONDS = 0.2
 """Time between two looks at whether to stop."""
-LOST_WORKERS = 10
-"""Most restarts of a job whose worker was lost."""
+_TIMEOUTS = 10
+"""How many times a Slurm job that reaches its time limit is requeued."""
 _QUEUE_LOOKS = 15
 """Looks at whether to stop between two at Slurm's queue."""
 _SLURM_MINUTES = 24 * 60
@@ -133,10 +132,7 @@ def _work(job: Job, core: int, parent: int) -> Ending:
 
 
 def on_slurm(jobs: Sequence[Job], logs: Path | None) -> Iterator[tuple[Job, Ending]]:
-    """Run the jobs as an array, one core each; the environment variables of `sbatch` say partition, time and memory.
-
-    A job that left the queue without a result was lost, and is submitted again.
-    """
+    """Run the jobs as an array, one core each; the environment variables of `sbatch` say partition, time and memory."""
     require_extra("slurm", "slurm")
     import submitit  # pyright: ignore[reportMissingImports]
 
@@ -147,10 +143,10 @@ def on_slurm(jobs: Sequence[Job], logs: Path | None) -> Iterator[tuple[Job, Endi
             with asked_to_stop(again=False):  # by scancel, a preemption or a requeue
                 return job.run()
 
-    losses, cancelled, ask = Counter[str](), False, ["squeue", "-h", "-r", "-o", "%i", "-u", str(os.getuid())]
+    cancelled, ask = False, ["squeue", "-h", "-r", "-o", "%i", "-u", str(os.getuid())]
     passing = TemporaryDirectory(prefix=".apollonius-", dir=Path.cwd())  # where other machines find it, too
     with nullcontext(logs) if logs else passing as folder:
-        executor = submitit.SlurmExecutor(Path(folder).absolute(), max_num_timeout=LOST_WORKERS)
+        executor = submitit.SlurmExecutor(Path(folder).absolute(), max_num_timeout=_TIMEOUTS)
         executor.update_parameters(job_name="apollonius", time=_SLURM_MINUTES, array_parallelism=len(jobs))
         try:
             waiting = dict(zip(executor.map_array(Call(), jobs), jobs, strict=True))
@@ -161,16 +157,11 @@ def on_slurm(jobs: Sequence[Job], logs: Path | None) -> Iterator[tuple[Job, Endi
                 queue = subprocess.run(ask, capture_output=True, text=True, check=False)
                 left = set(queue.stdout.split()) if queue.returncode == 0 else {one.job_id for one in waiting}
                 for one in [one for one in waiting if one.job_id not in left]:
-                    job = waiting.pop(one)
+                    job, log = waiting.pop(one), one.paths.stderr
                     if one.paths.result_pickle.exists():
-                        yield job, (f"see {one.paths.stderr}", None) if one.exception() else one.result()
-                    elif cancelled:
-                        yield job, (STOPPED, None)
-                    elif losses[job.name] == LOST_WORKERS:
-                        yield job, (f"it was lost {LOST_WORKERS + 1} times, see {one.paths.stderr}", None)
+                        yield job, (f"see {log}", None) if one.exception() else one.result()
                     else:
-                        losses[job.name] += 1
-                        waiting[executor.submit(Call(), job)] = job
+                        yield job, (STOPPED if cancelled else f"it was lost, see {log}", None)
                 for _ in range(_QUEUE_LOOKS):
                     if asked() and not cancelled:
                         break

@@ -2,12 +2,8 @@
 
 The arena is a graph of hexagonal cells, a step leads from one to the next. Three pursuers are always enough there, as
 the graph is planar (Aigner and Fromme, 1984), and in the arena itself (Bhadauria, Klein, Isler and Suri, 2012). Whether
-one or two are is computed on graphs of growing fineness, each turned against the one before by half the angle between
-sides.
-
-On a graph it is exact from which states they catch an evader for sure. All see each other. The pursuers move, each to a
-neighbour or nowhere, then the evader, and so on; it is caught where a pursuer is at its node (Nowakowski and Winkler,
-1983; Aigner and Fromme, 1984).
+one or two are is computed on graphs of growing fineness, each turned against the one before. All see each other and
+move in turns; an evader is caught where a pursuer is at its node (Nowakowski and Winkler, 1983).
 """
 
 from collections.abc import Callable, Sequence

@@ -8,12 +8,10 @@ the safety Bellman equation (Fisac, Lugovoy, Rubies-Royo, Ghosh, Tomlin, "Bridgi
 reinforcement learning", ICRA 2019, eq. 5, with max-min of the clearance in place of the signed distance). The kernel is
 where V >= 0. Begun at the clearance, the iteration only goes down.
 
-Nothing discounts what comes later, so a small change in the last sweep says little of how far there is to go: where a
-hold moves a robot by less than a cell, values sink a little in each of many sweeps. For a robot that comes to rest
-sweeps therefore continue until not one value changes. The backup is monotone, in single precision too, and begins above
-every fixed point; so what it stops at is the largest one, to rounding. The error of interpolation remains. A
-robot that cannot stop has its clearance worn away by interpolation without end; its sweeps stop at a residual of
-`TOLERANCE`, and by how much its table is above a fixed point is not known.
+Nothing discounts what comes later, so a small change in the last sweep says little of how far there is to go. For a
+robot that comes to rest sweeps therefore continue until not one value changes. The backup is monotone, in single
+precision too, and begins above every fixed point; so what it stops at is the largest one, to rounding. A robot that
+cannot stop has its clearance worn away by interpolation without end; its sweeps stop at a residual of `TOLERANCE`.
 """
 
 from dataclasses import replace
@@ -36,12 +34,11 @@ BYTES_PER_NODE = 4 * (9 + 5)
 
 
 def solve_safety(game: Game, role: Role, grid: Grid, hold: int, report: Report | None = None) -> Solved:
-    """Return the clearance [m] that one side's robot can keep, at every node of a grid.
+    """Return the clearance [m] that one side's robot can keep, at every node of a grid, where it holds actions for
+    `hold` steps.
 
-    Of a robot that comes to rest, the residual is 0: the table is a fixed point and not above one. Of any other, and in
-    the rare case that 10,000 sweeps did not suffice, it is not 0, and the table is above one by more than the residual.
-    Actions are held for `hold` control steps; a robot that may change its mind sooner is at least as safe. Raises
-    InvalidInput when it does not fit into memory.
+    The residual is 0 where the table is a fixed point, as of a robot that comes to rest; of another one the table is
+    above one by more than the residual. Raises InvalidInput when it does not fit into memory.
     """
     require_memory("grid", grid.name, grid.size * BYTES_PER_NODE, FEWER_NODES)
     motion = motion_of(game, role, hold)
