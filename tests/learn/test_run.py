@@ -95,6 +95,11 @@ def test_every_chunk_has_a_line_of_metrics(uninterrupted):
         assert {sum(line["evaluation"]["outcomes"].values()) for line in stage} == {RUN.self_play.evaluation_games}
     assert set(lines[0]["losses"]) == {"pursuer"}
     assert set(lines[4]["losses"]) == {"pursuer", "evader"}
+    file = uninterrupted / "metrics.jsonl"
+    seconds = [json.loads(line)["seconds"] for line in file.read_text().splitlines()]
+    assert seconds[3] > seconds[0] > 0
+    took = file.stat().st_mtime - (uninterrupted / "config.toml").stat().st_mtime
+    assert seconds[3] + seconds[7] < took + 0.1, "each stage's own"
 
 
 @pytest.mark.slow
