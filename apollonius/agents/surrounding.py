@@ -87,7 +87,7 @@ class VoronoiPursuit(AbstractSurrounding):
         evader, mates = seen.opponent, seen.mates
         theirs = to_all(seen, evader)
         there = theirs < NO_PATH / 100
-        cell = (_side(seen) * _STRIDE / COARSE) ** 2
+        cell = (seen.chart.side[seen.chart.member] * _STRIDE / COARSE) ** 2
         blur = jnp.sqrt(cell) / seen.own.body.v_max
         deadline = jnp.full(theirs.shape, jnp.inf)
         for mate in mates:
@@ -150,9 +150,3 @@ def to_all(seen: View, robot: Robot) -> Float[Array, " places"]:
     cells, weights = chart.cell_weights(robot.state.x, robot.state.y)
     places = (numbers[:, None] * COARSE + numbers[None, :]).ravel()
     return weights @ (chart.lengths[chart.member, cells[:, None], places[None, :]].astype(jnp.float32) / 100)
-
-
-def _side(seen: View) -> Scalar:
-    """Return the arena's longer side [m]."""
-    arena = seen.arena
-    return jnp.maximum(jnp.asarray(arena.x_max - arena.x_min, jnp.float32), arena.y_max - arena.y_min)

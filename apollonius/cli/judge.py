@@ -100,9 +100,9 @@ def add_tournament(parser: argparse.ArgumentParser) -> None:
 
 
 def run_tournament(options: argparse.Namespace) -> int:
-    from apollonius import BySide, Match, find_game, find_player
+    from apollonius import BySide, find_game, find_player
     from apollonius.catalogue import player_names
-    from apollonius.evaluate.match import MatchResult, starting
+    from apollonius.evaluate.match import starting
     from apollonius.evaluate.tournament import play_tournament
     from apollonius.game.types import ROLES
 
@@ -112,14 +112,9 @@ def run_tournament(options: argparse.Namespace) -> int:
     players = ROLES.map(lambda role: [find_player(name, role, game) for name in names[role]])
     warn(options, game, (*players.pursuer, *players.evader))
 
-    def tell(match: Match, result: MatchResult) -> None:
-        if not options.json:
-            who = " against ".join(player.name for player in match.players)
-            options.display.tell(f"{who}: {result.pursuer_win_rate:.1%}")
-
     options.display.begin(f"playing {len(players.pursuer) * len(players.evader)} matches", compiles=True)
     asked_for = game, players, options.games, options.seed, viable
-    tournament = play_tournament(*asked_for, tell, options.display.report, jobs_run(options))
+    tournament = play_tournament(*asked_for, options.display.report, jobs_run(options))
     if options.plot:
         from apollonius.show.matches import draw_tournament
 

@@ -1,7 +1,7 @@
 """Tournaments: every pursuer against every evader on the same starts, Elo ratings, and advice for a game."""
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import log
@@ -115,7 +115,6 @@ def play_tournament(
     games: int,
     seed: int,
     viable: bool = False,
-    on_match: Callable[[Match, MatchResult], None] = lambda match, result: None,
     report: Report = lambda done, total: None,
     run: Run | None = None,
 ) -> Tournament:
@@ -126,7 +125,7 @@ def play_tournament(
     for side, named in zip(("pursuers", "evaders"), names, strict=True):
         require(named and len({*named}) == len(named), side, ", ".join(named) or "none", "one at least, each once")
     matches = [Match(game, BySide(*pair), games, seed, viable) for pair in itertools.product(*players)]
-    results = iter(play_matches(matches, on_match, report, run=run))
+    results = iter(play_matches(matches, report=report, run=run))
     return Tournament(
         names.pursuer, names.evader, tuple(tuple(next(results) for _ in names.evader) for _ in names.pursuer)
     )

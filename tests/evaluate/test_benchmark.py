@@ -87,8 +87,8 @@ def test_an_agent_from_outside_gets_a_card(tmp_path):
         (lambda data: data["opponents"]["still"].pop(), "opponents"),
         (lambda data: data["digests"].update(panel="0" * 64), "digest of the panel"),
         (lambda data: data.update(sha256="0" * 64), "SHA-256 of the agent"),
-        (lambda data: data["opponents"]["still"][1]["steps"].__setitem__(2, 1), "floors-00"),
-        (lambda data: data["opponents"]["random"][0].update(course="0" * 16), "course"),
+        (lambda data: data["opponents"]["still"][1]["steps"].__setitem__(2, 1), "seed 1 against 'still'"),
+        (lambda data: data["opponents"]["random"][0].update(course="0" * 16), "seed 0 against 'random'"),
         (lambda data: data.update(track="none"), "track"),
     ],
 )
@@ -108,7 +108,7 @@ def test_an_outcome_that_was_not_is_refused_though_the_score_follows(card):
     data["score"] = asdict(one.score(found.opponents))
     card.write_text(json.dumps(data))
     load_card(card)
-    with pytest.raises(InvalidInput, match="fences-00"):
+    with pytest.raises(InvalidInput, match="seed 0 against 'still'"):
         verify(card, None, sys.executable, every=True)
 
 
