@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from apollonius import catalogue
-from apollonius.agents import names, trained
 from apollonius.agents.classical import Still
 from apollonius.agents.kind import AbstractKind, Named
 from apollonius.agents.network import make_network
@@ -23,7 +22,7 @@ from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
 from apollonius.arenas.record import from_dict, to_dict
 from apollonius.arenas.survey import survey
-from apollonius.catalogue import find_player, find_pool, player_names
+from apollonius.catalogue import find_player, find_pool
 from apollonius.export.c import Compiled, header
 from apollonius.export.parity import cases_of, compare
 from apollonius.export.player import find_exportable
@@ -233,14 +232,6 @@ def test_a_new_kind_is_known_everywhere_once_it_is_registered(monkeypatch):
     assert isinstance(find_pool(["always:1"], Role.EVADER, PAPER).members, Still)
     with pytest.raises(InvalidInput, match=r"'always:2': .*a file of a solved game, .*always:ACTION"):
         find_player("always:2", Role.EVADER, PAPER)
-
-
-def test_which_side_an_agent_of_the_zoo_plays_its_file_says(monkeypatch, pursuer, tmp_path):
-    save_agent(pursuer, tmp_path / "Eager.safetensors")
-    for module in (names, trained):
-        monkeypatch.setattr(module, "ZOO", tmp_path)
-    assert "Eager" in player_names(Role.PURSUER, PAPER)
-    assert "Eager" not in player_names(Role.EVADER, PAPER)
 
 
 def test_a_pool_has_trained_agents_random_and_still_side_by_side(pursuer, tmp_path):

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import GALLERY, about_game, find_game, game_names
-from apollonius.arenas.free_space import free_space, largest_part, tile
+from apollonius.arenas.free_space import _hexagons, free_space, largest_part, tile
 from apollonius.arenas.record import to_dict
 from apollonius.arenas.survey import missed_passage, survey
 from apollonius.catalogue import find_player
@@ -79,6 +79,14 @@ BENT = ROOM.copy()
 BENT[30:, 40:70] = False
 y, x = np.mgrid[:SIDE, :SIDE] - SIDE / 2
 ANNULUS = (np.hypot(x, y) < 55) & (np.hypot(x, y) > 25)
+
+
+def test_a_place_is_in_the_hexagon_whose_middle_is_nearest():
+    x, y = np.random.default_rng(0).uniform(0, 6, (2, 3000))
+    middles = np.array([(column + row % 2 / 2, row * np.sqrt(0.75)) for row in range(9) for column in range(-1, 8)])
+    nearest = np.hypot(x[:, None] - middles[:, 0], y[:, None] - middles[:, 1]).argmin(axis=1)
+    pairs = {*zip(nearest.tolist(), _hexagons(x, y).tolist(), strict=True)}
+    assert len(pairs) == len(set(nearest)) == len({number for _, number in pairs}) > 40
 
 
 def tiled(free, spacing, angle):

@@ -14,7 +14,7 @@ from apollonius.agents.store import describe, save_agent
 from apollonius.agents.trained import SquashedMean
 from apollonius.cli.terminal import advice_table
 from apollonius.evaluate import tournament
-from apollonius.evaluate.claims import Claim
+from apollonius.evaluate.claims import TABLE_2, TABLE_3, Claim
 from apollonius.evaluate.match import begin, play_match
 from apollonius.evaluate.pairings import last_agents, pairings
 from apollonius.evaluate.solved import measure_card
@@ -129,6 +129,11 @@ def test_a_claim_as_data_has_what_follows_from_its_values():
     data, found = claim.to_dict(), predict(np.array(claim.values), -1.0, 1.0)
     assert data["mean"] == pytest.approx(0.2)
     assert (data["interval"], data["chance"]) == (found.interval, found.chance(0.1))
+
+
+def test_the_papers_tables_are_of_500_games():
+    counts = [row.values() for table in (TABLE_2, TABLE_3) for row in table.values()]
+    assert ({sum(row) for row in counts}, min(map(min, counts))) == ({500}, 0)
 
 
 @pytest.mark.slow

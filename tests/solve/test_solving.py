@@ -268,17 +268,6 @@ def table():
     return np.random.default_rng(0).normal(size=COARSE.shape).astype(np.float32)
 
 
-def test_nodes_lie_from_end_to_end():
-    index = [jnp.arange(count) for count in COARSE.shape]
-    nodes = jax.vmap(COARSE.node)(*[jnp.asarray(axis.ravel()) for axis in jnp.meshgrid(*index, indexing="ij")])
-    v, heading, x, y = (axis.ravel() for axis in np.meshgrid(AXES[0], AXES[1][:-1], *AXES[2:], indexing="ij"))
-    for found, expected in zip((nodes.v, nodes.heading, nodes.x, nodes.y), (v, heading, x, y), strict=True):
-        np.testing.assert_allclose(found, expected, atol=1e-6)
-    np.testing.assert_allclose(COARSE.places()[0], AXES[2], atol=1e-6)
-    np.testing.assert_allclose(COARSE.places()[1], AXES[3], atol=1e-6)
-    assert COARSE.size == nodes.x.size
-
-
 def test_between_nodes_the_value_is_multilinear(table):
     rng = np.random.default_rng(1)
     rows = rng.uniform([0, -np.pi, -1, 0], [0.6, np.pi, 2, 4], (500, 4))
