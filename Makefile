@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo site page paper check test test-all wheel bench lock clean
+.PHONY: demo site page paper check test test-all mutants wheel bench lock clean
 .DELETE_ON_ERROR:
 
 # Trains a pursuer and an evader from scratch, in two minutes of a core, and plays early and late evaders against a rule.
@@ -51,6 +51,11 @@ tests:
 # PyTorch and the CUDA that it brings, some 5 GB.
 test-all: check $(VENV)/installed-site $(VENV)/installed-peers
 	$(PYTEST) -m ""
+
+# How many small changes of the code the tests notice: some hours; a second call goes on.
+mutants: $(VENV)/installed-dev
+	$(INSTALL) cosmic-ray==8.7.0
+	$(BIN)/python benchmarks/mutants.py --mutants 200 --out mutants.jsonl
 
 # dist/apollonius-*.whl and dist/apollonius-*.tar.gz
 wheel: $(VENV)/installed
