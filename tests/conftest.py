@@ -100,6 +100,17 @@ def demo(tmp_path_factory):
     return folder
 
 
+@pytest.fixture(scope="session")
+def browser():
+    """One for all tests that open pages."""
+    from tests.web.browser import launched, playwright
+
+    with playwright.sync_playwright() as driver:
+        chromium = launched(driver)
+        yield chromium
+        chromium.close()
+
+
 LONGEST = (
     "test_parity.py", "test_run.py", "test_player.py", "test_gymnasium.py", "test_tracking.py", "test_benchmark.py",
     "test_joint.py", "test_cli.py", "test_page.py", "test_classical.py", "test_shield.py", "test_dqn.py",

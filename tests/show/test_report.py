@@ -22,7 +22,7 @@ from apollonius.io.errors import InvalidInput
 from apollonius.show import report as report_module
 from apollonius.show.report import MAX_BYTES, SEED, bundled, games_to_show, render, report_of, save_report
 from tests.documents import REPOSITORY
-from tests.web.browser import launched, needs_chromium, playwright
+from tests.web.browser import needs_chromium
 
 GAMES = 24
 """Of each pairing."""
@@ -187,21 +187,18 @@ def test_a_report_too_large_to_send_is_refused(page, tmp_path, monkeypatch):
 
 
 @needs_chromium
-def test_the_games_play_in_a_browser(page, tmp_path):
+def test_the_games_play_in_a_browser(page, tmp_path, browser):
     save_report(page, tmp_path / "report.html")
-    complaints = []
-    with playwright.sync_playwright() as driver:
-        browser = launched(driver)
-        tab = browser.new_page()
-        tab.on("console", lambda message: complaints.append(message.text))
-        tab.on("pageerror", lambda error: complaints.append(str(error)))
-        tab.goto((tmp_path / "report.html").as_uri())
-        seconds = f"{page['games'][0].seconds:.1f} s"
-        assert tab.inner_text("[data-part=clock]") == f"{seconds} of {seconds}"
-        assert tab.inner_text("[data-part=outcome]").endswith(f" after {seconds}")
-        pixels = "document.querySelector('canvas').toDataURL()"
-        ended = tab.evaluate(pixels)
-        tab.fill("[data-part=seek]", "0")
-        assert tab.evaluate(pixels) != ended
-        browser.close()
+    complaints, tab = [], browser.new_page()
+    tab.on("console", lambda message: complaints.append(message.text))
+    tab.on("pageerror", lambda error: complaints.append(str(error)))
+    tab.goto((tmp_path / "report.html").as_uri())
+    seconds = f"{page['games'][0].seconds:.1f} s"
+    assert tab.inner_text("[data-part=clock]") == f"{seconds} of {seconds}"
+    assert tab.inner_text("[data-part=outcome]").endswith(f" after {seconds}")
+    pixels = "document.querySelector('canvas').toDataURL()"
+    ended = tab.evaluate(pixels)
+    tab.fill("[data-part=seek]", "0")
+    assert tab.evaluate(pixels) != ended
+    tab.close()
     assert complaints == []

@@ -27,16 +27,6 @@ def address(tmp_path_factory):
 
 
 @pytest.fixture(scope="package")
-def browser():
-    from tests.web.browser import launched, playwright
-
-    with playwright.sync_playwright() as driver:
-        chromium = launched(driver)
-        yield chromium
-        chromium.close()
-
-
-@pytest.fixture(scope="package")
 def tabs(browser, address):
     from tests.web.browser import DESK, PHONE, Tab
 

@@ -10,7 +10,7 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 
 from tests.documents import REPOSITORY
-from tests.web.browser import PHONE, launched, needs_chromium, playwright
+from tests.web.browser import PHONE, needs_chromium, playwright
 
 pytest.importorskip("sphinx", reason="needs what make site installs")
 pytestmark = [pytest.mark.slow, needs_chromium]
@@ -39,14 +39,6 @@ def address(request, site):
         threading.Thread(target=server.serve_forever, daemon=True).start()
         yield f"http://127.0.0.1:{server.server_port}/below/site"
         server.shutdown()
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with playwright.sync_playwright() as driver:
-        chromium = launched(driver)
-        yield chromium
-        chromium.close()
 
 
 @contextmanager
