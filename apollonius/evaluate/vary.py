@@ -3,16 +3,20 @@
 import difflib
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.shield import Backup, Shielded
 from apollonius.evaluate.match import Match, MatchResult, play_match, play_matches
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
+from apollonius.game.types import ROLES
 from apollonius.io.errors import InvalidInput, require
 from apollonius.play.playout import Report
 
@@ -103,5 +107,36 @@ def play_varied(
     play: Callable[..., MatchResult] = play_match,
 ) -> VariedMatches:
     """Play `varied_matches`; arguments and errors are those of `play_matches`."""
+    policies = zip(*ROLES.map(lambda role: alike([match.players[role].policy for match in matches])), strict=True)
+    matches = [
+        replace(match, players=BySide(*map(lambda one, policy: replace(one, policy=policy), match.players, both)))
+        for match, both in zip(matches, policies, strict=True)
+    ]
     results = play_matches(matches, report=report, play=play)
     return VariedMatches(matches[0], tuple(variations), tuple(results))
+
+
+def alike(policies: Sequence[AbstractPolicy]) -> list[AbstractPolicy]:
+    """Return players of one side whose shields all brake for as many steps and look at as many edges as any shield.
+
+    No shield decides otherwise: a robot that has come to rest stays there, and the edges that are added are far from
+    everywhere. Players without a shield are left as they are.
+    """
+    backups = [policy.backup for policy in policies if isinstance(policy, Shielded)]
+    if not backups:
+        return list(policies)
+    steps = max(backup.steps for backup in backups)
+    edges = max(one.within.shape[-1] if (one := backup.surroundings) else 0 for backup in backups)
+    return [
+        replace(policy, backup=_enlarged(policy.backup, steps, edges)) if isinstance(policy, Shielded) else policy
+        for policy in policies
+    ]
+
+
+def _enlarged(backup: Backup, steps: int, edges: int) -> Backup:
+    """Return manoeuvres of a number of steps; the surroundings' last edge, far from everywhere, fills up each cell."""
+    if (around := backup.surroundings) is None:
+        return replace(backup, steps=steps)
+    missing, far = edges - around.within.shape[-1], around.edges.x.shape[0] - 1
+    within = jnp.pad(around.within, ((0, 0), (0, 0), (0, missing)), constant_values=far)
+    return replace(backup, steps=steps, surroundings=replace(around, within=within))

@@ -4,22 +4,29 @@ import json
 from dataclasses import replace
 from functools import partial
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from scipy.special import expit
 
+from apollonius.agents.shield import BRAKING, Shielded
 from apollonius.catalogue import find_player
 from apollonius.cli.main import main
 from apollonius.cli.terminal import tournament_table, varied_table
 from apollonius.evaluate.match import Match, MatchResult, play_match, play_matches
 from apollonius.evaluate.tournament import MEAN, SCALE, play_tournament, rate
-from apollonius.evaluate.vary import Variation, numbers_of, play_varied, varied_matches, with_numbers
+from apollonius.evaluate.vary import Variation, alike, numbers_of, play_varied, varied_matches, with_numbers
 from apollonius.game import game as starts
+from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game
 from apollonius.game.outcome import counts_by_name
+from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
-from apollonius.game.types import Role
+from apollonius.game.types import RobotState, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.io.workers import WORKERS
 from apollonius.play import playout
@@ -222,3 +229,38 @@ def test_only_the_named_numbers_change():
 def test_numbers_that_cannot_be_are_refused(numbers, named):
     with pytest.raises(InvalidInput, match=named):
         with_numbers(PAPER, numbers)
+
+
+SQUARES = tuple(
+    Polygon(((x, y), (x + 0.5, y), (x + 0.5, y + 0.5), (x, y + 0.5))) for x, y in ((3.0, 3.0), (6.0, 3.0), (3.0, 6.0))
+)
+AMONG_SQUARES = Game(arena=Arena(polygons=SQUARES))
+
+
+def shielded(v_max):
+    """A random pursuer of this top speed [m/s] behind a shield."""
+    policy = find_player("shielded:random", Role.PURSUER, replace(AMONG_SQUARES, pursuer=Unicycle(v_max=v_max))).policy
+    assert isinstance(policy, Shielded)
+    return policy
+
+
+def test_shields_get_one_structure_and_leave_as_much_room_as_before():
+    before = [shielded(v_max) for v_max in (0.6, 1.8)]
+    after = alike(before)
+    shapes = [jax.tree.map(jnp.shape, policy) for policy in after]
+    assert jax.tree.structure(after[0]) == jax.tree.structure(after[1])
+    assert shapes[0] == shapes[1] != jax.tree.map(jnp.shape, before[0])
+    places = np.random.default_rng(0).uniform((1, 1, -3), (9, 9, 3), (200, 3)).astype(np.float32)
+
+    @jax.jit
+    def clearances(backup, places):
+        def at(place):
+            robot = RobotState(place[0], place[1], jnp.float32(0.6), place[2])
+            return backup._clearances(robot, backup._near(robot))
+
+        return jax.vmap(at)(places)
+
+    for old, new in zip(before, after, strict=True):
+        found = np.asarray(clearances(old.backup, places))
+        assert found.shape == (200, len(BRAKING))
+        np.testing.assert_allclose(clearances(new.backup, places), found, atol=1e-5)
