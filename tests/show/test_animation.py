@@ -56,6 +56,12 @@ def test_every_state_is_a_frame_with_both_robots_their_trails_and_the_reach_of_a
     for picture, (x, y, _, _, to_x, to_y, *_) in zip(pictures, replay.states, strict=True):
         signs = (x - 0.11, y + 0.11), (x + 0.18, y), (x + 0.11, y + 0.11), (to_x, to_y - 0.1), (to_x, to_y + 0.26)
         assert [colour_at(picture, *at) for at in signs] == [RED, RED, WHITE, BLUE, BLUE]
+    turned = np.where(np.arange(8) == 3, np.float32(np.pi / 4), replay.states)
+    picture, signs = (
+        next(frames(replace(replay, states=turned))),
+        [(-0.155, 0), (0, -0.155), (0.127, 0.127), (0, 0.155)],
+    )
+    assert [colour_at(picture, 2 + x, 5 + y) for x, y in signs] == [RED, RED, RED, WHITE]
     around = [(2 + np.cos(angle), 5 + np.sin(angle)) for angle in np.arange(0.05, 6.3, 0.01)]
     trails = [[(2 + part, 5), (8, 6 + part)] for part in np.linspace(0.1, 1.5)]
     for picture, points, least, most in (
