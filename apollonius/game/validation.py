@@ -25,7 +25,16 @@ _TOGETHER = 5_000
 _PLACINGS = 100
 """Starts of teams that are tried out."""
 _SIDES = ("pursuer", "evader")
-_OPTIONAL = ("arena.map", "arena.territory", "arena.chart", "scenario", "teams", "sensors", "drives")
+_OPTIONAL = (
+    "arena.map",
+    "arena.territory",
+    "arena.chart",
+    "scenario",
+    "teams",
+    "reward.zero_sum_within",
+    "sensors",
+    "drives",
+)
 """Beginnings of the names of parts that a game need not have."""
 
 Bodies = BySide[tuple[Unicycle, ...]]

@@ -18,6 +18,7 @@ from apollonius.game.arena import Arena, Disc
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
+from apollonius.game.judge import fates
 from apollonius.game.outcome import counts_by_name, decide, evader_wins, is_captured, pursuer_wins
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import in_arenas, make_game, paper
@@ -212,6 +213,25 @@ def test_a_game_without_charts_is_refused_in_one_line():
     assert "\n" not in str(refusal.value)
     assert charted(game, False) == divided(6.0), "whoever plays draws them, as the reward reads them"
     assert charted(replace(game, reward=LINE), False).arena.chart is None
+
+
+def paid(reward, outcome, before=2.0, after=1.9):
+    """In a game of two, whose outcome says what came of both."""
+    found = jnp.asarray(outcome)
+    (pursuer,), (evader,) = reward(found, fates(found, None, None), [(jnp.float32(before), jnp.float32(after))])
+    return float(pursuer), float(evader)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "pursuer", "evader"),
+    [(2.0, 2.5, -1.0, 1.0), (4.0, 3.5, 1.0, 1.0), (3.0, 3.5, -1.0, -1.0), (2.5, 3.25, -1.5, 0.5)],
+)
+def test_beyond_the_zero_sum_part_the_evader_too_is_paid_for_coming_closer(before, after, pursuer, evader):
+    """Two per metre, zero-sum within 3 m; the last step goes half a metre up to there and a quarter beyond."""
+    reward = Reward(progress=2.0, zero_sum_within=3.0)
+    assert paid(reward, Outcome.ONGOING, before, after) == pytest.approx((pursuer, evader))
+    assert paid(reward, Outcome.CAPTURED, before, after) == (10, -10)
+    assert paid(reward, Outcome.EVADER_HIT_OBSTACLE, before, after) == pytest.approx((pursuer, -10))
 
 
 AGILE = Unicycle(v_max=2.0, u1_max=4.0, u2_max=3.0)
