@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_array
 
 from apollonius.arenas.free_space import FreeSpace, Tiling, tile
@@ -31,11 +31,16 @@ ALWAYS = 3
 
 @dataclass(frozen=True)
 class Reading:
-    """A graph, the number of its nodes that matter, and how many pursuers are enough on it."""
+    """A graph, the number of its nodes that matter, and how many pursuers are enough on it.
+
+    `exact` is whether fewer are surely not; `places` those of pursuers who search, from turn to turn [m].
+    """
 
     tiling: Tiling
     core: int
     pursuers: int
+    exact: bool = True
+    places: Float[np.ndarray, "turns pursuers 2"] | None = None
 
 
 @dataclass(frozen=True)
@@ -62,13 +67,13 @@ class Enough:
         if self.pursuers is None:
             said = sorted({reading.pursuers for reading in self.readings[-AGREEING:]})
             return f"the graphs do not agree or are too few: {' or '.join(map(str, said))}"
-        fewer = self.pursuers - 1
-        rest = f"{fewer} {'is' if fewer == 1 else 'are'} not"
+        fewer, exact = self.pursuers - 1, all(reading.exact for reading in self.readings[-AGREEING:])
+        rest = f"{fewer} {'is' if fewer == 1 else 'are'} not" if exact else f"{fewer} may be"
         enough = f"{self.pursuers} pursuers are enough, {rest}" if fewer else "1 pursuer is enough"
         return f"{enough}, for idealised robots on this graph"
 
 
-def _read(tiling: Tiling) -> Reading | None:
+def read_chase(tiling: Tiling) -> Reading | None:
     """Return how many pursuers are enough to catch an evader on a graph; None where it is too large."""
     kept, pursuers = core(tiling.adjacency), 1
     if len(kept) > MOST_NODES:
@@ -79,7 +84,12 @@ def _read(tiling: Tiling) -> Reading | None:
     return Reading(tiling, len(kept), pursuers)
 
 
-def how_many(space: FreeSpace, report: Callable[[float], None], sizes: Sequence[int] = SIZES) -> Enough:
+def how_many(
+    space: FreeSpace,
+    report: Callable[[float], None],
+    read: Callable[[Tiling], Reading | None] = read_chase,
+    sizes: Sequence[int] = SIZES,
+) -> Enough:
     """Judge an arena on graphs of about these sizes and reported spacings [m], until three in a row agree or one is too
     large to be read.
     """
@@ -87,7 +97,7 @@ def how_many(space: FreeSpace, report: Callable[[float], None], sizes: Sequence[
     for number, size in enumerate(sizes):
         spacing = float(np.sqrt(2 * space.area / np.sqrt(3) / size))
         report(spacing)
-        reading = _read(tile(space, spacing, (number + 1) % 2 * _TURN))
+        reading = read(tile(space, spacing, (number + 1) % 2 * _TURN))
         if reading is None:
             break
         readings.append(reading)

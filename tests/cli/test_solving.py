@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from apollonius.solve.store import load_solution
@@ -70,6 +71,9 @@ def test_one_obstacle_needs_two(capsys):
     assert (facts["pursuers"], facts["agree"], facts["islands"]) == (2, True, 1)
     assert [graph["islands_seen"] for graph in facts["graphs"]] == [1, 1, 1]
     assert [round(graph["turned_degrees"]) for graph in facts["graphs"]] == [30, 0, 30]
+    seen = run_json(capsys, "pursuers", "one-large", "--to-see")
+    assert (seen["pursuers"], seen["agree"]) == (2, True)
+    assert np.shape(seen["strategy"]) == (seen["graphs"][-1]["turns"] + 1, 2, 2)
 
 
 def test_an_arena_without_obstacles_needs_one(capsys, tmp_path):
