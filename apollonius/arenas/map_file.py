@@ -37,8 +37,9 @@ def load_map(path: Path, digest: str | None = None) -> OccupancyMap:
     """Return the map of a YAML file with `image`, `resolution`, `origin`, `negate`, `occupied_thresh`, `free_thresh`.
 
     A cell is free where its occupancy, the image's darkness, is below `free_thresh`. All others are occupied: those
-    above `occupied_thresh`, and the unknown ones between. Other keys are ignored, as map_server does. Raises
-    InvalidInput for a file that is missing or unreadable, an impossible value, a turned map, and another digest.
+    above `occupied_thresh`, and the unknown ones between. A key of the package's own, `least_obstacle` [m^2], takes out
+    connected occupied cells that cover less. Other keys are ignored, as map_server does. Raises InvalidInput for a file
+    that is missing or unreadable, an impossible value, a turned map, and another digest.
     """
     text, content = _files(path)
     found = hashlib.sha256(text + content).hexdigest()
@@ -70,6 +71,9 @@ def _map(path: Path, digest: str, text: bytes, content: bytes) -> OccupancyMap:
     free = _darkness(said, content, name) < said["free_thresh"]
     x, y, _ = said["origin"]
     occupied = np.ascontiguousarray(~free[::-1])
+    if said["least_obstacle"]:
+        parts, _ = connected(occupied)
+        occupied &= np.bincount(parts.ravel())[parts] * said["resolution"] ** 2 >= said["least_obstacle"]
     field = distance_field(occupied, said["resolution"])
     return OccupancyMap(jnp.asarray(field), x, y, said["resolution"], str(path), digest)
 
@@ -132,11 +136,13 @@ def _read_yaml(text: bytes, name: str) -> dict[str, Any]:
     for key in ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh"):
         require(key in said, f"{name}: {key}", "missing", "given, as map_server wants it")
     require(isinstance(said["image"], str) and said["image"], f"{name}: image", said["image"], "the name of a file")
-    read = dict(said)
-    for key in ("resolution", "negate", "occupied_thresh", "free_thresh"):
-        read[key] = _number(said[key], f"{name}: {key}")
+    read = {"least_obstacle": 0} | said
+    for key in ("resolution", "negate", "occupied_thresh", "free_thresh", "least_obstacle"):
+        read[key] = _number(read[key], f"{name}: {key}")
     require(0 < read["resolution"] <= 1e3, f"{name}: resolution", said["resolution"], "metres in a cell, more than 0")
     require(read["negate"] in (0, 1), f"{name}: negate", said["negate"], "0 (dark is occupied) or 1")
+    least = read["least_obstacle"]
+    require(least >= 0, f"{name}: least_obstacle", least, "m^2 of the smallest obstacle that stays, 0 or more")
     free, occupied = read["free_thresh"], read["occupied_thresh"]
     require(
         0 < free <= occupied <= 1, f"{name}: free_thresh", free, f"above 0, up to occupied_thresh = {occupied} <= 1"

@@ -21,6 +21,8 @@ _CELLS = 500
 """Cells along the arena's longer side."""
 _LEAST_PART = 1e-4
 """Parts of the free space smaller than this share of the arena are specks of the grid."""
+_SPECK = 4
+"""Cells of the largest obstacle of a map that may be noise."""
 _LEAST_ROOM = 0.02
 """Least share of the arena on which a robot can start."""
 _LONGER = 1.1
@@ -97,13 +99,23 @@ def survey(game: Game) -> Survey:
 
 
 def map_notes(arena: Arena) -> list[str]:
-    """Return the note on a map's file whose unknown cells are read as free, if they are."""
-    if arena.map is None or not (path := Path(arena.map.file)).is_file() or not (share := unknown_read_as_free(path)):
+    """Return notes on a map's file: unknown cells that are read as free, and specks, which robots run round."""
+    if arena.map is None or not (path := Path(arena.map.file)).is_file():
         return []
-    return [
-        f"unknown cells of the map, grey 205, are read as free, on {share:.1%} of it: set free_thresh to 0.196 in "
-        f"'{path}' if no robot should go there."
-    ]
+    notes: list[str] = []
+    if share := unknown_read_as_free(path):
+        notes.append(
+            f"unknown cells of the map, grey 205, are read as free, on {share:.1%} of it: set free_thresh to 0.196 in "
+            f"'{path}' if no robot should go there."
+        )
+    parts, _ = connected(arena.map.occupied())
+    if specks := np.sum(np.bincount(parts.ravel())[1:] <= _SPECK):
+        area = (_SPECK + 0.5) * float(arena.map.cell) ** 2
+        notes.append(
+            f"specks on the map, of at most {_SPECK} cells: {specks}, and robots run round each; set least_obstacle to "
+            f"{area:.2g} m^2 in '{path}' if they are noise."
+        )
+    return notes
 
 
 def places(arena: Arena) -> tuple[Grid, Grid, float]:

@@ -195,13 +195,14 @@ def test_plain_and_raw_pgm_and_png_are_one_map(tmp_path):
         ({"occupied_thresh": "1.5"}, "free_thresh"),
         ({"free_thresh": "0.7"}, "free_thresh = 0.7 .* up to occupied_thresh = 0.65"),
         ({"mode": "scale"}, "mode = scale .* trinary"),
+        ({"least_obstacle": "-1"}, "least_obstacle = -1.0 .* 0 or more"),
         ({"image": "[", "mode": "]"}, "no YAML"),
         ({"free_thresh": "0.0001"}, "free cells"),
         ({"resolution": '!!int ""'}, "tags .* are not read"),
         ({"resolution": "1" + "0" * 4000}, "resolution = 1000"),
         ({"negate": "&a [*a]"}, "no YAML"),
     ],
-    ids=range(18),
+    ids=range(19),
 )
 def test_each_error_of_a_map_is_one_clear_line(tmp_path, changes, said):
     with pytest.raises(InvalidInput, match=said) as refusal:
@@ -229,6 +230,23 @@ def test_a_game_on_a_map_has_the_maps_walls_and_names_it_in_its_record(hall):
     hall.with_name("floor.yaml").unlink()
     with pytest.raises(InvalidInput, match="check the path"):
         from_dict(Game, record, "the record")
+
+
+def test_specks_are_reported_and_taken_out_where_the_map_says_so(hall, capsys):
+    """Four cells that touch at corners, 1 m^2, are one obstacle; what touches a wall is a part of it."""
+    pixels = room()
+    pixels[[8, 9, 10, 11], [10, 11, 12, 13]] = pixels[15, 3] = 0
+    write(hall.parent, pixels)
+    assert main(["arena", "check", str(hall)]) == 0
+    said = capsys.readouterr().out
+    assert "specks on the map, of at most 4 cells: 1," in said
+    area = float(said.partition("least_obstacle to ")[2].split()[0])
+    for least, there in ((1, 4), (area, 0)):
+        found = load_map(write(hall.parent, pixels, least_obstacle=least))
+        assert found.occupied()[:, 8:20].sum() == there
+        assert found.occupied()[4, 3]
+    assert main(["arena", "check", str(hall)]) == 0
+    assert "least_obstacle" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
