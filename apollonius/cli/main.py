@@ -8,7 +8,7 @@ from typing import Any, NoReturn
 
 from apollonius.cli.arena import add_arena, add_players
 from apollonius.cli.exploit import add_exploit, add_regret
-from apollonius.cli.export import add_export
+from apollonius.cli.export import add_export, add_replay
 from apollonius.cli.judge import add_evaluate, add_simulate, add_suite, add_tournament
 from apollonius.cli.runs import add_reproduce, add_runs, add_track
 from apollonius.cli.show import add_play, add_report, add_show, add_slice
@@ -48,6 +48,7 @@ COMMANDS = {
     "Arenas and robots of your own": {
         "arena": (add_arena, "list arenas, check one of your own, or draw a random one", "check office --out a.png"),
         "export": (add_export, "write a player as C or ONNX, which need no JAX", "pursuer --to c --out player.c"),
+        "replay": (add_replay, "ask an agent again in the states that a robot recorded", "--bag bags/pursuer-1"),
     },
     "The paper": {
         "reproduce": (add_reproduce, "train, evaluate and draw all that the paper shows", "--budget quick"),

@@ -13,5 +13,6 @@ setup(
         (f"{SHARE}/config", ["config/params.yaml"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"bag": ["rosbags>=0.11"]},
     entry_points={"console_scripts": ["play = apollonius_ros.node:main"]},
 )

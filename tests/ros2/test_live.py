@@ -21,6 +21,7 @@ from apollonius.export.writing import write_c
 from apollonius.game.types import Outcome, Role
 
 rclpy = pytest.importorskip("rclpy")
+rosbag2 = pytest.importorskip("rosbags.highlevel")
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 PACKAGE = Path(__file__).parents[2] / "ros2" / "apollonius_ros"
 GAMES = int(os.environ.get("GAMES", "3"))
@@ -150,7 +151,7 @@ def spread(values):
     return dict(zip(("least", "1 %", "median", "99 %", "most"), (round(float(one), 4) for one in found), strict=True))
 
 
-def test_it_brakes_at_sigterm_and_ends_well(nodes, world):
+def test_it_brakes_at_sigterm_leaves_a_whole_bag_and_ends_well(nodes, world, folder):
     until_fast(world)
     nodes[0].send_signal(signal.SIGTERM)
     world.run(0.3)
@@ -158,3 +159,13 @@ def test_it_brakes_at_sigterm_and_ends_well(nodes, world):
     world.run(8.0, is_over=lambda: nodes[0].poll() is not None)
     assert nodes[0].returncode == 0
     assert braked(world.heard[0])
+    bag = max((folder / "bags").glob("pursuer-*"), key=lambda one: one.stat().st_mtime)
+    with rosbag2.AnyReader([bag]) as reader:
+        counts = {one.topic: one.msgcount for one in reader.connections}
+    assert set(counts) == {
+        "export", "decisions", "/diagnostics", "robot1/cmd_vel",
+        *(f"{robot}/{topic}" for robot in ("robot1", "robot2") for topic in ("odom", "in_play")),
+    }  # fmt: skip
+    assert counts["export"] == 1
+    assert counts["decisions"] == counts["robot1/cmd_vel"] > 20
+    assert counts["robot2/odom"] > 2 * counts["decisions"]

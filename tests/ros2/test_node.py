@@ -44,7 +44,7 @@ class Player:
     """An export that wants to go faster and left."""
 
     def __init__(self, *_):
-        self.facts, self.asked, self.begun = dict(FACTS), [], 0
+        self.facts, self.text, self.asked, self.begun = dict(FACTS), json.dumps(FACTS), [], 0
 
     def begin(self):
         self.begun += 1
@@ -255,7 +255,7 @@ def parameters(name):
 @pytest.fixture
 def made_node(monkeypatch):
     """Make the package's node with parameters."""
-    for name in ("rclpy", "rclpy.qos", "rclpy.signals", "diagnostic_msgs", "geometry_msgs"):
+    for name in ("rclpy", "rclpy.qos", "rclpy.signals", "rclpy.serialization", "diagnostic_msgs", "geometry_msgs"):
         monkeypatch.setitem(sys.modules, name, MagicMock())
     for name in ("diagnostic_msgs", "geometry_msgs", "nav_msgs", "std_msgs"):
         kinds = {
@@ -269,7 +269,7 @@ def made_node(monkeypatch):
     monkeypatch.setattr(module, "Export", Player)
 
     def make(**given):
-        monkeypatch.setattr(Node, "given", parameters("pursuer") | {"dry_run": False} | given)
+        monkeypatch.setattr(Node, "given", parameters("pursuer") | {"dry_run": False, "bags": ""} | given)
         node = module.PursuitNode()
         publishers = [one.args[1] for one in node.asked.create_publisher.mock_calls]
         return node, publishers

@@ -13,7 +13,8 @@ class Export:
     """An exported player, which remembers what the player does, and nothing else.
 
     Attributes:
-        facts: what its `.robot.json` file says.
+        text: the `.robot.json` file.
+        facts: what it says.
         robots: the number of robots: its own, its mates, its opponents.
 
     Raises:
@@ -21,7 +22,8 @@ class Export:
     """
 
     def __init__(self, file: Path) -> None:
-        self.facts = json.loads(file.read_text())
+        self.text = file.read_text()
+        self.facts = json.loads(self.text)
         self.robots = 1 + self.facts["mates"] + self.facts["opponents"]
         base, name = file.resolve().parent, self.facts["name"]
         library, source = base / f"{name}.so", base / f"{name}.c"

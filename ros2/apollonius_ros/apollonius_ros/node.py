@@ -1,4 +1,4 @@
-"""The node: odometries in, a velocity out, every `dt`; diagnostics.
+"""The node: odometries in, a velocity out, every `dt`; diagnostics, and a bag of every run.
 
     python3 -m apollonius_ros.node --ros-args --params-file params.yaml -r __node:=pursuer
 
@@ -18,11 +18,40 @@ from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
+from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Bool, String
 
 from apollonius_ros.export import Export
 from apollonius_ros.pilot import Pilot, Robot
+
+
+class Bag:
+    """A bag that is written, complete once it is closed.
+
+    Raises:
+        ImportError: where `rosbags` is not installed.
+        OSError: where it cannot be written.
+    """
+
+    def __init__(self, folder: Path, node: str, about: str) -> None:
+        from rosbags.rosbag2 import StoragePlugin, Writer
+        from rosbags.typesys import Stores, get_typestore
+
+        self._types, self._topics = get_typestore(Stores.ROS2_KILTED), {}
+        name = f"{node}-{time.strftime('%Y%m%d-%H%M%S')}-{time.time_ns() % 10**6:06d}"
+        self._bag = Writer(folder / name, version=9, storage_plugin=StoragePlugin.MCAP)
+        self._bag.open()
+        self.close = self._bag.close
+        self.write("export", String(data=about), time.time_ns())
+
+    def write(self, topic: str, message: object, stamp: int) -> None:
+        """Write a message with the time [ns] at which it came or went."""
+        if topic not in self._topics:
+            kind = type(message)
+            named = f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
+            self._topics[topic] = self._bag.add_connection(topic, named, typestore=self._types)
+        self._bag.write(self._topics[topic], stamp, serialize_message(message))
 
 
 class PursuitNode(Node):
@@ -43,11 +72,16 @@ class PursuitNode(Node):
                 raise ValueError(f"{side}: {names}, but the export is for {player.facts[side]}")
         robots = [Robot(name) for name in (given["own"], *sides[0], *sides[1])]
         self.pilot = Pilot(player, robots, given["patience"], given["lead"], refereed=bool(given["in_play"]))
-        kind, velocity = TwistStamped if given["stamped"] else Twist, f"{given['own']}/{given['velocity']}"
-        self.drive = None if given["dry_run"] else self.create_publisher(kind, velocity, 1)
+        self.velocity, kind = f"{given['own']}/{given['velocity']}", TwistStamped if given["stamped"] else Twist
+        self.drive = None if given["dry_run"] else self.create_publisher(kind, self.velocity, 1)
         self.decisions = self.create_publisher(String, "~/decisions", 10)
         self.diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self.latencies, self.last = [0.0], None
+        self.bag, self.latencies, self.last = None, [0.0], None
+        if given["bags"]:
+            try:
+                self.bag = Bag(Path(given["bags"]).expanduser(), self.get_name(), player.text)
+            except (ImportError, OSError) as error:
+                self.get_logger().error(f"this run is not recorded: {error}")
         for robot in robots:
             self.listen(robot)
         self.create_timer(player.facts["dt"], self.tick)
@@ -62,9 +96,11 @@ class PursuitNode(Node):
                 return
             stamp = message.header.stamp
             robot.state, robot.seen = state_of(message), stamp.sec + 1e-9 * stamp.nanosec
+            self.record(odometry, message)
 
         def on_referee(message):
             robot.in_play, robot.judged = message.data, self.now()
+            self.record(in_play, message)
 
         odometry, in_play = (f"{robot.name}/{self.given[topic]}" for topic in ("odometry", "in_play"))
         self.create_subscription(Odometry, odometry, on_odometry, qos_profile_sensor_data)
@@ -80,7 +116,7 @@ class PursuitNode(Node):
         self.latencies.append(time.perf_counter() - began)
         ages = [round(now - robot.seen, 4) if robot.state else None for robot in self.pilot.robots]
         facts = vars(made) | {"time": now, "latency": self.latencies[-1], "ages": ages}
-        self.decisions.publish(String(data=json.dumps(facts)))
+        self.publish(self.decisions, "decisions", String(data=json.dumps(facts)))
 
     def steer(self, made):
         """Publish a decision; in a dry run log it."""
@@ -94,7 +130,7 @@ class PursuitNode(Node):
             message.header.stamp, message.header.frame_id = self.get_clock().now().to_msg(), "base_link"
             twist = message.twist
         twist.linear.x, twist.angular.z = made.speed, made.turn_rate
-        self.drive.publish(message)
+        self.publish(self.drive, self.velocity, message)
 
     def diagnose(self):
         """Publish the state, the slowest decision of the last second, and the age of each robot's odometry."""
@@ -113,7 +149,20 @@ class PursuitNode(Node):
         )
         message = DiagnosticArray(status=[status])
         message.header.stamp = self.get_clock().now().to_msg()
-        self.diagnostics.publish(message)
+        self.publish(self.diagnostics, "/diagnostics", message)
+
+    def publish(self, publisher, topic, message):
+        publisher.publish(message)
+        self.record(topic, message)
+
+    def record(self, topic, message):
+        """Write a message to the bag; a bag that cannot be written ends, the game does not."""
+        if self.bag:
+            try:
+                self.bag.write(topic, message, self.get_clock().now().nanoseconds)
+            except OSError as error:
+                self.bag = None
+                self.get_logger().error(f"the bag ends here: {error}")
 
     def now(self):
         return 1e-9 * self.get_clock().now().nanoseconds
@@ -144,6 +193,8 @@ def main():
     node.tick()
     while node.pilot.speed > 0:
         rclpy.spin_once(node, timeout_sec=0.1)
+    if node.bag:
+        node.bag.close()
     rclpy.shutdown()
     return 0
 
