@@ -66,8 +66,8 @@ def asked(words, monkeypatch):
         case ["make", target]:
             assert re.search(rf"^{target}:", (REPOSITORY / "Makefile").read_text(), re.MULTILINE)
             return None
-        case ["python3", "-m", "pip", "install", where]:
-            assert (REPOSITORY / where / "setup.py").exists()
+        case ["python3", "-m", "pip", "install", *where, "rosbags"]:
+            assert all((REPOSITORY / folder / "setup.py").exists() for folder in where)
             return None
         case ["pip", "install", what] | ["pip", "install", "-e", what]:
             project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
@@ -172,6 +172,7 @@ ELSEWHERE = {
     "reproduce": "tests/reproduce/test_reproduce.py",
     "exploit": "tests/exploit/test_attackers.py",
     "simulate": "tests/simulate and tests/cli/test_cli.py",
+    "replay": "tests/ros2 and tests/export/test_player.py",
 }
 """Commands that a walk leaves out, and where they are run."""
 

@@ -45,7 +45,7 @@ def add_game_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_workers(parser: argparse.ArgumentParser, of: str, default: str | None = "processes") -> None:
-    about = f"where {of} run: in processes of this machine, or on slurm (default: {default or 'here'})"
+    about = f"where {of} run: in processes of this machine, on slurm, or on ray (default: {default or 'here'})"
     parser.add_argument("--on", type=installed, choices=WORKERS, default=default, help=about)
 
 

@@ -6,7 +6,7 @@ again comes out bit for bit or is refused.
 
 import secrets
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Literal
@@ -19,6 +19,7 @@ from apollonius.game.types import Role
 from apollonius.io.cache import environment
 from apollonius.io.document import parse_json, read_bytes
 from apollonius.io.errors import require
+from apollonius.io.workers import Job, Run
 from apollonius.play.playout import Report
 
 
@@ -45,11 +46,15 @@ class SuiteCard:
         return Benchmark(self.track, Role[self.side.upper()])
 
 
-def judge(benchmark: Benchmark, name: str, python: str, report: Report = lambda done, total: None) -> SuiteCard:
-    """Play all rounds of an agent, by its name or its file, and return its card; errors as of `Benchmark.find`."""
+def judge(
+    benchmark: Benchmark, name: str, python: str, report: Report = lambda done, total: None, run: Run | None = None
+) -> SuiteCard:
+    """Play all rounds of an agent, by its name or its file, here or as jobs, and return its card; errors as of
+    `Benchmark.find`, and where jobs failed.
+    """
     agent, side = benchmark.find(name, python), "pursuer" if benchmark.role == Role.PURSUER else "evader"
     rounds: dict[str, tuple[Round, ...]] = dict.fromkeys(benchmark.panel, ())
-    for opponent, played in _play(benchmark, agent, range(ROUNDS), report):
+    for opponent, played in _play(benchmark, agent, range(ROUNDS), report, run):
         rounds[opponent] += (played,)
     process = process_of(agent.policy)
     failure, spent = process.reason if process else "", benchmark.microseconds(agent)
@@ -59,12 +64,25 @@ def judge(benchmark: Benchmark, name: str, python: str, report: Report = lambda 
     )  # fmt: skip
 
 
-def _play(benchmark: Benchmark, agent: Named, seeds: Sequence[int], report: Report) -> Iterator[tuple[str, Round]]:
+def _play(
+    benchmark: Benchmark, agent: Named, seeds: Sequence[int], report: Report, run: Run | None = None
+) -> Iterator[tuple[str, Round]]:
     """Yield each opponent with a round for each seed."""
-    rounds = list(product(benchmark.panel, seeds))
-    for number, (opponent, seed) in enumerate(rounds, start=1):
-        yield opponent, benchmark.play(agent, opponent, seed)
+    rounds, process = list(product(benchmark.panel, seeds)), process_of(agent.policy)
+    alone = replace(benchmark)  # without the games and players that it has found
+    jobs = [Job(f"seed {pair[1]} against {pair[0]}", _play_apart, (alone, agent, *pair)) for pair in rounds]
+    played = run(jobs) if run else (_play_apart(benchmark, agent, *pair) for pair in rounds)
+    for number, ((opponent, _), (one, reason)) in enumerate(zip(rounds, played, strict=True), start=1):
+        if process:
+            process.reason = process.reason or reason
+        yield opponent, one
         report(number, len(rounds))
+
+
+def _play_apart(benchmark: Benchmark, agent: Named, opponent: str, seed: int) -> tuple[Round, str]:
+    """Return a round, and why an agent from outside failed in it."""
+    played, process = benchmark.play(agent, opponent, seed), process_of(agent.policy)
+    return played, process.reason if process else ""
 
 
 def load_card(path: Path) -> SuiteCard:

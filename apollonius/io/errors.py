@@ -71,9 +71,11 @@ EXTRAS = {
     },
     "gym": {"gymnasium": "gymnasium", "pettingzoo": "pettingzoo"},
     "slurm": {"submitit": "submitit"},
+    "ray": {"ray": "ray"},
     "track": {"tensorboardX": "tensorboardX", "wandb": "wandb", "mlflow": "mlflow", "trackio": "trackio"},
     "export": {"jax2onnx": "jax2onnx", "onnxruntime": "onnxruntime"},
     "sim": {"mujoco": "mujoco"},
+    "bag": {"rosbags": "rosbags"},
 }  # fmt: skip
 """Modules of each extra, and what pip calls them."""
 TRACKERS = {module.removesuffix("X"): module for module in EXTRAS["track"]}

@@ -1,4 +1,4 @@
-"""Independent jobs, and workers that do them: processes on this machine, or a Slurm array.
+"""Independent jobs, and workers that do them: processes on this machine, a Slurm array, or a Ray cluster.
 
 A job is a function that can be imported by its name, writes its results to files and resumes where it was stopped: it
 may run anywhere that has the same folders, and be started any number of times.
@@ -23,8 +23,8 @@ DONE, STOPPED = "done", "stopped"
 """Endings of jobs that did not fail; any other says why one failed."""
 POLL_SECONDS = 0.2
 """Time between two looks at whether to stop."""
-_TIMEOUTS = 10
-"""How many times a Slurm job that reaches its time limit is requeued."""
+_RESTARTS = 10
+"""How many times a job begins again that reaches its time limit on Slurm, or whose worker on Ray is lost."""
 _QUEUE_LOOKS = 15
 """Looks at whether to stop between two at Slurm's queue."""
 _SLURM_MINUTES = 24 * 60
@@ -146,7 +146,7 @@ def on_slurm(jobs: Sequence[Job], logs: Path | None) -> Iterator[tuple[Job, Endi
     cancelled, ask = False, ["squeue", "-h", "-r", "-o", "%i", "-u", str(os.getuid())]
     passing = TemporaryDirectory(prefix=".apollonius-", dir=Path.cwd())  # where other machines find it, too
     with nullcontext(logs) if logs else passing as folder:
-        executor = submitit.SlurmExecutor(Path(folder).absolute(), max_num_timeout=_TIMEOUTS)
+        executor = submitit.SlurmExecutor(Path(folder).absolute(), max_num_timeout=_RESTARTS)
         executor.update_parameters(job_name="apollonius", time=_SLURM_MINUTES, array_parallelism=len(jobs))
         try:
             waiting = dict(zip(executor.map_array(Call(), jobs), jobs, strict=True))
@@ -171,5 +171,27 @@ def on_slurm(jobs: Sequence[Job], logs: Path | None) -> Iterator[tuple[Job, Endi
             raise InvalidInput(f"sbatch refuses the jobs ({error}): {remedy}.") from error
 
 
-WORKERS = {"processes": in_processes, "slurm": on_slurm}
+def on_ray(jobs: Sequence[Job], logs: Path | None) -> Iterator[tuple[Job, Ending]]:
+    """Run as many jobs at a time as the cluster has cores: the one of RAY_ADDRESS, or a new one of this machine."""
+    require_extra("ray", "ray")
+    import ray  # pyright: ignore[reportMissingImports]
+    from ray.exceptions import RayError  # pyright: ignore[reportMissingImports]
+
+    here = {} if "RAY_ADDRESS" in os.environ else {"num_cpus": len(available_cores()), "include_dashboard": False}
+    with ray.init(**here, log_to_driver=False):
+        remote = ray.remote(num_cpus=1, max_retries=_RESTARTS)(Job.run)
+        waiting = {remote.remote(job): job for job in jobs}
+        while waiting and not asked():
+            for one in ray.wait(list(waiting), timeout=POLL_SECONDS)[0]:
+                try:
+                    ending = ray.get(one)
+                except RayError as error:
+                    ending = str(error), None
+                yield waiting.pop(one), ending
+        for one, job in waiting.items():
+            ray.cancel(one)
+            yield job, (STOPPED, None)
+
+
+WORKERS = {"processes": in_processes, "slurm": on_slurm, "ray": on_ray}
 """All kinds of workers, by name: each runs jobs and yields them with their endings; logs go to the folder."""

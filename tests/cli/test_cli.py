@@ -314,6 +314,7 @@ def test_an_odd_environment_is_refused_or_makes_no_difference(monkeypatch, varia
     ("modules", "arguments", "extra"),
     [
         (["matplotlib"], ["arena", "check", "office", "--out", "office.png"], "plot"),
+        (["ray"], ["reproduce", "--on", "ray"], "ray"),
         (["submitit"], ["train", "--on", "slurm"], "slurm"),
         (["tensorboardX"], ["train", "--track", "tensorboard"], "track"),
         (["tensorboardX"], ["track", str(REPOSITORY / "docs/results/demo"), "--to", "tensorboard"], "track"),

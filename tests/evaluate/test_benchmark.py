@@ -1,6 +1,7 @@
 """The benchmark: its cards come out bit for bit or are refused; an agent from outside costs itself its own games."""
 
 import json
+import pickle
 import re
 import sys
 from dataclasses import asdict, replace
@@ -72,9 +73,15 @@ def test_a_card_comes_out_again(card):
     assert -1 <= found.score.worst_tenth <= found.score.worth <= 1
 
 
-def test_an_agent_from_outside_gets_a_card(tmp_path):
+def test_rounds_as_jobs_make_the_same_card(judged, tmp_path):
+    def elsewhere(jobs):
+        return pickle.loads(pickle.dumps([job.run()[1] for job in pickle.loads(pickle.dumps(jobs))]))
+
+    one, any_time = Benchmark("full", Role.PURSUER), {"decision_us": 0.0}
+    card = asdict(judge(one, "intercept", sys.executable, run=elsewhere))
+    assert json.dumps(card | any_time) == json.dumps(json.loads(judged) | any_time)
     (tmp_path / "mine.py").write_text(GOOD)
-    card = judge(Benchmark("full", Role.PURSUER), str(tmp_path / "mine.py"), sys.executable)
+    card = judge(one, str(tmp_path / "mine.py"), sys.executable, run=elsewhere)
     assert card.decision_us > 0
     assert (card.failure, card.score.forfeits) == ("", 0)
 

@@ -87,9 +87,29 @@ def test_after_a_job_that_was_stopped_none_begins(tmp_path, work):
 
 
 def test_an_unknown_place_is_refused(tmp_path):
-    with pytest.raises(InvalidInput, match=r"on = moon .*processes, slurm"):
+    with pytest.raises(InvalidInput, match=r"on = moon .*processes, slurm, ray"):
         run_jobs(jobs_of(write_down, tmp_path), print, on="moon")
     assert not list(tmp_path.iterdir())
+
+
+def be_lost_once(path):
+    """A job whose worker is killed, the first time."""
+    if not path.exists():
+        path.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return write_down(path)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_on_ray_a_job_whose_worker_is_lost_begins_again_and_one_that_fails_is_named(tmp_path):
+    pytest.importorskip("ray")
+    told, works = [], (be_lost_once, refuse, write_down)
+    jobs = [Job(work.__name__, work, (tmp_path / work.__name__,)) for work in works]
+    with pytest.raises(InvalidInput, match=r"1 of 3 failed \(refuse\)"):
+        run_jobs(jobs, told.append, on="ray")
+    assert sorted(told) == ["done: be_lost_once", "done: write_down", "failed: refuse (this cannot be)"]
+    assert all((tmp_path / work.__name__).read_text() for work in (be_lost_once, write_down))
 
 
 class Refusal(Exception):
