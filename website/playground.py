@@ -11,7 +11,8 @@ from apollonius.web.site import write_site
 _SCRIPTS = Path(__file__).parent / "scripts"
 """One script leads to `offline.html`, one loads files there."""
 _PLAYER = '<script type="module" src="player.js"></script>'
-_TITLE = "<h1>Apollonius</h1>"
+_LEAD = '<a id="lead" target="_top" hidden></a>'
+"""A link that the page leaves empty unless it is in a frame."""
 _DATA = (".json", ".safetensors", ".f32")
 
 
@@ -24,8 +25,8 @@ def write_playground(folder: Path) -> None:
     write_site(folder)
     page = (folder / "index.html").read_text()
     assert _PLAYER in page
-    assert _TITLE in page
-    page = page.replace(_TITLE, '<h1><a target="_top" href="../index.html">Apollonius</a></h1>')
+    assert _LEAD in page
+    page = page.replace(_LEAD, '<a id="lead" target="_top" href="../index.html" aria-label="Back to the site">‹</a>')
     (folder / "offline").mkdir()
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder).as_posix()

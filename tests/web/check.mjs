@@ -4,8 +4,8 @@ import { pathToFileURL } from "node:url";
 
 const { page, ...asked } = JSON.parse(readFileSync(0, "utf8"));
 const load = (name) => import(pathToFileURL(`${page}/${name}.js`));
-const [game, calls, players, { Match }, hindsight, file, plan, fog] = await Promise.all(
-  ["game", "calls", "players", "match", "hindsight", "gamefile", "plan", "fog"].map(load),
+const [game, calls, players, { Match }, hindsight, file, plan, { survey }, fog, share] = await Promise.all(
+  ["game", "calls", "players", "match", "hindsight", "gamefile", "plan", "survey", "fog", "share"].map(load),
 );
 
 /** What all robots have in a row, as either side has it. */
@@ -134,6 +134,19 @@ const answers = {
     return lost;
   },
   read: (texts) => texts.map((text) => tried(() => file.readGame(text))),
+  survey: (texts) => texts.map((text) => survey(file.readGame(text))),
+  links: (fragments) => Promise.all(fragments.map((fragment) => file.fromFragment("#game=", fragment).then((answer) => ({ answer }), ({ message }) => ({ complaint: message })))),
+  /** What is played again from the links of games of some sizes, in fog where it is asked for, and what was played. */
+  shared: (sizes) => Promise.all(sizes.map(async ([pursuers, evaders, isFoggy]) => {
+    const rules = game.inTeams(file.gameFrom({ max_steps: 9 }), pursuers, evaders);
+    const sides = { pursuer: Array(pursuers), evader: Array(evaders) };
+    for (const side of Object.values(sides)) side.fill({ name: "ahead", words: "ahead", act: () => 7 });
+    const played = new Match(isFoggy ? fog.inFog(rules) : rules, sides, 1);
+    while (!played.isOver) played.step();
+    const again = await share.fromReplayLink(await share.asReplayLink(played));
+    while (!again.isOver) again.step();
+    return [played, again].map((match) => [match.states, match.outcome, game.countsOf(match.game), Boolean(match.game.sensors)]);
+  })),
   moves() {
     const made = plan.withWall(file.gameFrom({ arena: { x_max: 9, y_max: 7 } }), [1, 1], [6, 1]);
     const wall = { kind: "polygons", index: 0 };
@@ -147,5 +160,5 @@ const answers = {
     };
   },
 };
-const found = Object.entries(asked).map(([name, question]) => [name, answers[name](question)]);
-console.log(JSON.stringify(Object.fromEntries(found)));
+const found = Object.entries(asked).map(async ([name, question]) => [name, await answers[name](question)]);
+console.log(JSON.stringify(Object.fromEntries(await Promise.all(found))));

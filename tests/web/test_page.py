@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from apollonius.play.replay import load_replay
 from apollonius.show.animation import fog
@@ -113,10 +114,10 @@ def test_a_person_who_lasts_has_won(desk):
     assert desk.match("outcome") in ("ongoing", "captured"), "here a shield brakes before the wall"
     page.click("#again")
     desk.end_after(3)
-    assert page.inner_text("#message") == "You survived for 0.3\u00a0s. You win!"
+    assert page.inner_text("#message") == "You survived for 0.3\u00a0s. You win! New under Games: this level, endless."
     assert page.inner_text("#evader-score") == "1"
     page.click("#menu")
-    assert page.inner_text("#levels li:first-child").endswith("won")
+    assert page.inner_text("#levels li:first-child").endswith("won\nEndless")
     phase = page.evaluate(
         """() => {
           document.getElementById("games").close();
@@ -127,6 +128,25 @@ def test_a_person_who_lasts_has_won(desk):
     assert phase == "loading", "keys are the game's at once when the list closes"
     playwright.expect(page.locator("#goal")).to_have_text(re.compile("^2. You are blue: survive 40"), timeout=30_000)
     assert page.url.endswith("?level=2")
+
+
+def test_an_endless_level_counts_how_long_a_person_lasts(desk):
+    page = desk.open("?level=1&endless=1")
+    assert page.inner_text("#goal") == "1. You are blue: survive as long as you can"
+    for steps, best in ((5, " Your best so far."), (3, ""), (6, " Your best so far.")):
+        desk.end_after(steps)
+        assert page.inner_text("#clock") == f"0.{steps}"
+        assert page.inner_text("#message") == f"You survived for 0.{steps}\u00a0s. You win!{best}"
+        page.click("#again")
+    said = page.evaluate(
+        """async () => {
+          const { describeEnd } = await import("./words.js");
+          const lost = { winner: "pursuer", outcome: "captured", seconds: 9 };
+          return describeEnd({ ...apollonius.page.match, ...lost }, "evader", true);
+        }"""
+    )
+    assert said == "Red caught you after 9.0\u00a0s."
+    assert page.url.endswith("?level=1&endless=1")
 
 
 def test_in_fog_the_opponent_is_drawn_where_it_is_in_sight_and_the_package_shows_the_same_fog(desk, tmp_path):
@@ -159,6 +179,37 @@ def test_in_fog_the_opponent_is_drawn_where_it_is_in_sight_and_the_package_shows
     for number in range(1, len(cells)):
         _, shaded = page.evaluate(drawn, number)
         assert len(set(shaded) ^ set(np.flatnonzero(cells[number]))) <= 2
+
+
+def test_a_game_that_is_shared_is_played_again(desk, tmp_path):
+    page = desk.open("?pursuer=shielded:pursuer&evader=you&seed=4")
+    page.keyboard.down("ArrowUp")
+    desk.play(9)
+    page.keyboard.up("ArrowUp")
+    assert page.get_attribute("body", "data-phase") == "over"
+    ended = desk.match("replay().states")
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    with page.expect_download() as picture:
+        page.click("#show")
+    picture.value.save_as(tmp_path / "card.png")
+    with Image.open(tmp_path / "card.png") as card:
+        assert card.size == (1200, 630)
+    with page.expect_download() as film:
+        page.click("#film")
+        assert page.is_disabled("#film")
+        desk.let_pass(desk.match("seconds") / 3 + 0.3)
+        assert float(page.input_value("#moment")) == len(ended) - 1, "all of it is shown"
+        desk.let_pass(2)
+    film.value.save_as(tmp_path / film.value.suggested_filename)
+    assert (tmp_path / "apollonius.webm").read_bytes().startswith(b"\x1aE\xdf\xa3"), "Matroska's first bytes"
+    link = page.evaluate("navigator.clipboard.readText()").removeprefix(desk.address)
+    page = desk.open(link)
+    assert page.inner_text("#goal") == "Red: knows any arena. Blue: a person"
+    desk.play(9)
+    assert desk.match("replay().states") == ended
+    for damaged in (link[:-20], link[:30] + "A" * 9, "#replay=", link + "A" * 20_000):
+        page = desk.open(damaged)
+        assert page.inner_text("#message") == "The link's game cannot be played again; copy the whole link"
 
 
 def test_a_slider_shows_how_the_opponent_learned(desk):

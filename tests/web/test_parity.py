@@ -333,6 +333,14 @@ def as_json(game):
     return json.loads(json.dumps(to_dict(game)))
 
 
+def test_a_passage_that_is_too_narrow_for_one_robot_is_said():
+    walls = [[[2, 0], [2.2, 0], [2.2, 2.6], [2, 2.6]], [[2, 3.4], [2.2, 3.4], [2.2, 6], [2, 6]]]
+    arena = {"x_max": 8, "y_max": 6, "polygons": [{"vertices": wall} for wall in walls]}
+    wide, narrow = ask(survey=[json.dumps({"arena": arena, "pursuer": {"radius": one}}) for one in (0.45, 0.2)])
+    assert wide.startswith("the free space falls into 2 parts, and a robot never leaves the one it starts in")
+    assert narrow is None
+
+
 def test_games_are_read_as_the_package_reads_them():
     names = [name for name in game_names() if not name.startswith("team") and name not in LIMITED]
     for name, read in zip(names, ask(read=[json.dumps(to_dict(find_game(name))) for name in names]), strict=True):
@@ -379,6 +387,12 @@ def test_what_the_package_refuses_the_page_refuses(number, complaints, tmp_path)
     assert len(complaint) < 300
 
 
+def test_a_damaged_link_is_refused_in_a_line():
+    damaged = ["#game=*", "#game=_w", f"#game={'e' * 200_000}", "#other"]
+    said = [answer.get("complaint") for answer in ask(links=damaged)]
+    assert said == [*["it is damaged; copy the whole link"] * 2, "it is too long", None]
+
+
 def test_shapes_stay_shapes():
     moves = ask(moves=1)
     assert moves["nothing"], "a block without a width is no change"
@@ -386,3 +400,8 @@ def test_shapes_stay_shapes():
     assert moves["far"] == [[4, 0], [9, 0], [9, 0.2], [4, 0.2]]
     assert moves["small"] == 0
     assert len({x for x, _ in moves["crossed"]}) == 2
+
+
+def test_a_link_plays_the_game_again_with_all_its_robots_and_its_fog():
+    for played, again in ask(shared=[[1, 1, False], [3, 2, False], [1, 1, True]]):
+        assert played == again

@@ -75,8 +75,15 @@ def test_home_leads_to_the_same_game_on_the_whole_screen_and_back(browser, addre
         tab.locator(".ways a").click()
         tab.locator("#go:enabled").wait_for()
         assert tab.inner_text("#goal").startswith("1. ")
-        tab.locator("h1 a").dispatch_event("click")
-        tab.frame_locator(".hero iframe").locator("#go:enabled").wait_for()
+        tab.locator("#lead").click()
+        game = tab.frame_locator(".hero iframe")
+        game.locator("#go:enabled").wait_for()
+        game.locator("#menu").click()
+        game.locator("#levels button").nth(4).click()
+        game.locator("#goal", has_text="5. ").wait_for()
+        game.locator("#lead").click()
+        tab.locator("#go:enabled").wait_for()
+        assert tab.inner_text("#goal").startswith("5. "), "another level, chosen in the frame"
 
 
 def test_the_gallery_leads_to_a_game_in_its_arena(browser, address):

@@ -5,7 +5,7 @@ import { MOST_ROBOTS } from "./calls.js";
 import { drawGround, scaled } from "./draw.js";
 import { make } from "./files.js";
 import { EVADER, ROLES, countsOf, other, partsOf, teamName } from "./game.js";
-import { LEVELS, levelOf, won } from "./levels.js";
+import { LEVELS, bestOf, endless, levelOf } from "./levels.js";
 import { ANYWHERE, DIFFICULTIES, ruleNames } from "./players.js";
 import { SHIELDED, YOU, bare, inWords } from "./words.js";
 
@@ -107,15 +107,21 @@ export class Choices {
     return { pursuer: named(pursuer), evader: named(evader), game, difficulty, seed: Number(seed), level: null };
   }
 
-  /** What an address asks for: a level, or what the form then says; and what is wrong with the address, or null. */
-  fromAddress(query) {
+  /**
+   * What an address asks for: a level, or what the form then says; and what is wrong with the address, or null.
+   *
+   * @param linked the game that a link brings, if one does
+   */
+  fromAddress(query, linked = null) {
     const values = Object.fromEntries(new URLSearchParams(query));
-    const level = levelOf(values.level ?? (query ? null : this.chosen.level));
-    const missing = this.fill(values);
+    const level = levelOf(values.level ?? (query || linked ? null : this.chosen.level));
+    const [, counts] = partsOf(values.game ?? "", this.games);
+    const missing = this.fill(linked ? { ...values, game: counts ? teamName(linked, counts) : linked } : values);
+    if (linked && !query) this.refit(); // nobody is asked for who knows another arena only
     if ("level" in values && !level) missing.unshift("level");
     const name = missing.find((one) => one in values);
     const said = name ? `There is no ${name} "${values[name].slice(0, 60)}": Start plays another game, or choose under Games.` : null;
-    return [level ? asChoice(level) : this.read(), said];
+    return [level ? asChoice(values.endless && level.side === EVADER ? endless(level) : level) : this.read(), said];
   }
 }
 
@@ -127,20 +133,24 @@ export function asChoice(level) {
 
 /** Return a choice as the query of an address. */
 export function asQuery({ level, ...choice }) {
-  return `?${new URLSearchParams(level ? { level: level.number } : choice)}`;
+  return `?${new URLSearchParams(level ? { level: level.number, ...(level.isEndless && { endless: 1 }) } : choice)}`;
 }
 
-/** Buttons for all levels, with their arenas and whether each has been won. */
+/** Buttons for all levels, with their arenas and what has been reached in each. */
 export function levelButtons(games, colours, current, onChoice) {
-  const done = won();
   return LEVELS.map((level) => {
     const { arena } = games[partsOf(level.game, games)[0]];
     const picture = make("canvas", { width: PICTURE, height: PICTURE, ariaHidden: "true" });
     drawGround(scaled(picture, arena), arena, colours);
-    const reached = done.includes(level.name) ? "; ✓ won" : "";
-    const about = make("small", {}, `${level.side === EVADER ? "flee" : "hunt"}, ${level.difficulty}${reached}`);
+    const best = bestOf(level);
+    const isFlight = level.side === EVADER;
+    const reached = best === null ? "" : `; ✓ won${isFlight ? "" : `, ${best.toFixed(1)} s`}`;
+    const about = make("small", {}, `${isFlight ? "flee" : "hunt"}, ${level.difficulty}${reached}`);
     const button = make("button", { onclick: () => onChoice(level) }, picture, `${level.number}. ${level.name}`, about);
     if (level === current) button.setAttribute("aria-current", "true");
-    return make("li", {}, button);
+    const longest = bestOf(endless(level));
+    const ever = `Endless${longest === null ? "" : `: ${longest.toFixed(1)} s so far`}`;
+    const more = isFlight && best !== null ? [make("button", { onclick: () => onChoice(endless(level)) }, ever)] : [];
+    return make("li", {}, button, ...more);
   });
 }

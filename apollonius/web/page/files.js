@@ -1,5 +1,5 @@
 // Files that the page loads when it is first asked for, as the fields of maps, games from a catalogue, and what it makes:
-// elements, files that a person saves.
+// elements, links, files that a person saves.
 
 import { inTeams, partsOf } from "./game.js";
 
@@ -49,4 +49,10 @@ export function saveAs(name, content, type) {
   const href = URL.createObjectURL(new Blob([content], { type }));
   make("a", { href, download: name }).click();
   setTimeout(() => URL.revokeObjectURL(href), 1000);
+}
+
+/** Copy a link, and put it into the address bar. */
+export async function copyLink(url) {
+  history.replaceState(null, "", url);
+  await navigator.clipboard?.writeText(url).catch(() => null);
 }

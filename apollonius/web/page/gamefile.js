@@ -1,9 +1,11 @@
-// Games from JSON files: what is left out has its default, and what cannot be played is refused with the value, the bound and
-// the remedy, as `arenas/record.py` and `game/validation.py` do.
+// Games from elsewhere, a JSON file or a link: what is left out has its default, and what cannot be played is refused with the
+// value, the bound and the remedy, as `arenas/record.py` and `game/validation.py` do.
 
 import { hasMeetingEdges } from "./plan.js";
 import { given } from "./programs.js";
 import { drawStart, makeRandom } from "./starts.js";
+
+const LONGEST = 20_000; // characters of a link
 
 /** The game of a JSON text. Throws an Error in one line. */
 export function readGame(text) {
@@ -19,9 +21,33 @@ export function readGame(text) {
 }
 
 /** A game as JSON; a map by the name of its YAML file, which lies beside it. */
-export function writeGame(game) {
+export function writeGame(game, indent = 2) {
   const { map, ...arena } = game.arena;
-  return JSON.stringify({ ...game, arena: map ? { ...arena, map: map.file } : arena }, null, 2);
+  return JSON.stringify({ ...game, arena: map ? { ...arena, map: map.file } : arena }, null, indent);
+}
+
+/** Put bytes through a compressing or decompressing stream. */
+const through = (stream, bytes) => new Response(new Blob([bytes]).stream().pipeThrough(stream)).arrayBuffer();
+
+/** Return a mark and the JSON after it as the fragment of a link: compressed, in base64url. Throws an Error where it is too long. */
+export async function asFragment(mark, json) {
+  const bytes = new Uint8Array(await through(new CompressionStream("deflate-raw"), json));
+  const letters = btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
+  if (letters.length > LONGEST) throw new Error("this game is too long for a link: save it");
+  return mark + letters.replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
+}
+
+/** Return the JSON after a mark in a link's fragment, or null where there is no such mark. Throws an Error in one line. */
+export async function fromFragment(mark, fragment) {
+  if (!fragment.startsWith(mark)) return null;
+  const letters = fragment.slice(mark.length).replaceAll("-", "+").replaceAll("_", "/");
+  if (letters.length > LONGEST) throw new Error("it is too long");
+  try {
+    const bytes = Uint8Array.from(atob(letters), (letter) => letter.charCodeAt(0));
+    return new TextDecoder("utf-8", { fatal: true }).decode(await through(new DecompressionStream("deflate-raw"), bytes));
+  } catch {
+    throw new Error("it is damaged; copy the whole link");
+  }
 }
 
 const MAX_TURN = 2; // in one step [rad]
@@ -41,7 +67,7 @@ export const DEFAULT = {
   capture_distance: 0.3,
   dt: 0.1,
   max_steps: 1000,
-  reward: { profile: "paper", capture: 10, failure: 10, progress: 3, along_paths: false },
+  reward: { profile: "paper", capture: 10, failure: 10, progress: 3, along_paths: false, zero_sum_within: undefined },
   starts: { speed: "rest", clearance: 0.3, separation: 1 },
 };
 const DISC = { x: null, y: null, radius: null };
@@ -115,6 +141,8 @@ function check(game, ends) {
   const { dt, capture_distance: capture, max_steps: steps, starts, arena, reward } = game;
   require(["paper", "zero-sum"].includes(reward.profile), "reward.profile", reward.profile, "paper or zero-sum");
   require(typeof reward.along_paths === "boolean", "reward.along_paths", reward.along_paths, "true or false");
+  const within = reward.zero_sum_within ?? 1;
+  require(Number.isFinite(within) && within > 0 && within <= MAX_SIZE, "reward.zero_sum_within", within, "more than 0 m");
   require(["rest", "moving"].includes(starts.speed), "starts.speed", starts.speed, "rest or moving");
   require(dt >= SHORTEST, "dt", dt, `at least ${SHORTEST} s, which the page keeps up with`);
   require(Math.fround(capture) > 0, "capture_distance", capture, "more than 0 m");

@@ -7,6 +7,8 @@ import { SHIELDED, bare } from "./words.js";
 
 const LASTS = 3; // of the slow replay, at least [s]
 const SLOWER = 2; // times slower than it was
+const FASTER = 3; // times faster, in a film
+const AFTERWARDS = 1.5; // the end of a film, which stands still [s]
 const GIVEN = { [PURSUER]: 20, [EVADER]: 10 }; // how long a pursuer has to win, and an evader to stay free [s]
 const STRIDE = 1; // between moments that are tried [s]
 const FARTHEST = 20; // before the end [s]
@@ -21,13 +23,19 @@ export class SlowReplay {
   /** Play from a state, by its number, or from a few seconds before the end if that is earlier; `now` is the time [s]. */
   play(number, now) {
     const moments = Math.max(1, Math.round(LASTS / SLOWER / this.match.game.dt));
-    Object.assign(this, { first: clip(number, 0, Math.max(0, this.last - moments)), begun: now, held: null });
+    Object.assign(this, { first: clip(number, 0, Math.max(0, this.last - moments)), begun: now, held: null, slower: SLOWER });
+  }
+
+  /** Play all of it faster than it was; returns how long that takes [s]. */
+  film(now) {
+    Object.assign(this, { first: 0, begun: now, held: null, slower: 1 / FASTER, isFilmed: true });
+    return (this.last * this.match.game.dt) / FASTER + AFTERWARDS;
   }
 
   /** The number of the state that is shown at a time [s], whole or between two. */
   at(now) {
     if (this.held !== null) return this.held;
-    return Math.min(this.first + Math.max(0, now - this.begun) / SLOWER / this.match.game.dt, this.last);
+    return Math.min(this.first + Math.max(0, now - this.begun) / this.slower / this.match.game.dt, this.last);
   }
 }
 

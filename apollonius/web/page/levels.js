@@ -31,6 +31,8 @@ export const LEVELS = [
   { name: "Three hunters", side: EVADER, against: "pure-pursuit", difficulty: "gentle", game: "team-3v1", seconds: 30 },
 ].map((level, index) => ({ seed: index + 1, ...level, number: index + 1 }));
 
+const ENDLESS = 600; // [s]
+
 /** The level of a number in an address, or null. */
 export const levelOf = (number) => LEVELS[Number(number) - 1] ?? null;
 
@@ -38,6 +40,9 @@ export const levelOf = (number) => LEVELS[Number(number) - 1] ?? null;
 export function levelWonBy({ choice, match }, me) {
   return me && choice?.level && match?.isOver && match.winner === me ? (LEVELS[choice.level.number] ?? null) : null;
 }
+
+/** Return a level of an evader in which it plays for as long as it lasts, and not only up to a limit. */
+export const endless = (level) => ({ ...level, name: `${level.name}, endless`, seconds: ENDLESS, isEndless: true });
 
 /** Return a game with the time limit of a level, and its fog. */
 export function ofLevel(game, { seconds, isFoggy }) {
@@ -51,22 +56,31 @@ export const withOpenFloor = (games) => {
   return { ...games, open: { ...paper, arena: { ...paper.arena, discs: [] } } };
 };
 
-const KEY = "apollonius.won";
+const KEY = "apollonius.best";
 
-/** Return the names of the levels that have been won. */
-export function won() {
+function read() {
   try {
-    return localStorage.getItem(KEY)?.split("\n") ?? [];
+    const kept = JSON.parse(localStorage.getItem(KEY) ?? "{}");
+    return kept !== null && typeof kept === "object" ? kept : {};
   } catch {
-    return []; // of a browser that keeps nothing
+    return {};
   }
 }
 
-/** Keep that a level has been won. */
-export function keepWon({ name }) {
+/** Return the time [s] of the fastest win of a level, of an endless one the longest game, or null. */
+export function bestOf({ name }) {
+  const seconds = read()[name];
+  return Number.isFinite(seconds) ? seconds : null;
+}
+
+/** Keep the time of a game if it is the best of a level; returns whether it is. */
+export function keepBest(level, seconds) {
+  const best = bestOf(level);
+  if (best !== null && (level.isEndless ? seconds <= best : seconds >= best)) return false;
   try {
-    localStorage.setItem(KEY, [...new Set([...won(), name])].join("\n"));
+    localStorage.setItem(KEY, JSON.stringify({ ...read(), [level.name]: seconds }));
   } catch {
     // A browser that keeps nothing: the game is the same.
   }
+  return true;
 }

@@ -1,10 +1,11 @@
 // The page: buttons, keys and choices in, frames out. What is played is a `Session`.
 
 import { Choices, asChoice, levelButtons } from "./choices.js";
-import { make, saveAs } from "./files.js";
+import { copyLink, make, saveAs } from "./files.js";
 import { EVADER, PURSUER } from "./game.js";
 import { SHARES, learner, withOpenFloor } from "./levels.js";
 import { Session } from "./session.js";
+import { asReplayLink, drawCard, fromReplayLink, record } from "./share.js";
 import { Stage } from "./stage.js";
 import { Steering } from "./steering.js";
 import { LAYERS } from "./why.js";
@@ -33,7 +34,7 @@ function showPhase(message) {
   if (share >= 0) showShare(share);
   const { arena } = match.game;
   document.body.style.setProperty("--aspect", (arena.x_max - arena.x_min) / (arena.y_max - arena.y_min));
-  element("goal").textContent = (choice.level ? `${choice.level.number}. ` : "") + describeGoal(match, me);
+  element("goal").textContent = (choice.level ? `${choice.level.number}. ` : "") + describeGoal(match, me, choice.level?.isEndless);
   for (const role of [PURSUER, EVADER]) {
     element(`${role}-name`).textContent = wordsOf(match.players[role]);
     element(`${role}-score`).textContent = match.score[role];
@@ -73,7 +74,29 @@ const actions = {
     const { match } = page;
     saveAs(`game-${match.number}-${match.outcome}.json`, JSON.stringify(match.replay()), "application/json");
   },
+  show: () => share().catch((error) => (element("message").textContent = `Not shared: ${error.message}`)),
+  film: () => film().catch((error) => (element("message").textContent = `No film: ${error.message}`)),
 };
+
+/** Copy a link that plays the game again, and save or hand on its picture. */
+async function share() {
+  const text = element("message").textContent;
+  const picture = new File([await drawCard(element("canvas"), text, stage.colours)], "apollonius.png", { type: "image/png" });
+  const url = location.href.split(/[?#]/)[0] + (await asReplayLink(page.match));
+  const shared = { title: "Apollonius", text, url, files: [picture] };
+  if (matchMedia("(pointer: coarse)").matches && navigator.canShare?.(shared)) return navigator.share(shared);
+  await copyLink(url);
+  saveAs(picture.name, picture, picture.type);
+  element("message").textContent = "The picture is saved. The link that plays this game again is copied, and in the address bar.";
+}
+
+/** Show the whole game again, quickly, and save what is seen as a film. */
+async function film() {
+  const made = record(element("canvas"), page.ending.film(performance.now() / 1000));
+  element("film").disabled = true;
+  const video = await made.finally(() => (element("film").disabled = false));
+  saveAs(`apollonius.${video.type.includes("mp4") ? "mp4" : "webm"}`, video, video.type);
+}
 
 function choose(choice) {
   element("games").close();
@@ -132,6 +155,7 @@ function wire() {
   }
   for (const type of ["keydown", "keyup"]) document.addEventListener(type, onKey);
   globalThis.addEventListener("blur", () => steering.release());
+  globalThis.addEventListener("hashchange", () => location.reload());
   document.addEventListener("visibilitychange", () => document.hidden && page.pause());
   element("games").addEventListener("close", () => document.activeElement?.blur());
   element("choices").addEventListener("submit", (event) => {
@@ -152,6 +176,14 @@ function wire() {
   for (const role of [PURSUER, EVADER]) steering.attach(element(`pad-${role}`), role);
 }
 
+/** In a frame of another page, lead to the same game on the whole screen. */
+function leadOut() {
+  if (self === top) return;
+  const words = "The same game on the whole screen";
+  Object.assign(element("lead"), { href: location.href, textContent: "⤢", ariaLabel: words, title: words, hidden: false });
+  element("lead").addEventListener("click", ({ target }) => (target.href = location.href));
+}
+
 async function main() {
   page.enter("loading", "Loading…");
   const catalogue = await (await fetch("catalogue.json")).json();
@@ -159,10 +191,18 @@ async function main() {
   choices = new Choices(element("choices"), catalogue, page.catalogue.games);
   workshop = new Workshop(element, page, choices);
   wire();
+  leadOut();
   requestAnimationFrame(frame);
-  const [choice, unknown] = choices.fromAddress(location.search);
+  let [linked, unplayable] = await workshop.offerLinked(location.hash);
+  const [choice, unknown] = choices.fromAddress(location.search, linked);
+  try {
+    const watched = await fromReplayLink(location.hash);
+    if (watched) return page.watch(watched);
+  } catch (error) {
+    unplayable ??= error.message;
+  }
   await page.begin(choice);
-  if (page.match && unknown) element("message").textContent = unknown;
+  if (page.match && (unplayable ?? unknown)) element("message").textContent = unplayable ?? unknown;
 }
 
 main().catch((error) => page.enter("loading", `This page cannot start: ${error.message}`));

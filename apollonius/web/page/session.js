@@ -2,9 +2,9 @@
 
 import { asChoice, asQuery } from "./choices.js";
 import { findGame } from "./files.js";
-import { ACTIONS, ROLES, countsOf, isActive, other } from "./game.js";
+import { ACTIONS, EVADER, ROLES, countsOf, isActive, other } from "./game.js";
 import { SlowReplay, hasCrashed, lastBrake, lastChance, standIn } from "./hindsight.js";
-import { keepWon, levelWonBy, ofLevel } from "./levels.js";
+import { keepBest, levelWonBy, ofLevel } from "./levels.js";
 import { Match } from "./match.js";
 import { findTeam, shielded } from "./players.js";
 import { YOU, bare, describeBrake, describeChance, describeEnd, describeReady } from "./words.js";
@@ -47,7 +47,7 @@ export class Session {
   /** Begin a match as chosen. A later choice that comes while agents load takes the place of this one. */
   async begin(choice) {
     this.choice = choice;
-    history.replaceState(null, "", asQuery(choice));
+    history.replaceState(null, "", asQuery(choice) + location.hash.replace(/^#replay=.*/, ""));
     this.enter("loading", "Loading…");
     try {
       const hasPerson = ROLES.filter((role) => choice[role] === YOU).length === 1;
@@ -70,6 +70,13 @@ export class Session {
     } catch (error) {
       if (this.choice === choice) this.enter("loading", `${error.message}. Choose otherwise under Games.`);
     }
+  }
+
+  /** Begin a game that has been played, to be played again. */
+  watch(match) {
+    Object.assign(this, { match, choice: { level: null } });
+    match.decide();
+    this.#makeReady();
   }
 
   #beginGame() {
@@ -153,7 +160,7 @@ export class Session {
   #finish() {
     const { match, me, choice } = this;
     const who = me && { role: me, number: 0 };
-    if (choice.level && match.winner === me) keepWon(choice.level);
+    this.isBest = choice.level && (choice.level.isEndless || match.winner === me) && keepBest(choice.level, match.seconds);
     this.ending = new SlowReplay(match);
     this.ending.play(Infinity, performance.now() / 1000);
     const hasLost = me && match.winner !== me;
@@ -164,10 +171,11 @@ export class Session {
 
   /** Say how the game ended, and show it again from where it was lost, if that is known and no other moment is held. */
   #tell(lostAt, loss) {
-    const { match, me } = this;
+    const { match, me, isBest, choice } = this;
     this.lostAt = lostAt;
-    if (lostAt !== null && !this.seen) this.ending.play(lostAt, performance.now() / 1000);
-    this.enter("over", [describeEnd(match, me), loss].filter(Boolean).join(" "));
+    if (lostAt !== null && !this.seen && !this.ending.isFilmed) this.ending.play(lostAt, performance.now() / 1000);
+    const best = isBest && (me === EVADER && !choice.level.isEndless ? "New under Games: this level, endless." : "Your best so far.");
+    this.enter("over", [describeEnd(match, me, choice.level?.isEndless), loss, best].filter(Boolean).join(" "));
   }
 
   /** Begin to look for the moment when a game was lost; where nobody can take the person's place, nothing is said. */

@@ -46,8 +46,8 @@ export const wordsOf = (players) => [...new Set(players.map(({ words }) => words
 const COLOUR = { [PURSUER]: "red", [EVADER]: "blue" };
 const asTime = (seconds) => `${seconds.toFixed(1)}\u00a0s`;
 
-/** Return the goal of a match. `me` is the side of the one person who plays, or null. */
-export function describeGoal({ game, players, start }, me) {
+/** Return the goal of a match. `me` is the side of the one person who plays, or null; who plays an endless level has no limit. */
+export function describeGoal({ game, players, start }, me, isEndless = false) {
   if (!me) {
     const [red, blue] = ROLES.map((role) => wordsOf(players[role]));
     return red === blue ? "Red hunts, blue flees" : `Red: ${red}. Blue: ${blue}`;
@@ -57,13 +57,14 @@ export function describeGoal({ game, players, start }, me) {
   const hidden = game.sensors ? " (walls hide you both)" : "";
   const you = `You are ${COLOUR[me]}${ours > 1 ? ` 1 of ${ours}` : ""}${hidden}`;
   if (me === EVADER && game.arena.territory) return `${you}: reach the ring within ${limit}`;
-  if (me === EVADER) return `${you}: survive ${theirs > 1 ? `${theirs} reds for ` : ""}${limit}`;
+  const long = isEndless ? "as long as you can" : `${theirs > 1 ? "for " : ""}${limit}`;
+  if (me === EVADER) return `${you}: survive ${theirs > 1 ? `${theirs} reds ` : ""}${long}`;
   const blue = { 1: "blue", 2: "both blues" }[theirs] ?? `all ${theirs} blues`;
   return game.arena.territory ? `${you}: keep ${blue} from the ring for ${limit}` : `${you}: catch ${blue} within ${limit}`;
 }
 
 /** Return how a game ended, and who has won, from the view of a person on one side, if there is one. */
-export function describeEnd({ game, outcome, start, seconds, winner }, me) {
+export function describeEnd({ game, outcome, start, seconds, winner }, me, isEndless = false) {
   const own = start[me]?.length > 1 ? "your team" : "you";
   const [red, blue] = ROLES.map((role) => (role === me ? own : COLOUR[role]));
   const isMine = outcome === "no_result" && me === EVADER && !game.arena.territory;
@@ -79,7 +80,7 @@ export function describeEnd({ game, outcome, start, seconds, winner }, me) {
   const said = `${happened[0].toUpperCase()}${happened.slice(1)} ${isMine ? "for" : "after"} ${asTime(seconds)}`;
   if (winner === null) return `${said}: nobody wins.`;
   if (!me) return `${said}: ${COLOUR[winner]} wins.`;
-  return winner === me ? `${said}. You win!` : `${said}. You lose.`;
+  return winner === me ? `${said}. You win!` : `${said}.${isEndless ? "" : " You lose."}`;
 }
 
 /** Return until when a person who crashed could have braked, by the number of a state; empty where that is unknown. */

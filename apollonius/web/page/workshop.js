@@ -1,10 +1,12 @@
-// Where arenas are drawn: tools, sliders and files around the editor, and the way to the game and back.
+// Where arenas are drawn: tools, sliders, files and links around the editor, and the way to the game and back.
 
 import { Editor, TOOLS } from "./editor.js";
-import { make, saveAs } from "./files.js";
-import { DEFAULT, gameFrom, readGame, writeGame } from "./gamefile.js";
+import { copyLink, make, saveAs } from "./files.js";
+import { DEFAULT, asFragment, fromFragment, gameFrom, readGame, writeGame } from "./gamefile.js";
 import { cleared, withSize } from "./plan.js";
+import { survey } from "./survey.js";
 
+const MARK = "#game="; // before a game in a link
 const DRAWN = "drawn"; // what the arena of this page's person is called among the games
 const HINTS = {
   select: "Drag to move, drag a dot to resize.",
@@ -58,10 +60,26 @@ export class Workshop {
 
   /** Play in the arena as it is drawn, with players that know any. */
   play() {
-    const { game, session } = this;
-    session.catalogue = { ...session.catalogue, games: { ...session.catalogue.games, [DRAWN]: game } };
+    this.#offer(this.game);
+    this.session.begin(this.choices.read());
+  }
+
+  /** Put a drawn game among the others, and choose it. */
+  #offer(game) {
+    const { catalogue } = this.session;
+    this.session.catalogue = { ...catalogue, games: { ...catalogue.games, [DRAWN]: game } };
     this.choices.addGame(DRAWN, game);
-    session.begin(this.choices.read());
+  }
+
+  /** Offer the game of a link's fragment, if it has one; returns its name, or null, and what is wrong with it, or null. */
+  async offerLinked(fragment) {
+    try {
+      const text = await fromFragment(MARK, fragment);
+      if (text !== null) this.#offer(readGame(text));
+      return [text !== null ? DRAWN : null, null];
+    } catch (error) {
+      return [null, `The arena in this link cannot be played: ${error.message}.`];
+    }
   }
 
   // ---- what is said of the arena
@@ -74,10 +92,12 @@ export class Workshop {
     element("undo").disabled = !this.editor.past.length;
     try {
       this.checked = gameFrom({ ...game, arena }, map ?? null);
+      const wrong = survey(this.checked);
+      element("findings").textContent = wrong ? `✗ ${wrong}` : "✓ Nothing is wrong with this arena.";
     } catch (error) {
       this.problem = error;
+      element("findings").textContent = `✗ ${error.message}.`;
     }
-    element("findings").textContent = this.problem ? `✗ ${this.problem.message}.` : "";
     element("play-here").disabled = this.problem !== null;
   }
 
@@ -144,7 +164,7 @@ export class Workshop {
     }
   }
 
-  // ---- files
+  // ---- files and links
 
   #wire() {
     const { element, editor } = this;
@@ -153,6 +173,7 @@ export class Workshop {
     on("remove", () => editor.remove());
     on("clear", () => editor.change(editor.game.arena.map ? DEFAULT : cleared(editor.game)));
     on("save", () => this.#trying(() => this.#save()));
+    on("share", () => this.#trying(() => this.#share()));
     on("open", () => element("file").click());
     element("file").addEventListener("change", async ({ target }) => {
       await this.openFile(target.files[0]);
@@ -165,5 +186,12 @@ export class Workshop {
   #save() {
     saveAs("arena.json", writeGame(this.game), "application/json");
     this.#say("Saved. apollonius play --game arena.json plays it, apollonius train --game arena.json trains for it.");
+  }
+
+  async #share() {
+    if (this.game.arena.map) throw new Error("a map is too large for a link: save the game and send its files");
+    const link = new URL(await asFragment(MARK, writeGame(this.game, 0)), location.href.split("#")[0].split("?")[0]).href;
+    await copyLink(link);
+    this.#say("The link to this arena is copied, and in the address bar.");
   }
 }

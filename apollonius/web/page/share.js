@@ -1,0 +1,112 @@
+// What a person can show to others of a game that is over: a picture with its trails, and a link that plays it again.
+
+import { MOST_ROBOTS } from "./calls.js";
+import { make } from "./files.js";
+import { inFog } from "./fog.js";
+import { HOLD, PURSUER, ROLES, countsOf, inTeams, isContinuous } from "./game.js";
+import { asFragment, fromFragment, gameFrom } from "./gamefile.js";
+import { Match, asRow } from "./match.js";
+import { YOU, inWords } from "./words.js";
+
+const MARK = "#replay=";
+const CARD = { width: 1200, height: 630, margin: 40 }; // [pixels], as pages that show links cut pictures
+const FILM = { side: 480, rate: 15 }; // the longer side [pixels], frames in a second
+const NUMBERS = 4; // of a robot in a row of a replay
+
+/** Return the fragment of a link to a finished game: its rules, how many play and whether in fog, its start, and what all did. */
+export async function asReplayLink(match) {
+  const { game: all, pursuer, evader, actions } = match.replay();
+  const { teams, sensors, ...game } = all;
+  const counts = countsOf(all);
+  if (game.arena.map) throw new Error("a game on a map is too large for a link: save the replay");
+  if (JSON.stringify(inTeams(game, ...counts).teams) !== JSON.stringify(teams)) throw new Error("team mates differ: save the replay");
+  const said = { game, counts, isFoggy: Boolean(sensors), pursuer, evader, actions, start: asRow(match.start) };
+  return asFragment(MARK, JSON.stringify(said));
+}
+
+/** Return the match that a link's fragment plays again, or null where it has none. Throws an Error in one line. */
+export async function fromReplayLink(fragment) {
+  try {
+    const text = await fromFragment(MARK, fragment);
+    return text === null ? null : again(JSON.parse(text));
+  } catch {
+    throw new Error("The link's game cannot be played again; copy the whole link");
+  }
+}
+
+/** Return a match in which all robots do what they did. */
+function again({ game: said, counts = [1, 1], isFoggy, start, actions, ...names }) {
+  if (!counts.every((count) => count >= 1 && count <= MOST_ROBOTS && count % 1 === 0)) throw new Error("other teams");
+  const rules = inTeams(gameFrom(said), ...counts);
+  const game = isFoggy ? inFog(rules) : rules;
+  const isAction = (one) => (isContinuous(one) ? one.length === 2 && one.every(Number.isFinite) : one >= 0 && one <= 8 && one % 1 === 0);
+  const players = Object.fromEntries(ROLES.map((role) => [role, []]));
+  const match = new Match(game, players, 0);
+  const robots = ROLES.flatMap((role) => match.start[role]);
+  if (!actions.every((all) => all.length === robots.length && all.every(isAction))) throw new Error("other actions");
+  if (start.length !== NUMBERS * robots.length || !start.every(Number.isFinite)) throw new Error("another start");
+  for (const [place, robot] of robots.entries()) {
+    const [x, y, v, heading] = start.slice(NUMBERS * place);
+    Object.assign(robot, { x, y, v, heading });
+  }
+  for (const [side, role] of ROLES.entries()) {
+    const name = String(names[role]).slice(0, 60);
+    const words = name === YOU ? "a person" : inWords(name.replace(/ \(.*/, ""));
+    const place = (number) => number + (role === PURSUER ? 0 : counts[0]);
+    const act = (_game, _state, { number }, states) => actions[states.length - 1]?.[place(number)] ?? HOLD;
+    players[role].push(...Array.from({ length: counts[side] }, () => ({ name: `${name} (again)`, words, act })));
+  }
+  match.next = match.again; // which has one start
+  return match;
+}
+
+/** Return a film of what a canvas shows for some time [s], as small as a slow machine can keep up with. */
+export function record(canvas, seconds) {
+  if (!globalThis.MediaRecorder) throw new Error("this browser makes no films: save the replay");
+  const scale = FILM.side / Math.max(canvas.width, canvas.height);
+  const [width, height] = [canvas.width, canvas.height].map((side) => Math.round(scale * side));
+  const frame = make("canvas", { width, height });
+  const context = frame.getContext("2d");
+  const recorder = new MediaRecorder(frame.captureStream(FILM.rate));
+  const parts = [];
+  recorder.addEventListener("dataavailable", ({ data }) => parts.push(data));
+  recorder.start();
+  setTimeout(() => recorder.stop(), 1000 * seconds);
+  context.fillStyle = getComputedStyle(document.body).backgroundColor;
+  const copy = () => {
+    context.fillRect(0, 0, width, height);
+    context.drawImage(canvas, 0, 0, width, height);
+    if (recorder.state === "recording") requestAnimationFrame(copy);
+  };
+  copy();
+  return new Promise((done) => recorder.addEventListener("stop", () => done(new Blob(parts, { type: recorder.mimeType }))));
+}
+
+/** Return a picture of a game that is over: the arena as it is on a canvas, how it ended, and where to play. */
+export function drawCard(canvas, said, colours) {
+  const { width, height, margin } = CARD;
+  const card = make("canvas", { width, height });
+  const context = card.getContext("2d");
+  const style = getComputedStyle(document.body);
+  context.fillStyle = style.backgroundColor;
+  context.fillRect(0, 0, width, height);
+  const side = height - 2 * margin;
+  const scale = Math.min(side / canvas.width, side / canvas.height);
+  const [wide, high] = [scale * canvas.width, scale * canvas.height];
+  context.drawImage(canvas, margin + (side - wide) / 2, (height - high) / 2, wide, high);
+  context.fillStyle = colours.ink;
+  context.font = `600 40px ${style.fontFamily}`;
+  const left = 2 * margin + side;
+  let line = "";
+  let y = 3 * margin;
+  for (const word of [...said.split(" "), null]) {
+    if (word === null || context.measureText(line + word).width > width - margin - left) {
+      context.fillText(line, left, y);
+      [line, y] = ["", y + 52];
+    }
+    line += `${word} `;
+  }
+  context.font = `28px ${style.fontFamily}`;
+  context.fillText("Apollonius: pursuit and evasion", left, height - 1.5 * margin);
+  return new Promise((done) => card.toBlob(done, "image/png"));
+}
