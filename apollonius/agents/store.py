@@ -8,7 +8,6 @@ from typing import Any
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH, Network, QNetwork, make_actor, make_network
@@ -90,16 +89,15 @@ def load_agent(path: Path) -> Agent:
     """
     require_single_precision()
     with _opened_agent(path) as (file, header):
-        template = eqx.filter_eval_shape(
-            _MAKE[header.network], header.observation, header.width, header.depth, jax.random.key(0)
-        )
+        made = header.observation, header.width, header.depth
+        template = eqx.filter_eval_shape(lambda: _MAKE[header.network](*made, jax.random.key(0)))
         expected = named_leaves(template)
         misfit = f"'{path}' has weights that do not fit its header: copy or train it again."
         if kinds_in(file) != kinds_of(expected) or header.num_actions != _ACTIONS[header.network]:
             raise InvalidInput(misfit)
         arrays = {name: file.get_tensor(name) for name in expected}
     require_finite(path, arrays, "train it again")
-    leaves = [jnp.asarray(array) for array in arrays.values()]
+    leaves = jax.device_put(list(arrays.values()))
     return Agent(jax.tree.unflatten(jax.tree.structure(template), leaves), header)
 
 

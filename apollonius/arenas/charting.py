@@ -16,6 +16,7 @@ from apollonius.game.game import Game
 from apollonius.game.obstacle import between_nodes, bilinear
 from apollonius.game.types import Scalar
 from apollonius.io.cache import Memory
+from apollonius.io.kept import Kept
 
 _STEPS = ((1, 0), (0, 1), (1, 1), (-1, 1), (2, 1), (-2, 1), (1, 2), (-1, 2))
 """From each coarse cell to those beside it, columns and rows: eight directions, and as many between them both ways."""
@@ -67,8 +68,8 @@ def largest_radius(game: Game) -> float:
 def _charts(arenas: list[Arena], radius: float) -> Chart:
     drawn = [_latest.get((arena, radius), functools.partial(_drawn, arena, radius)) for arena in arenas]
     stacked = [np.stack(leaves) for leaves in zip(*drawn, strict=True)]
-    field, lengths, visible, links, x, y, side = (jnp.asarray(leaf) for leaf in stacked)
-    return Chart(field, lengths, visible, x[:, 0], y[:, 0], side[:, 0], links)
+    field, lengths, visible, links, *place = stacked
+    return jax.device_put(Chart(field, lengths, visible, *(one[:, 0] for one in place), links))
 
 
 def _drawn(arena: Arena, radius: float) -> _Leaves:
@@ -87,7 +88,7 @@ def clearances(arena: Arena, x: Float[Array, " corners"], y: Float[Array, " corn
     return jax.lax.map(lambda y: jax.vmap(lambda x: arena.clearance(x, y))(x), y)
 
 
-@jax.jit
+@Kept
 def paths(
     field: _Field, side: Scalar, radius: Scalar
 ) -> tuple[UInt16[Array, "coarse coarse"], UInt16[Array, "cells cells"]]:

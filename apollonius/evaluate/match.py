@@ -19,6 +19,7 @@ from apollonius.game.game import Game, distance, sample_starts
 from apollonius.game.outcome import PURSUER_WINS, counts_by_name, evader_winning
 from apollonius.game.types import ROLES, GameState, Outcome, Scalar
 from apollonius.io.errors import InvalidInput, require
+from apollonius.io.kept import Kept
 from apollonius.io.limits import GAMES, SEED
 from apollonius.io.workers import Job, Run
 from apollonius.play.playout import Report, Results, play_out
@@ -93,7 +94,7 @@ class Match:
         return self.players.map(lambda player: solo(player.policy))
 
 
-@jax.jit
+@Kept
 def keys_of(seed: UInt32[Array, ""]) -> tuple[PRNGKeyArray, PRNGKeyArray]:
     start_key, play_key = jax.random.split(jax.random.key(seed))
     return start_key, play_key
@@ -189,7 +190,7 @@ def _detours(match: Match) -> Float[np.ndarray, " games"] | None:
     return np.asarray(_ways_over_lines(game, begin(match)[0]))
 
 
-@jax.jit
+@Kept
 def _ways_over_lines(game: Game, starts: GameState) -> Float[Array, " games"]:
     def over_line(start: GameState) -> Scalar:
         chart, here, there = game.at(start).arena.chart, start.pursuer, start.evader

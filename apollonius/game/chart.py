@@ -14,6 +14,7 @@ from jaxtyping import Array, Bool, Float, Int, UInt16, UInt32
 
 from apollonius.game.obstacle import between_nodes, bilinear
 from apollonius.game.types import Scalar
+from apollonius.io.kept import Kept
 
 SIDE = 192
 """Cells of the field of clearances along the arena's longer side."""
@@ -161,7 +162,7 @@ def _between(middle: Scalar, share: Scalar) -> tuple[Int[Array, ""], Scalar]:
     return before.astype(jnp.int32), jnp.clip(share * COARSE - 0.5 - before, 0.0, 1.0)
 
 
-@jax.jit
+@Kept
 def entries(
     field: Float[Array, "corners corners"], visible: UInt16[Array, "cells cells"]
 ) -> UInt32[Array, "coarse_rows coarse_columns"]:

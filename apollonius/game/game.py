@@ -24,6 +24,7 @@ from apollonius.game.starts import Starts
 from apollonius.game.teams import Body, Teams
 from apollonius.game.types import ROLES, Action, GameState, Outcome, Real, RobotState, Role, Scalar, Timestep
 from apollonius.io.errors import require
+from apollonius.io.kept import Kept
 
 MAX_STEPS = 2**31 - 1
 """Largest time limit [steps]: steps are counted in 32 bits."""
@@ -222,7 +223,7 @@ def sample_starts(game: Game, key: PRNGKeyArray, games: int) -> GameState:
     return jax.device_put(jax.tree.map(lambda *leaves: np.concatenate(leaves)[:games], *blocks))
 
 
-@jax.jit
+@Kept
 def _draw_block(game: Game, key: PRNGKeyArray, first: UInt32[Array, ""]) -> GameState:
     # The i-th key that `split` makes is that of `fold_in` with i.
     index = first + jnp.arange(_BLOCK, dtype=jnp.uint32)

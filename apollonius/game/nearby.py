@@ -10,6 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from apollonius.game.polygon import Edge, Edges, Polygon
 from apollonius.game.types import Real, Scalar
+from apollonius.io.kept import Kept
 
 _CELLS = 64
 """Cells along the longer side of the indexed rectangle."""
@@ -41,7 +42,7 @@ def surroundings(
     polygons: Sequence[Polygon], reach: float, x_min: float, x_max: float, y_min: float, y_max: float
 ) -> Surroundings:
     """Index polygons for a rectangle [m], by a reach [m]."""
-    edges = Edges.of(polygons).edges
+    edges = _edges_of(tuple(polygons))
     size = max(x_max - x_min, y_max - y_min)
     cell = size / _CELLS
     columns, rows = (max(1, int(np.ceil((high - low) / cell))) for low, high in ((x_min, x_max), (y_min, y_max)))
@@ -62,6 +63,11 @@ def surroundings(
     edges = jax.tree.map(lambda some, one: jnp.concatenate([some, one]), edges, away)
     within = jnp.asarray(filled.reshape(rows, columns, most))
     return Surroundings(edges, within, *map(jnp.float32, (x_min, y_min, cell)))
+
+
+@Kept
+def _edges_of(polygons: tuple[Polygon, ...]) -> Edge:
+    return Edges.of(polygons).edges
 
 
 def _is_within(

@@ -14,6 +14,7 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.sensing import Drives, Sensing
 from apollonius.game.starts import Starts
 from apollonius.io.errors import InvalidInput, require
+from apollonius.io.kept import Kept
 from apollonius.io.limits import ROBOTS
 
 MAX_SIZE = 1e6
@@ -40,7 +41,7 @@ _OPTIONAL = (
 Bodies = BySide[tuple[Unicycle, ...]]
 Points = Float[np.ndarray, "2 _points"]
 
-_clearances = jax.jit(jax.vmap(Arena.clearance, in_axes=(None, 0, 0)))
+_clearances = Kept(jax.vmap(Arena.clearance, in_axes=(None, 0, 0)))
 
 
 def require_single_precision() -> None:

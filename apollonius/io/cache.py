@@ -124,6 +124,7 @@ class Memory(Generic[T]):
         return result
 
 
+_kept: "Entries | None" = None
 _CHECKSUM_BYTES = 4
 _CAPABILITIES = {
     "vendor_id", "cpu family", "model", "flags", "CPU implementer", "CPU architecture", "CPU variant", "CPU part",
@@ -154,10 +155,17 @@ def keep_compilations() -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except (ImportError, AttributeError, OSError):  # another JAX, or no room
         return
-    compilation_cache.get_file_cache = lambda path: (Entries(Path(path)), path)
+    global _kept
+    _kept = entries = Entries(folder)
+    compilation_cache.get_file_cache = lambda path: (entries, path)
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+def kept_entries() -> "Entries | None":
+    """Return the compilations that this process keeps; None where it keeps none of its own."""
+    return _kept
 
 
 def environment() -> str:
@@ -186,8 +194,10 @@ class Entries:
         self._path = folder
         self._largest = largest
         self._size = largest  # not known yet
+        self.latest = ""
 
     def get(self, key: str) -> bytes | None:
+        self.latest = key
         path = self._path / key
         try:
             found = path.read_bytes()

@@ -22,6 +22,7 @@ from apollonius.agents.pool import Pool
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import GameState
+from apollonius.io.kept import Kept
 from apollonius.io.workers import available_cores
 from apollonius.observe.tracking import Sightings
 from apollonius.play.random_bits import random_bits_of
@@ -174,7 +175,7 @@ def _no_results(watcher: AbstractWatcher | None, count: int, games: Games) -> Re
     return Results(nothing, nothing, unwatched, status, sightings)
 
 
-@jax.jit
+@Kept
 def _advance(
     game: Game,
     players: BySide[Pool],

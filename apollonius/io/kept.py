@@ -1,0 +1,131 @@
+"""Compiled functions that a later process neither traces nor lowers.
+
+JAX finds a compilation by its program, which each process has to trace, and that can take longer than the call. Here it
+is found by the sources, JAX's settings, and the arguments: their types and all that is static. Only what surrounds the
+compilation is stored; the compilation itself is JAX's entry in the same cache.
+"""
+
+import functools
+import os
+import pickle
+from collections.abc import Callable
+from contextlib import suppress
+from hashlib import sha256
+from io import BytesIO
+from pathlib import Path
+from typing import Any, Generic, ParamSpec, TypeVar
+
+import equinox as eqx
+import jax
+from jax._src import compilation_cache
+from jax.core import Tracer
+from jax.experimental import serialize_executable as stored
+
+from apollonius.io.cache import Entries, kept_entries
+
+P = ParamSpec("P")
+R = TypeVar("R")
+_SOURCES = Path(__file__).parents[1]
+_KNOWN = {"apollonius", "builtins", "collections", "equinox", "functools", "jax", "jaxlib", "numpy"}
+"""Packages whose sources, or versions, the name of an entry contains."""
+
+
+class Kept(Generic[P, R]):
+    """A function under `jax.jit`, without keywords; kept where `keep_compilations` has been called."""
+
+    def __init__(self, function: Callable[P, R]) -> None:
+        functools.update_wrapper(self, function)
+        self._jitted = jax.jit(function)
+        self._found: dict[Any, Callable[..., Any]] = {}
+
+    def __call__(self, *args: P.args, **_: P.kwargs) -> R:
+        leaves, structure = jax.tree.flatten(args)
+        entries = kept_entries()
+        if entries is None or jax.device_count() > 1 or any(isinstance(leaf, Tracer) for leaf in leaves):
+            return self._jitted(*args)
+        key = structure, tuple(map(jax.typeof, leaves))
+        if key not in self._found:
+            self._found[key] = self._find(entries, args, *key)
+        return self._found[key](*args)
+
+    def _cache_size(self) -> int:
+        return len(self._found) + self._jitted._cache_size()  # pyright: ignore[reportFunctionMemberAccess]
+
+    def _find(self, entries: Entries, args: Any, structure: Any, types: tuple[Any, ...]) -> Callable[..., Any]:
+        settings = sorted(jax.config.values.items()), os.environ.get("XLA_FLAGS"), eqx.__version__, _sources()
+        asked = repr((self.__module__, self.__qualname__, jax.default_backend(), types, settings)).encode()
+        try:
+            static = _pickled(jax.tree.unflatten(structure, range(len(types))))
+            name = f"kept_{self.__name__}-{sha256(asked + static).hexdigest()}"
+        except (pickle.PicklingError, AttributeError, TypeError):  # of a function without a name, or another's class
+            return self._jitted
+        # JAX promises nothing of its insides, and a compilation may have been deleted.
+        with suppress(Exception):
+            if found := entries.get(name):
+                return _load(found, entries, structure)
+        compiled = self._jitted.lower(*args).compile()
+        with suppress(Exception):
+            entries.put(name, _dump(compiled, entries.latest))
+        return compiled
+
+
+class _Static(pickle.Pickler):
+    """Refuses what is of neither these sources nor a package of a known version."""
+
+    def reducer_override(self, obj: Any) -> Any:
+        if (getattr(obj, "__module__", None) or "").split(".")[0] not in _KNOWN:
+            raise pickle.PicklingError(str(obj))
+        return NotImplemented
+
+
+class _Around(stored._JaxPjrtPickler):
+    """Names a compilation, which JAX has stored, in place of what it is."""
+
+    entry = ""
+
+    def persistent_id(self, obj: Any) -> Any:
+        is_compilation = hasattr(obj, "serialize") or type(obj).__name__ == "LoadedExecutable"
+        return ("exec", self.entry) if is_compilation else super().persistent_id(obj)
+
+
+class _Whole(stored._JaxPjrtUnpickler):
+    """Reads the compilation that is named."""
+
+    entries: Entries
+
+    def persistent_load(self, pid: Any) -> Any:
+        if pid[0] == "exec":
+            found = compilation_cache.decompress_executable(self.entries.get(pid[1]) or b"")
+            pid = "exec", compilation_cache.extract_executable_and_time(found)[0]
+        return super().persistent_load(pid)
+
+
+def _dump(compiled: Any, entry: str) -> bytes:
+    """Return what surrounds a compilation, JAX's entry of this name."""
+    assert not compiled._params.const_args, "which have to be handed over"
+    file = BytesIO()
+    pickler = _Around(file)
+    pickler.entry = entry
+    types, made = jax.tree.leaves(compiled.args_info), compiled.out_tree.unflatten(range(compiled.out_tree.num_leaves))
+    pickler.dump((compiled._executable._unloaded_executable, types, compiled._no_kwargs, made))
+    return file.getvalue()
+
+
+def _load(found: bytes, entries: Entries, structure: Any) -> Callable[..., Any]:
+    reader = _Whole(BytesIO(found), jax.devices()[0].client)
+    reader.entries = entries
+    unloaded, types, no_kwargs, made = reader.load()
+    info = jax.tree.unflatten(jax.tree.structure((jax.tree.unflatten(structure, types), {})), types)
+    return jax.stages.Compiled(unloaded.load(), [], info, jax.tree.structure(made), no_kwargs=no_kwargs)
+
+
+@functools.cache
+def _sources() -> str:
+    """Return the digest of the package's files."""
+    return sha256(b"".join(path.read_bytes() for path in sorted(_SOURCES.rglob("*.py")))).hexdigest()
+
+
+def _pickled(tree: Any) -> bytes:
+    file = BytesIO()
+    _Static(file).dump(tree)
+    return file.getvalue()
