@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from apollonius.io.cache import VARIABLE, keep_compilations
+from apollonius.io.kept import Kept
 
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
@@ -62,6 +63,8 @@ def forget_compilations(held_memory):
     many = not maps.exists() or maps.read_bytes().count(b"\n") > MOST_MAPS
     if many or resident() - held_memory["bytes"] > MOST_GROWTH:
         jax.clear_caches()
+        for one in [one for one in gc.get_objects() if type(one) is Kept]:
+            one.found.clear()
         gc.collect()
         held_memory["bytes"] = resident()
 

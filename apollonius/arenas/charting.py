@@ -68,8 +68,9 @@ def largest_radius(game: Game) -> float:
 def _charts(arenas: list[Arena], radius: float) -> Chart:
     drawn = [_latest.get((arena, radius), functools.partial(_drawn, arena, radius)) for arena in arenas]
     stacked = [np.stack(leaves) for leaves in zip(*drawn, strict=True)]
-    field, lengths, visible, links, *place = stacked
-    return jax.device_put(Chart(field, lengths, visible, *(one[:, 0] for one in place), links))
+    known = jax.device_put([*stacked[:4], *(leaf[:, 0] for leaf in stacked[4:])])
+    field, lengths, visible, links, x, y, side = known
+    return Chart(field, lengths, visible, x, y, side, links)
 
 
 def _drawn(arena: Arena, radius: float) -> _Leaves:

@@ -9,8 +9,8 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+import scipy  # its parts are loaded where they are used
 from jaxtyping import Bool, Int
-from scipy.ndimage import label
 
 from apollonius.game.occupancy import OccupancyMap, distance_field
 from apollonius.io.document import read_bytes, to_json, write_atomically
@@ -84,7 +84,7 @@ def connected(
     """Number the connected parts of a grid from 1, and count them; cells also touch at `corners` or not."""
     numbered = np.zeros(cells.shape, np.int32)
     structure = np.ones((3, 3)) if corners else None
-    count = int(label(cells, structure=structure, output=numbered))  # pyright: ignore[reportArgumentType]
+    count = int(scipy.ndimage.label(cells, structure=structure, output=numbered))  # pyright: ignore[reportArgumentType]
     return numbered, count
 
 

@@ -6,6 +6,7 @@ Beyond a bound for each folder of the user's cache the least recently used files
 import functools
 import os
 import platform
+import threading
 import zlib
 from collections.abc import Callable
 from contextlib import suppress
@@ -194,10 +195,10 @@ class Entries:
         self._path = folder
         self._largest = largest
         self._size = largest  # not known yet
-        self.latest = ""
+        self.latest = threading.local()  # its `key` is the last that a thread has asked for
 
     def get(self, key: str) -> bytes | None:
-        self.latest = key
+        self.latest.key = key
         path = self._path / key
         try:
             found = path.read_bytes()

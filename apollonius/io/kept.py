@@ -13,59 +13,60 @@ from contextlib import suppress
 from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
-from typing import Any, Generic, ParamSpec, TypeVar
+from typing import Any, Generic, TypeVar
 
 import equinox as eqx
 import jax
-from jax._src import compilation_cache
 from jax.core import Tracer
 from jax.experimental import serialize_executable as stored
 
 from apollonius.io.cache import Entries, kept_entries
 
-P = ParamSpec("P")
 R = TypeVar("R")
 _SOURCES = Path(__file__).parents[1]
 _KNOWN = {"apollonius", "builtins", "collections", "equinox", "functools", "jax", "jaxlib", "numpy"}
 """Packages whose sources, or versions, the name of an entry contains."""
 
 
-class Kept(Generic[P, R]):
+class Kept(Generic[R]):
     """A function under `jax.jit`, without keywords; kept where `keep_compilations` has been called."""
 
-    def __init__(self, function: Callable[P, R]) -> None:
+    def __init__(self, function: Callable[..., R]) -> None:
         functools.update_wrapper(self, function)
-        self._jitted = jax.jit(function)
-        self._found: dict[Any, Callable[..., Any]] = {}
+        self.name = f"{function.__module__}.{function.__qualname__}"
+        self._jitted: Any = jax.jit(function)
+        self.found: dict[Any, Callable[..., Any]] = {}
 
-    def __call__(self, *args: P.args, **_: P.kwargs) -> R:
+    def __call__(self, *args: Any) -> R:
         leaves, structure = jax.tree.flatten(args)
         entries = kept_entries()
         if entries is None or jax.device_count() > 1 or any(isinstance(leaf, Tracer) for leaf in leaves):
             return self._jitted(*args)
         key = structure, tuple(map(jax.typeof, leaves))
-        if key not in self._found:
-            self._found[key] = self._find(entries, args, *key)
-        return self._found[key](*args)
+        if key not in self.found:
+            self.found[key] = self._find(entries, args, *key)
+        return self.found[key](*args)
 
     def _cache_size(self) -> int:
-        return len(self._found) + self._jitted._cache_size()  # pyright: ignore[reportFunctionMemberAccess]
+        return len(self.found) + self._jitted._cache_size()
 
     def _find(self, entries: Entries, args: Any, structure: Any, types: tuple[Any, ...]) -> Callable[..., Any]:
         settings = sorted(jax.config.values.items()), os.environ.get("XLA_FLAGS"), eqx.__version__, _sources()
-        asked = repr((self.__module__, self.__qualname__, jax.default_backend(), types, settings)).encode()
+        asked = repr((self.name, jax.default_backend(), types, settings)).encode()
         try:
             static = _pickled(jax.tree.unflatten(structure, range(len(types))))
-            name = f"kept_{self.__name__}-{sha256(asked + static).hexdigest()}"
+            name = f"kept_{self.name}-{sha256(asked + static).hexdigest()}"
         except (pickle.PicklingError, AttributeError, TypeError):  # of a function without a name, or another's class
             return self._jitted
         # JAX promises nothing of its insides, and a compilation may have been deleted.
         with suppress(Exception):
             if found := entries.get(name):
                 return _load(found, entries, structure)
-        compiled = self._jitted.lower(*args).compile()
+        lowered = self._jitted.lower(*args)
+        entries.latest.key = None  # which it stays where this process has compiled the same before
+        compiled = lowered.compile()
         with suppress(Exception):
-            entries.put(name, _dump(compiled, entries.latest))
+            entries.put(name, _dump(compiled, entries.latest.key))
         return compiled
 
 
@@ -78,31 +79,34 @@ class _Static(pickle.Pickler):
         return NotImplemented
 
 
-class _Around(stored._JaxPjrtPickler):
+class _Around(getattr(stored, "_JaxPjrtPickler", pickle.Pickler)):  # pyright: ignore[reportGeneralTypeIssues, reportUntypedBaseClass]
     """Names a compilation, which JAX has stored, in place of what it is."""
 
-    entry = ""
+    entry: str
 
     def persistent_id(self, obj: Any) -> Any:
         is_compilation = hasattr(obj, "serialize") or type(obj).__name__ == "LoadedExecutable"
         return ("exec", self.entry) if is_compilation else super().persistent_id(obj)
 
 
-class _Whole(stored._JaxPjrtUnpickler):
+class _Whole(getattr(stored, "_JaxPjrtUnpickler", pickle.Unpickler)):  # pyright: ignore[reportGeneralTypeIssues, reportUntypedBaseClass]
     """Reads the compilation that is named."""
 
     entries: Entries
 
     def persistent_load(self, pid: Any) -> Any:
         if pid[0] == "exec":
+            from jax._src import compilation_cache
+
             found = compilation_cache.decompress_executable(self.entries.get(pid[1]) or b"")
             pid = "exec", compilation_cache.extract_executable_and_time(found)[0]
         return super().persistent_load(pid)
 
 
-def _dump(compiled: Any, entry: str) -> bytes:
+def _dump(compiled: Any, entry: str | None) -> bytes:
     """Return what surrounds a compilation, JAX's entry of this name."""
-    assert not compiled._params.const_args, "which have to be handed over"
+    assert entry
+    assert not compiled._params.const_args, "they would have to be handed over"
     file = BytesIO()
     pickler = _Around(file)
     pickler.entry = entry

@@ -138,8 +138,7 @@ def _play_share(
         first: index of the game of the first row.
         under_way: empty slots.
     """
-    done, new, steps = begun, 0, 1
-    window = len(under_way.index) * _WINDOW
+    done, new, steps, window = begun, 0, 1, len(under_way.index) * _WINDOW
     while done < end:
         asked = time.perf_counter()
         count = min(window, end - begun)
