@@ -3,6 +3,7 @@
 import subprocess
 from dataclasses import replace
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -15,6 +16,7 @@ from apollonius.agents.pool import solo
 from apollonius.agents.trained import find_trained
 from apollonius.arenas.file import find_game
 from apollonius.arenas.record import to_dict
+from apollonius.arenas.suite import suite_arena, suite_names
 from apollonius.cli.main import main
 from apollonius.export import writing
 from apollonius.export.bag import Bag, ask_again
@@ -25,6 +27,7 @@ from apollonius.export.translate import translated
 from apollonius.export.writing import check, write_c
 from apollonius.game.by_side import BySide
 from apollonius.game.game import reset_batch
+from apollonius.game.scenario import stack_arenas
 from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput
 from apollonius.play.rollout import begin, step_games
@@ -35,7 +38,7 @@ CLASSICAL = ("pure-pursuit", "intercept", "flee", "flee-aware", "voronoi-pursuit
 QUICK = ("paper", "shielded:P_smooth")
 ALL = [
     pytest.param(game, shield + name, language, marks=() if (game, shield + name) == QUICK else pytest.mark.slow)
-    for game in ("paper", "office", "team-3v1", "examples/dodecahedron.toml")
+    for game in ("paper", "office", "team-3v1", "examples/dodecahedron.toml", "drawn")
     for name in [*zoo_names(), *CLASSICAL]
     for shield in ("", "shielded:")
     for language in ("c", "page")
@@ -43,6 +46,8 @@ ALL = [
 ALL += [
     pytest.param("lidar", f"shielded:{name}", "c", marks=pytest.mark.slow) for name in ("search", "searching:pursuer")
 ]
+"""In a map and in many arenas too."""
+DRAWN = 200
 
 
 def exportable(game, name, side=None):
@@ -51,19 +56,50 @@ def exportable(game, name, side=None):
     return find_exportable(name, side_of(name, side or ("evader" if either else None)), game)
 
 
-def in_c(player, cases):
-    compiled = Compiled(translated(player.decide, *player.arguments, name="robot"))
-    return lambda *given: compiled(player.policy, player.game, *given)[:2]
+def games_of(name):
+    """The game of this name, or the paper's in many arenas of one shape."""
+    if name != "drawn":
+        return [find_game(name)]
+    arenas = stack_arenas([suite_arena("suite-v1", one) for one in suite_names("suite-v1", "train")[:DRAWN]])
+    arena = [jax.tree.map(lambda leaf: leaf[place], arenas) for place in range(DRAWN)]  # noqa: B023
+    return [replace(find_game("paper"), arena=one) for one in arena]
 
 
-def on_the_page(player, cases):
-    """How a player decides in the page, which is asked about all cases at once."""
-    if player.name in ("random", "shielded:random"):
+def with_wide_index(player):
+    """The player, the index of its shield padded to one size for all arenas: square, with room for all edges."""
+    index = getattr(getattr(player.package, "backup", None), "surroundings", None)
+    if index is None:
+        return player
+    (rows, columns, edges), last = index.within.shape, len(index.edges.x) - 1
+    size = max(rows, columns)
+    within = jnp.pad(index.within, [(0, size - rows), (0, size - columns), (0, 0)], mode="edge")
+    within = jnp.pad(within, [(0, 0), (0, 0), (0, last - edges)], constant_values=last)
+    policies = player.package, player.policy
+    wider = [eqx.tree_at(lambda shield: shield.backup.surroundings.within, one, within) for one in policies]
+    return replace(player, package=wider[0], policy=wider[1])
+
+
+def in_c(players, asked):
+    programs = {}
+    for player in players:
+        shape = str(jax.tree.map(jnp.shape, (player.policy, player.game)))
+        compiled = programs.get(shape) or programs.setdefault(
+            shape, Compiled(translated(player.decide, *player.arguments, name="robot"))
+        )
+        yield lambda *given: compiled(player.policy, player.game, *given)[:2]  # noqa: B023
+    print(len(programs), "programs")
+
+
+def on_the_page(players, asked):
+    """How players decide in the page, which is asked about all cases at once."""
+    if players[0].name in ("random", "shielded:random"):
         pytest.skip("the page has random numbers of its own")
-    (actions,) = ask(plays=[to_the_page(player, cases)])
-    kind, body = jnp.float32 if player.policy.continuous else jnp.int32, player.game.bodies[player.role][0]
-    answers = zip(np.array(actions), np.stack(jax.vmap(body.controls)(jnp.asarray(actions, kind)), axis=1), strict=True)
-    return lambda *_: next(answers)
+    taken = ask(plays=[to_the_page(*both) for both in zip(players, asked, strict=True)])
+    for player, actions in zip(players, taken, strict=True):
+        kind, body = jnp.float32 if player.policy.continuous else jnp.int32, player.game.bodies[player.role][0]
+        controls = np.stack(jax.vmap(body.controls)(jnp.asarray(actions, kind)), axis=1)
+        answers = zip(np.array(actions), controls, strict=True)
+        yield lambda *_: next(answers)  # noqa: B023
 
 
 def to_the_page(player, cases):
@@ -89,15 +125,18 @@ LANGUAGES = {"c": in_c, "page": on_the_page}
 @pytest.mark.timeout(3000)
 @pytest.mark.parametrize(("game", "name", "language"), ALL)
 def test_players_decide_as_the_packages(game, name, language):
-    states = 200 if (game, name) == QUICK else 10_000
+    games, states = games_of(game), 200 if (game, name) == QUICK else 10_000
     try:
-        player = exportable(game, name)
+        players = [exportable(one, name) for one in games]
     except InvalidInput as refusal:
         pytest.skip(str(refusal))
-    cases = cases_of(player, states)
-    found = compare(LANGUAGES[language](player, cases), player, cases)
-    print(game, name, language, found)
-    assert (found.states, found.errors) == (states, 0)
+    players = list(map(with_wide_index, players)) if game == "drawn" else players
+    asked = [cases_of(one, states // len(games), seed) for seed, one in enumerate(players)]
+    three = zip(LANGUAGES[language](players, asked), players, asked, strict=True)
+    found = [compare(*each) for each in three]
+    total = {word: sum(getattr(one, word) for one in found) for word in ("states", "ties", "errors")}
+    print(game, name, language, total, f"controls within {max(one.away for one in found):.0e}")
+    assert (total["states"], total["errors"]) == (states, 0)
 
 
 @pytest.mark.parametrize("name", ["P_pool", pytest.param("shielded:search", marks=pytest.mark.slow)])
