@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ DONE, STOPPED = "done", "stopped"
 POLL_SECONDS = 0.2
 """Time between two looks at whether to stop."""
 _RESTARTS = 10
-"""How many times a job begins again that reaches its time limit on Slurm, or whose worker on Ray is lost."""
+"""Most restarts of a job that reached its time limit on Slurm, or whose worker was lost."""
 _QUEUE_LOOKS = 15
 """Looks at whether to stop between two at Slurm's queue."""
 _SLURM_MINUTES = 24 * 60
@@ -132,7 +133,10 @@ def _work(job: Job, core: int, parent: int) -> Ending:
 
 
 def on_slurm(jobs: Sequence[Job], logs: Path | None) -> Iterator[tuple[Job, Ending]]:
-    """Run the jobs as an array, one core each; the environment variables of `sbatch` say partition, time and memory."""
+    """Run the jobs as an array, one core each; the environment variables of `sbatch` say partition, time and memory.
+
+    A job that left the queue without a result was lost, and is submitted again.
+    """
     require_extra("slurm", "slurm")
     import submitit  # pyright: ignore[reportMissingImports]
 
@@ -143,7 +147,7 @@ def on_slurm(jobs: Sequence[Job], logs: Path | None) -> Iterator[tuple[Job, Endi
             with asked_to_stop(again=False):  # by scancel, a preemption or a requeue
                 return job.run()
 
-    cancelled, ask = False, ["squeue", "-h", "-r", "-o", "%i", "-u", str(os.getuid())]
+    losses, cancelled, ask = Counter[str](), False, ["squeue", "-h", "-r", "-o", "%i", "-u", str(os.getuid())]
     passing = TemporaryDirectory(prefix=".apollonius-", dir=Path.cwd())  # where other machines find it, too
     with nullcontext(logs) if logs else passing as folder:
         executor = submitit.SlurmExecutor(Path(folder).absolute(), max_num_timeout=_RESTARTS)
@@ -160,8 +164,13 @@ def on_slurm(jobs: Sequence[Job], logs: Path | None) -> Iterator[tuple[Job, Endi
                     job, log = waiting.pop(one), one.paths.stderr
                     if one.paths.result_pickle.exists():
                         yield job, (f"see {log}", None) if one.exception() else one.result()
+                    elif cancelled:
+                        yield job, (STOPPED, None)
+                    elif losses[job.name] == _RESTARTS:
+                        yield job, (f"it was lost {_RESTARTS + 1} times, see {log}", None)
                     else:
-                        yield job, (STOPPED if cancelled else f"it was lost, see {log}", None)
+                        losses[job.name] += 1
+                        waiting[executor.submit(Call(), job)] = job
                 for _ in range(_QUEUE_LOOKS):
                     if asked() and not cancelled:
                         break

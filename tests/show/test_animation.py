@@ -30,7 +30,7 @@ from apollonius.show import palette, style
 from apollonius.show.animation import LINE, MARGIN, Captioned, fog, frames, save_animation
 from apollonius.show.arena import draw_arena
 from apollonius.show.canvas import SIZE, Canvas
-from apollonius.show.palette import OBSTACLE
+from apollonius.show.palette import DARK, LIGHT, OBSTACLE
 from apollonius.show.slices import _TURNS, _draw_actions, save_slice, slice_values
 from apollonius.show.style import draw_rate, draw_seeds, draw_strips, smooth
 from tests.show.conftest import BLUE, RED, WHITE, colour_at
@@ -276,6 +276,24 @@ def test_strips_have_a_dot_for_each_pair_of_trainings_and_an_interval_beside_the
         [80, 100],
     ]
     assert [label.get_text() for label in axes.get_xticklabels()] == ["a", "b"]
+
+
+def luminance(colour):
+    """WCAG 2's relative luminance of a colour."""
+    c = np.array(ImageColor.getrgb(colour)) / 255
+    return float(np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4) @ [0.2126, 0.7152, 0.0722])
+
+
+def contrast(*colours):
+    low, high = sorted(map(luminance, colours))
+    return (high + 0.05) / (low + 0.05)
+
+
+@pytest.mark.parametrize("theme", [LIGHT, DARK], ids=["light", "dark"])
+def test_words_can_be_read_and_shapes_seen(theme):
+    for ground in ("paper", "panel"):
+        assert min(contrast(theme[name], theme[ground]) for name in ("ink", "quiet", "pursuer", "evader")) >= 4.5
+    assert min(contrast(theme[name], theme["paper"]) for name in ("obstacle", "other")) >= 3
 
 
 OPPONENT = RobotState(*map(jnp.float32, (7.5, 7.0, 0.4, -1.0)))
