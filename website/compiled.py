@@ -8,7 +8,7 @@ from typing import Any
 
 from apollonius.export.c import Program
 from apollonius.export.record import Record
-from apollonius.web.programs import compiled, digest, page_programs, sources
+from apollonius.web.programs import OF_PAGE, compiled, digest, page_programs, sources
 from apollonius.web.site import PAGE
 
 COMPILED = PAGE / "compiled.js"
@@ -36,7 +36,7 @@ def _layouts(programs: Iterable[Program]) -> dict[str, Any]:
 
 def _text(programs: Sequence[Program], made_of: str) -> str:
     """Return the JavaScript that holds some programs."""
-    module = compiled(programs)
+    module = compiled(programs, OF_PAGE)
     layouts = json.dumps(_layouts(programs), separators=(",", ":"))
     return (
         f"// Made by `make page` from `apollonius/web/programs.py`.\n\n{made_of}"

@@ -140,9 +140,15 @@ def run_slice(options: argparse.Namespace) -> int:
     return 0
 
 
+PLAYER = (
+    "a rule such as intercept, a zoo agent, a .safetensors file, or a .wasm file of your own; shielded: may precede it"
+)
+"""Help for an argument that names a player of the page."""
+
+
 def add_play(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--as", dest="side", choices=SIDES, default="evader", help="your side (default: evader)")
-    about = f"your opponent: {AGENT} (default: the best there is, a little slow to see)"
+    about = f"your opponent: {PLAYER} (default: the best there is, a little slow to see)"
     parser.add_argument("--against", type=known_agent, metavar="AGENT", help=about)
     add_game(parser)
     parser.add_argument("--seed", type=count(SEED), default=0, help="seed of the starts (default: %(default)s)")

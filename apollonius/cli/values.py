@@ -22,7 +22,7 @@ LARGEST = 1e6
 """Largest real number that is taken: places, speeds and angles of a game are smaller."""
 _NEEDED = {".png": "plot", ".html": "plot"}
 """Extras without which files with these endings cannot be written."""
-_FILES = (".safetensors", ".json")
+_FILES = (".safetensors", ".json", ".wasm")
 """Suffixes of the files of players and of replays."""
 VALUES = Counted(0, most=100, least=2)
 """Values of a number that is varied."""

@@ -1,4 +1,4 @@
-"""The programs of the page: the functions of `functions.py`, translated and compiled."""
+"""The programs of the page, and of a user's own player: the functions of `functions.py`, translated and compiled."""
 
 import hashlib
 import inspect
@@ -13,11 +13,12 @@ from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from apollonius.agents.classical import AbstractClassical
 from apollonius.agents.guidance import Flee, FleeAware, Intercept, PurePursuit, Territory
 from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH
+from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.surrounding import Encirclement, VoronoiPursuit
 from apollonius.export.c import Program, files
 from apollonius.export.translate import translated
@@ -26,6 +27,7 @@ from apollonius.game.chart import COARSE, SIDE, Chart
 from apollonius.game.polygon import Edge
 from apollonius.game.teams import Body
 from apollonius.game.types import RobotState, Scalar
+from apollonius.io.document import write_atomically
 from apollonius.io.errors import require
 from apollonius.observe.belief import Belief
 from apollonius.observe.registry import find_observation
@@ -89,6 +91,24 @@ def _made(function: Callable[..., Any], name: str | None = None, **shapes: Any) 
         return translated(function, *given, name=name or function.__name__, whole=True)
 
 
+def player_program(player: AbstractPolicy) -> Program:
+    """Return a player of a user's own as the page calls it, from all that a robot sees to its action; raises
+    InvalidInput for a player with a memory or with continuous actions.
+    """
+    plays = not jax.tree.leaves(player.memory) and not player.continuous
+    require(
+        plays, "player", type(player).__name__, "one with discrete actions and without a memory, to play in the page"
+    )
+
+    def own(
+        robots: Robots, floor: Floor, field: Field, chart: Chart, capture_distance: Scalar, dt: Scalar
+    ) -> Int[Array, ""]:
+        seen = robots.seen(floor.arena(field, chart), capture_distance)
+        return jnp.asarray(player(player.observation(seen), (), jnp.uint32(0))[0], jnp.int32)
+
+    return _made(own)
+
+
 def page_programs() -> Iterator[Program]:
     """Yield all programs of the page."""
     yield _made(step, levels=jax.ShapeDtypeStruct((2 * ROBOTS, 2), jnp.float32))
@@ -137,10 +157,17 @@ def _examples() -> dict[str, Any]:
     }
 
 
+_FLAGS = ("-target", "wasm32-wasi", "-std=c99", "-O2", "-msimd128", "-s")
 _STACK = 2**24
 """For the arrays of functions [bytes]; the paths of a chart have 5 MB."""
-_LINKER = f"-Wl,-z,stack-size={_STACK},--export=__heap_base"
-_FLAGS = ("-target", "wasm32-wasi", "-std=c99", "-O2", "-msimd128", "-s", "-mexec-model=reactor", _LINKER)
+OF_PAGE = ("-mexec-model=reactor", f"-Wl,-z,stack-size={_STACK},--export=__heap_base")
+"""Flags for a module with a memory of its own."""
+_OWN, _OWN_END = 2**26, 2**26 + 2**23
+"""Addresses in the page's memory of the constants and the stack of a user's own player, as in `programs.js` [bytes]."""
+_OF_PLAYER = (
+    "-mexec-model=reactor",
+    f"-Wl,-z,stack-size={2**21},--import-memory,--global-base={_OWN},--initial-memory={_OWN_END}",
+)
 
 
 def sources(programs: Iterable[Program]) -> dict[str, str]:
@@ -153,15 +180,22 @@ def digest(files: dict[str, str]) -> str:
     return hashlib.sha256("".join(f"{name}\n{text}" for name, text in files.items()).encode()).hexdigest()
 
 
-def compiled(programs: Sequence[Program]) -> bytes:
+def compiled(programs: Sequence[Program], flags: Sequence[str]) -> bytes:
     """Return the module with some programs; raises InvalidInput where the compiler is not installed."""
     require(find_spec("ziglang") is not None, "ziglang", "missing", "installed, as it compiles: pip install ziglang")
     texts = sources(programs)
     with tempfile.TemporaryDirectory() as folder:
         for name, text in texts.items():
             Path(folder, name).write_text(text)
-        command = [sys.executable, "-m", "ziglang", "cc", *_FLAGS]
+        command = [sys.executable, "-m", "ziglang", "cc", *_FLAGS, *flags]
         command += [*(f"-Wl,--export={program.name}" for program in programs), "-o", "programs.wasm"]
         command += [*(name for name in texts if name.endswith(".c")), "-lm"]
         subprocess.run(command, cwd=folder, check=True)
         return Path(folder, "programs.wasm").read_bytes()
+
+
+def write_player(player: AbstractPolicy, path: Path) -> None:
+    """Write a player as a file that `apollonius play --against FILE` takes; raises InvalidInput for a player that the
+    page cannot play, or where the compiler is not installed.
+    """
+    write_atomically(path, compiled([player_program(player)], _OF_PLAYER))

@@ -40,6 +40,8 @@ READS = ("paper", "encoded", *ANY_ARENA)
 """Observations for which the page has a program."""
 ROBOTS = 6
 """Most robots of a side in the page, whose programs always have as many places for them."""
+OWN = ".wasm"
+"""Suffix of the files of users' own players (`apollonius.web.programs.write_player`)."""
 _BEGINS_WITH = ("pursuer", "evader", "game", "difficulty", "seed", "level")
 _MADE = f"one that the page makes: {', '.join(READS)}; choose another player"
 
@@ -82,12 +84,18 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     is_first = against is None and person == Role.EVADER and (game, seed) == ("paper", 0)
     name = against or SHIELDED + (BEST if game in AT_HOME else ANY)[side]
     bare = name.removeprefix(SHIELDED)
-    found = find_player(name, side, rules)
+    own = Path(bare) if bare.endswith(OWN) else None
+    found = None if own else find_player(name, side, rules)
     rule_players = [rule for rule in PLAYERS if rule not in BY_CHART and BuiltIn().fits(rule, side, rules)]
-    playable = (found.header is not None and not bare.startswith(SEARCHING)) or bare in rule_players
-    require(playable, "opponent", name, f"a trained agent, or one of {', '.join(rule_players)}")
+    is_agent = found is not None and found.header is not None and not bare.startswith(SEARCHING)
+    playable = found is None or is_agent or bare in rule_players
+    require(playable, "opponent", name, f"a trained agent, a {OWN} file, or one of {', '.join(rule_players)}")
     agents = {}
-    if found.header is not None:
+    if own:
+        is_there = own.is_file() and own.read_bytes()[:4] == b"\0asm"
+        require(is_there, "opponent", bare, "a file that apollonius.web.programs.write_player has written")
+        name, agents = name.removesuffix(bare) + own.stem, {own.stem: own}
+    elif found is not None and found.header is not None:
         require(found.header.observation in READS, "observation", found.header.observation, _MADE)
         path = find_trained(bare)[1].resolve()
         # Two runs give their agents the same names, and those of the zoo.
@@ -109,12 +117,13 @@ def write_site(folder: Path, choice: Choice | None = None) -> None:
     paths = {name: ZOO / f"{name}.safetensors" for name in zoo_names()}
     paths |= {path.stem: path for path in sorted(LEARNERS.glob("*.safetensors"))} | chosen.agents
     for number, (name, path) in enumerate(paths.items()):
-        header = load_header(path)
-        if header.observation in READS:
+        header = None if path.suffix == OWN else load_header(path)
+        if header is None or header.observation in READS:
             published[name] = f"agents/{number}{path.suffix}"
             shutil.copyfile(path, folder / published[name])
-            names[header.role].append(name)
-            anywhere += [name] if header.observation in ANY_ARENA else []
+            for side in [header.role] if header else names:
+                names[side].append(name)
+            anywhere += [name] if header is None or header.observation in ANY_ARENA else []
     known = {name: find_game(name) for name in game_names()}
     games = {name: game for name, game in known.items() if game.sensors is None and game.drives is None} | chosen.games
     catalogue = {

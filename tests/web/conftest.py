@@ -1,5 +1,7 @@
 """One site and one browser for all tests of the page, with a tab at a desk and one on a phone."""
 
+from pathlib import Path
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -13,14 +15,15 @@ from tests.web.test_server import serving
 
 @pytest.fixture(scope="package")
 def address(tmp_path_factory):
-    """Of the page, with a game on a map."""
+    """Of the page, with a game on a map, and a player of a user's own."""
     folder = tmp_path_factory.mktemp("page")
     occupied = np.zeros((80, 120), bool)
     occupied[30:34, :90] = True
     field = jnp.asarray(distance_field(occupied, 0.1))
     floor = OccupancyMap(field, -1.0, 2.0, 0.1, str(folder / "floor.yaml"), "0" * 64)
     games = {"hall": Game(arena=Arena(-1.0, 11.0, 2.0, 10.0, map=floor))}
-    chosen = Choice("shielded:P_pool", "you", difficulty="sharp", games=games)
+    spiral = {"spiral": Path(__file__).with_name("spiral.wasm")}
+    chosen = Choice("shielded:P_pool", "you", difficulty="sharp", agents=spiral, games=games)
     write_site(folder / "site", chosen)
     with serving(folder / "site") as server:
         yield f"http://localhost:{server.server_port}/"

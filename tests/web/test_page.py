@@ -1,18 +1,32 @@
 """The page in a real browser: a person plays a game to its end, and its replay plays again in Python."""
 
 import itertools
+import json
 import re
 from dataclasses import replace
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from PIL import Image
 
-from apollonius.play.replay import load_replay
+import apollonius
+from apollonius.catalogue import find_player
+from apollonius.game.presets import make_game
+from apollonius.game.types import Role
+from apollonius.io.errors import InvalidInput
+from apollonius.observe.view import look
+from apollonius.play.replay import as_state, load_replay
 from apollonius.show.animation import fog
+from apollonius.web import programs
+from apollonius.web.programs import digest, player_program, sources, write_player
+from tests.documents import REPOSITORY
 from tests.web.browser import needs_chromium, playwright
 
 pytestmark = needs_chromium
+SPIRAL = "68ef36e88dd9c4e8f3a096933aeceddbdf95ea94d314e08f2719119930fbfd16"
+"""SHA-256 of the C sources of `spiral.wasm`, which `write_player` makes anew."""
 
 
 def saved(page, path):
@@ -371,3 +385,47 @@ def test_a_person_leads_a_team_to_its_end(desk, tmp_path):
     assert replay.actions.shape[1] == 4
     assert set(replay.actions[:20, 0]) == {7}
     assert replay.first_difference() is None
+
+
+# ---- a player of one's own
+
+
+@pytest.fixture(scope="module")
+def spiral():
+    """The player in the document, of which `spiral.wasm` is made."""
+    document = (REPOSITORY / "docs" / "how-to" / "export.md").read_text()
+    names = {"apollonius": apollonius, "jnp": jnp}
+    exec(re.search(r"class Spiral.*?\n\n\n", document, re.DOTALL)[0], names)
+    return names["Spiral"]()
+
+
+def test_the_player_in_the_document_plays_on_the_page_as_in_python(desk, spiral, tmp_path):
+    page = desk.open("?pursuer=spiral&evader=flee-aware&seed=2")
+    page.evaluate("() => { const { match } = apollonius.page; while (!match.isOver) match.step(); }")
+    desk.let_pass(0.25)
+    replay = desk.match("replay()")
+    (tmp_path / "game.json").write_text(json.dumps(replay))
+    assert load_replay(tmp_path / "game.json").first_difference() is None
+    game = make_game("paper")
+
+    @jax.jit
+    @jax.vmap
+    def act(row):
+        return spiral(look(game, as_state(row, jnp.asarray(0)), Role.PURSUER), (), jnp.uint32(0))[0]
+
+    taken = np.asarray(replay["actions"])[:, 0]
+    assert len(np.unique(taken)) > 1
+    np.testing.assert_array_equal(taken, act(jnp.asarray(replay["states"][:-1], jnp.float32)))
+
+
+def test_the_player_on_the_page_is_made_of_the_one_in_the_document(spiral):
+    assert digest(sources([player_program(spiral)])) == SPIRAL
+
+
+def test_a_player_that_the_page_cannot_play_is_refused_and_so_is_a_compiler_that_is_missing(tmp_path, monkeypatch):
+    smooth = find_player("P_smooth", Role.PURSUER, make_game("paper")).policy
+    with pytest.raises(InvalidInput, match=r"player = .* discrete actions and without a memory"):
+        write_player(smooth, tmp_path / "smooth.wasm")
+    monkeypatch.setattr(programs, "find_spec", lambda module: None)
+    with pytest.raises(InvalidInput, match=r"ziglang = missing .* pip install ziglang"):
+        programs.compiled([], ())

@@ -256,6 +256,7 @@ def test_an_agent_from_a_run_is_served_too(tmp_path):
         ((Role.EVADER, None, "paper", -1), "seed = -1"),
         ((Role.EVADER, None, "team-7v1", 0), "pursuers = 7 .* at most 6 in the page"),
         ((Role.EVADER, None, "suite-v1/maze-00,maze-01", 0), "in one arena, which the page needs"),
+        ((Role.EVADER, "shielded:none.wasm", "paper", 0), "none.wasm .*write_player"),
     ],
 )
 def test_what_there_is_not_is_refused(arguments, complaint):

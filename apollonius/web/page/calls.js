@@ -3,13 +3,13 @@
 // What was written to their memory last stays there, so that an arena or a chart is copied once and not for every call.
 
 import { ACTIONS, EVADER, OUTCOMES, PURSUER, ROLES, STATUSES, actionLevels, bodiesOf, isActive, other } from "./game.js";
-import { addresses, given, kept, run } from "./programs.js";
+import { addresses, given, kept, ownProgram, run } from "./programs.js";
 
 export const MOST_ROBOTS = given.robots().status.length / 2; // of a side
 const FINE = Math.sqrt(given.chart().visible.length); // cells of a chart's clearances along the arena's longer side
 export const CELLS = Math.sqrt(Math.sqrt(given.chart().lengths.length)); // cells along it between which paths are known
 const MARGIN = 1e-3; // clearance [m] that the shield wants
-const CHARTED = ["egocentric", "team", "voronoi_pursuit", "encirclement", "search"]; // what reads a chart
+const CHARTED = ["egocentric", "team", "voronoi_pursuit", "encirclement", "own", "search"]; // what reads a chart
 const BODY = Object.keys(given.body());
 const ROBOT = ["x", "y", "v", "heading"];
 const fields = new WeakMap(); // addresses of maps' fields
@@ -190,6 +190,16 @@ export function pathsFrom(game, { x, y }) {
   const [{ lengths }, count] = [given.chart(), CELLS ** 2];
   const near = [...cells()].map((cell, index) => [lengths.subarray(count * cell, count * (cell + 1)), weights()[index] / 100]);
   return Float32Array.from({ length: count }, (_, cell) => near.reduce((sum, [path, weight]) => sum + weight * path[cell], 0));
+}
+
+/** A player of a user's own, from the bytes of its module. */
+export function readOwn(buffer) {
+  const act = ownProgram(buffer);
+  const player = (game, ...seen) => {
+    writeView("own", game, ...seen);
+    return [act(game.capture_distance, game.dt)[0], ...ACTIONS];
+  };
+  return { player, values: null };
 }
 
 /** Return whether a rule can be followed in a game with a number of pursuers. */

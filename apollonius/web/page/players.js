@@ -5,7 +5,7 @@
 // same at every difficulty: an easier opponent sees the other side late. Its own robot it always sees as it is, so that a
 // shield stays a shield.
 
-import { CLASSICAL, canStop, clearanceAfter, fits, observe } from "./calls.js";
+import { CLASSICAL, canStop, clearanceAfter, fits, observe, readOwn } from "./calls.js";
 import { load } from "./files.js";
 import { bySight } from "./fog.js";
 import { ACTIONS, EVADER, PURSUER, actionLevels, bodyOf, other, robotOf } from "./game.js";
@@ -151,5 +151,6 @@ export async function findPlayer(catalogue, name, role, difficulty, steer) {
 async function findBare(catalogue, name, role) {
   if (Object.hasOwn(BUILT_IN, name)) return { player: BUILT_IN[name], values: null };
   if (Object.hasOwn(CLASSICAL[role], name)) return { player: byValues(CLASSICAL[role][name]), values: CLASSICAL[role][name] };
-  return load(name, catalogue.files[name], (buffer) => trained(readAgent(buffer)));
+  const isOwn = catalogue.files[name]?.endsWith(".wasm"); // of a user's own, and no network
+  return load(name, catalogue.files[name], isOwn ? readOwn : (buffer) => trained(readAgent(buffer)));
 }

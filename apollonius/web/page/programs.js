@@ -62,17 +62,26 @@ for (const [name, [bytes, leaves]] of Object.entries(LAYOUTS.given)) {
   given[name] = viewsOf(leaves, addresses[name]);
 }
 
-/** A function of the module: from the numbers among its arguments to its result, or to its results by their names. */
-function bound([name, [takes, results]]) {
+/** A function of a module: from the numbers among its arguments to its result, or to its results by their names. */
+function bound(call, [takes, results]) {
   const ends = Object.entries(results).map(([key, [bytes]]) => addresses[key] ?? allocate(bytes));
   const views = Object.entries(results).map(([key, [, leaves]], index) => [key, viewsOf(leaves, ends[index])]);
   const found = Object.fromEntries(views);
-  const call = (...numbers) => {
+  return (...numbers) => {
     let next = 0;
-    exports[name](...takes.map((one) => (isNumber(one) ? numbers[next++] : addresses[one])), ...ends);
+    call(...takes.map((one) => (isNumber(one) ? numbers[next++] : addresses[one])), ...ends);
     return found.result?.() ?? found;
   };
-  return [name, call];
 }
 
-export const run = Object.fromEntries(Object.entries(LAYOUTS.functions).map(bound));
+export const run = Object.fromEntries(Object.entries(LAYOUTS.functions).map(([name, layout]) => [name, bound(exports[name], layout)]));
+
+const [OWN, OWN_END] = [2 ** 26, 2 ** 26 + 2 ** 23]; // where a user's own module has its constants and its stack
+
+/** The player in a user's own module (`apollonius/web/programs.py`): from numbers to its action. There is room for one. */
+export function ownProgram(bytes) {
+  if (end > OWN) throw new Error("there is no room for another player of your own: reload the page");
+  allocate(OWN_END - end);
+  const { own } = new WebAssembly.Instance(new WebAssembly.Module(bytes), { env: { memory } }).exports;
+  return bound(own, [LAYOUTS.functions.intercept[0], { result: [4, [["", "int32", 1, 0]]] }]);
+}
