@@ -32,7 +32,7 @@ from tests.learn.tiny import GAME, RUN
 DOCS = REPOSITORY / "docs"
 PLACEHOLDERS = {"N": "1", "S": "1", "SIDE": "pursuer", "HOST:PORT": "localhost:1"}
 """What stands in the text for a number or a choice; other words in capitals stand for names."""
-FILES = (".safetensors", ".npz", ".json", ".toml", ".onnx", ".py")
+FILES = (".safetensors", ".npz", ".json", ".toml", ".onnx", ".py", ".wasm")
 
 
 class Parsed(Exception):
