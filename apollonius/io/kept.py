@@ -29,7 +29,7 @@ _KNOWN = {"apollonius", "builtins", "collections", "equinox", "functools", "jax"
 
 
 class Kept(Generic[R]):
-    """A function under `jax.jit`, without keywords; kept where `keep_compilations` has been called."""
+    """A function under `jax.jit`, without keywords; kept on one CPU where `keep_compilations` was called."""
 
     def __init__(self, function: Callable[..., R]) -> None:
         functools.update_wrapper(self, function)
@@ -39,8 +39,8 @@ class Kept(Generic[R]):
 
     def __call__(self, *args: Any) -> R:
         leaves, structure = jax.tree.flatten(args)
-        entries = kept_entries()
-        if entries is None or jax.device_count() > 1 or any(isinstance(leaf, Tracer) for leaf in leaves):
+        entries = kept_entries() if jax.default_backend() == "cpu" and jax.device_count() == 1 else None
+        if entries is None or any(isinstance(leaf, Tracer) for leaf in leaves):
             return self._jitted(*args)
         key = structure, tuple(map(jax.typeof, leaves))
         if key not in self.found:
@@ -52,7 +52,7 @@ class Kept(Generic[R]):
 
     def _find(self, entries: Entries, args: Any, structure: Any, types: tuple[Any, ...]) -> Callable[..., Any]:
         settings = sorted(jax.config.values.items()), os.environ.get("XLA_FLAGS"), eqx.__version__, _sources()
-        asked = repr((self.name, jax.default_backend(), types, settings)).encode()
+        asked = repr((self.name, types, settings)).encode()
         try:
             static = _pickled(jax.tree.unflatten(structure, range(len(types))))
             name = f"kept_{self.name}-{sha256(asked + static).hexdigest()}"
