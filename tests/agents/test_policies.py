@@ -274,7 +274,7 @@ def test_trained_ones_go_together_but_not_with_random_and_have_no_values(tmp_pat
     with pytest.raises(InvalidInput, match="random and still beside discrete ones"):
         find_pool([files[0], "random"], Role.EVADER, make_game("paper"))
     assert main(["slice", files[0], "--opponent", "5", "5", "--out", str(tmp_path / "a.png")]) == 2
-    assert "continuous actions and values none" in capsys.readouterr().err
+    assert "it must be one that values its nine actions" in capsys.readouterr().err
 
 
 RECORD = to_dict(make_game("paper"))

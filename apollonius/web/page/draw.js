@@ -1,13 +1,10 @@
 // A match under way on a canvas, from above: the arena, trails, robots. Lengths are in metres, y points up.
 
-import { clearanceAlong } from "./calls.js";
-import { drawCells } from "./fog.js";
 import { PURSUER, ROLES, bodyOf, isActive, robotOf, robotsOf, wrapAngle } from "./game.js";
 
 const ROBOT = 0.16; // least radius that a robot is drawn with [m]
 const SMALLEST = 0.018; // least radius, as a share of the arena, so that robots are found in large arenas
 const MARGIN = 0.25; // around the walls [m]
-const FOG = 0.3; // how opaque it is
 const MOST_PIXELS = 2048; // along a side of a map's picture; of a larger map some cells are left out
 const mapPictures = new WeakMap();
 
@@ -102,15 +99,6 @@ function drawTrail(context, points, colour) {
   circle(context, ...points[0], 0.08).stroke();
 }
 
-/** A dashed ring where a robot was seen last. */
-function drawSighting(context, { x, y }, colour) {
-  context.strokeStyle = colour;
-  context.lineWidth = 0.03;
-  context.setLineDash([0.08, 0.1]);
-  circle(context, x, y, 2 * ROBOT).stroke();
-  context.setLineDash([]);
-}
-
 /** Draw the occupied cells of a map. */
 function drawMap(context, map, colour) {
   const picture = mapPictures.get(map);
@@ -139,7 +127,7 @@ function paint({ rows, columns, field }, colour) {
 }
 
 /** The ground of an arena and what stands on it; `beneath` draws on the bare ground. */
-export function drawGround(context, arena, colours, beneath = null) {
+export function drawGround(context, arena, colours, beneath) {
   context.fillStyle = colours.paper;
   context.fillRect(arena.x_min, arena.y_min, arena.x_max - arena.x_min, arena.y_max - arena.y_min);
   beneath?.(context);
@@ -152,37 +140,30 @@ export function drawGround(context, arena, colours, beneath = null) {
  *
  * @param canvas sized here to its place in the page and the screen's pixels
  * @param scene {game, states, now, colours}: the rules, the states of the game so far with their trails, the state to
- *   draw the robots at, {paper, ink, obstacle, pursuer, evader}; and if wanted: `steered`, robots {role, number} with a ring
- *   and their way to rest, `layers`, {beneath, above}: what draws on the bare ground, and between trails and robots. Team mates
- *   have their numbers, and a robot that is out of play is a cross. In `fog` (`fogOf`) the rival is seen where it is in sight
+ *   draw the robots at, {paper, ink, obstacle, pursuer, evader}; and if wanted: `beneath` and `above`, functions that draw on
+ *   the bare ground, and between trails and robots. Team mates have their numbers, and a robot that is out of play is a cross.
+ *   In `fog` (`fogOf`) the rival is seen where it is in sight
  */
-export function draw(canvas, { game, states, now, colours, steered = [], layers = null, fog = null }) {
-  const { arena } = game;
-  const context = begin(canvas, arena);
-  drawGround(context, arena, colours, fog?.isHidden ? () => drawCells(context, arena, FOG, fog.credit, colours) : layers?.beneath);
+export function draw(canvas, { game, states, now, colours, beneath, above, fog = null }) {
+  const context = begin(canvas, game.arena);
+  drawGround(context, game.arena, colours, beneath);
   const robots = robotsOf(now, ROLES).filter(({ role }) => !(fog?.isHidden && role === fog.rival));
-  if (fog?.last) drawSighting(context, fog.last, colours[fog.rival]);
   for (const who of robots.filter(({ role }) => role !== fog?.rival)) {
     const trail = states.map((state) => robotOf(state, who)).map(({ x, y }) => [x, y]);
     drawTrail(context, trail, colours[who.role]);
   }
-  layers?.above(context);
-  const least = Math.max(ROBOT, SMALLEST * Math.max(arena.x_max - arena.x_min, arena.y_max - arena.y_min));
-  for (const who of steered) {
-    const robot = robotOf(now, who);
-    drawWayToRest(context, game, who, robot, colours);
-    context.strokeStyle = colours[who.role];
-    context.lineWidth = 0.3 * least;
-    circle(context, robot.x, robot.y, 2.1 * least).stroke();
-  }
-  for (const who of robots) drawRobot(context, game, who, now, least, colours);
+  above?.(context);
+  for (const who of robots) drawRobot(context, game, who, now, colours);
 }
 
-/** One of a game's robots; `least` is the radius that it is drawn with at least. */
-function drawRobot(context, game, who, now, least, colours) {
+/** The least radius that robots are drawn with in an arena [m]. */
+export const leastRadius = ({ x_min, x_max, y_min, y_max }) => Math.max(ROBOT, SMALLEST * Math.max(x_max - x_min, y_max - y_min));
+
+/** One of a game's robots. */
+function drawRobot(context, game, who, now, colours) {
   const { role, number } = who;
   const robot = robotOf(now, who);
-  const radius = Math.max(bodyOf(game, who).radius, least);
+  const radius = Math.max(bodyOf(game, who).radius, leastRadius(game.arena));
   if (!isActive(robot)) {
     context.strokeStyle = colours[role];
     context.lineWidth = 0.4 * radius;
@@ -193,21 +174,8 @@ function drawRobot(context, game, who, now, least, colours) {
 }
 
 /** Return the point at a distance ahead of a robot, or at an angle to it. */
-function ahead(robot, length, angle = 0) {
+export function ahead(robot, length, angle = 0) {
   return [robot.x + length * Math.cos(robot.heading + angle), robot.y + length * Math.sin(robot.heading + angle)];
-}
-
-/** Dots to where a robot would stop if it braked straight ahead; where it would touch something first, a bold line and a cross. */
-function drawWayToRest(context, game, who, robot, colours) {
-  const body = bodyOf(game, who);
-  const [x, y] = ahead(robot, robot.v ** 2 / (2 * Math.max(body.u1_max, 1e-6)));
-  const isLate = robot.v > 0 && clearanceAlong(game.arena, robot, { x, y }) < body.radius;
-  context.strokeStyle = isLate ? colours.ink : colours[who.role];
-  context.lineWidth = isLate ? 0.06 : 0.03;
-  context.setLineDash(isLate ? [] : [0.08, 0.1]);
-  path(context, [[robot.x, robot.y], [x, y]]).stroke();
-  context.setLineDash([]);
-  if (isLate) cross(context, { x, y }, 0.15);
 }
 
 /** An arrowhead, and around it a ring as wide as its reach: an evader whose centre comes inside is caught. */

@@ -1,8 +1,11 @@
 // Fog: robots that see no further than walls and obstacles let them, what they know of their opponents, and how it is drawn.
 
 import { CELLS, search } from "./calls.js";
+import { circle } from "./draw.js";
 import { PURSUER, other } from "./game.js";
 
+const FOG = 0.3; // how opaque it is
+const RING = 0.32; // around where a robot was seen last [m]
 const LINE_OF_SIGHT = { line_of_sight: true };
 const memories = new WeakMap(); // by a state of a game: what the robot of either side knows then
 
@@ -45,6 +48,20 @@ export function fogOf({ game, states, isOver }, me) {
   const found = knowledge(game, states, me);
   const isHidden = found.age > 0;
   return { rival: other(me), isHidden, last: isHidden && found.isSeen ? found.last : null, credit: found.credit };
+}
+
+/** Return functions that draw fog on the bare ground, and above it a dashed ring where the rival was seen last. */
+export function veilOf(arena, { rival, isHidden, last, credit }, colours) {
+  const beneath = (context) => isHidden && drawCells(context, arena, FOG, credit, colours);
+  const above = (context) => {
+    if (!last) return;
+    context.strokeStyle = colours[rival];
+    context.lineWidth = 0.03;
+    context.setLineDash([0.08, 0.1]);
+    circle(context, last.x, last.y, RING).stroke();
+    context.setLineDash([]);
+  };
+  return { beneath, above };
 }
 
 /** Draw cells of an arena's chart, from the bottom: each in the colour that its value has, if any; dark where an opponent can be. */

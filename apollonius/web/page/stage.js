@@ -1,8 +1,9 @@
 // What is shown of a match in every frame: the arena, the clock, the slow replay, the pads' pressed cells.
 
-import { between, coloursOf, draw } from "./draw.js";
-import { fogOf } from "./fog.js";
-import { isActive, robotOf } from "./game.js";
+import { clearanceAlong } from "./calls.js";
+import { ahead, between, circle, coloursOf, cross, draw, leastRadius, path } from "./draw.js";
+import { fogOf, veilOf } from "./fog.js";
+import { bodyOf, isActive, robotOf } from "./game.js";
 import { known, layersOf } from "./why.js";
 
 export class Stage {
@@ -15,28 +16,27 @@ export class Stage {
   }
 
   /** Draw a session as it is at a time [s]. Robots are drawn one step late, between the last two states, to move smoothly. */
-  show(session, now) {
+  show(session, clock) {
     const { element, colours } = this;
     const { phase, time, ending, people, choice } = session;
     const match = session.seen ?? session.match;
-    const replayed = ending && !session.seen ? ending.at(now) : match.states.length - 1;
+    const replayed = ending && !session.seen ? ending.at(clock) : match.states.length - 1;
     const isReplaying = replayed < match.states.length - 1;
     const states = isReplaying ? match.states.slice(0, Math.floor(replayed) + 2) : match.states;
     const [before, after] = states.slice(-2);
     const share = isReplaying ? replayed % 1 : phase === "over" ? 1 : time / match.game.dt;
-    const own = people.map((role) => ({ role, number: 0 })).filter((who) => isActive(robotOf(match.state, who)));
+    const now = after && phase !== "ready" ? between(before, after, share) : match.state;
+    const own = people.map((role) => ({ role, number: 0 })).filter((who) => !match.isOver && isActive(robotOf(match.state, who)));
     const fog = fogOf(match, session.me);
-    const layers = this.layers.length && !isReplaying && !fog ? layersOf(match, this.#knownOf(match), colours) : null;
-    draw(element("canvas"), {
-      game: match.game,
-      states: isReplaying ? states.slice(0, -1) : states,
-      now: after && phase !== "ready" ? between(before, after, share) : match.state,
-      colours,
-      steered: match.isOver ? [] : own,
-      layers,
-      fog,
-    });
-    if (ending) this.#showEnding(session, now);
+    const hasLayers = this.layers.length && !isReplaying;
+    const shown = fog ? veilOf(match.game.arena, fog, colours) : hasLayers ? layersOf(match, this.#knownOf(match), colours) : {};
+    const above = (context) => {
+      shown.above?.(context);
+      for (const who of own) drawSteered(context, match.game, who, robotOf(now, who), colours);
+    };
+    const past = isReplaying ? states.slice(0, -1) : states;
+    draw(element("canvas"), { game: match.game, states: past, now, colours, beneath: shown.beneath, above, fog });
+    if (ending) this.#showEnding(session, clock);
     element("clock").textContent = (choice.level?.isEndless ? match.seconds : Math.max(0, match.secondsLeft)).toFixed(1);
     if (phase === "playing") for (const role of people) this.#press(role, people.length === 2);
   }
@@ -66,4 +66,20 @@ export class Stage {
     const cell = 3 * (2 - Math.floor(action / 3)) + (2 - (action % 3));
     [...this.element(`pad-${role}`).children].forEach((span, index) => span.classList.toggle("on", index === cell));
   }
+}
+
+/** Draw a ring around a person's robot, and a line to where it would stop; bold with a cross if it touches something first. */
+function drawSteered(context, game, who, robot, colours) {
+  const [body, least] = [bodyOf(game, who), leastRadius(game.arena)];
+  const [x, y] = ahead(robot, robot.v ** 2 / (2 * Math.max(body.u1_max, 1e-6)));
+  const isLate = robot.v > 0 && clearanceAlong(game.arena, robot, { x, y }) < body.radius;
+  context.strokeStyle = isLate ? colours.ink : colours[who.role];
+  context.lineWidth = isLate ? 0.06 : 0.03;
+  context.setLineDash(isLate ? [] : [0.08, 0.1]);
+  path(context, [[robot.x, robot.y], [x, y]]).stroke();
+  context.setLineDash([]);
+  if (isLate) cross(context, { x, y }, 0.15);
+  context.strokeStyle = colours[who.role];
+  context.lineWidth = 0.3 * least;
+  circle(context, robot.x, robot.y, 2.1 * least).stroke();
 }
