@@ -1,6 +1,5 @@
 """A player that does not crash: another player's actions, unless they leave no way to stop in time."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from math import ceil
 from typing import Any
@@ -32,22 +31,13 @@ _Clearances = Float[Array, "*games tried"]
 """What the actions tried leave [m]; infinite of the others."""
 
 
-class Brake(eqx.Module):
-    """The manoeuvre that holds one braking action to the end."""
-
-    action: int = eqx.field(static=True)
-
-    def __call__(self, robot: RobotState) -> Int[Array, ""]:
-        return jnp.full((), self.action, jnp.int32)
-
-
 class Backup(eqx.Module):
     """Manoeuvres in which a robot comes to rest, played by the rules' own dynamics and contact.
 
     Attributes:
         arena, body, dt: what the manoeuvres are tried on.
         steps: how many steps they last.
-        manoeuvres: each the braking action to take in a state.
+        manoeuvres: the braking action that each holds to the end.
         surroundings: the arena's polygons by where a robot is; None: all are looked at from everywhere.
         anywhere: whether arena and body are those of the view, where they differ from state to state or robot to robot.
     """
@@ -56,7 +46,7 @@ class Backup(eqx.Module):
     body: Unicycle
     dt: Real
     steps: int = eqx.field(static=True)
-    manoeuvres: tuple[Callable[[RobotState], Int[Array, ""]], ...] = tuple(Brake(action) for action in BRAKING)
+    manoeuvres: tuple[int, ...] = eqx.field(static=True, default=BRAKING)
     surroundings: Surroundings | None = None
     anywhere: bool = eqx.field(static=True, default=False)
 
@@ -64,17 +54,13 @@ class Backup(eqx.Module):
         """Return the manoeuvres of the robot that sees this."""
         return replace(self, arena=view.arena, body=view.own.body) if self.anywhere else self
 
-    def clearance(self, robot: RobotState) -> Scalar:
-        """Return the least clearance [m] on the best manoeuvre to rest, the body's radius taken off.
-
-        Polygons that are out of reach by the `surroundings` are left out: where that makes a difference, there is more
-        clearance than `MARGIN` without them and with them.
-        """
-        return jnp.max(self._clearances(robot, self._near(robot)))
-
     @jax.jit
     def clearance_after(self, robot: RobotState, action: Action) -> Scalar:
-        """Return the least clearance [m] on the best manoeuvre to rest that begins with one step of an action."""
+        """Return the least clearance [m] on the best manoeuvre to rest that begins with one step of an action.
+
+        The body's radius is taken off. Polygons that are out of reach by the `surroundings` are left out: where that
+        makes a difference, there is more clearance than `MARGIN` without them and with them.
+        """
         near, after = self._near(robot), self._hold(robot, action)
         step = self._along(robot, after, near) - self.body.radius
         return jnp.minimum(step, jnp.max(self._clearances(after, near)))
@@ -86,7 +72,7 @@ class Backup(eqx.Module):
         That path is one segment, so this takes little arithmetic; rounding gets another `MARGIN`.
         """
         if self.arena.map is not None:  # whose clearance along a segment depends on where it is cut
-            return replace(self, manoeuvres=(Brake(1),)).clearance_after(robot, action) > MARGIN
+            return replace(self, manoeuvres=(1,)).clearance_after(robot, action) > MARGIN
         near, after = self._near(robot), self._hold(robot, action)
         (cos, sin), length = unit_vector(after.heading), after.v**2 / (2 * self.body.u1_max)
         rest = replace(after, x=after.x + length * cos, y=after.y + length * sin)
@@ -95,7 +81,7 @@ class Backup(eqx.Module):
 
     def _clearances(self, robot: RobotState, near: Edges | None) -> Float[Array, " manoeuvres"]:
         def one_step(before: list[RobotState], _: None) -> tuple[list[RobotState], list[RobotState]]:
-            after = [self._hold(at, manoeuvre(at)) for at, manoeuvre in zip(before, self.manoeuvres, strict=True)]
+            after = self._braked(before)
             return after, after
 
         _, paths = jax.lax.scan(one_step, [robot] * len(self.manoeuvres), length=self.steps)
@@ -116,6 +102,11 @@ class Backup(eqx.Module):
             return self.arena.clearance_along(before, after)
         others = replace(self.arena, polygons=()).clearance_along(before, after)
         return jnp.minimum(others, near.clearance_along(before, after))
+
+    def _braked(self, robots: list[RobotState]) -> list[RobotState]:
+        """Return the robot of each manoeuvre after one more step."""
+        actions = [jnp.full((), action, jnp.int32) for action in self.manoeuvres]
+        return [self._hold(robot, action) for robot, action in zip(robots, actions, strict=True)]
 
     def _hold(self, robot: RobotState, action: Action) -> RobotState:
         return self.body.move(robot, *self.body.controls(action), self.dt)

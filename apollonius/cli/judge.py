@@ -60,7 +60,6 @@ def run_evaluate(options: argparse.Namespace) -> int:
     match = requested_match(options, in_one_arena=options.record > 0)  # of which a replay is
     options.display.begin(f"playing {match.games:,} games", compiles=True)
     results = play_games(match, report=options.display.report)
-    options.display.begin("judging the starts", compiles=True)
     result, games = count(match, results), (record_game(match, index) for index in worst_first(results))
     facts = match_facts(options, match) | result.to_dict()
     return answer_with_replays(options, facts, match_table(match, result), "game", games)
@@ -106,20 +105,20 @@ def run_tournament(options: argparse.Namespace) -> int:
     from apollonius.evaluate.tournament import play_tournament
     from apollonius.game.types import ROLES
 
-    game, viable = starting(find_game(options.game), options.starts)
+    game = starting(find_game(options.game), options.starts)
     asked = BySide(options.pursuers, options.evaders)
     names = ROLES.map(lambda role: asked[role] or player_names(role, game))
     players = ROLES.map(lambda role: [find_player(name, role, game) for name in names[role]])
     warn(options, game, (*players.pursuer, *players.evader))
 
     options.display.begin(f"playing {len(players.pursuer) * len(players.evader)} matches", compiles=True)
-    asked_for = game, players, options.games, options.seed, viable
+    asked_for = game, players, options.games, options.seed
     tournament = play_tournament(*asked_for, options.display.report, jobs_run(options))
     if options.plot:
         from apollonius.show.matches import draw_tournament
 
         draw_tournament(tournament, options.plot)
-    starts = options.starts or game.starts.speed
+    starts = game.starts.speed
     settings = {"game": options.game, "starts": starts, "games": options.games, "seed": options.seed}
     answer(options, settings | tournament.to_dict(), tournament_table(tournament, starts))
     if options.plot:

@@ -39,8 +39,7 @@ def add_json(parser: argparse.ArgumentParser) -> None:
 
 def add_game_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=count(SEED), default=0, help="seed of the starts (default: %(default)s)")
-    about = "initial speeds; viable: moving, but for starts that are lost before they begin (default: as the game says)"
-    parser.add_argument("--starts", choices=("rest", "moving", "viable"), help=about)
+    parser.add_argument("--starts", choices=("rest", "moving"), help="initial speeds (default: as the game says)")
     add_game(parser)
 
 
@@ -143,7 +142,7 @@ def answer(options: argparse.Namespace, facts: dict[str, Any], text: str) -> Non
 
 def match_facts(options: argparse.Namespace, match: "Match") -> dict[str, Any]:
     names = {"pursuer": match.players.pursuer.name, "evader": match.players.evader.name}
-    return names | {"game": options.game, "starts": match.starts_played, "seed": match.seed}
+    return names | {"game": options.game, "starts": match.game.starts.speed, "seed": match.seed}
 
 
 def check_records(options: argparse.Namespace) -> None:

@@ -59,7 +59,7 @@ def run_show(options: argparse.Namespace) -> int:
         from apollonius.evaluate.match import record_game
 
         match = requested_match(options, in_one_arena=True)
-        replay, starts = record_game(match, 0), match.starts_played
+        replay, starts = record_game(match, 0), match.game.starts.speed
     display.begin(f"drawing {len(replay.states)} states")
     if options.out.suffix == ".json":
         save_replay(replay, options.out)

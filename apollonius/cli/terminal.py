@@ -55,7 +55,7 @@ def show_sweep(display: "Display", sweep: "Sweep") -> None:
 def match_heading(match: "Match") -> str:
     """Return a line that says what is played: the players, the number of games and their starts."""
     pursuer, evader = (player.name for player in match.players)
-    return f"{pursuer} (pursuer) against {evader} (evader), {match.games:,} games, starts: {match.starts_played}"
+    return f"{pursuer} (pursuer) against {evader} (evader), {match.games:,} games, starts: {match.game.starts.speed}"
 
 
 def match_table(match: "Match", result: "MatchResult") -> str:
@@ -66,14 +66,11 @@ def match_table(match: "Match", result: "MatchResult") -> str:
     rates = result.pursuer_win_rate, result.evader_win_rate
     for side, player, rate, interval in zip(SIDES, match.players, rates, (pursuer, evader), strict=True):
         lines.append(f"  {player.name} ({side}) wins {rate:.2%} of games {within(interval)}")
-    lines.append(f"{match.games:,} games, starts: {match.starts_played}")
+    lines.append(f"{match.games:,} games, starts: {match.game.starts.speed}")
     ranked = sorted(result.outcomes.items(), key=lambda counted: -counted[1])
     shares = [(name.replace("_", " "), count, count / result.games) for name, count in ranked if count]
     rows = [(f"  {name}", f"{share:.1%}", f"{count:,}") for name, count, share in shares]
     lines += [f"{row}  {bar(share)}" for row, (_, _, share) in zip(columns(rows), shares, strict=True)]
-    if result.doomed_start_rate != 0:
-        doomed = "unknown" if result.doomed_start_rate is None else f"{result.doomed_start_rate:.2%}"
-        lines.append(f"  starts lost before they begin: {doomed}")
     for side, sight in (result.sight or {}).items():
         lines.append(f"  the {side} sees an opponent in {sight.games / result.games:.1%} of games")
         if sight.first_steps is not None:

@@ -18,38 +18,22 @@ from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, distance, sample_starts
 from apollonius.game.outcome import PURSUER_WINS, counts_by_name, evader_winning
 from apollonius.game.types import ROLES, GameState, Outcome, Scalar
-from apollonius.io.errors import InvalidInput, require
+from apollonius.io.errors import require
 from apollonius.io.kept import Kept
 from apollonius.io.limits import GAMES, SEED
 from apollonius.io.workers import Job, Run
 from apollonius.play.playout import Report, Results, play_out
 from apollonius.play.replay import Replay, as_rows, trace
-from apollonius.solve.viability import doomed_start_rate, solve_viability, viable_starts
 
 
-def starting(game: Game, starts: str | None) -> tuple[Game, bool]:
-    """Return a game with the starts that a word asks for, and whether the viable ones alone are played.
-
-    `rest` and `moving` are initial speeds, and None is the game's own; `viable` is moving, but for starts that are lost
-    before they begin, and raises InvalidInput in several arenas.
-    """
-    if starts is None:
-        return game, False
-    if starts == "viable":
-        game.require_one_arena("a match from viable starts")
-    speed = "rest" if starts == "rest" else "moving"
-    return replace(game, starts=replace(game.starts, speed=speed)), starts == "viable"
-
-
-def _starts_at_rest(game: Game) -> bool:
-    """Return whether all robots start where they can stay, so that no start is lost."""
-    return all(bool(body.v_min <= 0) for side in game.bodies for body in side) and game.starts.speed == "rest"
+def starting(game: Game, speed: str | None) -> Game:
+    """Return a game with the initial speeds `rest` or `moving`, or its own for None; raises InvalidInput for others."""
+    return game if speed is None else replace(game, starts=replace(game.starts, speed=speed))
 
 
 @dataclass(frozen=True)
 class Match:
-    """A match that is asked for: a number of games, from all starts of the game or the `viable` ones alone, from which
-    both robots can stay clear of everything (`apollonius.solve.viability`).
+    """A match that is asked for: a number of games of two players.
 
     Its starts depend on the game, the number of games, the seed and that alone, so matches of other players with the
     same ones are paired: they meet the very same starts.
@@ -59,7 +43,6 @@ class Match:
     players: BySide[Named]
     games: int
     seed: int = 0
-    viable: bool = False
 
     def __post_init__(self) -> None:
         GAMES.require("games", self.games)
@@ -72,22 +55,17 @@ class Match:
         """Return the match of two players in a game, by their names or files; `starts` are as of `starting`.
 
         Raises:
-            InvalidInput: as `find_game` and `find_player`, for less than one game, and for a seed below 0.
+            InvalidInput: as `find_game`, `find_player` and `starting`, for less than one game, and for a seed below 0.
         """
-        rules, viable = starting(find_game(game) if isinstance(game, str) else game, starts)
+        rules = starting(find_game(game) if isinstance(game, str) else game, starts)
         names = BySide(pursuer, evader)
         players = ROLES.map(lambda role: find_player(names[role], role, rules))
-        return cls(rules, players, games, seed, viable)
+        return cls(rules, players, games, seed)
 
     @cached_property
     def rules(self) -> Game:
         """The game as it is played: with charts, where players read them."""
         return charted(self.game, any(player.policy.charted for player in self.players))
-
-    @property
-    def starts_played(self) -> str:
-        """The word for its starts, as of `starting`."""
-        return "viable" if self.viable else self.game.starts.speed
 
     @property
     def pools(self) -> BySide[Pool]:
@@ -101,7 +79,7 @@ def keys_of(seed: UInt32[Array, ""]) -> tuple[PRNGKeyArray, PRNGKeyArray]:
 
 
 def play_match(match: Match, report: Report = lambda done, total: None) -> MatchResult:
-    """Play the games of a match and count; raises InvalidInput where too few starts are viable that have to be."""
+    """Play the games of a match and count."""
     return count(match, play_games(match, report=report))
 
 
@@ -114,7 +92,7 @@ def play_matches(
 ) -> list[MatchResult]:
     """Play matches one after the other, or each as a job by `run`; `report` has the games of all together.
 
-    Errors are those of `play_match` and `run_jobs`.
+    Errors are those of `run_jobs`.
     """
     if run:
         return run([Job(" against ".join(one.name for one in match.players), play, (match,)) for match in matches])
@@ -127,7 +105,7 @@ def play_matches(
 
 
 def play_games(match: Match, slots: int | None = None, report: Report = lambda done, total: None) -> Results:
-    """Play the games of a match, in slots as `play_out`; errors are those of `play_match`."""
+    """Play the games of a match, in slots as `play_out`."""
     return play_out(match.rules, match.pools, *begin(match), slots=slots, report=report)
 
 
@@ -148,21 +126,9 @@ def record_game(match: Match, index: int) -> Replay:
 
 
 def begin(match: Match) -> tuple[GameState, PRNGKeyArray]:
-    """Return the starts of a match, and the key of everything random in its games; errors as of `viable_starts`."""
-    game, (start_key, play_key) = match.game, keys_of(np.uint32(match.seed))
-    if match.viable and not _starts_at_rest(game):
-        return viable_starts(game, solve_viability(game), start_key, match.games), play_key
-    return sample_starts(game, start_key, match.games), play_key
-
-
-def _doomed_rate(match: Match) -> float | None:
-    """Return the share of the starts that are lost before they begin; None where it cannot be solved for."""
-    if match.viable or _starts_at_rest(match.game):
-        return 0.0
-    try:
-        return doomed_start_rate(match.game, solve_viability(match.game))
-    except InvalidInput:  # several arenas, several kinds of robots, a grid that memory has no room for
-        return None
+    """Return the starts of a match, and the key of everything random in its games."""
+    start_key, play_key = keys_of(np.uint32(match.seed))
+    return sample_starts(match.game, start_key, match.games), play_key
 
 
 def count(match: Match, results: Results) -> MatchResult:
@@ -173,7 +139,6 @@ def count(match: Match, results: Results) -> MatchResult:
         outcomes=counts_by_name(np.bincount(outcome, minlength=len(Outcome))),
         mean_steps=float(np.mean(steps)),
         mean_capture_steps=float(np.mean(steps[captured])) if captured.any() else None,
-        doomed_start_rate=_doomed_rate(match),
         time_limit_wins=match.game.reward.time_limit_wins,
         arenas=count_by_arena(match.game.scenario, results) if match.game.scenario else None,
         detours=None if (found := _detours(match)) is None else count_by_detour(found, results),

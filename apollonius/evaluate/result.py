@@ -117,8 +117,6 @@ class MatchResult:
     mean_steps: float
     mean_capture_steps: float | None
     """Over the captured games; None if there are none."""
-    doomed_start_rate: float | None
-    """Share of the starts from which a robot cannot help crashing (`apollonius.solve.viability`); None if unknown."""
     time_limit_wins: bool = False
     """Whether the rules count a game that reached the time limit as the evader's win."""
     arenas: ByArena | None = None

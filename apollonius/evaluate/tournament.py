@@ -114,7 +114,6 @@ def play_tournament(
     players: BySide[Sequence[Named]],
     games: int,
     seed: int,
-    viable: bool = False,
     report: Report = lambda done, total: None,
     run: Run | None = None,
 ) -> Tournament:
@@ -124,7 +123,7 @@ def play_tournament(
     names = players.map(lambda side: tuple(player.name for player in side))
     for side, named in zip(("pursuers", "evaders"), names, strict=True):
         require(named and len({*named}) == len(named), side, ", ".join(named) or "none", "one at least, each once")
-    matches = [Match(game, BySide(*pair), games, seed, viable) for pair in itertools.product(*players)]
+    matches = [Match(game, BySide(*pair), games, seed) for pair in itertools.product(*players)]
     results = iter(play_matches(matches, report=report, run=run))
     return Tournament(
         names.pursuer, names.evader, tuple(tuple(next(results) for _ in names.evader) for _ in names.pursuer)
@@ -151,7 +150,7 @@ class Advice:
 
 
 def advise(game: Game, games: int, seed: int = 0, report: Report = lambda done, total: None) -> Advice:
-    """Play every pursuer of the panel that fits a game against every evader; errors as of `play_matches`."""
+    """Play every pursuer of the panel that fits a game against every evader; errors as of `play_tournament`."""
     panel = PANELS["team" if game.teams else "lidar" if game.sensors else "full"]
     players = ROLES.map(lambda role: [find_player(name, role, game) for name in panel[role.name.lower()]])
     tournament = play_tournament(game, players, games, seed, report=report)

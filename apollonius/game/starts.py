@@ -19,8 +19,8 @@ class Starts(eqx.Module):
     """Robots uniform in the free space, apart from each other, headings uniform.
 
     Attributes:
-        speed: `rest` (v = 0, or the robot's lowest) or `moving` (v uniform between the robot's limits; some of these
-            starts are lost before they begin).
+        speed: `rest` (v = 0, or the robot's lowest) or `moving` (v uniform between the robot's limits; from some of
+            these starts a crash is certain).
         clearance: least distance of a robot's body from walls, obstacles and the bodies of its mates [m].
         separation: least distance between the centres of opponents, and of evaders from a territory [m].
     """

@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from apollonius.agents.kind import Named
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
@@ -16,16 +16,16 @@ from apollonius.arenas.charting import charted, largest_radius
 from apollonius.arenas.suite import each_alone
 from apollonius.catalogue import TABLE, find_player, price_of_losing
 from apollonius.game.game import Game
-from apollonius.game.types import NUM_ACTIONS, GameState, Real, RobotState, Role
+from apollonius.game.types import NUM_ACTIONS, GameState, Real, RobotState, Role, Scalar
 from apollonius.io.errors import require
 from apollonius.learn.config import RunConfig
 from apollonius.learn.stage_config import DistillationConfig, Task
 from apollonius.observe.observation import perceive
 from apollonius.observe.registry import find_observation
-from apollonius.solve.grid import make_grid
-from apollonius.solve.motion import motion_of
+from apollonius.solve.grid import Grid, make_grid
+from apollonius.solve.motion import Motion, last, motion_of
 from apollonius.solve.players import SaddlePolicy
-from apollonius.solve.safety import KeptClearance, solve_safety
+from apollonius.solve.safety import solve_safety
 from apollonius.solve.solving import cached_tables, reference_grid
 
 TABLES = "tables"
@@ -41,10 +41,22 @@ COSTLIEST = 0.8
 """Largest cost of missing clearance."""
 
 
-class Clearance(KeptClearance):
-    """The cost of missing clearance, of what is `wanted` [m] after `_AHEAD` steps."""
+class Clearance(eqx.Module):
+    """The cost of missing clearance, of what is `wanted` [m] after `_AHEAD` steps, by the table of `solve_safety`."""
 
+    motion: Motion
+    grid: Grid
+    table: Float[Array, "v heading x y"]
     wanted: Real
+
+    def after(self, robot: RobotState, actions: Int[Array, " actions"]) -> Float[Array, " actions"]:
+        """Return the clearance [m] that can be kept for ever after each action."""
+
+        def clearance(action: Int[Array, ""]) -> Scalar:
+            course = self.motion.hold(robot, action)
+            return jnp.minimum(self.motion.clearance(course), self.grid.interpolate(self.table, last(course)))
+
+        return jax.vmap(clearance)(actions)
 
     def weighed(self, behind: Float[Array, "9"], robot: RobotState) -> Float[Array, "9"]:
         """Return the differences to the best action, less the cost of missing clearance.

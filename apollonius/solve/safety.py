@@ -14,19 +14,16 @@ precision too, and begins above every fixed point; so what it stops at is the la
 cannot stop has its clearance worn away by interpolation without end; its sweeps stop at a residual of `TOLERANCE`.
 """
 
-from dataclasses import replace
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
-from apollonius.agents.shield import BRAKING, Backup, brakes
 from apollonius.game.game import Game
-from apollonius.game.types import RobotState, Role, Scalar
+from apollonius.game.types import Role, Scalar
 from apollonius.io.limits import require_memory
 from apollonius.solve.grid import FEWER_NODES, TOLERANCE, Grid, Report, Solved, iterate
-from apollonius.solve.motion import Motion, last, motion_of
+from apollonius.solve.motion import motion_of
 from apollonius.solve.transition_map import TransitionMap, of_courses, transition_map_of
 
 BYTES_PER_NODE = 4 * (9 + 5)
@@ -58,39 +55,3 @@ def _sweep(
     after = transitions.backup(table, lambda index, action, later: jnp.minimum(held[index, action], later))
     after = jnp.minimum(after, table)  # it is no more but for rounding, by which values might go up and down for ever
     return after, jnp.max(table - after)
-
-
-class KeptClearance(eqx.Module):
-    """The clearance [m] that a robot can keep for ever after each of its actions, by the table of `solve_safety`."""
-
-    motion: Motion
-    grid: Grid
-    table: Float[Array, "v heading x y"]
-
-    def after(self, robot: RobotState, actions: Int[Array, " actions"]) -> Float[Array, " actions"]:
-        """Return the clearance after each action [m]."""
-
-        def clearance(action: Int[Array, ""]) -> Scalar:
-            course = self.motion.hold(robot, action)
-            return jnp.minimum(self.motion.clearance(course), self.grid.interpolate(self.table, last(course)))
-
-        return jax.vmap(clearance)(actions)
-
-
-class Steering(KeptClearance):
-    """The manoeuvre that brakes and turns so that the largest clearance can be kept, one step ahead."""
-
-    def __call__(self, robot: RobotState) -> Int[Array, ""]:
-        """Return the braking action after which that is so."""
-        actions = jnp.array(BRAKING)
-        return actions[jnp.argmax(self.after(robot, actions))]
-
-
-def steered_brakes(game: Game, role: Role, grid: Grid, table: Float[Array, "v heading x y"]) -> Backup:
-    """Return the shield's manoeuvres, and one more that steers by the table of `solve_safety`; errors as of `brakes`.
-
-    All that they show to be safe is safe, whatever the grid: they are played in the continuous game.
-    """
-    backup = brakes(game, role)
-    steering = Steering(motion_of(game, role, 1), grid, table)
-    return replace(backup, manoeuvres=(*backup.manoeuvres, steering))

@@ -42,12 +42,9 @@ _LONGEST = 2.0
 """Its longest hold [s]."""
 
 
-def reference_grid(game: Game, role: Role, coarse: bool = False) -> tuple[Grid, int]:
+def reference_grid(game: Game, role: Role) -> tuple[Grid, int]:
     """Return a grid on which a hold moves the robot by whole cells of speed, and nearly so of heading; and the control
     steps of a hold.
-
-    A `coarse` one has half as many nodes along x and y, and about one cell of heading for the turn of a hold: for a
-    table that only advises, whose advice is tried out in the continuous game.
     """
     body = game.body(role)
     dt = float(game.dt)
@@ -57,8 +54,6 @@ def reference_grid(game: Game, role: Role, coarse: bool = False) -> tuple[Grid, 
     headings = min(_HEADINGS, key=lambda count: abs(turn * count / tau - round(turn * count / tau)))
     arena = game.arena
     x, y = (min(ceil(size / SPACING) + 1, MOST) for size in (arena.x_max - arena.x_min, arena.y_max - arena.y_min))
-    if coarse:
-        x, y, headings = x // 2 + 1, y // 2 + 1, min(max(round(tau / max(turn, 1e-6)), 8), headings)
     return make_grid(arena, body, (x, y, speeds, headings)), hold
 
 

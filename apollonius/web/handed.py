@@ -173,7 +173,7 @@ class AnyBackup(Backup):
     def _clearances(self, robot: RobotState, near: Edges | None) -> Float[Array, " manoeuvres"]:
         def one_step(_: Int[Array, ""], carry: list[tuple[RobotState, Scalar]]) -> list[tuple[RobotState, Scalar]]:
             before = [robot for robot, _ in carry]
-            after = [self._hold(at, manoeuvre(at)) for at, manoeuvre in zip(before, self.manoeuvres, strict=True)]
+            after = self._braked(before)
             moved = zip(before, after, carry, strict=True)
             return [(to, jnp.minimum(least, self.arena.clearance_along(at, to))) for at, to, (_, least) in moved]
 

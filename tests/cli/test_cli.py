@@ -165,7 +165,7 @@ def test_evaluate_prints_one_json_object_and_records_the_games_that_the_pursuer_
 def test_the_first_line_says_who_wins_and_how_surely(captured, out_of_range, verdict):
     asked = Match(make_game("paper"), BySide(Named("P", Still()), Named("E", Still())), 100)
     counts = counts_by_name([0, captured, 0, 0, out_of_range, 0, 0, 0, 0])
-    assert match_table(asked, MatchResult(counts, 9.0, None, 0.0)).startswith(verdict)
+    assert match_table(asked, MatchResult(counts, 9.0, None)).startswith(verdict)
 
 
 def test_players_are_named_with_what_they_do_for_people_and_for_programs(capsys):
@@ -251,8 +251,7 @@ REFUSED = {
     "solve safety --grid 10x10": "101x101x9x47",
     "solve safety --hold 0": "--hold = 0 is not possible: it must be a whole number, at least 1",
     "solve game --hold 20000": "hold = 20000", "solve safety --grid 9001x9001x99x99": "GiB",
-    "regret P_stage1 --starts viable": "rest or moving", "regret E_scratch": "plays the evader",
-    "regret P_stage1 --role robot": "--role",
+    "regret E_scratch": "plays the evader", "regret P_stage1 --role robot": "--role",
     "regret still --games 2147483647": "--games", "tournament --pursuers random flee": "plays the evader, not",
     "exploit pursuer P_stage1 --attackers nobody": "--attackers",
     "exploit pursuer P_stage1 --tables t.safetensors e.safetensors": "check the path",

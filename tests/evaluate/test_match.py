@@ -9,24 +9,19 @@ import numpy as np
 import pytest
 
 from apollonius.agents.classical import Still, Uniform
-from apollonius.arenas.suite import scenario_game
 from apollonius.cli.terminal import match_table
 from apollonius.evaluate import match
 from apollonius.evaluate.match import Match, count, play_games, play_match, record_game
 from apollonius.evaluate.result import count_robots, read_result
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.by_side import BySide
-from apollonius.game.presets import in_teams, make_game
+from apollonius.game.presets import make_game
 from apollonius.game.sensing import Sensing, Sensors
-from apollonius.game.starts import Starts
-from apollonius.game.teams import Teams
 from apollonius.game.types import Outcome, RobotState
 from apollonius.io.errors import InvalidInput
 from apollonius.play import playout
 from apollonius.play.playout import Results
-from apollonius.solve.viability import solve_viability
 from tests.acting import a_match, identical
-from tests.solve.small import BODY, MOVING
 
 GAMES = 200
 PAPER = replace(make_game("paper"), max_steps=150)
@@ -86,46 +81,14 @@ def test_rates_are_those_of_the_counts(game, evader_wins):
     assert read_result(json.loads(json.dumps(result.to_dict())), "file") == result
     assert result.mean_steps == 19.5
     assert result.mean_capture_steps == 12
-    assert result.doomed_start_rate == 0, "all start at rest"
 
 
-@pytest.mark.parametrize(("asked", "speed"), [(None, "moving"), ("rest", "rest"), ("viable", "moving")])
+@pytest.mark.parametrize(("asked", "speed"), [(None, "moving"), ("rest", "rest")])
 def test_starts_are_the_games_own_unless_others_are_asked_for(tmp_path, asked, speed):
     path = tmp_path / "moving.toml"
     path.write_text('[starts]\nspeed = "moving"\n')
     asked_for = Match.of_names(str(path), "still", "still", games=1, starts=asked)
-    assert (asked_for.game.starts.speed, asked_for.starts_played) == (speed, asked or "moving")
-
-
-@pytest.mark.parametrize(
-    "game",
-    [
-        replace(scenario_game("suite-v1/maze-00,maze-01"), starts=Starts(speed="moving")),
-        replace(in_teams(MOVING, 2, 1), teams=Teams(pursuers=(replace(BODY, v_max=0.5),))),
-    ],
-    ids=["several arenas", "several kinds of robots"],
-)
-def test_where_lost_starts_cannot_be_solved_for_their_share_is_unknown(game):
-    match = a_match(game, Still(), Still(), 1)
-    result = count(match, Results(jnp.array([7]), jnp.array([1])))
-    assert result.doomed_start_rate is None
-    assert "unknown" in match_table(match, result)
-
-
-def test_viable_starts_of_several_arenas_are_refused_before_any_player_is_looked_for():
-    with pytest.raises(InvalidInput, match=r"arenas = 2 .* one, which a match from viable starts"):
-        Match.of_names("suite-v1/maze-00,maze-01", "nobody", "nobody", games=1, starts="viable")
-
-
-@pytest.mark.slow
-def test_viable_starts_are_met_by_all_players_and_are_not_doomed(starts):
-    for pursuer in (Uniform(), Still()):
-        play_match(a_match(MOVING, pursuer, Still(), GAMES, seed=0, viable=True))
-    assert identical(*starts)
-    assert starts[0].pursuer.x.shape == (GAMES,)
-    assert np.all(jax.vmap(solve_viability(MOVING))(jax.tree.map(jnp.asarray, starts[0])))
-    play_match(a_match(MOVING, Still(), Still(), GAMES, seed=0))
-    assert not np.all(jax.vmap(solve_viability(MOVING))(jax.tree.map(jnp.asarray, starts[2])))
+    assert asked_for.game.starts.speed == speed
 
 
 class Charted(Still):

@@ -44,7 +44,7 @@ def played(monkeypatch):
         wins = 5 + 20 * ["random", "pure-pursuit"].index(match.players.pursuer.name) + len(match.players.evader.name)
         report(match.games, match.games)
         matches.append(match)
-        return MatchResult(counts_by_name([0, wins, 0, 0, 40 - wins, 0, 0, 0, 0]), 9.0, 4.0, 0.0)
+        return MatchResult(counts_by_name([0, wins, 0, 0, 40 - wins, 0, 0, 0, 0]), 9.0, 4.0)
 
     monkeypatch.setattr("apollonius.evaluate.tournament.play_matches", partial(play_matches, play=play))
     return matches
@@ -64,9 +64,9 @@ def tournament(players, played):
 def test_every_cell_is_the_match_of_its_two_players_on_the_same_starts(players, played):
     reported = []
     some = BySide(players[0], players[1][:1])
-    found = play_tournament(GAME, some, 40, 3, True, lambda *numbers: reported.append(numbers))
+    found = play_tournament(GAME, some, 40, 3, lambda *numbers: reported.append(numbers))
     pairs = [BySide(pursuer, players[1][0]) for pursuer in players[0]]
-    assert played == [Match(GAME, pair, 40, 3, True) for pair in pairs]
+    assert played == [Match(GAME, pair, 40, 3) for pair in pairs]
     assert found.win_rates.tolist() == [[10 / 40], [30 / 40]]
     assert reported == [(40, 80), (80, 80)]
 

@@ -40,7 +40,7 @@ from apollonius.solve.store import Problem, Solution, load_solution, save_soluti
 PAPER = make_game("paper")
 GAME = replace(PAPER, arena=replace(PAPER.arena, polygons=(Polygon(((1.0, 6.0), (2.0, 6.0), (1.5, 8.0))),)))
 COUNTS = counts_by_name([0, 2, 0, 0, 0, 0, 0, 2, 0])
-RESULT = MatchResult(COUNTS, 500.0, 20.0, 0.0)
+RESULT = MatchResult(COUNTS, 500.0, 20.0)
 STATE = {"weights": jnp.arange(6, dtype=jnp.float32).reshape(2, 3), "key": jax.random.key(0), "steps": jnp.int32(7)}
 STANDING = Standing("self-play", 3, 1.5, Evaluation(8, 2, COUNTS), 9)
 
