@@ -5,7 +5,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from apollonius.envs.live import RENDER_MODES, LiveGame, action_space, observation_space
+from apollonius.envs.live import RENDER_MODES, LiveGame, action_space, observation_space, random_bits
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.io.errors import require
@@ -48,7 +48,7 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Begin a new game from the game's distribution of starts."""
         super().reset(seed=seed)
-        self._live.reset(self._bits())
+        self._live.reset(random_bits(self.np_random))
         return self._live.observation(self._robot), {"outcome": self._live.outcome}
 
     def step(self, action: int | np.integer | np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
@@ -58,16 +58,13 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
             raise gymnasium.error.ResetNeeded("a game begins with reset()")
         actions: list[Any] = [live.idle] * len(live.places)
         actions[self._robot] = action
-        live.step(actions, self._bits())
+        live.step(actions, random_bits(self.np_random))
         seen, reward = live.observation(self._robot), live.rewards[self._robot]
         return seen, reward, live.terminated, live.truncated, {"outcome": live.outcome}
 
     def render(self) -> np.ndarray | None:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Return a picture `[height, width, 3]` in mode `rgb_array`; None otherwise."""
         return self._live.picture()
-
-    def _bits(self) -> np.uint32:
-        return np.uint32(self.np_random.integers(2**32, dtype=np.uint64))
 
 
 _MANY = "apollonius.envs.vector:ManyGames"

@@ -70,6 +70,10 @@ def as_actions(given: Any, kind: str, batch: tuple[int, ...] = ()) -> np.ndarray
     return actions.astype(np.int32 if discrete else np.float32)
 
 
+def random_bits(random: np.random.Generator) -> np.uint32:
+    return np.uint32(random.integers(2**32, dtype=np.uint64))
+
+
 class LiveGame:
     """One game, one step at a time, either side's actions from outside or from a player of the package (`inside`).
 

@@ -7,7 +7,7 @@ import numpy as np
 from gymnasium.utils.seeding import np_random
 from pettingzoo import ParallelEnv
 
-from apollonius.envs.live import RENDER_MODES, LiveGame, action_space, observation_space
+from apollonius.envs.live import RENDER_MODES, LiveGame, action_space, observation_space, random_bits
 from apollonius.game.game import Game
 from apollonius.game.types import RobotStatus
 
@@ -61,7 +61,7 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
         """Begin a new game from the game's distribution of starts; games after a seeded one are seeded too."""
         if seed is not None:
             self._random, _ = np_random(seed)
-        self._live.reset(np.uint32(self._random.integers(2**32, dtype=np.uint64)))
+        self._live.reset(random_bits(self._random))
         self.agents = list(self.possible_agents)
         return self._observations(), self._infos()
 

@@ -14,7 +14,7 @@ from apollonius.arenas.charting import charted
 from apollonius.arenas.file import as_game
 from apollonius.catalogue import find_player
 from apollonius.envs.batch import SPARE, Batch, Compiled, Outside, UnderWay, require_unforked
-from apollonius.envs.live import action_space, as_actions, observation_space
+from apollonius.envs.live import action_space, as_actions, observation_space, random_bits
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import Role
@@ -113,7 +113,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         actions = as_actions(actions, self._kind, self._acting)
         self._provide()
         used = np.int32(SPARE * self.num_envs - self._left)
-        now, made = self._step(self._now, self._ended, self._starts, used, actions, self._bits())
+        now, made = self._step(self._now, self._ended, self._starts, used, actions, random_bits(self.np_random))
         self._now, seen, reward = now, np.array(now.seen), np.array(made.reward)
         terminated, truncated, outcome = np.array(made.terminated), np.array(made.truncated), np.array(made.outcome)
         over = terminated | truncated
@@ -135,7 +135,4 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     def _provide(self) -> None:
         """Draw a new pile of starts where the last might not do; each is used once, from the first on."""
         if self._left < self.num_envs:
-            self._starts, self._left = self._draw(self._bits()), SPARE * self.num_envs
-
-    def _bits(self) -> np.uint32:
-        return np.uint32(self.np_random.integers(2**32, dtype=np.uint64))
+            self._starts, self._left = self._draw(random_bits(self.np_random)), SPARE * self.num_envs

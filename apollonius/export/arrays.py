@@ -228,5 +228,18 @@ def _assign(block: Block, values: Sequence[Value], variables: Sequence[Value]) -
             block.copy(value, variable)
 
 
-CONTROL = {"scan": scan, "while": while_loop, "cond": cond}
-"""Rules of the primitives with results of several kinds, by name."""
+def _split(run: Run, block: Block, given: list[Value], params: Any) -> list[Value]:
+    (value,), pieces, start = given, list[Value](), 0
+    for size in map(int, params["sizes"]):
+        shape = tuple(size if axis == params["axis"] else n for axis, n in enumerate(value.shape))
+        pieces.append(part(value, shape, [str(start if axis == params["axis"] else 0) for axis in range(len(shape))]))
+        start += size
+    return pieces
+
+
+def _unchanged(run: Run, block: Block, given: list[Value], params: Any) -> list[Value]:
+    return given
+
+
+CONTROL = {"scan": scan, "while": while_loop, "cond": cond, "split": _split, "optimization_barrier": _unchanged}
+"""Rules of the primitives with several results, by name."""

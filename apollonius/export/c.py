@@ -59,12 +59,8 @@ def header(program: Program, about: Sequence[str] = ()) -> str:
     guard = f"{program.name.upper()}_H"
     opening, closing = '#ifdef __cplusplus\nextern "C" {\n#endif', "#ifdef __cplusplus\n}\n#endif"
     blocks = [f"#ifndef {guard}\n#define {guard}", "#include <stdint.h>", opening]
-    blocks += [
-        *(_struct(program, record) for record in _structs(program)),
-        f"{_signature(program)};",
-        closing,
-        "#endif",
-    ]
+    blocks += [_struct(program, record) for record in _structs(program)]
+    blocks += [f"{_signature(program)};", closing, "#endif"]
     said = ["\n".join(["/*", *(f"   {line}".rstrip() for line in about), "*/"])] if about else []
     return "\n\n".join([*said, *blocks]) + "\n"
 
@@ -134,11 +130,7 @@ def _rows(array: np.ndarray) -> str:
 
 
 class Compiled:
-    """A program in memory. Its last arguments and results stay in place, so that a call can be timed alone.
-
-    Raises:
-        InvalidInput: where there is no gcc.
-    """
+    """A program in memory, by gcc. Its last arguments and results stay in place, so that a call can be timed alone."""
 
     def __init__(self, program: Program, flags: Sequence[str] = FLAGS) -> None:
         if shutil.which("gcc") is None:

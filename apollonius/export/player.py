@@ -151,9 +151,8 @@ def home_of(name: str) -> Game:
 def find_exportable(name: str, role: Role, game: Game) -> Player:
     """Return the player of this name, to be exported.
 
-    Raises:
-        InvalidInput: as `find_player`, for games in several arenas, for networks with numbers that are none, and for
-            a robot whose braking, the answer to a broken state, does not end at rest.
+    Raises InvalidInput as `find_player`, for games in several arenas, for networks with numbers that are none, and for
+    a robot whose braking, the answer to a broken state, does not end at rest.
     """
     game.require_one_arena("an exported policy")
     policy = find_player(name, role, game).policy

@@ -21,7 +21,7 @@ from apollonius.export.arrays import CONTROL, FOLDS, OTHERS
 from apollonius.export.block import Block, Value, buffer_of, placed, scalar
 from apollonius.export.c import Program, words
 from apollonius.export.elementwise import COMPUTED, VIEWS
-from apollonius.export.indexing import INDEXED, part
+from apollonius.export.indexing import INDEXED
 from apollonius.export.record import Leaf, Record, record_of
 from apollonius.export.scalars import TYPES, number
 from apollonius.io.errors import InvalidInput
@@ -32,7 +32,7 @@ CALLED = {
 }
 """Primitives that call a function, and the parameter that is this function."""
 RULES = COMPUTED | VIEWS | FOLDS | OTHERS | INDEXED
-"""All others but control flow, by name."""
+"""All others with one result, by name."""
 _READS_ONCE = {*COMPUTED, *FOLDS, "squeeze", "transpose", "expand_dims"}
 """Those that read each element of an operand once, if it is of their result's size or they fold it."""
 _STAYS = 24
@@ -120,17 +120,11 @@ class _Translator:
             raise InvalidInput(f"numbers of the kind '{min(kinds)}' cannot be translated ({self.line}).")
         if primitive in CALLED:
             return self.call(block, params[CALLED[primitive]], given, str(params.get("name", primitive)))
-        match primitive:
-            case _ if primitive in CONTROL:
-                return CONTROL[primitive](self.run, block, given, params)
-            case "split":
-                return _split(given[0], params)
-            case "optimization_barrier":
-                return given
-            case _ if primitive in RULES:
-                return [RULES[primitive](block, given, params, equation.outvars[0].aval)]
-            case _:
-                raise InvalidInput(f"the primitive '{primitive}' cannot be translated ({self.line}).")
+        if primitive in CONTROL:
+            return CONTROL[primitive](self.run, block, given, params)
+        if primitive in RULES:
+            return [RULES[primitive](block, given, params, equation.outvars[0].aval)]
+        raise InvalidInput(f"the primitive '{primitive}' cannot be translated ({self.line}).")
 
     def call(self, block: Block, called: ClosedJaxpr | Jaxpr, given: Sequence[Value], name: str) -> list[Value]:
         """Return the results of a called function, which stays one if it is of some size."""
@@ -170,15 +164,6 @@ def _of_leaf(record: Record, leaf: Leaf, pointer: str = "") -> Value:
     if leaf.size > 1:
         return placed(leaf.kind, leaf.shape, text)
     return scalar(leaf.kind, f"{pointer if record.lone else ''}{text}", leaf.shape)
-
-
-def _split(value: Value, params: Any) -> list[Value]:
-    pieces, start = [], 0
-    for size in map(int, params["sizes"]):
-        shape = tuple(size if axis == params["axis"] else n for axis, n in enumerate(value.shape))
-        pieces.append(part(value, shape, [str(start if axis == params["axis"] else 0) for axis in range(len(shape))]))
-        start += size
-    return pieces
 
 
 def _waiting(jaxpr: Jaxpr) -> set[Var]:

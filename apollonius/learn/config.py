@@ -76,10 +76,8 @@ class RunConfig:
             value, bound = getattr(self, name), f"left out where stages is '{self.stages}', which begins without it"
             shown = ", ".join(value) if name == "evaders" else value
             require(value == default or name in used, name, shown, bound)
-        if self.stages == DISTILLATION:
-            self._check_distillation()
-
-    def _check_distillation(self) -> None:
+        if self.stages != DISTILLATION:
+            return
         require(self.sac is None, "sac", "given", "left out for distillation, which fits the values of nine actions")
         stage, games = self.distillation, self.dqn.games
         if stage.solves:

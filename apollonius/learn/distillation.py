@@ -114,21 +114,14 @@ def _players(plan: Plan, network: QNetwork, setting: Setting, key: PRNGKeyArray)
     robots = len(setting.game.bodies[config.side])
     explores = solo(exploring(network, jnp.float32(config.epsilon[config.side])))
     student = replace(explores, bits=jax.random.bits(key, (games * robots,), jnp.uint32))
-    attackers: list[AbstractPolicy] = (
-        []
-        if table is None
-        else [
-            Holding(
-                RolloutSearch(table.zero_sum_game, table.table, greedy(network), *ahead),
-                plan.learner.steps_per_iteration,
-            )
-            for ahead in _PLANS
-        ]
-    )
+    players: list[AbstractPolicy] = [*setting.opponents]
+    if table is not None:
+        searches = (RolloutSearch(table.zero_sum_game, table.table, greedy(network), *ahead) for ahead in _PLANS)
+        players += [Holding(search, plan.learner.steps_per_iteration) for search in searches]
     kinds, left = len(setting.opponents), games - config.near_sighted - config.far_sighted
     shares = [left // kinds + (number < left % kinds) for number in range(kinds)]
     shares += [config.near_sighted, config.far_sighted]
-    opponents = [pair for pair in zip((*setting.opponents, *attackers), shares, strict=False) if pair[1]]
+    opponents = [pair for pair in zip(players, shares, strict=False) if pair[1]]
     return BySide.of(config.side, student, Apart(*map(tuple, zip(*opponents, strict=True))))
 
 

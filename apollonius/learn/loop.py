@@ -112,18 +112,15 @@ def iterated(
 
 def _playing(plan: Plan, role: Role, state: TrainState, fixed: Mapping[Role, Pool]) -> Pool | Assigned:
     """Return the players of one side: of one that learns they explore, by soft actor-critic with noise that lasts."""
-    match plan.learner:
-        case DQNConfig() as dqn_config:
-            epsilon = dqn_config.epsilon(plan.stage.epsilon[role], plan.stage.env_steps, state.env_steps)
-            return players(plan, role, state.learners, fixed, state.archives, epsilon)
-        case config:
-            assert isinstance(config, SACConfig)
-            playing = players(plan, role, state.learners, fixed, state.archives, jnp.ones(()))
-            iterations = config.noise_steps // config.steps_per_iteration
-            if role in fixed or iterations == 1:
-                return playing
-            key = jax.random.fold_in(jax.random.fold_in(state.key, 4 + role), state.iterations // iterations)
-            return replace(playing, bits=jax.random.bits(key, (config.games,), jnp.uint32))
+    config, amount = plan.learner, jnp.ones(())
+    if isinstance(config, DQNConfig):
+        amount = config.epsilon(plan.stage.epsilon[role], plan.stage.env_steps, state.env_steps)
+    playing = players(plan, role, state.learners, fixed, state.archives, amount)
+    iterations = config.noise_steps // config.steps_per_iteration if isinstance(config, SACConfig) else 1
+    if role in fixed or iterations == 1:
+        return playing
+    key = jax.random.fold_in(jax.random.fold_in(state.key, 4 + role), state.iterations // iterations)
+    return replace(playing, bits=jax.random.bits(key, (config.games,), jnp.uint32))
 
 
 def _learn(
@@ -137,13 +134,11 @@ def _learn(
 
     def update(learner: Learner, key: PRNGKeyArray) -> tuple[Learner, Scalar]:
         batch = replay_buffer.sample(buffer, key, config.batch, config.n_step, n_step, config.gamma)
-        match learner, config:
-            case dqn.DQNLearner(), DQNConfig():
-                return dqn.update(learner, batch, rate, config)
-            case sac.SACLearner(), SACConfig():
-                return sac.update(learner, batch, jax.random.fold_in(key, 2), rate, config)
-            case _:
-                raise AssertionError(config)
+        if isinstance(learner, dqn.DQNLearner) and isinstance(config, DQNConfig):
+            return dqn.update(learner, batch, rate, config)
+        assert isinstance(learner, sac.SACLearner)
+        assert isinstance(config, SACConfig)
+        return sac.update(learner, batch, jax.random.fold_in(key, 2), rate, config)
 
     def updates(learner: Learner) -> tuple[Learner, Scalar]:
         learner, losses = jax.lax.scan(update, learner, jax.random.split(key, config.updates_per_iteration))
@@ -206,5 +201,4 @@ def renew_opponents(plan: Plan, game: Game, state: TrainState) -> TrainState:
 
 
 def _key(state: TrainState, use: int) -> PRNGKeyArray:
-    """Return the key of an iteration for one use."""
     return jax.random.fold_in(jax.random.fold_in(state.key, use), state.iterations)

@@ -62,13 +62,10 @@ class Saved(eqx.Module):
 
 @dataclass(eq=False)
 class Run:
-    """One training run. `execute` begins it or resumes it from its checkpoint.
+    """One training run, in a folder that `create_run` made. `execute` begins it or resumes it from its checkpoint.
 
-    Attributes:
-        config: what to train.
-        folder: where; `config.toml` must already lie there (`create_run`).
-        report: called after every chunk with its metrics and the share of the training that is done.
-        should_stop: called after every chunk; True saves a checkpoint and ends `execute` early.
+    After every chunk `report` is called with its metrics and the share of the training that is done, and then
+    `should_stop`: True saves a checkpoint and ends `execute` early.
     """
 
     config: RunConfig

@@ -84,11 +84,7 @@ class SelfPlayConfig(StageConfig):
 
 @dataclass(frozen=True)
 class Task:
-    """A further game of a distillation, with its own teacher and opponents.
-
-    Attributes:
-        opponents: as many as those of the stage; none for the same.
-    """
+    """A further game of a distillation, with its own teacher and as many opponents as the stage; none for the same."""
 
     game: Game
     teacher: str

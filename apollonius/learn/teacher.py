@@ -127,13 +127,13 @@ def make_settings(config: RunConfig, game: Game, folder: Path | None) -> list[Se
         here, players = _cast(stage, here)
         tables = cached_tables(one, stage.grid, folder, played=here)
         players |= {(TABLE, side): Named(TABLE, tables[side]) for side in Role}
-        clearance = None
-        if stage.clearance > 0:
-            grid = make_grid(here.arena, here.body(role), counts)
-            safety = solve_safety(here, role, grid, grids[0][1])
-            clearance = Clearance(motion_of(here, role, _AHEAD), grid, safety.table, stage.clearance)
-        teacher = _teacher(stage, players, here, clearance)
-        return Setting(here, teacher, _opponents(stage, players), tables[role.other])
+        found = _setting(stage, players, here, tables[role.other])
+        if stage.clearance == 0:
+            return found
+        grid = make_grid(here.arena, here.body(role), counts)
+        safety = solve_safety(here, role, grid, grids[0][1])
+        clearance = Clearance(motion_of(here, role, _AHEAD), grid, safety.table, stage.clearance)
+        return replace(found, teacher=replace(found.teacher, clearance=clearance))
 
     return [setting(number, one) for number, one in enumerate(alone)]
 
@@ -145,11 +145,9 @@ def _task_settings(config: RunConfig, game: Game) -> list[Setting]:
         known.append(_charted_as(task.game, known, find_observation(config.learner.observation).charted))
         asked = replace(stage, teacher=task.teacher, opponents=task.opponents or stage.opponents, tasks=())
         here, players = _cast(asked, stage.trained_in(known[-1]))
-        teacher = _teacher(asked, players, here, None)
-        if settings:
-            teacher = replace(teacher, unit=settings[0].teacher.unit)
-        settings.append(Setting(here, teacher, _opponents(asked, players), None))
-    return settings
+        settings.append(_setting(asked, players, here, None))
+    unit = settings[0].teacher.unit
+    return [replace(one, teacher=replace(one.teacher, unit=unit)) for one in settings]
 
 
 def _charted_as(game: Game, others: Sequence[Game], are_read: bool) -> Game:
@@ -172,14 +170,11 @@ def _cast(stage: DistillationConfig, game: Game) -> tuple[Game, Players]:
     return charted(game, any(player.policy.charted for player in players.values())), players
 
 
-def _teacher(stage: DistillationConfig, players: Players, game: Game, clearance: Clearance | None) -> Teacher:
+def _setting(stage: DistillationConfig, players: Players, game: Game, table: SaddlePolicy | None) -> Setting:
     found = players[stage.teacher, stage.side]
     policy, bound = found.policy, "one that values the nine actions: table, or an agent trained by DQN"
     require(isinstance(policy, AbstractActionValuePolicy), "teacher", stage.teacher, bound)
     assert isinstance(policy, AbstractActionValuePolicy)
     price = price_of_losing(found, game)
-    return Teacher(policy, price, price, clearance)
-
-
-def _opponents(stage: DistillationConfig, players: Players) -> tuple[AbstractPolicy, ...]:
-    return tuple(players[name, stage.side.other].policy for name in stage.opponents)
+    opponents = tuple(players[name, stage.side.other].policy for name in stage.opponents)
+    return Setting(game, Teacher(policy, price, price, None), opponents, table)

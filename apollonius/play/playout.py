@@ -130,13 +130,8 @@ def _play_share(
     under_way: _Slots,
     results: Results,
 ) -> Iterator[int]:
-    """Play some of the starts, fill in their results, and yield how many games have ended since the last time.
-
-    Args:
-        advance: `_advance` with its first arguments.
-        begun, end: the rows to play.
-        first: index of the game of the first row.
-        under_way: empty slots.
+    """Play the starts from row `begun` to `end` in empty slots, by `_advance` with its first arguments; fill in their
+    results, and yield how many games have ended since the last time. The game of the first row has the index `first`.
     """
     done, new, steps, window = begun, 0, 1, len(under_way.index) * _WINDOW
     while done < end:
@@ -187,17 +182,10 @@ def _advance(
     steps: Int[Array, ""],
     more: Bool[Array, ""],
 ) -> tuple[_Slots, Int[Array, ""], _Ended]:
-    """Play some steps of the games under way; waiting games begin in empty slots.
+    """Play some steps of the games under way, at most `steps`; `count` waiting games, from the number `first`, begin
+    in empty slots. Where `more` will wait when these have begun, it ends early rather than leave slots empty.
 
-    Args:
-        starts: of waiting games.
-        first: the number of the first one.
-        count: the number of starts; the other rows are padding.
-        steps: most steps.
-        more: whether other games will wait when these have begun; then it ends early rather than leave slots empty.
-
-    Returns:
-        The games under way, the number of games that have begun, and the games that ended.
+    Returns the games under way, the number of games that have begun, and the games that ended.
     """
     # No more games than rows can end.
     rows, unwatched = len(under_way.index) + len(starts.steps), watcher and watcher.begin()
@@ -240,7 +228,6 @@ def _advance(
 
 
 def _zeros(shapes: Any) -> Any:
-    """Return zeros of these shapes."""
     return jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), shapes)
 
 

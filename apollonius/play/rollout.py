@@ -206,20 +206,14 @@ def collect(
     Returns:
         The games after them, and the transitions, leaves `[steps, games]`.
     """
-    rows = jax.tree.leaves(starts)[0].shape[0]
-    batch = games.state.steps.shape[0]
-
-    def sample(step_key: PRNGKeyArray) -> tuple[UInt32[Array, "2 games"], UInt32[Array, "2 games"]]:
-        """Draw bits for the actions and for the next members of the pools; lone members share those of the actions."""
-        kinds = 2 if any(pool.samples for pool in players) else 1
-        bits = random_bits(step_key, (2 * kinds, batch))
-        return bits[:2], bits[-2:]
+    rows, batch = len(jax.tree.leaves(starts)[0]), len(games.state.steps)
+    kinds = 2 if any(pool.samples for pool in players) else 1  # new members that are alone share the actions' bits
 
     def one_step(games: Games, step: Int[Array, ""]) -> tuple[Games, Transition]:
-        bits, fresh_bits = sample(fold_in(key, step))
-        after, transition = step_games(game, players, games, bits)
+        bits = random_bits(fold_in(key, step), (2 * kinds, batch))
+        after, transition = step_games(game, players, games, bits[:2])
         fresh_state = jax.tree.map(lambda row: jax.lax.dynamic_index_in_dim(row, step % rows, keepdims=False), starts)
-        fresh = begin(game, fresh_state, players, fresh_bits)
+        fresh = begin(game, fresh_state, players, bits[-2:])
         return jax.vmap(reset_where_done)(transition.ended, fresh, after), transition
 
     return jax.lax.scan(one_step, games, jnp.arange(steps))

@@ -66,19 +66,12 @@ def rates(matches: Matches, share: Callable[[MatchResult], float]) -> Rates:
 
 def differences(first: Rates, second: Rates) -> Rates:
     """Return how much larger each value of the first is than that of the second."""
-    return tuple(
-        tuple(one - other for one, other in zip(*rows, strict=True)) for rows in zip(first, second, strict=True)
-    )
+    return tuple(map(tuple, np.subtract(first, second).tolist()))
 
 
 def won(match: MatchResult) -> float:
     """Return the share of games that the pursuer won."""
     return match.pursuer_win_rate
-
-
-def captured(match: MatchResult) -> float:
-    """Return the share of games that ended in a capture."""
-    return match.outcomes["captured"] / match.games
 
 
 def outcome_shares(matches: Matches) -> Shares:
@@ -104,12 +97,12 @@ def as_data(results: dict[str, Matches]) -> dict[str, list[list[dict[str, Any]]]
 
 def write_report(study: Study, findings: Sequence[Finding]) -> None:
     """Write both files into the study's folder, atomically."""
-    claims = [claim for finding in findings for claim in finding.claims]
+    claims, is_full = [claim for finding in findings for claim in finding.claims], study.budget == FULL_BUDGET
     results = {
         "budget": study.budget,
         "seeds": list(study.seeds),
         "games": study.games,
-        "claims": [claim.to_dict(study.is_full) for claim in claims],
+        "claims": [claim.to_dict(is_full) for claim in claims],
         "findings": {
             finding.title: {"text": finding.text, "pictures": finding.pictures, "data": finding.data}
             for finding in findings
@@ -121,7 +114,7 @@ def write_report(study: Study, findings: Sequence[Finding]) -> None:
         "the same starts, every training of the pursuer against every one of the evader. Intervals are 95 % prediction "
         "intervals of another pair of trainings, the chance that of its reaching the bound (Student's t). A verdict "
         f"takes {FEWEST_SEEDS} seeds of the budget `{FULL_BUDGET}`.",
-        claim_table(claims, study.is_full),
+        claim_table(claims, is_full),
     ]
     for finding in findings:
         pictures = [f"![{finding.title}]({picture})" for picture in finding.pictures]

@@ -21,7 +21,6 @@ from apollonius.reproduce.finding import (
     Finding,
     as_data,
     beside_the_paper,
-    captured,
     differences,
     outcome_shares,
     outcome_table,
@@ -158,14 +157,14 @@ def figure_8(study: Study) -> Finding:
 def table_2(study: Study) -> Finding:
     """Play both pursuers against the random evader: wins, and direct captures."""
     results = {name: study.matches(name, "random") for name in TABLE_2}
-    captures = {name: rates(matches, captured) for name, matches in results.items()}
-    wins = {name: rates(matches, won) for name, matches in results.items()}
+    pair = "P_random", "P_curriculum"
+    captures = [rates(results[name], lambda match: match.outcomes["captured"] / match.games) for name in pair]
     claims = (
-        Claim("P_curriculum beats random", "Table II", 0.93, 0.93, wins["P_curriculum"]),
-        Claim("P_random beats random", "Table II", 0.91, 0.91, wins["P_random"]),
+        Claim("P_curriculum beats random", "Table II", 0.93, 0.93, rates(results["P_curriculum"], won)),
+        Claim("P_random beats random", "Table II", 0.91, 0.91, rates(results["P_random"], won)),
         Claim(
             "direct captures of random: P_random minus P_curriculum", "Table II", (336 - 62) / 500, 0.2,
-            differences(captures["P_random"], captures["P_curriculum"]), least=-1.0,
+            differences(*captures), least=-1.0,
         ),
     )  # fmt: skip
     text = beside_the_paper(results, TABLE_2)
@@ -175,10 +174,10 @@ def table_2(study: Study) -> Finding:
 def table_3(study: Study) -> Finding:
     """Play both pursuers against the evader of self-play from scratch."""
     results = {name: study.matches(name, "E_scratch") for name in TABLE_3}
-    wins = {name: rates(matches, won) for name, matches in results.items()}
+    wins = [rates(results[name], won) for name in ("P_curriculum", "P_random")]
     claim = Claim(
         "wins against E_scratch: P_curriculum minus P_random", "Table III", 0.706 - 0.434, 0.1,
-        differences(wins["P_curriculum"], wins["P_random"]), least=-1.0,
+        differences(*wins), least=-1.0,
     )  # fmt: skip
     text = beside_the_paper(results, TABLE_3)
     return Finding("Table III: against E_scratch", text, claims=(claim,), data=as_data(results))

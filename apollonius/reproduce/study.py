@@ -3,8 +3,7 @@
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from apollonius import Game, Match, Named, Role, find_player
-from apollonius.evaluate.claims import FULL_BUDGET
+from apollonius import Match, Named, Role, find_player
 from apollonius.evaluate.match import MatchResult, count, play_games
 from apollonius.game.by_side import BySide
 from apollonius.learn.config import RunConfig
@@ -62,15 +61,6 @@ class Study:
     """Games in a match."""
     _played: dict[tuple[str, str, int, int], Results] = field(default_factory=dict, repr=False)
 
-    @property
-    def is_full(self) -> bool:
-        """True where its agents are trained for as long as the paper's."""
-        return self.budget == FULL_BUDGET
-
-    @property
-    def game(self) -> Game:
-        return self.preset.game
-
     def run(self, name: str, seed: int) -> Path:
         return self.folder / f"seed-{seed}" / name
 
@@ -78,13 +68,13 @@ class Study:
         """Return an agent of a seed, `random` or `still`; of self-play's, as it was at a percentage of it."""
         moment = percent if name in SELF_PLAYED else 100
         player = str(agent_file(self.run(RUN_OF[name], seed), name, moment)) if name in RUN_OF else name
-        return replace(find_player(player, role, self.game), name=name)
+        return replace(find_player(player, role, self.preset.game), name=name)
 
     def pairing(self, pursuer: str, evader: str, seeds: tuple[int, int], percent: int = 100) -> Match:
         """Return the match between two agents of these seeds, as `agent` finds them."""
         chasing = self.agent(pursuer, Role.PURSUER, seeds[0], percent)
         fleeing = self.agent(evader, Role.EVADER, seeds[1], percent)
-        return Match(self.game, BySide(chasing, fleeing), self.games, MATCH_SEED)
+        return Match(self.preset.game, BySide(chasing, fleeing), self.games, MATCH_SEED)
 
     def play(self, pursuer: str, evader: str, seeds: tuple[int, int]) -> Results:
         named = (pursuer, evader, *seeds)
