@@ -41,10 +41,10 @@ def run_export(options: argparse.Namespace) -> int:
     options.display.begin(f"writing the player and comparing it in {STATES:,} states", compiles=True)
     warn(options, game, [find_player(name, role, game)])
     player = find_exportable(name, role, game)
-    written = write_c(player, out, options.constants) if options.to == "c" else write_onnx(player, out)
+    files, about = write_c(player, out, options.constants) if options.to == "c" else write_onnx(player, out)
     options.display.end()
-    print(*written.about, sep="\n")
-    finish(*written.files)
+    print(*about, sep="\n")
+    finish(*files)
     return 0
 
 

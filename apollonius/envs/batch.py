@@ -80,7 +80,6 @@ class Outside(AbstractPolicy):
 
 
 def begun(game: Game, players: BySide[Pool], state: GameState) -> Games:
-    """Return games that begin in these states."""
     return begin(game, state, players, jnp.zeros((2, len(state.steps)), jnp.uint32))
 
 

@@ -41,7 +41,6 @@ class Value:
 
     @property
     def size(self) -> int:
-        """Return the number of elements."""
         return prod(self.shape)
 
     @property
@@ -130,11 +129,9 @@ class Block:
             self._lines = kept
 
     def put(self, statement: str) -> None:
-        """Append a statement."""
         self._lines.append("    " * self._depth + statement)
 
     def name(self, prefix: str) -> str:
-        """Return a new name."""
         self._names[prefix] += 1
         return f"{prefix}{self._names[prefix]}"
 

@@ -6,17 +6,11 @@ from typing import Any
 import jax
 
 from apollonius.export.block import Block, Index, Value, moved, placed, scalar
-from apollonius.export.scalars import apply, converted, number
+from apollonius.export.scalars import OPERATIONS, apply, converted, number
 
 Params = Mapping[str, Any]
 Rule = Callable[[Block, list[Value], Params, Any], Value]
 """From the block to write in, the operands, the parameters and the type of the result to that result."""
-
-_ARITHMETIC = ("add", "sub", "mul", "div", "rem", "max", "min", "neg", "abs", "sign")
-_TRUTHS = ("eq", "ne", "lt", "le", "gt", "ge", "and", "or", "xor", "not", "is_finite")
-_SHIFTS = ("shift_left", "shift_right_logical", "shift_right_arithmetic")
-_ROOTS = ("sqrt", "rsqrt", "cbrt", "exp", "exp2", "expm1", "log", "log1p", "pow", "logistic", "floor", "ceil")
-_ANGLES = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh")
 
 
 def along(value: Value, index: Index) -> str:
@@ -151,7 +145,7 @@ def _same(block: Block, operands: list[Value], params: Params, out: Any) -> Valu
 
 
 COMPUTED: dict[str, Rule] = {
-    **{name: elementwise(name) for name in (*_ARITHMETIC, *_TRUTHS, *_SHIFTS, *_ROOTS, *_ANGLES)},
+    **{name: elementwise(name) for name in OPERATIONS},
     "add_any": elementwise("add"),
     "bitcast_convert_type": elementwise("bitcast"),
     "convert_element_type": _convert,

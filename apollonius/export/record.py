@@ -27,7 +27,6 @@ class Leaf:
 
     @property
     def size(self) -> int:
-        """Return the number of elements."""
         return int(np.prod(self.shape, dtype=int))
 
 

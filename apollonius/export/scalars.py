@@ -13,9 +13,10 @@ TYPES = {
     "int16": "int16_t",
 }
 """By the names of NumPy's types, which are the kinds of numbers."""
-_ARITHMETIC = {"add": "+", "sub": "-", "mul": "*", "div": "/", "and": "&", "or": "|", "xor": "^"}
-_COMPARISONS = {"eq": "==", "ne": "!=", "lt": "<", "le": "<=", "gt": ">", "ge": ">="}
-_SIGNS = _ARITHMETIC | _COMPARISONS
+_SIGNS = {
+    **{"add": "+", "sub": "-", "mul": "*", "div": "/", "and": "&", "or": "|", "xor": "^"},
+    **{"eq": "==", "ne": "!=", "lt": "<", "le": "<=", "gt": ">", "ge": ">="},
+}
 _ROOTS = ("floor", "ceil", "sqrt", "cbrt", "exp", "exp2", "expm1", "log", "log1p", "pow", "atan2")
 _ANGLES = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh")
 _LIBRARY = {
@@ -66,6 +67,8 @@ _WHOLE = {
     "shift_right_logical": "(uint32_t)({1} < 32 ? (uint32_t){0} >> {1} : 0)",
     "shift_right_arithmetic": "({0} >> ({1} < 31 ? {1} : 31))",
 }
+OPERATIONS = ("neg", "not", *_SIGNS, *_LIBRARY, *_FLOATS, *_WHOLE)
+"""Names of what `apply` knows, most of them those of JAX's primitives."""
 
 
 def number(value: float | int | bool, kind: str) -> str:
@@ -118,14 +121,12 @@ def converted(text: str, of: str, kind: str) -> str:
 
 
 def plus(one: str, other: str) -> str:
-    """Return the sum of two indices."""
     if one.isdigit() and other.isdigit():
         return str(int(one) + int(other))
     return other if one == "0" else one if other == "0" else f"({one} + {other})"
 
 
 def times(index: str, factor: int) -> str:
-    """Return a multiple of an index."""
     if index.isdigit() and factor >= 0:
         return str(int(index) * factor)
     return "0" if factor == 0 else index if factor == 1 else f"({index} * {factor})"

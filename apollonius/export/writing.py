@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
@@ -26,12 +25,8 @@ STATES = 10_000
 """Decisions of real games that an exported player is compared on."""
 
 
-@dataclass(frozen=True)
-class Written:
-    """A player that was written: its files, and what it is and what checking it came to, a line each."""
-
-    files: tuple[Path, ...]
-    about: tuple[str, ...]
+Written = tuple[list[Path], list[str]]
+"""The files of a player that was written, and what it is and what checking it came to, a line each."""
 
 
 def translate(function: Callable[..., Any], *arguments: Any, name: str = "program") -> dict[str, str]:
@@ -67,7 +62,7 @@ def write_c(player: Player, out: Path, constants: bool = False, states: int = ST
     kept[out.with_suffix(ABOUT)] = to_json(_facts(program, player, kept)).encode()
     for file, content in kept.items():
         write_atomically(file, content)
-    return Written(tuple(kept), (f"The {player.role.name.lower()} {player.name}", *checked))
+    return list(kept), [f"The {player.role.name.lower()} {player.name}", *checked]
 
 
 def write_onnx(player: Player, out: Path) -> Written:
@@ -85,7 +80,7 @@ def write_onnx(player: Player, out: Path) -> Written:
     lines = check(decide, player, STATES)
     write_atomically(out, model)
     timed = f"one decision in onnxruntime, median of 10,000: {microseconds(again):.1f} us"
-    return Written((out,), (f"The {player.role.name.lower()} {player.name}", *lines, timed))
+    return [out], [f"The {player.role.name.lower()} {player.name}", *lines, timed]
 
 
 def _check(program: Program, player: Player, constants: bool, states: int) -> list[str]:
@@ -125,12 +120,8 @@ def _facts(program: Program, player: Player, files: Mapping[Path, bytes]) -> dic
 
     def fact(record: Record) -> dict[str, Any]:
         number = record.leaves[0].kind if record.lone and record.leaves[0].size == 1 else None
-        return {
-            "name": record.name,
-            "bytes": record.layout.itemsize,
-            "number": number,
-            "sha256": digests.get(record.name),
-        }
+        digest = digests.get(record.name)
+        return {"name": record.name, "bytes": record.layout.itemsize, "number": number, "sha256": digest}
 
     return {
         "name": program.name,
@@ -150,7 +141,6 @@ def _facts(program: Program, player: Player, files: Mapping[Path, bytes]) -> dic
 
 
 def _about(program: Program, player: Player) -> list[str]:
-    """Return the lines of the header."""
     game, role, names = player.game, player.role, {record.name for record in program.records}
     (body, *mates), opponents = game.bodies[role], game.bodies[role.other]
     others = f"its {len(mates)} mates', then its {len(opponents)} opponents'" if player.robots > 2 else "its opponent's"

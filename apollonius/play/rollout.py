@@ -125,7 +125,6 @@ def step_games(
     """Play every game one step on, by fresh random bits of each side, without resets; where nobody `observes`
     transitions have no observations, which take long to trace.
     """
-
     tracks, seen = look_around(game, players, games.sides.map(lambda side: side.track), games.state, bits)
     acted = ROLES.map(lambda role: decide(players[role], games.sides[role], seen[role], bits[role]))
     actions = acted.map(lambda side: side[0])
