@@ -3,7 +3,7 @@
 import functools
 import re
 from collections import Counter
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from math import prod
@@ -59,13 +59,9 @@ def placed(kind: str, shape: Shape, buffer: str, offset: str = "0", strides: Sha
     lies = Place(buffer, offset, _contiguous(shape) if strides is None else strides)
 
     def read(index: Index) -> str:
-        return f"{buffer}[{_sum(offset, map(times, index, lies.strides))}]"
+        return f"{buffer}[{functools.reduce(plus, map(times, index, lies.strides), offset)}]"
 
     return Value(kind, shape, read, lies)
-
-
-def _sum(first: str, more: Iterable[str]) -> str:
-    return functools.reduce(plus, more, first)
 
 
 def buffer_of(value: Value) -> str:
@@ -103,7 +99,7 @@ def moved(
     for axis, stride, step in zip(axes, value.place.strides, steps, strict=True):
         if axis is not None and shape[axis] != 1:
             strides[axis] += stride * step
-    offset = _sum(value.place.offset, map(times, starts, value.place.strides))
+    offset = functools.reduce(plus, map(times, starts, value.place.strides), value.place.offset)
     return placed(value.kind, shape, value.place.buffer, offset, tuple(strides))
 
 

@@ -50,11 +50,9 @@ def _indexed(
 ) -> tuple[tuple[str, ...], str]:
     """Return the place of an array that an element of a gather or a scatter is of, and a test of whether it is there.
 
-    Args:
-        index: of the element.
-        axes: as the dimension numbers name them: those of the window in `index`, those of the array that the window
-            does not have, those that indices are along, and those of the array and of the indices that are batched.
-        lengths: of each axis of the array, and of the window.
+    The axes are, as the dimension numbers name them, those of the window in the element's `index`, those of the array
+    that the window does not have, those that indices are along, and those of the array and of the indices that are
+    batched; the lengths those of each axis of the array and of the window.
     """
     window, gone, along, batched, batches = axes
     batch = [step for axis, step in enumerate(index) if axis not in window]

@@ -85,13 +85,8 @@ def number(value: float | int | bool, kind: str) -> str:
 
 
 def apply(operation: str, kind: str, of: str, *given: str) -> str:
-    """Return an operation on numbers, in brackets where that could matter; raises NotImplementedError for an operation
-    that C does not have for numbers of that kind.
-
-    Args:
-        kind: of the result.
-        of: kind of the first operand.
-        given: the operands.
+    """Return an operation on operands, the first `of` one kind, whose result is of a kind, in brackets where that could
+    matter; raises NotImplementedError for an operation that C does not have for such numbers.
     """
     if operation in _SIGNS:
         both = f"({given[0]} {_SIGNS[operation]} {given[1]})"

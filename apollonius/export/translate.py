@@ -46,12 +46,8 @@ def translated(function: Callable[..., Any], *arguments: Any, name: str = "progr
     translated, with the line that it comes from.
 
     Arguments become records of the leaves that the program reads; those that have a result of their name, in a dict of
-    results, are whole, so that what comes out as `next_...` can be put in again.
-
-    Args:
-        arguments: pytrees of arrays or numbers of the shapes that the program shall take.
-        name: what the program is called.
-        whole: whether all records are whole, so that programs with the same arguments can share them.
+    results, are whole, so that what comes out as `next_...` can be put in again. All are where `whole` is given, so
+    that programs with the same arguments can share them.
     """
     closed, shape = jax.make_jaxpr(function, return_shape=True)(*arguments)
     names = [*inspect.signature(function).parameters][: len(arguments)]

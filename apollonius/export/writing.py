@@ -33,10 +33,7 @@ def translate(function: Callable[..., Any], *arguments: Any, name: str = "progra
     """Return a JAX function as a program in C99 that needs no JAX: the texts of a source and its header, by name;
     raises InvalidInput for a primitive or a number type that cannot be translated, with the line that it comes from.
 
-    Args:
-        function: a function of pytrees of arrays, which JAX can trace.
-        arguments: pytrees of arrays or numbers, of the shapes that the program shall take.
-        name: what the program and its files are called: a name of C.
+    The arguments are pytrees of arrays or numbers, of the shapes that the program shall take, and `name` is one of C.
     """
     return files(translated(function, *arguments, name=name))
 

@@ -31,9 +31,8 @@ T = TypeVar("T")
 
 
 def create_run(config: RunConfig, folder: Path, force: bool = False) -> None:
-    """Make the folder of a new run, with its config; `force` removes the run's own files that are already there.
-
-    Raises InvalidInput when the folder holds a run that is not to be removed, or something that is no run.
+    """Make the folder of a new run, with its config; raises InvalidInput for one that holds something, but for a run
+    whose own files `force` removes.
     """
     if folder.exists():
         require(folder.is_dir(), "folder", folder, "a folder; choose another")
@@ -74,10 +73,8 @@ def agent_file(run: Path, name: str, percent: int = 100) -> Path:
 
 
 def load_config(path: Path, within: Path | None = None) -> RunConfig:
-    """Return the config of a file as `create_run` writes it; what it leaves out has its default.
-
-    Raises InvalidInput when it is missing, no TOML, not `within` a folder, wherever links lead, or has an unknown key
-    or an impossible value.
+    """Return the config of a file as `create_run` writes it; what it leaves out has its default. Raises InvalidInput
+    for a bad one, and for one that is not `within` a folder, wherever links lead.
     """
     content = read_bytes(path, "a training's config.toml", "check the path", within=within)
     return from_dict(RunConfig, parse_toml(content, path), str(path))
@@ -98,7 +95,6 @@ class Evaluation:
 
     @property
     def pursuer_win_rate(self) -> float:
-        """Share of the games that the pursuer won."""
         return sum(self.outcomes[name] for name in names_of(PURSUER_WINS)) / sum(self.outcomes.values())
 
 

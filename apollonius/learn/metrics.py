@@ -109,10 +109,8 @@ def append_metrics(path: Path, line: MetricsLine) -> int:
 
 
 def load_metrics(path: Path, size: int | None = None, within: Path | None = None) -> list[MetricsLine]:
-    """Return the lines of the first `size` bytes of a `metrics.jsonl`, or of all; none where there is no file.
-
-    Raises InvalidInput when it is too large or shorter than that, not `within` a folder, wherever links lead, and for a
-    line that training does not write.
+    """Return the lines of the first `size` bytes of a `metrics.jsonl`, or of all; none where there is no file. Raises
+    InvalidInput for a bad one or a shorter one, and for one that is not `within` a folder, wherever links lead.
     """
     whole = read_bytes(path, "a run's metrics", "train again", _MOST_BYTES, within) if path.exists() else b""
     least = f"{size or 0:,} bytes at least, as its checkpoint says; train again"

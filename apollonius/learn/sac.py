@@ -124,11 +124,7 @@ def update(
     acts = (learner.updates >= config.critics_first).astype(jnp.float32)
     network = eqx.apply_updates(learner.network, jax.tree.map(lambda step: -acts * learning_rate * step, of_actor))
     critics = eqx.apply_updates(learner.critics, jax.tree.map(lambda step: -learning_rate * step, of_critics))
-
-    def towards(old: Array, new: Array, part: float) -> Array:
-        return old + part * (new - old)
-
-    average = jax.tree.map(lambda old, new: towards(old, new, config.averaging), learner.average, network)
-    target = jax.tree.map(lambda old, new: towards(old, new, config.target_averaging), learner.target, critics)
+    average = jax.tree.map(lambda old, new: old + config.averaging * (new - old), learner.average, network)
+    target = jax.tree.map(lambda old, new: old + config.target_averaging * (new - old), learner.target, critics)
     log_temperature = learner.log_temperature - acts * learning_rate * of_temperature
     return SACLearner(network, average, critics, target, log_temperature, optimiser, learner.updates + 1), loss

@@ -94,13 +94,8 @@ def play_out(
     On each core at most `slots` games are under way; the next start takes the place of a finished game. The random bits
     of a game depend on the key, its index and its step alone, so neither `slots` nor other games change its course.
 
-    Args:
-        starts: initial states, leaves `[games]`.
-        key: consumed.
-        slots: rounded up to a power of 2. By default as many as are quickest: few for a CPU, since in the end only the
-            longest games are left, many for an accelerator.
-        watcher: follows every game.
-        report: called several times in a second; an exception that it raises ends the play.
+    The slots are rounded up to a power of 2. By default they are as many as are quickest: few for a CPU, since in the
+    end only the longest games are left, many for an accelerator. An exception that `report` raises ends the play.
     """
     rows = jax.tree.map(np.asarray, starts)
     total, on_cpu = len(rows.steps), jax.default_backend() == "cpu"

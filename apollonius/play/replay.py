@@ -95,8 +95,6 @@ class Replay:
     """A game that was played, with all that it takes to play it again.
 
     Attributes:
-        game: the rules.
-        pursuer, evader: names of the players.
         seed, games, index: the match, and which of its games this is.
         states: of all robots, x [m], y [m], v [m/s], heading [rad] of each pursuer, then of each evader.
         actions: of the pursuers and the evaders, 0..8; or the action levels of all, where one side's are continuous.

@@ -195,15 +195,11 @@ def collect(
     key: PRNGKeyArray,
     steps: int,
 ) -> tuple[Games, Transition]:
-    """Play on for a number of steps; a finished game begins again, with newly drawn members of both pools.
+    """Play on for a number of steps; a finished game begins again, with newly drawn members of both pools. The key is
+    consumed. Returns the games after them, and the transitions, leaves `[steps, games]`.
 
-    Args:
-        starts: fresh initial states, leaves `[rows, games]`; a game that finishes at step t takes its own column of
-            row `t % rows`. Drawn beforehand, as drawing one for every game at every step costs more than the step.
-        key: consumed.
-
-    Returns:
-        The games after them, and the transitions, leaves `[steps, games]`.
+    A game that finishes at step t takes its own column of row `t % rows` of the starts, leaves `[rows, games]`. They
+    are drawn beforehand, as drawing one for every game at every step costs more than the step.
     """
     rows, batch = len(jax.tree.leaves(starts)[0]), len(games.state.steps)
     kinds = 2 if any(pool.samples for pool in players) else 1  # new members that are alone share the actions' bits
