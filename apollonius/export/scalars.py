@@ -68,7 +68,7 @@ _WHOLE = {
     "shift_right_arithmetic": "({0} >> ({1} < 31 ? {1} : 31))",
 }
 OPERATIONS = ("neg", "not", *_SIGNS, *_LIBRARY, *_FLOATS, *_WHOLE)
-"""Names of what `apply` knows, most of them those of JAX's primitives."""
+"""What `apply` knows, by the names of JAX's primitives but for the two roundings and `bitcast`."""
 
 
 def number(value: float | int | bool, kind: str) -> str:
