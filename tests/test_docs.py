@@ -5,7 +5,6 @@ import importlib
 import re
 import runpy
 import tomllib
-from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -21,13 +20,12 @@ from apollonius.arenas.record import to_dict
 from apollonius.arenas.suite import SUITES, is_scenario, suite_names
 from apollonius.cli import values
 from apollonius.cli.main import main
-from apollonius.game.dynamics import Unicycle
 from apollonius.game.presets import TEAM
 from apollonius.io.limits import GAME_FILES
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import load_config
 from tests.documents import ALL, DOCUMENTS, LANGUAGES, PAGES, REPOSITORY, asides, name_of
-from tests.learn.tiny import GAME, RUN
+from tests.learn.tiny import RUN
 
 DOCS = REPOSITORY / "docs"
 PLACEHOLDERS = {"N": "1", "S": "1", "SIDE": "pursuer", "HOST:PORT": "localhost:1"}
@@ -157,8 +155,6 @@ def test_every_link_leads_somewhere(document):
             assert not anchor or anchor in anchors(target), link
 
 
-TINY = replace(RUN, game=replace(GAME, pursuer=Unicycle(), evader=Unicycle()))
-"""A training of seconds. Both robots can stop, so its matches need not solve which starts are lost."""
 FEWER = {r"^([\w.]+=[\d.]+:[\d.]+):\d+$": r"\1:2", r"^0-9$": "0-1", r"^(dqn\.\w+=[^,]+),.*$": r"\1"}
 """Values of a sweep, and the fewer that a walk takes."""
 GRIDS = {"game": "5x5x3x8", "safety": "21x21x5x16", "reach": "21x21x9x16"}
@@ -247,7 +243,7 @@ def test_a_reader_who_follows_a_document_gets_to_its_end(name, tmp_path, monkeyp
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)  # what is exported to it is imported
     monkeypatch.setattr("apollonius.evaluate.pairings.JUDGED_GAMES", 8)  # of each training
-    Path("tiny.toml").write_text(tomli_w.dumps(to_dict(TINY)))
+    Path("tiny.toml").write_text(tomli_w.dumps(to_dict(RUN)))
     names = {}
     for block in (block for block in ALL if name_of(block.document) == name):
         solves = re.search(

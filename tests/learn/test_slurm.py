@@ -22,7 +22,7 @@ from tests.learn import tiny
 
 BODIES = {"pursuer": Unicycle(), "evader": Unicycle()}
 RUN = replace(tiny.RUN, game=replace(tiny.GAME, **BODIES, starts=Starts(separation=2.5)))
-"""Of robots that can stop, so that which starts are lost need not be solved for when agents are judged."""
+"""A training of robots that can stop."""
 
 PROGRAMS = ("munged", "slurmctld", "slurmd", "sbatch", "scontrol")
 SECONDS = 900
