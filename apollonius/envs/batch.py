@@ -4,7 +4,7 @@ import functools
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -20,9 +20,8 @@ from apollonius.game.types import ROLES, Action, GameState, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.tracking import Track
-from apollonius.play.rollout import Games, SideState, begin, look_around, of_robots, step_games
+from apollonius.play.rollout import Games, SideState, begin, look_around, of_robots, reset_where_done, step_games
 
-Tree = TypeVar("Tree")
 SideActions = Int[Array, "games *robots"] | Float[Array, "games *robots 2"]
 """Actions of one side in every game: of a team there is an axis of robots."""
 SPARE = 4
@@ -39,7 +38,6 @@ class Compiled:
         self._compiled = jax.jit(functools.partial(function, *constants))
 
     def __call__(self, *arguments: Any) -> Any:
-        """Return the result of the function for the rest of its arguments."""
         return self._compiled(*arguments)
 
     def __reduce__(self) -> tuple[type["Compiled"], tuple[Any, ...]]:
@@ -150,7 +148,6 @@ class Batch:
     next_step: bool
 
     def sample_starts(self, bits: UInt32[Array, ""]) -> UnderWay:
-        """Return a pile of starts."""
         keys = jax.random.split(jax.random.key(bits), SPARE * self.num_envs)
         starts: GameState = jax.lax.map(self.game.reset, keys, batch_size=_TOGETHER)
         games, drawn = begun(self.game, self.players, starts), jax.random.bits(keys[0], (len(keys),), jnp.uint32)
@@ -180,15 +177,10 @@ class Batch:
             return renewed(after, starts, used, made.ended), result
         # Zeros: no reward, no end, an ongoing game, active robots.
         begun = replace(jax.tree.map(jnp.zeros_like, result), seen=result.seen)
-        return renewed(after, starts, used, ended), _chosen(ended, begun, result)
+        return renewed(after, starts, used, ended), jax.vmap(reset_where_done)(ended, begun, result)
 
 
 def renewed(now: UnderWay, starts: UnderWay, used: Int[Array, ""], resets: Bool[Array, " games"]) -> UnderWay:
     """Return games, some restarted from the first unused starts."""
     place = jnp.where(resets, used + jnp.cumsum(resets.astype(jnp.int32)) - 1, 0)
-    return _chosen(resets, jax.tree.map(lambda leaf: leaf[place], starts), now)
-
-
-def _chosen(which: Bool[Array, " games"], one: Tree, other: Tree) -> Tree:
-    """Return one record of some games, and the other of the rest."""
-    return jax.tree.map(lambda a, b: jnp.where(which.reshape(-1, *[1] * (a.ndim - 1)), a, b), one, other)
+    return jax.vmap(reset_where_done)(resets, jax.tree.map(lambda leaf: leaf[place], starts), now)

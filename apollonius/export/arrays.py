@@ -40,8 +40,7 @@ def _pad(block: Block, operands: list[Value], params: Params, out: Any) -> Value
     low, high, gaps = ([int(config[place]) for config in params["padding_config"]] for place in range(3))
     if min(*low, *high) < 0:
         raise NotImplementedError("by less than nothing")
-    target = block.array(value.kind, out.shape)
-    block.copy(moved(filler, out.shape, []), target)
+    target = block.filled(moved(filler, out.shape, []))
     block.copy(value, moved(target, value.shape, range(len(low)), list(map(str, low)), [gap + 1 for gap in gaps]))
     return target
 
@@ -121,8 +120,8 @@ def _dot(block: Block, operands: list[Value], params: Params, out: Any) -> Value
     all of it is 0, as many outputs of rectifiers are.
     """
     factors, (sums, batches) = list(map(block.stored, operands)), params["dimension_numbers"]
-    kind, target = str(out.dtype), block.array(str(out.dtype), out.shape)
-    block.copy(scalar(kind, "0", out.shape), target)
+    kind = str(out.dtype)
+    target = block.filled(scalar(kind, "0", out.shape))
     own = [
         [axis for axis in range(len(one.shape)) if axis not in (*summed, *batch)]
         for one, summed, batch in zip(factors, sums, batches, strict=True)
@@ -170,7 +169,7 @@ def scan(run: Run, block: Block, given: list[Value], params: Any) -> list[Value]
     consts, carried = params["num_consts"], params["num_carry"]
     jaxpr, length = params["jaxpr"], params["length"]
     fixed, rows = given[:consts], given[consts + carried :]
-    carry = [_variable(block, one) for one in given[consts : consts + carried]]
+    carry = list(map(block.filled, given[consts : consts + carried]))
     outs = [out.aval for out in jaxpr.jaxpr.outvars[carried:]]
     ys = [block.array(str(out.dtype), (length, *out.shape)) for out in outs]
     with block.loops((length,)) as (step,):
@@ -187,7 +186,7 @@ def while_loop(run: Run, block: Block, given: list[Value], params: Any) -> list[
     """Return the carry when the condition no longer holds."""
     asked, done = params["cond_nconsts"], params["body_nconsts"]
     condition, body = params["cond_jaxpr"], params["body_jaxpr"]
-    carry = [_variable(block, one) for one in given[asked + done :]]
+    carry = list(map(block.filled, given[asked + done :]))
     with block.braces("for (;;)"):
         (holds,) = run(block, condition.jaxpr, condition.consts, [*given[:asked], *carry])
         block.put(f"if (!{holds.first}) break;")
@@ -206,13 +205,6 @@ def cond(run: Run, block: Block, given: list[Value], params: Any) -> list[Value]
         with block.braces(" ".join(words)):
             for value, target in zip(run(block, branch.jaxpr, branch.consts, given[1:]), made, strict=True):
                 block.copy(value, target)
-    return made
-
-
-def _variable(block: Block, first: Value) -> Value:
-    """Return an array that can be assigned to, with its first value."""
-    made = block.array(first.kind, first.shape)
-    block.copy(first, made)
     return made
 
 

@@ -171,13 +171,16 @@ class Block:
         with self.loops(value.shape) as index:
             self.put(f"{target.read(index)} = {value.read(index)};")
 
-    def copied(self, value: Value) -> Value:
-        """Return a new array that holds a value; of one element a constant."""
-        if value.size == 1:
-            return scalar(value.kind, self.let(value.kind, value.first), value.shape)
+    def filled(self, value: Value) -> Value:
+        """Return a new array with the contents of a value."""
         target = self.array(value.kind, value.shape)
         self.copy(value, target)
         return target
+
+    def copied(self, value: Value) -> Value:
+        """Return a new array that holds a value; of one element a constant."""
+        lone = value.size == 1
+        return scalar(value.kind, self.let(value.kind, value.first), value.shape) if lone else self.filled(value)
 
     def stored(self, value: Value) -> Value:
         """Return the value, its elements computed here unless they are known."""

@@ -39,8 +39,7 @@ def _dynamic_slice(block: Block, operands: list[Value], params: Params, out: Any
 
 def _dynamic_update_slice(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
     value, update, *starts = operands
-    target = block.array(value.kind, value.shape)
-    block.copy(value, target)
+    target = block.filled(value)
     block.copy(update, part(target, update.shape, _starts(block, starts, value.shape, update.shape)))
     return target
 
@@ -97,8 +96,7 @@ def _scatter(operation: str | None) -> Rule:
         axes += numbers.operand_batching_dims, numbers.scatter_indices_batching_dims
         sizes = iter([updates.shape[axis] for axis in window])
         lengths = [(length, 1 if axis in gone else next(sizes)) for axis, length in enumerate(value.shape)]
-        target = block.array(value.kind, value.shape)
-        block.copy(value, target)
+        target = block.filled(value)
         drops = params["mode"] == jax.lax.GatherScatterMode.FILL_OR_DROP
         with block.loops(updates.shape) as index:
             there, known = _indexed(block, indices, index, axes, lengths)

@@ -21,13 +21,9 @@ FORGETTING = 0.5
 
 
 class Archive(eqx.Module):
-    """Earlier versions of one side.
+    """Earlier versions of one side, of which the first `count` are filled, and the version in each slot.
 
-    Attributes:
-        networks: leaves with a leading axis of length `versions`, of which `count` are filled.
-        games, lost: recent games that count (`counted`) of each version, and those that it lost.
-        slots: the version in each slot.
-        in_slots: the networks of the slots, leaves with a leading axis of length `slots`.
+    The `games` are recent ones of each version that count (`counted`), and those that it `lost`.
     """
 
     networks: Network

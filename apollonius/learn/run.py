@@ -80,6 +80,7 @@ class Run:
         self.evaders = find_pool(self.config.evaders, Role.EVADER, self.game)
         self.game = charted(self.game, self.evaders.members.charted)
         self.plans = self.config.plans
+        self.fixed = {FIXED_TARGET: {Role.EVADER: self.evaders}}
 
     @cached_property
     def settings(self) -> list[Setting]:
@@ -121,12 +122,8 @@ class Run:
         plan, key = self.plans[stage], jax.random.fold_in(jax.random.key(self.config.seed), STAGES.index(stage))
         if stage == DISTILLATION:
             return Saved(start_distillation(plan, self.settings, key, networks[self.config.distillation.side]), None)
-        train = train_state.start(plan, plan.stage.trained_in(self.game), key, self._fixed(stage), networks)
+        train = train_state.start(plan, plan.stage.trained_in(self.game), key, self.fixed.get(stage, {}), networks)
         return Saved(train, _pursuer(train) if stage == FIXED_TARGET else None)
-
-    def _fixed(self, stage: str) -> dict[Role, Pool]:
-        """Return the players of the side that does not learn in a stage of the curriculum."""
-        return {Role.EVADER: self.evaders} if stage == FIXED_TARGET else {}
 
     def _train_stage(self, saved: Saved, standing: Standing) -> tuple[Saved, bool]:
         """Train one stage from here. Returns its last state, and whether it ended by itself."""
@@ -135,7 +132,8 @@ class Run:
         if stage == DISTILLATION:
             chunks = distillation(plan, train, self.settings, standing.chunks)
         else:
-            chunks = loop.chunks(plan, plan.stage.trained_in(self.game), train, self._fixed(stage), standing.chunks)
+            game, fixed = plan.stage.trained_in(self.game), self.fixed.get(stage, {})
+            chunks = loop.chunks(plan, game, train, fixed, standing.chunks)
         began, last_save = time.monotonic() - standing.seconds, time.monotonic()
         chunk_began = time.monotonic()
         for train, metrics in chunks:

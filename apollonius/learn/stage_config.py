@@ -143,7 +143,6 @@ class DistillationConfig(StageConfig):
 
     @property
     def side(self) -> Role:
-        """The side that learns."""
         return Role[self.role.upper()]
 
 

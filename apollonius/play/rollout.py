@@ -54,7 +54,6 @@ class Transition(eqx.Module):
 
     @property
     def ended(self) -> Bool[Array, "*batch"]:
-        """True where a game ended."""
         return self.terminated | self.truncated
 
 

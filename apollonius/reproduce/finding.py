@@ -70,7 +70,6 @@ def differences(first: Rates, second: Rates) -> Rates:
 
 
 def won(match: MatchResult) -> float:
-    """Return the share of games that the pursuer won."""
     return match.pursuer_win_rate
 
 
