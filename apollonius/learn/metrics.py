@@ -4,7 +4,7 @@ The libraries of TensorBoard, Weights & Biases, MLflow and trackio are the user'
 """
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from importlib import import_module
 from pathlib import Path
@@ -126,11 +126,6 @@ def last_lines(path: Path) -> tuple[MetricsLine | None, Evaluation | None]:
     evaluated = [line for line in whole if b'"evaluation"' in line]
     last, judged = (_read_line(some[-1], f"'{path}'") if some else None for some in (whole, evaluated))
     return last, judged and judged.evaluation
-
-
-def evaluations_of(lines: Sequence[MetricsLine], stage: str) -> list[Evaluation]:
-    """Return the greedy evaluations in the course of a stage."""
-    return [line.evaluation for line in lines if line.stage == stage and line.evaluation]
 
 
 def _read_line(line: bytes, source: str) -> MetricsLine:

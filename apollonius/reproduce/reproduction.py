@@ -14,7 +14,6 @@ from apollonius.io.limits import SEEDS, STUDY_GAMES
 from apollonius.io.workers import Job, Run, run_jobs
 from apollonius.learn.config import PRESETS
 from apollonius.learn.folder import agent_file, create_run, load_config
-from apollonius.learn.metrics import evaluations_of
 from apollonius.learn.run import train
 from apollonius.play.replay import Replay
 from apollonius.reproduce.finding import (
@@ -43,7 +42,8 @@ def figure_4(study: Study) -> Finding:
     """Draw success rate and average reward in stage 1, over episodes."""
     successes, rewards = [], []
     for seed in study.seeds:
-        evaluations = evaluations_of(study.metrics("curriculum", seed, "fixed-target"), "fixed-target")
+        lines = study.metrics("curriculum", seed, "fixed-target")
+        evaluations = [line.evaluation for line in lines if line.evaluation]
         games = sum(evaluations[0].outcomes.values())
         success = [100 * evaluation.outcomes["captured"] / games for evaluation in evaluations]
         successes.append(([evaluation.episodes for evaluation in evaluations], success))

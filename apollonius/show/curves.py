@@ -10,7 +10,7 @@ from apollonius.evaluate.claims import STAGE_1
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS, names_of
 from apollonius.game.types import Outcome
 from apollonius.learn.folder import Evaluation
-from apollonius.learn.metrics import MetricsLine, evaluations_of
+from apollonius.learn.metrics import MetricsLine
 from apollonius.show import palette
 from apollonius.show.style import Curve, draw_rate, inline_svg, smooth
 
@@ -22,7 +22,7 @@ _SIDES = {"pursuer": palette.PURSUER, "evader": palette.EVADER}
 def learning_pictures(lines: Sequence[MetricsLine], against: Sequence[str]) -> list[Markup]:
     """Return curves of greedy games, rewards and losses of a stage as `<svg>` elements, if they were measured."""
     stage = lines[0].stage
-    evaluations = evaluations_of(lines, stage)
+    evaluations = [line.evaluation for line in lines if line.evaluation]
     pictures = []
     if len(evaluations) > 1:
         fixed = stage == "fixed-target" and list(against) == ["still"]
