@@ -29,13 +29,13 @@ from apollonius.evaluate.match import keys_of
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, sample_starts
 from apollonius.game.outcome import counts_by_name
-from apollonius.game.types import ROLES, Outcome, Role
+from apollonius.game.types import Outcome, Role
 from apollonius.learn import train_state
 from apollonius.learn.config import PRESETS, STAGES
 from apollonius.learn.loop import play_and_learn
 from apollonius.learn.stage_config import Plan
-from apollonius.observe.observation import perceive
 from apollonius.play.random_bits import random_bits_of
+from apollonius.play.rollout import begin, step_games
 from apollonius.reproduce.study import MATCH_SEED, run_configs
 
 _CHUNKS = 32
@@ -60,7 +60,7 @@ def train(
     rewarded = plan.stage.trained_in(game)
     first = jnp.asarray(epsilons or [plan.stage.pursuer_epsilon] * len(seeds), jnp.float32)
 
-    def begin(key: Any, network: Any) -> train_state.TrainState:
+    def first_state(key: Any, network: Any) -> train_state.TrainState:
         return train_state.start(plan, rewarded, key, fixed, BySide(network, None))
 
     @eqx.filter_jit(donate="all-except-first")
@@ -74,7 +74,7 @@ def train(
         return jax.vmap(one)(epsilons, state)
 
     state, calls, began = (
-        jax.jit(jax.vmap(begin))(keys(stage, seeds), networks),
+        jax.jit(jax.vmap(first_state))(keys(stage, seeds), networks),
         -(-plan.chunks // _CHUNKS),
         time.time(),
     )
@@ -117,22 +117,17 @@ def _outcomes(game: Game, pursuers: Any, evaders: Any, starts: Any, key: Any) ->
     numbers = jnp.arange(len(starts.steps))
 
     def of_pair(*pair: Any) -> Any:
-        players = BySide(*(greedy(one) if isinstance(one, QNetwork) else one for one in pair))
-
-        def act(role: Role, states: Any, bits: Any) -> Any:
-            player = players[role]
-            read, rows = perceive(player.observation, game, states, role)
-            return jax.vmap(lambda row, bits: player(read(row), player.memory, bits)[0])(rows, bits)
+        players = BySide(*(solo(greedy(one) if isinstance(one, QNetwork) else one) for one in pair))
 
         def step(carry: tuple[Any, Any]) -> tuple[Any, Any]:
-            states, outcome = carry
-            bits = random_bits_of(key, numbers, states.steps)
-            after = jax.vmap(game.step)(states, *ROLES.map(lambda role: act(role, states, bits[role])))
-            ongoing = outcome == Outcome.ONGOING
-            return jax.tree.map(lambda new, old: jnp.where(ongoing, new, old), (after.state, after.outcome), carry)
+            games, outcome = carry
+            bits = random_bits_of(key, numbers, games.state.steps)
+            games, played = step_games(game, players, games, bits, observes=False)
+            return games, jnp.where(outcome == Outcome.ONGOING, played.outcome, outcome)
 
-        begun = starts, jnp.full(len(numbers), int(Outcome.ONGOING), jnp.int32)
-        return jax.lax.while_loop(lambda carry: jnp.any(carry[1] == Outcome.ONGOING), step, begun)[1]
+        begun = begin(game, starts, players, random_bits_of(key, numbers, jnp.full_like(numbers, -1)))
+        ongoing = jnp.full(len(numbers), int(Outcome.ONGOING), jnp.int32)
+        return jax.lax.while_loop(lambda carry: jnp.any(carry[1] == Outcome.ONGOING), step, (begun, ongoing))[1]
 
     return jax.vmap(of_pair, in_axes=(0, 0 if isinstance(evaders, QNetwork) else None))(pursuers, evaders)
 

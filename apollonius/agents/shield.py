@@ -26,9 +26,7 @@ MARGIN = 1e-3
 BRAKING = (0, 1, 2)
 """Actions that brake: while turning right, going straight, or turning left."""
 _TRIED = 8
-"""Actions that are tried at a time, of robots that may not do what they want."""
-_Clearances = Float[Array, "*games tried"]
-"""What the actions tried leave [m]; infinite of the others."""
+"""Robots that may not do what they want for which all actions are tried at a time."""
 
 
 class Backup(eqx.Module):
@@ -134,82 +132,58 @@ class Shielded(AbstractWrapper):
         """Return what the player behind the shield would do."""
         return weighed if self.policy.continuous else self.policy.choose(weighed, jnp.ones(NUM_ACTIONS, bool))
 
-    @property
-    def tried(self) -> int:
-        """The number of actions that can be tried: the nine, and its own if that is continuous."""
-        return NUM_ACTIONS + self.policy.continuous
+    def begin(self, seen: View, weighed: Any) -> "_Search":
+        """Return the search for an action that is allowed; it has ended where the player's own surely is."""
+        action = self.wanted(weighed)
+        number = jnp.full((), NUM_ACTIONS, jnp.int32) if self.policy.continuous else action
+        open_ = ~self.backup.of(seen).surely_stops(seen.own.state, action)
+        return _Search(action, number, jnp.full(NUM_ACTIONS, jnp.inf), open_)
 
-    def is_sure(self, seen: View, weighed: Any) -> Bool[Array, ""]:
-        """Return whether the player's own action surely is allowed."""
-        return self.backup.of(seen).surely_stops(seen.own.state, self.wanted(weighed))
-
-    def next(self, weighed: Any, clearances: _Clearances, others: Array | int) -> tuple[Int[Array, ""], Array]:
-        """Return which action is to be tried after some others, and whether there is one."""
+    def go_on(self, seen: View, weighed: Any, search: "_Search") -> "_Search":
+        """Return the search after its action was tried: if that is not allowed, with the best of those untried."""
+        clearance = self.backup.of(seen).clearance_after(seen.own.state, search.action)
+        allowed = clearance > MARGIN
+        clearances = jnp.where(jnp.arange(NUM_ACTIONS) == search.number, clearance, search.clearances)
         untried = jnp.isinf(clearances)
-        left = jax.lax.fori_loop(0, others, lambda _, left: left.at[self._first(weighed, left)].set(False), untried)
-        return self._first(weighed, left), jnp.any(left)
-
-    def clearance(self, seen: View, weighed: Any, number: Int[Array, ""]) -> Scalar:
-        """Return what an action leaves [m]."""
-        return self.backup.of(seen).clearance_after(seen.own.state, self._action(weighed, number))
-
-    def taken(self, weighed: Any, clearances: _Clearances) -> Action:
-        """Return the action to be taken at the end: the best that is allowed, or else that which leaves most."""
-        allowed, most = _allowed(clearances), jnp.argmax(clearances[:NUM_ACTIONS]).astype(jnp.int32)
-        found = self._action(weighed, jnp.where(jnp.any(allowed), self._first(weighed, allowed), most))
-        return jnp.where(jnp.all(jnp.isinf(clearances)), self.wanted(weighed), found)
-
-    def _first(self, weighed: Any, among: Bool[Array, " tried"]) -> Int[Array, ""]:
-        """Return the number of the action that the player likes best; its own has a number if it is continuous."""
-        discrete = self.policy.choose(weighed, among[:NUM_ACTIONS])
-        return jnp.where(among[-1], NUM_ACTIONS, discrete) if self.policy.continuous else discrete
-
-    def _action(self, weighed: Any, number: Int[Array, ""]) -> Action:
-        if not self.policy.continuous:
-            return number
-        return jnp.where(number == NUM_ACTIONS, weighed, jnp.stack(action_levels(number)))
+        left = jnp.any(untried)
+        number = jnp.where(left, self.policy.choose(weighed, untried), jnp.argmax(clearances)).astype(jnp.int32)
+        action = jnp.stack(action_levels(number)) if self.policy.continuous else number
+        return _Search(jnp.where(allowed, search.action, action), number, clearances, ~allowed & left)
 
 
-def _allowed(clearances: _Clearances) -> Bool[Array, "*games tried"]:
-    return ~jnp.isinf(clearances) & (clearances > MARGIN)
+class _Search(eqx.Module):
+    """A search for an action that is allowed: the one to be tried or, at the end, to be taken.
 
+    Its number is one more than there are if it is a player's own and continuous. Clearances are what each of the nine
+    leaves [m], infinite until it is tried.
+    """
 
-def _is_open(clearances: _Clearances) -> Bool[Array, "*games"]:
-    """Return whether a search has still to find an action that is allowed, and one to try."""
-    return ~jnp.any(_allowed(clearances), axis=-1) & jnp.any(jnp.isinf(clearances), axis=-1)
+    action: Action
+    number: Int[Array, ""]
+    clearances: Float[Array, "9"]
+    open: Bool[Array, ""]
 
 
 def _held_back_together(size: int, batched: Any, player: Shielded, seen: View, weighed: Any) -> Actions:
-    """Return the actions in many games: a few are tried at a time, several of each robot where few are held back."""
+    """Return the actions in many games: those whose search is open are tried, a few at a time."""
     axes, weighed = jax.tree.map(lambda has: 0 if has else None, batched[1]), spread(size, batched[2], weighed)
-    is_sure = jax.vmap(player.is_sure, in_axes=(axes, 0), axis_size=size)(seen, weighed)
+    search = jax.vmap(player.begin, in_axes=(axes, 0), axis_size=size)(seen, weighed)
 
-    def some(clearances: _Clearances) -> _Clearances:
-        (rows,) = jnp.nonzero(~is_sure & _is_open(clearances), size=_TRIED, fill_value=size)
-        others, first = jnp.divmod(jnp.arange(_TRIED), jnp.sum(rows < size, dtype=jnp.int32))
-        rows = rows[first]
+    def some(search: _Search) -> _Search:
+        (rows,) = jnp.nonzero(search.open, size=_TRIED, fill_value=size)
         theirs = jax.tree.map(lambda leaf, has: leaf[rows] if has else leaf, seen, batched[1])
-        given = jax.tree.map(lambda leaf: leaf[rows], weighed)
-        number, is_left = jax.vmap(player.next)(given, clearances[rows], others)
-        found = jax.vmap(player.clearance, in_axes=(axes, 0, 0), axis_size=_TRIED)(theirs, given, number)
-        return clearances.at[jnp.where(is_left, rows, size), number].set(found, mode="drop")
+        given = jax.tree.map(lambda leaf: leaf[rows], (weighed, search))
+        new = jax.vmap(player.go_on, in_axes=(axes, 0, 0), axis_size=_TRIED)(theirs, *given)
+        return jax.tree.map(lambda all_, one: all_.at[rows].set(one, mode="drop"), search, new)
 
-    untried = jnp.full((size, player.tried), jnp.inf)
-    clearances = jax.lax.while_loop(lambda known: jnp.any(~is_sure & _is_open(known)), some, untried)
-    return jax.vmap(player.taken)(weighed, clearances)
+    return jax.lax.while_loop(lambda search: jnp.any(search.open), some, search).action
 
 
 @batched_by(_held_back_together)
 def _held_back(player: Shielded, seen: View, weighed: Any) -> Action:
     """Return the action that a player behind a shield takes, from what it thinks of the nine."""
-    is_sure = player.is_sure(seen, weighed)
-
-    def one(clearances: _Clearances) -> _Clearances:
-        number, _ = player.next(weighed, clearances, 0)
-        return clearances.at[number].set(player.clearance(seen, weighed, number))
-
-    found = jax.lax.while_loop(lambda known: ~is_sure & _is_open(known), one, jnp.full(player.tried, jnp.inf))
-    return player.taken(weighed, found)
+    begun = player.begin(seen, weighed)
+    return jax.lax.while_loop(lambda one: one.open, lambda one: player.go_on(seen, weighed, one), begun).action
 
 
 def brakes(game: Game, role: Role) -> Backup:

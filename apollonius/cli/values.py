@@ -1,4 +1,4 @@
-"""What a value on the command line can be; what cannot is refused before anything is imported or done."""
+"""Checks of values on the command line: a bad one is refused before anything is imported or done."""
 
 import argparse
 import math

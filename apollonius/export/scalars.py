@@ -68,7 +68,7 @@ _WHOLE = {
     "shift_right_arithmetic": "({0} >> ({1} < 31 ? {1} : 31))",
 }
 OPERATIONS = ("neg", "not", *_SIGNS, *_LIBRARY, *_FLOATS, *_WHOLE)
-"""What `apply` knows, by the names of JAX's primitives but for the two roundings and `bitcast`."""
+"""Operations of `apply`: names of JAX's primitives, apart from the two roundings and `bitcast`."""
 
 
 def number(value: float | int | bool, kind: str) -> str:
