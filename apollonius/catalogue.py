@@ -92,18 +92,16 @@ def find_pool(names: Sequence[str], role: Role, game: Game) -> Pool:
     together = all(isinstance(policy, Greedy | SquashedMean | Uniform | Still) for policy in policies)
     alike = len({tuple(leaf.shape for leaf in jax.tree.leaves(network)) for network in networks}) == 1
     require(together and alike, side, listed, bound)
-    if not any(isinstance(policy, Uniform | Still) for policy in policies):
-        return stack([exploring(network, jnp.asarray(0.0)) for network in networks])
     network = networks[0]
-    require(isinstance(network, QNetwork), side, listed, bound)
-    assert isinstance(network, QNetwork)
+    require(len(networks) == len(policies) or isinstance(network, QNetwork), side, listed, bound)
 
     def of_one_structure(policy: AbstractPolicy) -> AbstractPolicy:
         """Return the player as one with a network: who explores always is random, and who values one action still."""
+        if isinstance(policy, Greedy | SquashedMean):
+            return exploring(policy.network, jnp.asarray(0.0))
+        assert isinstance(network, QNetwork)
         if isinstance(policy, Still):
             return exploring(valuing(network, BRAKE_STRAIGHT), jnp.asarray(0.0))
-        if isinstance(policy, Greedy):
-            return exploring(policy.network, jnp.asarray(0.0))
         return exploring(network, jnp.asarray(1.0))
 
     return stack([of_one_structure(policy) for policy in policies])

@@ -73,14 +73,14 @@ def run_check(options: argparse.Namespace) -> int:
     answer(options, data, "\n".join([*lines, *verdict]))
     if out and saved:
         save_game(to_dict(game), out)
-        finish(out, then=command("play", "--game", out), json=options.json)
+        finish(options, out, then=command("play", "--game", out))
     elif out:
         from apollonius.show.arena import save_plan
 
         save_plan(Path(options.game).stem, game, found, out)
         again = command("arena", "check", options.game, "--out", out)
         watch = command("show", "pursuer", "evader", "--game", options.game, "--out", out.with_suffix(".gif"))
-        finish(out, then=f"mend it, then {again}" if found.wrong else watch, json=options.json)
+        finish(options, out, then=f"mend it, then {again}" if found.wrong else watch)
     return 1 if found.wrong else 0
 
 
@@ -102,7 +102,7 @@ def run_random(options: argparse.Namespace) -> int:
         what = f"a map of {' x '.join(str(count - 1) for count in reversed(elsewhere.arena.map.field.shape))} cells"
     save_game(record, options.out)
     print(f"{options.kind}, {what}, passages of {options.gap:g} m and more")
-    finish(options.out, then=command("arena", "check", options.out, "--out", options.out.with_suffix(".png")))
+    finish(options, options.out, then=command("arena", "check", options.out, "--out", options.out.with_suffix(".png")))
     return 0
 
 

@@ -5,7 +5,6 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
 from datetime import timedelta
-from types import TracebackType
 
 from rich.console import Console, RenderableType
 from rich.progress import BarColumn, Progress, SpinnerColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
@@ -32,25 +31,18 @@ class Display(Progress):
         )  # fmt: skip
         self._task = self.add_task(self._what, total=None)
 
-    def __enter__(self) -> "Display":
+    def start(self) -> None:
         if self.console.is_terminal:
-            self.start()
+            super().start()
         else:
             threading.Thread(target=self._write_lines, daemon=True).start()
-        before_leaving(self.end)
-        return self
+        before_leaving(self.stop)
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.end()
-        before_leaving()
-
-    def end(self) -> None:
+    def stop(self) -> None:
         """Show no more, before results are printed."""
         self._over.set()
         if self.live.is_started:
-            self.stop()
+            super().stop()
 
     def begin(self, what: str, compiles: bool = False) -> None:
         """Begin a piece of work, in words; one that `compiles` first cannot report before that is done."""

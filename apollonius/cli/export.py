@@ -42,9 +42,9 @@ def run_export(options: argparse.Namespace) -> int:
     warn(options, game, [find_player(name, role, game)])
     player = find_exportable(name, role, game)
     files, about = write_c(player, out, options.constants) if options.to == "c" else write_onnx(player, out)
-    options.display.end()
+    options.display.stop()
     print(*about, sep="\n")
-    finish(*files)
+    finish(options, *files)
     return 0
 
 

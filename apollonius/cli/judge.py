@@ -16,7 +16,6 @@ from apollonius.cli.options import (
     answer,
     answer_varied,
     answer_with_replays,
-    check_records,
     chosen_rules,
     command,
     finish,
@@ -56,7 +55,6 @@ def run_evaluate(options: argparse.Namespace) -> int:
     if options.vary:
         return answer_varied(options, play_match)
     require(options.out is None, "--out", options.out, "given with --vary, whose values it draws")
-    check_records(options)
     match = requested_match(options, in_one_arena=options.record > 0)  # of which a replay is
     options.display.begin(f"playing {match.games:,} games", compiles=True)
     results = play_games(match, report=options.display.report)
@@ -75,7 +73,6 @@ def run_simulate(options: argparse.Namespace) -> int:
     drive, display = load_drive(options.drive), options.display
     if options.vary:
         return answer_varied(options, lambda match, report: count(match, simulate_match(match, drive, report).results))
-    check_records(options)
     match = requested_match(options, in_one_arena=True)
     display.begin("playing with bodies", compiles=True)
     simulated = simulate_match(match, drive, display.report)
@@ -114,17 +111,16 @@ def run_tournament(options: argparse.Namespace) -> int:
     options.display.begin(f"playing {len(players.pursuer) * len(players.evader)} matches", compiles=True)
     asked_for = game, players, options.games, options.seed
     tournament = play_tournament(*asked_for, options.display.report, jobs_run(options))
-    if options.plot:
-        from apollonius.show.matches import draw_tournament
-
-        draw_tournament(tournament, options.plot)
     starts = game.starts.speed
     settings = {"game": options.game, "starts": starts, "games": options.games, "seed": options.seed}
     answer(options, settings | tournament.to_dict(), tournament_table(tournament, starts))
     if options.plot:
+        from apollonius.show.matches import draw_tournament
+
+        draw_tournament(tournament, options.plot)
         best = [side[rated.points.argmax()] for side, rated in zip(names, tournament.ratings, strict=True)]
         then = command("show", *best, *chosen_rules(options), "--out", "best.gif")
-        finish(options.plot, then=then, json=options.json)
+        finish(options, options.plot, then=then)
     return 0
 
 
@@ -164,7 +160,7 @@ def run_judge(options: argparse.Namespace) -> int:
     card = judge(*asked_for, options.display.report, jobs_run(options))
     write_atomically(options.out, to_json(asdict(card)).encode())
     _answer(options, card)
-    finish(options.out, then=command("suite", "verify", options.out), json=options.json)
+    finish(options, options.out, then=command("suite", "verify", options.out))
     return 0
 
 

@@ -74,11 +74,16 @@ def add_match_options(parser: argparse.ArgumentParser, games: Counted = GAMES) -
     parser.add_argument("--vary", type=varied, action="append", default=[], metavar="FIELD=FROM:TO:COUNT", help=about)
 
 
-def requested_match(options: argparse.Namespace, in_one_arena: bool = False) -> "Match":
-    """Return the match that is asked for, and warn of what is odd about it; errors as of `Match.of_names`."""
+def requested_match(options: argparse.Namespace, in_one_arena: bool) -> "Match":
+    """Return the match that is asked for, and warn of what is odd about it; errors as of `Match.of_names`, for more
+    replays than games, and for a folder of theirs that cannot be written to.
+    """
     from apollonius.arenas.file import find_game, game_in_one_arena
     from apollonius.evaluate.match import Match
 
+    require(options.record <= options.games, "--record", options.record, f"from 0 to --games = {options.games}")
+    if options.record:
+        require_writable("--replays", options.replays)
     game = game_in_one_arena(options.game, options.command) if in_one_arena else find_game(options.game)
     match = Match.of_names(game, options.pursuer, options.evader, options.games, options.seed, options.starts)
     warn(options, match.game, match.players)
@@ -97,13 +102,12 @@ def answer_varied(options: argparse.Namespace, play: "Callable[..., MatchResult]
     matches = varied_matches(game, names, variations, options.games, options.seed, options.starts)
     options.display.begin("playing a match for each value", compiles=True)
     found = play_varied(matches, variations, options.display.report, play)
+    answer(options, match_facts(options, found.match) | found.to_dict(), varied_table(found))
     if options.out:
         from apollonius.show.matches import draw_varied
 
         draw_varied(found, options.out)
-    answer(options, match_facts(options, found.match) | found.to_dict(), varied_table(found))
-    if options.out:
-        finish(options.out)
+        finish(options, options.out)
     return 0
 
 
@@ -136,7 +140,7 @@ def warn(options: argparse.Namespace, game: "Game", players: "Iterable[Named]" =
 
 def answer(options: argparse.Namespace, facts: dict[str, Any], text: str) -> None:
     """Print a result, as one JSON object where that is asked for; the display shows no more."""
-    options.display.end()
+    options.display.stop()
     print(to_json(facts) if options.json else text)
 
 
@@ -145,17 +149,13 @@ def match_facts(options: argparse.Namespace, match: "Match") -> dict[str, Any]:
     return names | {"game": options.game, "starts": match.game.starts.speed, "seed": match.seed}
 
 
-def check_records(options: argparse.Namespace) -> None:
-    """Refuse more replays than games, and a folder that cannot be written to."""
-    require(options.record <= options.games, "--record", options.record, f"from 0 to --games = {options.games}")
-    if options.record:
-        require_writable("--replays", options.replays)
-
-
-def finish(*written: Path, then: str = "", json: bool = False) -> None:
-    """Print on standard error the written files and folders and, unless a program reads, the next sensible step."""
+def finish(options: argparse.Namespace, *written: Path, then: str = "") -> None:
+    """Print on standard error the written files and folders and, unless a program reads, the next sensible step; the
+    display shows no more.
+    """
+    options.display.stop()
     lines = [f"wrote {path} ({_size(path)})" for path in written]
-    if then and not json:
+    if then and not getattr(options, "json", False):
         lines.append(f"next: {then}")
     print(*lines, sep="\n", file=sys.stderr, flush=True)
 
@@ -175,7 +175,7 @@ def answer_with_replays(
     answer(options, facts, text)
     if written:
         then = command("show", written[0], "--out", written[0].with_suffix(".gif"))
-        finish(options.replays, then=then, json=options.json)
+        finish(options, options.replays, then=then)
     return 0
 
 

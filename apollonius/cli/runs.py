@@ -49,8 +49,7 @@ def run_track(options: argparse.Namespace) -> int:
         track(line)
         options.display.report(done, len(lines))
     track.close()
-    options.display.end()
-    finish(folder)
+    finish(options, folder)
     return 0
 
 
@@ -86,9 +85,9 @@ def train_all(runs: Sequence[Path], folder: Path, options: argparse.Namespace) -
     try:
         run_jobs(jobs, tell, on, folder / "slurm")
     finally:
-        display.end()
+        display.stop()
         print(runs_table([progress_of(run) for run in runs_below(folder)], folder), flush=True)
-    finish(folder, then=command("runs", folder))
+    finish(options, folder, then=command("runs", folder))
     return 0
 
 
@@ -108,12 +107,11 @@ def run_reproduce(options: argparse.Namespace) -> int:
 
     folder: Path = options.out or Path("runs") / f"reproduce-{options.budget}"
     asked = ("--budget", options.budget, "--seeds", options.seeds, "--out", folder, "--on", options.on)
-    display = options.display
     go_on(f"go on with: {command('reproduce', *asked, '--resume')}")
 
-    display.begin("reproducing the paper")
+    options.display.begin("reproducing the paper")
     run = partial(run_jobs, on=options.on, logs=folder / "slurm")
     reproduce(folder, options.budget, options.seeds, options.resume, options.games, run=run)
-    display.end()
-    finish(folder / "report.md", folder / "results.json", then=command("report", folder / "seed-0" / "curriculum"))
+    then = command("report", folder / "seed-0" / "curriculum")
+    finish(options, folder / "report.md", folder / "results.json", then=then)
     return 0

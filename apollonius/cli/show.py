@@ -35,7 +35,7 @@ def add_show(parser: argparse.ArgumentParser) -> None:
         help="file to write: .png, .gif, .webp or a replay's .json (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument("--speed", type=real, help="seconds of the game in one of a moving picture (default: 1)")
-    parser.set_defaults(run=run_show, games=1)
+    parser.set_defaults(run=run_show, games=1, record=0)
 
 
 def run_show(options: argparse.Namespace) -> int:
@@ -65,7 +65,7 @@ def run_show(options: argparse.Namespace) -> int:
         save_replay(replay, options.out)
     else:
         animation.save_animation(replay, options.out, options.speed or 1.0)
-    display.end()
+    display.stop()
     print(
         f"{replay.pursuer} against {replay.evader}: {replay.ending()} ({len(replay.actions)} steps, starts: {starts})"
     )
@@ -75,7 +75,7 @@ def run_show(options: argparse.Namespace) -> int:
         then = command("play")
     else:
         then = command("evaluate", options.pursuer, options.evader, *chosen_rules(options), "--games", 1000)
-    finish(options.out, then=then)
+    finish(options, options.out, then=then)
     return 0
 
 
@@ -93,8 +93,7 @@ def run_report(options: argparse.Namespace) -> int:
 
     options.display.begin("playing games and drawing", compiles=True)
     save_report(report_of(folder), out)
-    options.display.end()
-    finish(out, then=f"open {out} in a browser")
+    finish(options, out, then=f"open {out} in a browser")
     return 0
 
 
@@ -134,9 +133,8 @@ def run_slice(options: argparse.Namespace) -> int:
     game = charted(game, agent.policy.charted)
     options.display.begin("asking the agent all over the arena", compiles=True)
     save_slice(agent.policy, role, agent.name, game, own, opponent, options.out)
-    options.display.end()
     players, gif = BySide.of(role, options.agent, "random"), options.out.with_suffix(".gif")
-    finish(options.out, then=command("show", *players, *chosen_rules(options), "--out", gif))
+    finish(options, options.out, then=command("show", *players, *chosen_rules(options), "--out", gif))
     return 0
 
 
@@ -172,13 +170,12 @@ def run_play(options: argparse.Namespace) -> int:
         require(empty, "--site", options.site, "a new or empty folder; choose another")
         with whole_folder(options.site) as folder:
             write_site(folder, choice)
-        options.display.end()
-        finish(options.site, then=f"put it on any web host; its page is {options.site / 'index.html'}")
+        finish(options, options.site, then=f"put it on any web host; its page is {options.site / 'index.html'}")
         return 0
     with tempfile.TemporaryDirectory() as private:
         folder = Path(private) / "site"  # which takes the mode of the page's own folder
         write_site(folder, choice)
-        options.display.end()
+        options.display.stop()
         with make_server(folder, options.port) as server:
             address = f"http://{server.server_address[0]}:{server.server_port}/"
             print(f"play at {address}  (Ctrl-C ends)", flush=True)

@@ -108,7 +108,7 @@ def run_solve(options: argparse.Namespace) -> int:
     said = {name: f"{value:.4g}" if isinstance(value, float) else value for name, value in facts.items()}
     answer(options, facts, "\n".join(f"{name:<52} {value}" for name, value in said.items()))
     if is_new:
-        finish(path, json=options.json)
+        finish(options, path)
     return 0
 
 

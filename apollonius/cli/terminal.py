@@ -26,10 +26,10 @@ def training_notes(line: "MetricsLine") -> dict[str, str]:
         "episodes": f"{line.episodes:,}",
         "updates": f"{line.updates:,}",
         "loss": " ".join(f"{side} {loss:.3g}" for side, loss in line.losses.items()),
-        "exploring games": _shares(line.outcomes),
+        "exploring games": _in_words(line.outcomes),
     }
     if line.evaluation:
-        notes["greedy games"] = _shares(line.evaluation.outcomes)
+        notes["greedy games"] = _in_words(line.evaluation.outcomes)
     return notes
 
 
@@ -67,10 +67,9 @@ def match_table(match: "Match", result: "MatchResult") -> str:
     for side, player, rate, interval in zip(SIDES, match.players, rates, (pursuer, evader), strict=True):
         lines.append(f"  {player.name} ({side}) wins {rate:.2%} of games {within(interval)}")
     lines.append(f"{match.games:,} games, starts: {match.game.starts.speed}")
-    ranked = sorted(result.outcomes.items(), key=lambda counted: -counted[1])
-    shares = [(name.replace("_", " "), count, count / result.games) for name, count in ranked if count]
-    rows = [(f"  {name}", f"{share:.1%}", f"{count:,}") for name, count, share in shares]
-    lines += [f"{row}  {bar(share)}" for row, (_, _, share) in zip(columns(rows), shares, strict=True)]
+    shares = _shares(result.outcomes)
+    rows = [(f"  {name.replace('_', ' ')}", f"{share:.1%}", f"{result.outcomes[name]:,}") for name, share in shares]
+    lines += [f"{row}  {bar(share)}" for row, (_, share) in zip(columns(rows), shares, strict=True)]
     for side, sight in (result.sight or {}).items():
         lines.append(f"  the {side} sees an opponent in {sight.games / result.games:.1%} of games")
         if sight.first_steps is not None:
@@ -165,17 +164,20 @@ def varied_table(varied: "VariedMatches") -> str:
 
 def card_table(agent: str, starts: str, card: "Card") -> str:
     """Return a regret card as lines of text."""
-    lines = [
-        f"{agent} ({card.role}) against the table: {card.games:,} games, starts: {starts}",
-        f"  won {card.won:.2%} {within(card.won_interval)}, lost {card.lost:.2%} {within(card.lost_interval)}",
-        f"  payoff {card.payoff:+.3f} {within(card.payoff_interval, '+.3f')}",
-        f"  the tables promise {card.promised:+.3f} to {card.at_most:+.3f}: estimates, no bounds",
-        f"  gap to what its own table promises {card.gap:.3f} {within(card.gap_interval, '.3f')}",
-    ]
-    return "\n".join(lines)
+    return (
+        f"{agent} ({card.role}) against the table: {card.games:,} games, starts: {starts}\n"
+        f"  won {card.won:.2%} {within(card.won_interval)}, lost {card.lost:.2%} {within(card.lost_interval)}\n"
+        f"  payoff {card.payoff:+.3f} {within(card.payoff_interval, '+.3f')}\n"
+        f"  the tables promise {card.promised:+.3f} to {card.at_most:+.3f}: estimates, no bounds\n"
+        f"  gap to what its own table promises {card.gap:.3f} {within(card.gap_interval, '.3f')}"
+    )
 
 
-def _shares(outcomes: dict[str, int]) -> str:
-    games = max(1, sum(outcomes.values()))
-    ranked = sorted(outcomes.items(), key=lambda item: -item[1])
-    return " ".join(f"{name} {count / games:.1%}" for name, count in ranked if count) or "none finished"
+def _in_words(outcomes: dict[str, int]) -> str:
+    return " ".join(f"{name} {share:.1%}" for name, share in _shares(outcomes)) or "none finished"
+
+
+def _shares(outcomes: dict[str, int]) -> list[tuple[str, float]]:
+    """Return the outcomes that occurred with their shares of all games, the most frequent first."""
+    ranked = sorted(outcomes.items(), key=lambda counted: -counted[1])
+    return [(name, count / sum(outcomes.values())) for name, count in ranked if count]

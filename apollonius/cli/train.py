@@ -24,7 +24,6 @@ from apollonius.io.limits import SEED
 from apollonius.learn.opponents import SCHEMES
 
 if TYPE_CHECKING:
-    from apollonius.cli.display import Display
     from apollonius.evaluate.match import Match, MatchResult
     from apollonius.learn.config import RunConfig
     from apollonius.learn.metrics import MetricsLine
@@ -60,7 +59,7 @@ def add_train(parser: argparse.ArgumentParser) -> None:
 def add_resume(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=runs_folder, metavar="DIR", help="folder of a run, or of several")
     add_workers(parser, "the runs of a sweep", None)
-    parser.set_defaults(run=run_resume)
+    parser.set_defaults(run=run_resume, track=None)
 
 
 def run_train(options: argparse.Namespace) -> int:
@@ -93,7 +92,7 @@ def run_train(options: argparse.Namespace) -> int:
         create_run(one, folder / name, force=options.force)
     if several:
         return train_all([folder / name for name in configs], folder, options)
-    return _train_and_judge(config, folder, options.display, options.track)
+    return _train_and_judge(config, folder, options)
 
 
 def run_resume(options: argparse.Namespace) -> int:
@@ -104,7 +103,7 @@ def run_resume(options: argparse.Namespace) -> int:
     folder: Path = options.folder
     runs = runs_below(folder)
     if runs == [folder] and options.on is None:
-        return _train_and_judge(load_config(folder / "config.toml"), folder, options.display)
+        return _train_and_judge(load_config(folder / "config.toml"), folder, options)
     over = [run for run in runs if progress_of(run).state.state == "finished" and (run / EVALUATION).is_file()]
     return train_all([run for run in runs if run not in over], folder, options)
 
@@ -136,7 +135,7 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
     return replace(config, **{key: value for key, value in changes.items() if value is not None})
 
 
-def _train_and_judge(config: "RunConfig", folder: Path, display: "Display", to: str | None = None) -> int:
+def _train_and_judge(config: "RunConfig", folder: Path, options: argparse.Namespace) -> int:
     """Train to the end or to Ctrl-C; at the end judge the new agents."""
     from apollonius.arenas.suite import each_alone
     from apollonius.evaluate.pairings import evaluate_run
@@ -144,7 +143,7 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display", to: 
     from apollonius.learn.run import Run
     from apollonius.learn.teacher import TABLES
 
-    trackers = list[Tracker]()
+    trackers, display, to = list[Tracker](), options.display, options.track
 
     def report(line: "MetricsLine", share: float) -> None:
         display.report(share, 1.0)
@@ -176,12 +175,10 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display", to: 
     if not finished:
         raise KeyboardInterrupt
     if distils:
-        display.end()
         (agent,) = (folder / "agents").glob("*.safetensors")
-        finish(folder, then=command("exploit", config.distillation.role, agent))
+        finish(options, folder, then=command("exploit", config.distillation.role, agent))
         return 0
     display.begin("judging", compiles=True)
     evaluate_run(folder, config.game, tell, display.report)
-    display.end()
-    finish(folder, then=command("report", folder))
+    finish(options, folder, then=command("report", folder))
     return 0

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from math import cos, pi, sin
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool
@@ -28,22 +27,16 @@ _CORNERS = 96
 Point = tuple[float, float]
 
 
-class Shape(NamedTuple):
-    """A shape of an arena: its corners x, y [m]; only its edge is drawn where it is not filled."""
-
-    corners: Sequence[Point]
-    colour: str
-    filled: bool = True
-
-
-def shapes(arena: Arena) -> list[Shape]:
-    """Return the obstacles, the territory and the walls of an arena, without the cells of a map."""
+def shapes(arena: Arena) -> list[tuple[list[Point], str, bool]]:
+    """Return the obstacles, the territory and the walls of an arena, without the cells of a map: corners x, y [m], a
+    colour, and whether a shape is filled; only its edge is drawn where it is not.
+    """
     x, y, x_max, y_max = (float(end) for end in (arena.x_min, arena.y_min, arena.x_max, arena.y_max))
     outlines = [_circle(one) if isinstance(one, Disc) else one.outline() for one in arena.obstacles]
-    found = [Shape([(float(x), float(y)) for x, y in outline], OBSTACLE) for outline in outlines if outline]
+    found = [([(float(x), float(y)) for x, y in outline], OBSTACLE, True) for outline in outlines if outline]
     if arena.territory:
-        found.append(Shape(_circle(arena.territory), EVADER, filled=False))
-    return [*found, Shape([(x, y), (x_max, y), (x_max, y_max), (x, y_max)], INK, filled=False)]
+        found.append((_circle(arena.territory), EVADER, False))
+    return [*found, ([(x, y), (x_max, y), (x_max, y_max), (x, y_max)], INK, False)]
 
 
 def _circle(disc: Disc) -> list[Point]:

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
-from matplotlib.ticker import ScalarFormatter
 
 from apollonius.evaluate.tournament import Tournament
 from apollonius.evaluate.vary import VariedMatches
@@ -78,9 +77,8 @@ def draw_varied(varied: VariedMatches, path: Path) -> None:
             axes.grid(visible=False)
         else:
             games = [varied.match.games] * len(first.values)
-            wins = [round(result.pursuer_win_rate * result.games) for result in varied.results]
+            wins = [result.pursuer_wins for result in varied.results]
             draw_rate(axes, first.values, wins, games, palette.PURSUER, label)
-            axes.xaxis.set_major_formatter(ScalarFormatter())  # 0.8, not 800m
             axes.set_ylim(0, 100)
             axes.set_ylabel(label)
         axes.set_xlabel(first.field)

@@ -103,7 +103,6 @@ def draw_rate(
     low, high = 100 * np.transpose([wilson_interval(*counts) for counts in zip(times, games, strict=True)])
     axes.fill_between(x, low, high, color=colour, alpha=0.18, linewidth=0)
     axes.plot(x, 100 * np.asarray(times) / np.asarray(games), color=colour, label=label)
-    axes.xaxis.set_major_formatter(EngFormatter(sep=""))
 
 
 def smooth(values: Sequence[float | int], window: int) -> list[float]:
