@@ -97,8 +97,7 @@ def main(arguments: list[str] | None = None) -> int:
                 keep_compilations()  # which imports JAX
             return options.run(options)
     except InvalidInput as error:
-        print(f"apollonius {options.command}: {error}", file=sys.stderr)
-        return 2
+        message = str(error)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains once more at its exit
         return 1
@@ -107,17 +106,16 @@ def main(arguments: list[str] | None = None) -> int:
             raise
         wish = shown(os.environ.get("JAX_PLATFORMS", ""))
         message = f"JAX_PLATFORMS = {wish} is not possible: it must be a kind of device that is here; unset it"
-        print(f"apollonius {options.command}: {message}", file=sys.stderr)
-        return 2
     except OSError as error:
         where = f" '{shown(error.filename)}'" if error.filename else ""
         how = stopped().removeprefix("stopped").removeprefix("; ") or "give the same command again"
         full = f"; make room on the disk, then {how}" if error.errno == errno.ENOSPC else ""
-        print(f"apollonius {options.command}: cannot use{where}: {error.strerror or error}{full}", file=sys.stderr)
-        return 2
+        message = f"cannot use{where}: {error.strerror or error}{full}"
     except KeyboardInterrupt:
         print(stopped(), file=sys.stderr, flush=True)
         return status() or INTERRUPTED
+    print(f"apollonius {options.command}: {message}", file=sys.stderr)
+    return 2
 
 
 def build_parser() -> argparse.ArgumentParser:

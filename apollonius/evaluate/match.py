@@ -22,7 +22,7 @@ from apollonius.io.errors import require
 from apollonius.io.kept import Kept
 from apollonius.io.limits import GAMES, SEED
 from apollonius.io.workers import Job, Run
-from apollonius.play.playout import Report, Results, play_out
+from apollonius.play.playout import Report, Results, play_out, silent
 from apollonius.play.replay import Replay, as_rows, trace
 
 
@@ -78,7 +78,7 @@ def keys_of(seed: UInt32[Array, ""]) -> tuple[PRNGKeyArray, PRNGKeyArray]:
     return start_key, play_key
 
 
-def play_match(match: Match, report: Report = lambda done, total: None) -> MatchResult:
+def play_match(match: Match, report: Report = silent) -> MatchResult:
     """Play the games of a match and count."""
     return count(match, play_games(match, report=report))
 
@@ -86,7 +86,7 @@ def play_match(match: Match, report: Report = lambda done, total: None) -> Match
 def play_matches(
     matches: Sequence[Match],
     on_match: Callable[[Match, MatchResult], None] = lambda match, result: None,
-    report: Report = lambda done, total: None,
+    report: Report = silent,
     play: Callable[..., MatchResult] = play_match,
     run: Run | None = None,
 ) -> list[MatchResult]:
@@ -104,7 +104,7 @@ def play_matches(
     return results
 
 
-def play_games(match: Match, slots: int | None = None, report: Report = lambda done, total: None) -> Results:
+def play_games(match: Match, slots: int | None = None, report: Report = silent) -> Results:
     """Play the games of a match, in slots as `play_out`."""
     return play_out(match.rules, match.pools, *begin(match), slots=slots, report=report)
 

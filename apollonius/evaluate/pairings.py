@@ -10,7 +10,7 @@ from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import ROLES
 from apollonius.io.document import to_json, write_atomically
-from apollonius.play.playout import Report
+from apollonius.play.playout import Report, silent
 
 EVALUATION = "evaluation.json"
 """Name of the file in a run's folder with its final matches."""
@@ -52,7 +52,7 @@ def evaluate_run(
     run: Path,
     game: Game,
     on_match: Callable[[Match, MatchResult], None] = lambda match, result: None,
-    report: Report = lambda done, total: None,
+    report: Report = silent,
 ) -> None:
     """Play the matches of a run's last agents, and keep what they come to in its `EVALUATION`."""
     matches = last_matches(run, game, JUDGED_GAMES, seed=1)

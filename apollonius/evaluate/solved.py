@@ -13,7 +13,7 @@ from apollonius.game.by_side import BySide, one_each
 from apollonius.game.game import Game, sample_starts
 from apollonius.game.outcome import evader_wins, pursuer_wins
 from apollonius.game.types import Role
-from apollonius.play.playout import Report
+from apollonius.play.playout import Report, silent
 from apollonius.solve.grid import make_grid
 from apollonius.solve.motion import motion_of
 from apollonius.solve.players import SaddlePolicy
@@ -100,9 +100,7 @@ class Card:
     gap_interval: tuple[float, float]
 
 
-def measure_card(
-    match: Match, own: SaddlePolicy, other: SaddlePolicy, report: Report = lambda done, total: None
-) -> Card:
+def measure_card(match: Match, own: SaddlePolicy, other: SaddlePolicy, report: Report = silent) -> Card:
     """Compare what an agent gets from `other`, the player by the other side's table, with what its own side's promises.
 
     Between the nodes of the grid that promise is no bound: it errs either way. Errors are those of `play_match`.

@@ -20,7 +20,7 @@ from apollonius.io.cache import environment
 from apollonius.io.document import parse_json, read_bytes
 from apollonius.io.errors import require
 from apollonius.io.workers import Job, Run
-from apollonius.play.playout import Report
+from apollonius.play.playout import Report, silent
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,7 @@ class SuiteCard:
         return Benchmark(self.track, Role[self.side.upper()])
 
 
-def judge(
-    benchmark: Benchmark, name: str, python: str, report: Report = lambda done, total: None, run: Run | None = None
-) -> SuiteCard:
+def judge(benchmark: Benchmark, name: str, python: str, report: Report = silent, run: Run | None = None) -> SuiteCard:
     """Play all rounds of an agent, by its name or its file, here or as jobs, and return its card; errors as of
     `Benchmark.find`, and where jobs failed.
     """
@@ -106,9 +104,7 @@ def load_card(path: Path) -> SuiteCard:
     return card
 
 
-def verify(
-    path: Path, file: str | None, python: str, every: bool, report: Report = lambda done, total: None
-) -> SuiteCard:
+def verify(path: Path, file: str | None, python: str, every: bool, report: Report = silent) -> SuiteCard:
     """Play rounds of a card again, one against each opponent or every one; raises InvalidInput as `load_card`, for
     another agent than the card's, and where a game does not come out.
     """

@@ -21,7 +21,7 @@ from apollonius.game.game import Game
 from apollonius.game.types import ROLES, Outcome
 from apollonius.io.errors import require
 from apollonius.io.workers import Run
-from apollonius.play.playout import Report
+from apollonius.play.playout import Report, silent
 
 SCALE = 400 / log(10)
 """Elo points in a unit of log-odds: 400 points ahead wins ten games of eleven."""
@@ -114,7 +114,7 @@ def play_tournament(
     players: BySide[Sequence[Named]],
     games: int,
     seed: int,
-    report: Report = lambda done, total: None,
+    report: Report = silent,
     run: Run | None = None,
 ) -> Tournament:
     """Play a match of every pursuer with every evader on the same starts; raises InvalidInput as `play_matches`, and
@@ -149,7 +149,7 @@ class Advice:
         return sides | {"stops": self.stops, "matches": self.tournament.to_dict()["matches"]}
 
 
-def advise(game: Game, games: int, seed: int = 0, report: Report = lambda done, total: None) -> Advice:
+def advise(game: Game, games: int, seed: int = 0, report: Report = silent) -> Advice:
     """Play every pursuer of the panel that fits a game against every evader; errors as of `play_tournament`."""
     panel = PANELS["team" if game.teams else "lidar" if game.sensors else "full"]
     players = ROLES.map(lambda role: [find_player(name, role, game) for name in panel[role.name.lower()]])

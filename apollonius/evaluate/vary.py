@@ -17,8 +17,9 @@ from apollonius.evaluate.match import Match, MatchResult, play_match, play_match
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import ROLES
+from apollonius.io.arrays import named_leaves
 from apollonius.io.errors import InvalidInput, require
-from apollonius.play.playout import Report
+from apollonius.play.playout import Report, silent
 
 
 @dataclass(frozen=True)
@@ -53,9 +54,7 @@ class VariedMatches:
 
 def numbers_of(game: Game) -> dict[str, float]:
     """Return the numbers of a game that can be varied, by their dotted paths."""
-    leaves = jax.tree_util.tree_flatten_with_path(game)[0]
-    named = ((jax.tree_util.keystr(path, simple=True, separator="."), leaf) for path, leaf in leaves)
-    return {name: leaf for name, leaf in named if isinstance(leaf, int | float)}
+    return {name: leaf for name, leaf in _leaves(game).items() if isinstance(leaf, int | float)}
 
 
 def with_numbers(game: Game, numbers: dict[str, float]) -> Game:
@@ -66,20 +65,20 @@ def with_numbers(game: Game, numbers: dict[str, float]) -> Game:
             near = difflib.get_close_matches(field, known, n=1, cutoff=0.0)[0]
             raise InvalidInput(f"the game has no number '{field}': did you mean '{near}'?")
 
-    def value(path: Any, leaf: Any) -> Any:
-        name = jax.tree_util.keystr(path, simple=True, separator=".")
-        if name not in numbers:
-            return leaf
-        number = numbers[name]
-        return int(number) if isinstance(leaf, int) and number.is_integer() else number
-
-    varied = jax.tree_util.tree_map_with_path(value, game)
+    leaves = _leaves(game)
+    for name, number in numbers.items():
+        leaves[name] = int(number) if isinstance(leaves[name], int) and number.is_integer() else number
+    varied = jax.tree.unflatten(jax.tree.structure(game), leaves.values())
     try:
         varied.check()
     except InvalidInput as error:
         at = ", ".join(f"{name} = {number:g}" for name, number in numbers.items())
         raise InvalidInput(f"with {at}: {error}") from error
     return varied
+
+
+def _leaves(game: Game) -> dict[str, Any]:
+    return {name.replace("/", "."): leaf for name, leaf in named_leaves(game).items()}
 
 
 def varied_matches(
@@ -103,7 +102,7 @@ def varied_matches(
 def play_varied(
     matches: Sequence[Match],
     variations: Sequence[Variation],
-    report: Report = lambda done, total: None,
+    report: Report = silent,
     play: Callable[..., MatchResult] = play_match,
 ) -> VariedMatches:
     """Play `varied_matches`; arguments and errors are those of `play_matches`."""

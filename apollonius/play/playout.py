@@ -30,6 +30,12 @@ from apollonius.play.rollout import Games, Transition, begin, reset_where_done, 
 
 Report = Callable[[int, int], None]
 """A callback that gets the number of games that have ended and that of all games."""
+
+
+def silent(done: int, total: int) -> None:
+    """Report nothing."""
+
+
 _MOST_STEPS = 2**20
 """Most steps in a call of the compiled function."""
 _CHUNK_SECONDS = 0.2
@@ -86,7 +92,7 @@ def play_out(
     key: PRNGKeyArray,
     slots: int | None = None,
     watcher: AbstractWatcher | None = None,
-    report: Report = lambda done, total: None,
+    report: Report = silent,
     first: int = 0,
 ) -> Results:
     """Play each of the given starts to its end, once.

@@ -85,13 +85,11 @@ class Study:
     def matches(self, pursuer: str, evader: str) -> list[list[MatchResult]]:
         """Return the matches of every training of the pursuer with every one of the evader, where that is trained."""
         evaders = self.seeds if evader in RUN_OF else self.seeds[:1]
-        return [
-            [
-                count(self.pairing(pursuer, evader, (row, column)), self.play(pursuer, evader, (row, column)))
-                for column in evaders
-            ]
-            for row in self.seeds
-        ]
+
+        def result(seeds: tuple[int, int]) -> MatchResult:
+            return count(self.pairing(pursuer, evader, seeds), self.play(pursuer, evader, seeds))
+
+        return [[result((row, column)) for column in evaders] for row in self.seeds]
 
     def metrics(self, name: str, seed: int, stage: str) -> list[MetricsLine]:
         return [line for line in load_metrics(self.run(name, seed) / "metrics.jsonl") if line.stage == stage]

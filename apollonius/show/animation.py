@@ -94,10 +94,9 @@ class Captioned:
 
     def _fit(self, text: str, width: float | int) -> str:
         """Return as much of a text as fits into a width [pixels]."""
-        shown = len(text)
-        while shown and self._font.getlength(text[:shown]) > width:
-            shown -= 1
-        return text[:shown]
+        while text and self._font.getlength(text) > width:
+            text = text[:-1]
+        return text
 
 
 def _side_name(game: Game, role: Role) -> str:

@@ -51,14 +51,6 @@ class Shown:
     times: int
 
     @property
-    def pairing(self) -> str:
-        return f"{self.replay.pursuer} against {self.replay.evader}"
-
-    @property
-    def outcome(self) -> str:
-        return self.replay.outcome.name.lower()
-
-    @property
     def seconds(self) -> float:
         """Its length [s]."""
         return len(self.replay.actions) * float(self.replay.game.dt)

@@ -21,7 +21,7 @@ from apollonius.game.sensing import drive_of, respond
 from apollonius.game.types import ROLES, Action, GameState, Outcome, Role
 from apollonius.io.limits import SIMULATED_GAMES
 from apollonius.play import rollout
-from apollonius.play.playout import Report, Results
+from apollonius.play.playout import Report, Results, silent
 from apollonius.play.random_bits import random_bits_of
 from apollonius.play.replay import Replay, as_rows, as_state
 from apollonius.play.rollout import Games, SideState, reset_where_done, step_games
@@ -50,9 +50,8 @@ class Simulated:
 
 
 def simulate(
-    game: Game, players: BySide[Pool], starts: GameState, key: PRNGKeyArray, drive: Drive,
-    report: Report = lambda done, total: None,
-) -> Simulated:  # fmt: skip
+    game: Game, players: BySide[Pool], starts: GameState, key: PRNGKeyArray, drive: Drive, report: Report = silent
+) -> Simulated:
     """Play each of the given starts to its end with bodies; the players draw the same random bits as in `play_out`.
 
     Players see the bodies' states through the sensors of the game, once in every step. Its drives' lag comes before the
@@ -100,7 +99,7 @@ def _turn_acceleration(game: Game, drive: Drive, role: Role) -> float:
     return min(drive.turn_acceleration, slow)
 
 
-def simulate_match(match: Match, drive: Drive, report: Report = lambda done, total: None) -> Simulated:
+def simulate_match(match: Match, drive: Drive, report: Report = silent) -> Simulated:
     """Simulate a match from its starts, as `simulate`; raises InvalidInput for more games than fit into memory."""
     SIMULATED_GAMES.require("games", match.games)
     return simulate(match.rules, match.pools, *begin(match), drive, report)
