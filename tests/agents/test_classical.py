@@ -134,6 +134,15 @@ def test_flee_aware_keeps_off_walls_and_discs():
     assert outcomes["evader_hit_obstacle"] + outcomes["evader_out_of_range"] + outcomes["both_failed"] == 0
 
 
+def test_where_flee_aware_has_no_way_left_it_values_how_late_its_clearance_runs_out():
+    """At 1.2 m/s, 2 m before the wall x = 0, it cannot stop; the more it brakes, the later."""
+    seen = view(PAPER, Role.EVADER, robot(2.0, 5.0, 1.2, pi), robot(9.0, 5.0, 0.0, 0.0))
+    values = np.asarray(jax.jit(FleeAware.for_side(PAPER, Role.EVADER).values)(seen))
+    braking, coasting, hurrying = values[[1, 4, 7]]
+    assert (hurrying, coasting) == (-25, -25)
+    assert -25 < braking < -10
+
+
 def test_flee_aware_looks_equally_far_ahead_whatever_the_step():
     steps = [FleeAware.for_side(replace(PAPER, dt=dt), Role.EVADER).steps for dt in (0.1, 0.05, 0.3)]
     assert steps == [40, 80, 14]

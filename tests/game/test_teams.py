@@ -261,6 +261,7 @@ IMPOSSIBLE = [
     ({"dt": 4.0}, ["pursuer.u2_max = 0.8", "at most 0.5 rad/s", "in a step of 4 s", "make it or dt smaller"]),
     ({"evader": Unicycle(radius=-0.2)}, ["evader.radius = -0.2", "0 m (a point) or more"]),
     ({"arena": Arena(x_min=10.0)}, ["arena.x_min = 10.0", "less than x_max = 10.0"]),
+    ({"arena": Arena(x_min=11.0)}, ["arena.x_min = 11.0", "less than x_max = 10.0"]),
     ({"arena": Arena(y_min=11.0)}, ["arena.y_min = 11.0", "less than y_max = 10.0"]),
     (discs((3.0, 3.0, 0.0)), ["discs[0].radius = 0.0", "more than 0 m", "remove the disc"]),
     (discs((3.0, 3.0, 0.5), (7.0, 3.0, -0.5)), ["discs[1].radius = -0.5", "more than 0 m", "remove the disc"]),

@@ -135,6 +135,15 @@ def test_cells_that_are_seen_are_cleared_and_those_behind_a_disc_are_not():
     assert not np.any(upwards & ~seen)
 
 
+def test_the_ray_nearest_to_a_direction_is_the_one_whose_course_is_most_like_it():
+    angles = np.random.default_rng(0).uniform(-np.pi, np.pi, 500)
+    place = np.arange(belief.RAYS) * (4 / belief.RAYS)
+    rays = np.arctan2(1 - np.abs((place + 1) % 4 - 2), np.abs(place - 2) - 1)
+    found = rays[np.asarray(belief._ray(*map(jnp.asarray, (3 * np.cos(angles), 3 * np.sin(angles)))))]
+    apart = np.abs((found - angles + np.pi) % (2 * np.pi) - np.pi)
+    assert np.max(apart) < 0.51 * np.max(np.diff(np.sort(rays)))
+
+
 def test_sightings_are_remembered_with_their_age_and_delay():
     """An opponent that is hidden stays where it was seen last; with a delay all comes that much later."""
     for delay in (None, 2):

@@ -150,6 +150,12 @@ def test_the_command_writes_the_report_into_the_run(copy, capsys):
     ("name", "content"),
     [
         ("evaluation.json", '{"a against b": {"games": 3}}'),
+        (
+            "evaluation.json",
+            lambda path: path.write_text(
+                path.with_name("moved").read_text().replace(" against ", " against a against ")
+            ),
+        ),
         ("metrics.jsonl", os.mkfifo),
         ("evaluation.json", lambda path: path.symlink_to("/dev/zero")),
         ("config.toml", lambda path: path.symlink_to(outside(path))),

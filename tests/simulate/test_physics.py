@@ -322,6 +322,20 @@ def test_bodies_stop_at_the_cells_of_a_map():
     assert len(blocks) == 2
 
 
+def test_blocks_of_a_map_are_where_its_cells_are():
+    """The middle of each occupied cell is in one block, and they are no larger."""
+    arena = find_game("examples/dodecahedron.toml").arena
+    found = list(geoms(Game(arena=replace(arena, discs=(), polygons=()))).items())
+    blocks = [(numbers(geom["pos"]), numbers(geom["size"])) for name, geom in found if name.startswith("obstacle")][4:]
+    (x, y, _), (half_x, half_y, _) = (np.array(part).T[..., None] for part in zip(*blocks, strict=True))
+    rows, columns = np.nonzero(arena.map.occupied())
+    cell = float(arena.map.cell)
+    across, upwards = float(arena.map.x) + (columns + 0.5) * cell, float(arena.map.y) + (rows + 0.5) * cell
+    covers = (abs(across - x) < half_x) & (abs(upwards - y) < half_y)
+    assert np.all(np.sum(covers, axis=0) == 1)
+    assert 4 * np.sum(half_x * half_y) == pytest.approx(len(rows) * cell**2, rel=1e-4)
+
+
 def test_sensors_and_drives_of_the_game_count_for_bodies_too():
     game = replace(GAME, max_steps=20)
     slow = replace(game, drives=Drives(Slow(lag=5.0, turn_time=2.0), None))

@@ -251,8 +251,8 @@ def test_it_is_the_least_clearance_along_the_hold():
 def test_on_the_reference_grid_a_hold_moves_by_whole_speeds_and_almost_whole_headings():
     odd = Game(pursuer=Unicycle(v_min=0.1, v_max=1.03, u1_max=0.0, u2_max=0.0), dt=0.7)
     assert reference_grid(odd, Role.PURSUER)[1] == 1
-    wide, hold = reference_grid(Game(arena=Arena(x_max=200.0), dt=0.01), Role.PURSUER)
-    assert (wide.counts[:2], hold) == ((101, 51), 50)
+    wide, hold = reference_grid(Game(arena=Arena(x_max=200.0, y_max=10.1), dt=0.01), Role.PURSUER)
+    assert (wide.counts[:2], hold) == ((101, 52), 50)
     grid, hold = reference_grid(make_game("paper"), Role.PURSUER)
     assert (grid.counts, hold) == ((51, 51, 9, 47), 5)
     transitions = transition_map_of(motion_of(make_game("paper"), Role.PURSUER, hold), grid)
