@@ -9,7 +9,7 @@ import pytest
 
 from apollonius.arenas.charting import charted, paths
 from apollonius.game.arena import Arena, Disc
-from apollonius.game.chart import COARSE, COARSE_BITS, NO_PATH, SIDE, STEPS, Chart
+from apollonius.game.chart import COARSE, COARSE_BITS, NO_PATH, SIDE, STEPS, Chart, entries
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
@@ -143,11 +143,16 @@ def test_stops_count_as_much_as_they_are_near_and_sum_up_to_one(wide):
     np.testing.assert_allclose(np.sum(weights * middle_y, axis=1)[free], y[free], atol=0.02)
 
 
-def test_links_lead_between_cells_of_the_field_that_are_side_by_side(room):
-    """The eight neighbours of each free cell, one after another."""
-    corners = np.asarray(room.field[0])
+def test_links_lead_between_cells_of_the_field_that_are_side_by_side():
+    """The eight neighbours of each free cell, one after another; obstacles and shortest paths are drawn at random."""
+    rng = np.random.default_rng(0)
+    corners = np.where(rng.random((SIDE + 1, SIDE + 1)) < 0.2, 0.1, -0.1).astype(np.float32)
+    rows, columns = (np.indices((SIDE, SIDE)) * COARSE // SIDE + rng.integers(-1, 2, (2, SIDE, SIDE))).clip(
+        0, COARSE - 1
+    )
+    visible = (rows * COARSE + columns + (rng.integers(16, size=rows.shape) << COARSE_BITS)).astype(np.uint16)
     free = np.maximum.reduce([corners[1:, 1:], corners[1:, :-1], corners[:-1, 1:], corners[:-1, :-1]]) > 0
-    owner = np.where(free, np.asarray(room.visible[0]).astype(int) % 2**COARSE_BITS, -1)
+    owner = np.where(free, visible.astype(int) % 2**COARSE_BITS, -1)
     expected = np.zeros(COARSE**2, np.uint32)
     for up, right in ((0, 1), (1, -1), (1, 0), (1, 1)):
         rows, columns = slice(up, None), slice(max(right, 0), SIDE + min(right, 0))
@@ -157,7 +162,7 @@ def test_links_lead_between_cells_of_the_field_that_are_side_by_side(room):
             for number, known in enumerate(STEPS):
                 entered = end[(start >= 0) & (end >= 0) & np.all(step == known, axis=1)]
                 expected[entered] |= np.uint32(1 << number)
-    np.testing.assert_array_equal(np.asarray(room.links[0]).ravel(), expected)
+    np.testing.assert_array_equal(np.ravel(entries(jnp.asarray(corners), jnp.asarray(visible))), expected)
 
 
 def test_each_of_several_arenas_has_its_own_chart():
