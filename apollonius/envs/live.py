@@ -49,6 +49,16 @@ def action_space(actions: str) -> gymnasium.spaces.Space[Any]:
     return continuous if actions == "continuous" else gymnasium.spaces.Discrete(NUM_ACTIONS)
 
 
+def seated(game: Game, observation: str, actions: str, inside: dict[Role, str]) -> tuple[Game, BySide[Pool]]:
+    """Return a game with a chart if anybody reads one, and who plays it: players of the package by their names, and
+    `Outside` on the other sides.
+    """
+    reads, found = find_observation(observation), {role: find_player(inside[role], role, game) for role in inside}
+    first = jnp.zeros((), jnp.int32) if actions == "discrete" else jnp.zeros(2)
+    players = ROLES.map(lambda role: solo(found[role].policy if role in found else Outside(first, reads)))
+    return charted(game, reads.charted or any(one.policy.charted for one in found.values())), players
+
+
 def as_actions(given: Any, kind: str, batch: tuple[int, ...] = ()) -> np.ndarray:
     """Return one action of a kind, or a batch, in its number type; raises InvalidInput for what is not in the space."""
     discrete = kind == "discrete"
@@ -83,26 +93,23 @@ class LiveGame:
     """
 
     def __init__(
-        self, game: Game | str, observation: str, actions: str, render_mode: str | None,
-        inside: dict[Role, str] | None = None,
-    ) -> None:  # fmt: skip
+        self, game: Game | str, observation: str, actions: str, render_mode: str | None, inside: dict[Role, str]
+    ) -> None:
         require_unforked()
         require(render_mode in (None, *RENDER_MODES), "render_mode", render_mode, f"{RENDER_MODES[0]}, or None")
-        reads, game = find_observation(observation), as_game(game)
+        game = as_game(game)
         game.require_one_arena("an environment of a single game")
-        found = {role: find_player(name, role, game).policy for role, name in (inside or {}).items()}
-        self.game = game = charted(game, reads.charted or any(one.charted for one in found.values()))
+        game, players = seated(game, observation, actions, inside)
+        self.game = game
         self.frames_per_second = max(1, round(1 / float(game.dt)))
         self.places = [(role, number) for role in Role for number in range(len(game.bodies[role]))]
         """Side and number of each robot, in the order of a game's robots."""
         self._end = _COLUMNS * len(self.places)
-        sizes = [0 if role in found else reads.size for role, _ in self.places]
+        sizes = [0 if role in inside else find_observation(observation).size for role, _ in self.places]
         self._seen = list(starmap(slice, pairwise(accumulate([self._end + 3, *sizes]))))
         self._kind, space = actions, action_space(actions)
         self.idle = np.zeros(space.shape or (), space.dtype)
         """A placeholder for the action of a robot that is not played from outside."""
-        first = jnp.asarray(self.idle.astype(np.int32 if actions == "discrete" else np.float32))
-        players = ROLES.map(lambda role: solo(found.get(role) or Outside(first, reads)))
         # The game is a constant of both functions.
         self._begin, self._step = Compiled(_begin, game, players), Compiled(_step, game, players, self.idle.shape)
         self._carried, self._steps = tuple[Array, ...](), 0

@@ -38,7 +38,7 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
         render_mode: str | None = None,
         actions: str = "discrete",
     ) -> None:
-        self._live = live = LiveGame(game, observation, actions, render_mode)
+        self._live = live = LiveGame(game, observation, actions, render_mode, {})
         self.metadata = type(self).metadata | {"render_fps": live.frames_per_second}
         self.render_mode = render_mode
         self.possible_agents = [f"{role.name.lower()}_{number}" for role, number in live.places]

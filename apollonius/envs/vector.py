@@ -4,23 +4,17 @@ from typing import Any
 
 import gymnasium
 import jax
-import jax.numpy as jnp
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from apollonius.agents.pool import solo
-from apollonius.arenas.charting import charted
 from apollonius.arenas.file import as_game
-from apollonius.catalogue import find_player
-from apollonius.envs.batch import SPARE, Batch, Compiled, Outside, UnderWay, require_unforked
-from apollonius.envs.live import action_space, as_actions, observation_space, random_bits
-from apollonius.game.by_side import BySide
+from apollonius.envs.batch import SPARE, Batch, Compiled, UnderWay, require_unforked
+from apollonius.envs.live import action_space, as_actions, observation_space, random_bits, seated
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.io.errors import require
 from apollonius.io.limits import PARALLEL_GAMES
-from apollonius.observe.registry import find_observation
 
 _MODES = {mode.value: mode for mode in (AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP)}
 """By the names that Gymnasium's `make_vec` takes."""
@@ -75,12 +69,9 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._kind, self._acting = actions, (num_envs,) if robots == 1 else (num_envs, robots)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        reads, player = find_observation(observation), find_player(opponent, role.other, game).policy
-        game = charted(game, reads.charted or player.charted)
+        game, players = seated(game, observation, actions, {role.other: opponent})
         self._next_step = mode == AutoresetMode.NEXT_STEP
-        first = jnp.zeros(2) if actions == "continuous" else jnp.zeros((), jnp.int32)
         # The game is a constant of what is compiled.
-        players = BySide.of(role, solo(Outside(first, reads)), solo(player))
         batch = Batch(game, role, players, num_envs, self._next_step)
         self._draw, self._step = Compiled(Batch.sample_starts, batch), Compiled(Batch.step, batch)
         self._now: UnderWay | None = None

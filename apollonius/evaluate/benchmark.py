@@ -151,9 +151,7 @@ class Benchmark:
 
     def play(self, agent: Named, opponent: str, seed: int) -> Round:
         """Play a round."""
-        match, process = self._match(agent, opponent, seed), process_of(agent.policy)
-        if process:
-            process.begin(match.games)
+        match, process = self._round(agent, opponent, seed)
         slots = match.games if process else _SLOTS
         results = play_out(match.rules, match.pools, *begin(match), slots=slots, watcher=Fingerprint())
         outcomes, steps, crashed = np.array(results.outcome), np.array(results.steps), self._crashed(results)
@@ -164,14 +162,16 @@ class Benchmark:
         played, lengths, crashes = (tuple(column.tolist()) for column in (outcomes, steps, crashed))
         return Round(seed, played, lengths, crashes, sha256(words).hexdigest()[:16])
 
-    def _match(self, agent: Named, opponent: str, seed: int) -> Match:
-        return Match(self.game, BySide.of(self.role, agent, self._opponents[opponent]), len(self.arenas), seed)
+    def _round(self, agent: Named, opponent: str, seed: int) -> tuple[Match, EntrantProcess | None]:
+        """Return the match of a round, and the process of an agent from outside, which is begun for it."""
+        match = Match(self.game, BySide.of(self.role, agent, self._opponents[opponent]), len(self.arenas), seed)
+        if process := process_of(agent.policy):
+            process.begin(match.games)
+        return match, process
 
     def microseconds(self, agent: Named) -> float:
         """Return the time of a decision [us], as one of a round's first ones, all at once."""
-        match, process = self._match(agent, self.panel[0], 0), process_of(agent.policy)
-        if process:
-            process.begin(match.games)
+        match, process = self._round(agent, self.panel[0], 0)
         starts, key = begin(match)
         bits = random_bits(key, (2, match.games))
         games = rollout.begin(match.rules, starts, match.pools, bits)

@@ -60,17 +60,14 @@ def slice_values(
 
     @jax.jit
     @jax.vmap
-    def row(own_y: Float[Array, ""]) -> Float[Array, "columns 9"]:
-        @jax.vmap
-        def cell(own_x: Float[Array, ""]) -> Float[Array, "9"]:
-            robots = BySide.of(role, RobotState(own_x, own_y, speed, heading), opponent)
-            state = GameState.of_two(*robots, steps=jnp.int32(0))
-            values = player.values(player.observation(look(game, state, role)))
-            return jnp.where(arena.clearance(own_x, own_y) > body.radius - cell_size, values, jnp.nan)
+    @jax.vmap
+    def cell(own_x: Float[Array, ""], own_y: Float[Array, ""]) -> Float[Array, "9"]:
+        robots = BySide.of(role, RobotState(own_x, own_y, speed, heading), opponent)
+        state = GameState.of_two(*robots, steps=jnp.int32(0))
+        values = player.values(player.observation(look(game, state, role)))
+        return jnp.where(arena.clearance(own_x, own_y) > body.radius - cell_size, values, jnp.nan)
 
-        return cell(jnp.asarray(x))
-
-    return x, y, np.asarray(row(jnp.asarray(y)))
+    return x, y, np.asarray(cell(*jnp.meshgrid(x, y)))
 
 
 def save_slice(
