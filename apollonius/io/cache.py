@@ -94,12 +94,10 @@ def make_room(folder: Path, largest: int) -> int:
     """
     files: list[tuple[bool, float, int, Path]] = []
     for path in folder.rglob("*"):
-        try:
+        with suppress(FileNotFoundError):  # another process was quicker
             about = path.stat()
-        except FileNotFoundError:  # another process was quicker
-            continue
-        if path.is_file():
-            files.append((about.st_size <= largest, about.st_mtime, about.st_size, path))
+            if path.is_file():
+                files.append((about.st_size <= largest, about.st_mtime, about.st_size, path))
     left = sum(size for _, _, size, _ in files)
     for _, _, size, path in sorted(files):
         if left <= largest:
@@ -210,13 +208,11 @@ class Entries:
 
     def put(self, key: str, value: bytes) -> None:
         """Write an entry unless the disk is full."""
-        try:
+        with suppress(OSError):
             write_atomically(self._path / key, _checksum(value) + value, synced=False)
             self._size += len(value)
             if self._size > self._largest:
                 self._size = make_room(self._path.parent, self._largest)
-        except OSError:
-            return
 
 
 def _checksum(value: bytes) -> bytes:

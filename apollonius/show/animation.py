@@ -24,7 +24,7 @@ from apollonius.observe import tracking
 from apollonius.play.random_bits import random_bits_of
 from apollonius.play.replay import Replay
 from apollonius.show.canvas import Canvas, draw_robot
-from apollonius.show.palette import EVADER, INK, PAPER, PURSUER
+from apollonius.show.palette import INK, PAPER, PURSUER, SIDES
 
 LETTERS = 14
 """Height of a line's letters [pixels]."""
@@ -36,67 +36,6 @@ LEAST_WIDTH = 400
 """Pixels that the words need, where the arena is narrow."""
 _SIGN = 12
 """Size of a sign in the legend [pixels]."""
-
-
-class Captioned:
-    """A game under way: above the arena names and legend, below it the clock and at the end the outcome."""
-
-    def __init__(self, replay: Replay, speed: float = 1.0) -> None:
-        self._replay, self._canvas = replay, Canvas(replay.game)
-        self._font = ImageFont.load_default(LETTERS)
-        self._pace = "" if speed == 1 else f", {speed:g} x real time"
-        arena = self._canvas.picture()
-        width = max(arena.width, LEAST_WIDTH) + 2 * MARGIN
-        height = 2 * LINE + arena.height + LINE + 2 * MARGIN
-        self._page = Image.new("RGB", (width, height), PAPER)
-        self.corner = ((width - arena.width) // 2, MARGIN + 2 * LINE)
-        """Column and row of the arena's upper left corner."""
-        self._below = self.corner[1] + arena.height + LINE // 2 + MARGIN // 2
-        self._in_play = replay.in_play()
-        self._fog = fog(replay)
-        self._here: Sequence[float] = ()
-        self._head(ImageDraw.Draw(self._page))
-
-    def move(self, step: int) -> None:
-        """Move the robots to where they are after `step` steps; to be called for each step in order."""
-        self._here, self._step = self._replay.states[step].tolist(), step
-        self._canvas.move(self._here, self._in_play[step].tolist())
-
-    def picture(self) -> Image.Image:
-        page, step = self._page.copy(), self._step
-        page.paste(self._canvas.picture(self._fog and (self._fog[1][step], self._fog[0])), self.corner)
-        write = functools.partial(ImageDraw.Draw(page).text, fill=INK, font=self._font)
-        clock = f"{step * float(self._replay.game.dt):.1f} s"
-        if step == len(self._replay.actions):
-            clock = self._replay.ending()
-        write((MARGIN, self._below), f"{clock}{self._pace}", anchor="lm")
-        now = _standing(self._replay.game, self._here, self._in_play[step].tolist())
-        write((page.width - MARGIN, self._below), now, anchor="rm")
-        return page
-
-    def _head(self, draw: ImageDraw.ImageDraw) -> None:
-        """Draw the signs of both robots with their players' names, and the reach of a capture."""
-        right, write = self._page.width - MARGIN, functools.partial(draw.text, font=self._font)
-        first, second = (MARGIN + LINE // 2 + LINE * line for line in range(2))
-        reach = f"capture within {float(self._replay.game.capture_distance):g} m"
-        write((right, first), reach, PURSUER, anchor="rm")
-        left = right - self._font.getlength(reach) - 6 - _SIGN
-        draw.circle((left + _SIGN / 2, first), _SIGN / 2, outline=PURSUER)
-        if self._fog:
-            shade = f"shaded: where the {_side_name(self._replay.game, self._fog[0])} can be"
-            write((right, second), shade, (PURSUER, EVADER)[self._fog[0]], anchor="rm")
-            right -= self._font.getlength(shade) + 6
-        names, colours = (self._replay.pursuer, self._replay.evader), (PURSUER, EVADER)
-        for role, name, colour, row, end in zip(Role, names, colours, (first, second), (left, right), strict=True):
-            draw_robot(draw, (MARGIN + _SIGN / 2, float(row)), _SIGN / 2, role)
-            begins, side = MARGIN + _SIGN + 10, _side_name(self._replay.game, role)
-            write((begins, row), self._fit(f"{side} {name}", end - begins - MARGIN), colour, anchor="lm")
-
-    def _fit(self, text: str, width: float | int) -> str:
-        """Return as much of a text as fits into a width [pixels]."""
-        while text and self._font.getlength(text) > width:
-            text = text[:-1]
-        return text
 
 
 def _side_name(game: Game, role: Role) -> str:
@@ -190,13 +129,53 @@ def _encoded(picture: Image.Image, kind: str, **options: Any) -> bytes:
 
 
 def frames(replay: Replay, steps: list[int] | None = None, speed: float = 1.0) -> Iterator[Image.Image]:
-    """Yield a picture for each of these steps of a game, or for every one; those in between leave their trail."""
-    picture, last = Captioned(replay, speed), len(replay.actions)
-    shown = set(range(last + 1) if steps is None else steps)
+    """Yield a picture for each of these steps of a game, or for every one; those in between leave their trail. Above
+    the arena are names and legend, below it the clock and at the end the outcome.
+    """
+    game, last, in_play, hidden = replay.game, len(replay.actions), replay.in_play(), fog(replay)
+    canvas, shown = Canvas(game), set(range(last + 1) if steps is None else steps)
+    page = _page(replay, canvas.picture().size, hidden and hidden[0])
+    pace = "" if speed == 1 else f", {speed:g} x real time"
+    font, below = ImageFont.load_default(LETTERS), page.height - (LINE + MARGIN) // 2
     for step in range(last + 1):
-        picture.move(step)
-        if step in shown:
-            yield picture.picture()
+        robots, active = replay.states[step].tolist(), in_play[step].tolist()
+        canvas.move(robots, active)
+        if step not in shown:
+            continue
+        picture, arena = page.copy(), canvas.picture(hidden and (hidden[1][step], hidden[0]))
+        picture.paste(arena, ((page.width - arena.width) // 2, MARGIN + 2 * LINE))
+        write = functools.partial(ImageDraw.Draw(picture).text, fill=INK, font=font)
+        clock = replay.ending() if step == last else f"{step * float(game.dt):.1f} s"
+        write((MARGIN, below), f"{clock}{pace}", anchor="lm")
+        write((page.width - MARGIN, below), _standing(game, robots, active), anchor="rm")
+        yield picture
+
+
+def _page(replay: Replay, arena: tuple[int, int], hidden: Role | None) -> Image.Image:
+    """Return the page around an arena of a size [pixels]: the signs of both robots with their players' names, the reach
+    of a capture, and which side is hidden in fog.
+    """
+    game, font = replay.game, ImageFont.load_default(LETTERS)
+    page = Image.new("RGB", (max(arena[0], LEAST_WIDTH) + 2 * MARGIN, arena[1] + 3 * LINE + 2 * MARGIN), PAPER)
+    draw, right = ImageDraw.Draw(page), page.width - MARGIN
+    write = functools.partial(draw.text, font=font)
+    first, second = (MARGIN + LINE // 2 + LINE * line for line in range(2))
+    reach = f"capture within {float(game.capture_distance):g} m"
+    write((right, first), reach, PURSUER, anchor="rm")
+    left = right - font.getlength(reach) - 6 - _SIGN
+    draw.circle((left + _SIGN / 2, first), _SIGN / 2, outline=PURSUER)
+    if hidden is not None:
+        shade = f"shaded: where the {_side_name(game, hidden)} can be"
+        write((right, second), shade, SIDES[hidden], anchor="rm")
+        right -= font.getlength(shade) + 6
+    names, rows, ends = (replay.pursuer, replay.evader), (first, second), (left, right)
+    for role, name, colour, row, end in zip(Role, names, SIDES, rows, ends, strict=True):
+        draw_robot(draw, (MARGIN + _SIGN / 2, float(row)), _SIGN / 2, role)
+        begins, text = MARGIN + _SIGN + 10, f"{_side_name(game, role)} {name}"
+        while text and font.getlength(text) > end - begins - MARGIN:
+            text = text[:-1]
+        write((begins, row), text, colour, anchor="lm")
+    return page
 
 
 def last_frame(replay: Replay) -> Image.Image:

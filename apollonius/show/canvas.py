@@ -11,7 +11,7 @@ from apollonius.game.arena import Arena, Disc
 from apollonius.game.game import Game
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.types import Role
-from apollonius.show.palette import EVADER, INK, OBSTACLE, PAPER, PURSUER
+from apollonius.show.palette import EVADER, INK, OBSTACLE, PAPER, PURSUER, SIDES
 
 SIZE = 480
 """Pixels of the picture's longer side."""
@@ -85,9 +85,9 @@ class Canvas:
         for (role, _, radius), before, after in zip(self._robots, self._here or here, here, strict=True):
             if begins:
                 start = self._pixel(after[0], after[1])
-                draw.circle(start, radius / 2 * self.scale * _FINER, outline=_COLOURS[role], width=_FINER)
+                draw.circle(start, radius / 2 * self.scale * _FINER, outline=SIDES[role], width=_FINER)
             ends = [self._pixel(before[0], before[1]), self._pixel(after[0], after[1])]
-            draw.line(ends, fill=_COLOURS[role], width=2 * _FINER, joint="curve")
+            draw.line(ends, fill=SIDES[role], width=2 * _FINER, joint="curve")
         self._here, self._active = here, active
 
     def picture(self, fog: tuple[Bool[np.ndarray, "rows columns"], Role] | None = None) -> Image.Image:
@@ -108,13 +108,13 @@ class Canvas:
         ):
             centre = self._pixel(x, y)
             if not active:
-                _draw_cross(draw, centre, radius * finer, _COLOURS[role])
+                _draw_cross(draw, centre, radius * finer, SIDES[role])
                 continue
             if role == Role.PURSUER:
                 draw.circle(centre, self._reach * finer, outline=PURSUER, width=_FINER)
             draw_robot(draw, centre, radius * finer, role, heading)
             if mark:
-                self._draw_mark(draw, mark, centre, radius * finer, _COLOURS[role])
+                self._draw_mark(draw, mark, centre, radius * finer, SIDES[role])
 
     def _draw_mark(self, draw: ImageDraw.ImageDraw, mark: str, centre: Point, radius: float, colour: str) -> None:
         """Draw a number beside a robot, on the side of the arena's middle."""
@@ -125,7 +125,7 @@ class Canvas:
     def _shade(self, picture: Image.Image, cells: Bool[np.ndarray, "rows columns"], role: Role) -> None:
         side = round(self._length * self.scale) * _FINER
         mask = Image.fromarray(np.where(cells[::-1], _SHADE, 0).astype(np.uint8)).resize((side, side))
-        picture.paste(_COLOURS[role], (0, picture.height - side), mask)
+        picture.paste(SIDES[role], (0, picture.height - side), mask)
 
     def _draw_cells(self, occupancy: OccupancyMap) -> None:
         """Draw occupied cells; the picture's own pixels may be coarser."""
@@ -138,10 +138,6 @@ class Canvas:
     def _pixel(self, x: float, y: float) -> Point:
         finer = self.scale * _FINER
         return (x - float(self._arena.x_min)) * finer, (float(self._arena.y_max) - y) * finer
-
-
-_COLOURS = (PURSUER, EVADER)
-"""By role."""
 
 
 _ARROWHEAD = ((1.4, 0.0), (1.2, 2.4), (0.4, pi), (1.2, -2.4))

@@ -2,6 +2,7 @@
 
 PURSUER = "#c4402a"
 EVADER = "#2b6ca3"
+SIDES = (PURSUER, EVADER)
 OBSTACLE = "#8d8d86"
 INK = "#2c2c2a"
 PAPER = "#ffffff"

@@ -144,7 +144,7 @@ def _draw_actions(axes: Axes, found: Slice) -> None:
 
 def _draw_opponent(axes: Axes, role: Role, opponent: RobotState, capture_distance: float) -> None:
     """Draw the opponent with its heading, and how near the robots must come for a capture."""
-    colour = BySide(palette.PURSUER, palette.EVADER)[role.other]
+    colour = palette.SIDES[role.other]
     x, y, heading = float(opponent.x), float(opponent.y), float(opponent.heading)
     axes.add_patch(Circle((x, y), capture_distance, fill=False, edgecolor=colour, linewidth=1.2, linestyle="--"))
     dx, dy = 0.7 * np.cos(heading), 0.7 * np.sin(heading)

@@ -27,7 +27,7 @@ from apollonius.play import rollout
 from apollonius.play.random_bits import random_bits_of
 from apollonius.play.replay import Replay
 from apollonius.show import palette, style
-from apollonius.show.animation import LINE, MARGIN, Captioned, fog, frames, save_animation
+from apollonius.show.animation import LINE, MARGIN, fog, frames, save_animation
 from apollonius.show.arena import draw_arena
 from apollonius.show.canvas import SIZE, Canvas
 from apollonius.show.palette import DARK, LIGHT, OBSTACLE
@@ -171,7 +171,8 @@ def test_an_arena_that_is_no_square_keeps_its_shape_and_the_words_their_width(re
     assert Canvas(wide.game).picture().size == size
     picture = next(frames(wide))
     assert picture.width == max(size[0], 400) + 2 * MARGIN
-    assert Captioned(wide).corner[0] == (picture.width - size[0]) // 2
+    left, middle = (picture.width - size[0]) // 2, MARGIN + 2 * LINE + size[1] // 3
+    assert picture.getpixel((left - 1, middle)) == WHITE != picture.getpixel((left, middle)), "the wall on the left"
 
 
 def save_panel(path):
