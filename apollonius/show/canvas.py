@@ -56,13 +56,12 @@ class Canvas:
         self._arena = arena = game.arena
         self._reach = float(game.capture_distance)
         sides = (float(arena.x_max - arena.x_min), float(arena.y_max - arena.y_min))
-        self._length = max(sides)
         self._robots = [
-            (role, str(number) if len(game.bodies[role]) > 1 else "", max(float(body.radius), _SMALLEST * self._length))
+            (role, str(number) if len(game.bodies[role]) > 1 else "", max(float(body.radius), _SMALLEST * max(sides)))
             for role in Role
             for number, body in enumerate(game.bodies[role], start=1)
         ]
-        self.scale = SIZE / self._length
+        self.scale = SIZE / max(sides)
         """Pixels of a metre in the picture."""
         width, height = (round(side * self.scale) * _FINER for side in sides)
         self._trails = Image.new("RGB", (width, height), PAPER)
@@ -97,12 +96,9 @@ class Canvas:
         """
         picture = self._trails.copy()
         if fog:
-            self._shade(picture, *fog)
-        self._draw_robots(ImageDraw.Draw(picture))
-        return picture.reduce(_FINER)
-
-    def _draw_robots(self, draw: ImageDraw.ImageDraw) -> None:
-        finer = self.scale * _FINER
+            mask = Image.fromarray(np.where(fog[0][::-1], _SHADE, 0).astype(np.uint8)).resize((SIZE * _FINER,) * 2)
+            picture.paste(SIDES[fog[1]], (0, picture.height - SIZE * _FINER), mask)
+        draw, finer = ImageDraw.Draw(picture), self.scale * _FINER
         for active, (role, mark, radius), (x, y, _, heading) in zip(
             self._active, self._robots, self._here, strict=False
         ):
@@ -115,17 +111,13 @@ class Canvas:
             draw_robot(draw, centre, radius * finer, role, heading)
             if mark:
                 self._draw_mark(draw, mark, centre, radius * finer, SIDES[role])
+        return picture.reduce(_FINER)
 
     def _draw_mark(self, draw: ImageDraw.ImageDraw, mark: str, centre: Point, radius: float, colour: str) -> None:
         """Draw a number beside a robot, on the side of the arena's middle."""
         size, away = self._trails.size, 2.4 * radius
         x, y = (at + (away if at < side / 2 else -away) for at, side in zip(centre, size, strict=True))
         draw.text((x, y), mark, fill=colour, font=ImageFont.load_default(round(2.2 * radius)), anchor="mm")
-
-    def _shade(self, picture: Image.Image, cells: Bool[np.ndarray, "rows columns"], role: Role) -> None:
-        side = round(self._length * self.scale) * _FINER
-        mask = Image.fromarray(np.where(cells[::-1], _SHADE, 0).astype(np.uint8)).resize((side, side))
-        picture.paste(SIDES[role], (0, picture.height - side), mask)
 
     def _draw_cells(self, occupancy: OccupancyMap) -> None:
         """Draw occupied cells; the picture's own pixels may be coarser."""

@@ -43,33 +43,23 @@ _BAR = (
 _HERE = Path(__file__).parent
 
 
-@dataclass(frozen=True)
-class Shown:
-    """A game to watch, and how many games of its pairing ended in this way."""
+def for_page(replay: Replay) -> dict[str, Any]:
+    """Return a game as the page's script reads it: a replay without actions, its states rounded.
 
-    replay: Replay
-    times: int
-
-    @property
-    def seconds(self) -> float:
-        """Its length [s]."""
-        return len(self.replay.actions) * float(self.replay.game.dt)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the game as the page's script reads it: a replay without actions, its states rounded.
-
-        Of a game of teams `until` says for each robot the first step at which it is out of play, or None.
-        """
-        data = as_data(self.replay) | {"states": self.replay.states.astype(float).round(_DIGITS).tolist()}
-        del data["actions"]
-        if self.replay.game.teams:
-            steps = self.replay.in_play().sum(axis=0).tolist()
-            data["until"] = [step if step < len(self.replay.states) else None for step in steps]
-        return data
+    Of a game of teams `until` says for each robot the first step at which it is out of play, or None.
+    """
+    data = as_data(replay) | {"states": replay.states.astype(float).round(_DIGITS).tolist()}
+    del data["actions"]
+    if replay.game.teams:
+        steps = replay.in_play().sum(axis=0).tolist()
+        data["until"] = [step if step < len(replay.states) else None for step in steps]
+    return data
 
 
-def games_to_show(match: Match) -> list[Shown]:
-    """Return one game for each outcome of a match, in the order of `worst_first`; raises InvalidInput if too long."""
+def games_to_show(match: Match) -> list[tuple[Replay, int]]:
+    """Return one game for each outcome of a match, in the order of `worst_first`, and how many games ended in this way;
+    raises InvalidInput if they are too long.
+    """
     bound = f"at most {LONGEST:,}, or no page could hold them"
     require(match.game.max_steps <= LONGEST, "steps of a game that a report shows", match.game.max_steps, bound)
     results = play_games(match)
@@ -77,7 +67,7 @@ def games_to_show(match: Match) -> list[Shown]:
     first: dict[int, int] = {}
     for index in worst_first(results):
         first.setdefault(int(outcomes[index]), index)
-    return [Shown(record_game(match, index), int(np.sum(outcomes == outcome))) for outcome, index in first.items()]
+    return [(record_game(match, index), int(np.sum(outcomes == outcome))) for outcome, index in first.items()]
 
 
 @dataclass(frozen=True)
@@ -167,7 +157,7 @@ def render(report: Mapping[str, Any]) -> str:
     environment.policies["json.dumps_kwargs"]["allow_nan"] = False
     return environment.from_string((_HERE / "report.html").read_text()).render(
         **report,
-        replays=[shown.to_dict() for shown in report["games"]],
+        replays=[for_page(replay) for replay, _ in report["games"]],
         asked={"games": GAMES, "seed": SEED},
         bar=[outcome for outcome in _BAR if any(outcome in match.result.outcomes for match in report["matches"])],
         light=palette.LIGHT,

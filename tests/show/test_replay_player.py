@@ -15,7 +15,7 @@ from apollonius.game.presets import in_teams
 from apollonius.game.types import GameState, Outcome, RobotState
 from apollonius.play.replay import Replay, as_rows, play_actions
 from apollonius.show.animation import frames
-from apollonius.show.report import Shown, bundled
+from apollonius.show.report import bundled, for_page
 from tests.documents import REPOSITORY
 from tests.show.conftest import BLUE, RED, WHITE, colour_at
 
@@ -92,7 +92,7 @@ def replay():
 def test_who_is_in_play_is_known_for_each_state(replay):
     steps = replay.in_play().sum(axis=0)
     assert steps.tolist() == [OUT, 13, CAUGHT, 13]
-    shown = Shown(replay, 1).to_dict()
+    shown = for_page(replay)
     assert shown["until"] == [OUT, None, CAUGHT, None]
 
 
@@ -124,4 +124,4 @@ const reaches = calls.filter(([name, , , radius]) => name === "arc" && radius ==
 console.log(JSON.stringify([marks, reaches]));
 """
     )
-    assert run(tmp_path, script, Shown(replay, 1).to_dict()) == [["1", "2", "1", "2"], 1]
+    assert run(tmp_path, script, for_page(replay)) == [["1", "2", "1", "2"], 1]
