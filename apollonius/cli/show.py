@@ -19,10 +19,7 @@ from apollonius.cli.options import (
 )
 from apollonius.cli.values import agent_of, count, known_agent, new_file, new_folder, real, run_folder
 from apollonius.io.errors import InvalidInput, require, require_extra
-from apollonius.io.limits import PORT, SEED
-
-MOVING = (".gif", ".webp")
-"""Formats of moving pictures."""
+from apollonius.io.limits import MOVING, PORT, SEED
 
 
 def add_show(parser: argparse.ArgumentParser) -> None:

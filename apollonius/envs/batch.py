@@ -22,8 +22,6 @@ from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.tracking import Track
 from apollonius.play.rollout import Games, SideState, begin, look_around, of_robots, reset_where_done, step_games
 
-SideActions = Int[Array, "games *robots"] | Float[Array, "games *robots 2"]
-"""Actions of one side in every game: of a team there is an axis of robots."""
 SPARE = 4
 """Starts are drawn beforehand, for this many times the number of games at once."""
 _TOGETHER = 512
@@ -158,7 +156,7 @@ class Batch:
 
     def step(
         self, now: UnderWay, ended: Bool[Array, " games"], starts: UnderWay, used: Int[Array, ""],
-        actions: SideActions, bits: UInt32[Array, ""],
+        actions: Int[Array, "games *robots"] | Float[Array, "games *robots 2"], bits: UInt32[Array, ""],
     ) -> tuple[UnderWay, Result]:  # fmt: skip
         """Return every game after a step, and its result; of games that have `ended` a new one begins instead."""
         several = len(self.game.bodies[self.role]) > 1

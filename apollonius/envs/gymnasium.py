@@ -33,8 +33,7 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
         render_mode: str | None = None,
         actions: str = "discrete",
     ) -> None:
-        other = role.other
-        self._live = live = LiveGame(game, observation, actions, render_mode, {other: opponent})
+        self._live = live = LiveGame(game, observation, actions, render_mode, {role.other: opponent})
         count, sides = len(live.game.bodies[role]), f"{role.name.lower()}s"
         require(count == 1, sides, count, f"1, who alone acts from outside: of a team play all {sides} by PettingZoo")
         self.metadata = type(self).metadata | {"render_fps": live.frames_per_second}

@@ -16,6 +16,8 @@ ENTRANTS = (".py", ".onnx")
 """Suffixes of the files of agents from outside."""
 GAME_FILES = (".toml", ".json")
 """Suffixes of game files."""
+MOVING = (".gif", ".webp")
+"""Suffixes of moving pictures."""
 MOST_COUNTED = 2**31 - 1
 """Largest number in a counter of 32 bits."""
 

@@ -20,6 +20,7 @@ from apollonius.game.game import Game
 from apollonius.game.types import GameState, Role
 from apollonius.io.document import write_atomically
 from apollonius.io.errors import require
+from apollonius.io.limits import MOVING
 from apollonius.observe import tracking
 from apollonius.play.random_bits import random_bits_of
 from apollonius.play.replay import Replay
@@ -82,8 +83,6 @@ def _beliefs(game: Game, states: GameState, bits: UInt32[Array, " states"], role
     return jax.lax.scan(one, first, (states, bits))[1]
 
 
-MOVING = (".gif", ".webp")
-"""Formats of moving pictures."""
 SLOWEST, FASTEST = 0.05, 100.0
 """Seconds of the game that may be shown in one."""
 _SHORTEST = 0.02

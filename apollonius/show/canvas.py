@@ -96,8 +96,9 @@ class Canvas:
         """
         picture = self._trails.copy()
         if fog:
-            mask = Image.fromarray(np.where(fog[0][::-1], _SHADE, 0).astype(np.uint8)).resize((SIZE * _FINER,) * 2)
-            picture.paste(SIDES[fog[1]], (0, picture.height - SIZE * _FINER), mask)
+            (cells, role), side = fog, SIZE * _FINER
+            mask = Image.fromarray(np.where(cells[::-1], _SHADE, 0).astype(np.uint8)).resize((side, side))
+            picture.paste(SIDES[role], (0, picture.height - side), mask)
         draw, finer = ImageDraw.Draw(picture), self.scale * _FINER
         for active, (role, mark, radius), (x, y, _, heading) in zip(
             self._active, self._robots, self._here, strict=False

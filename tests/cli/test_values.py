@@ -151,7 +151,7 @@ def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
     from apollonius.cli.show import MOVING
     from apollonius.cli.train import PROFILES
     from apollonius.evaluate.benchmark import PANELS
-    from apollonius.exploit.attackers import KINDS
+    from apollonius.exploit.attackers import LEARNING, PLANNER, SEARCHES
     from apollonius.game import names
     from apollonius.game import presets as games
     from apollonius.learn import learner_config
@@ -160,7 +160,7 @@ def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
 
     assert set(TRACKS) == set(PANELS)
     assert set(LENGTHS) == set(PRESETS)
-    assert list(ATTACKERS) == list(KINDS)
+    assert [*ATTACKERS] == ["table", "zoo", *SEARCHES, PLANNER, *LEARNING]
     assert list(PLAYERS) == list(BUILT_IN)
     assert tuple(games.PRESETS) == names.PRESETS
     assert set(PROFILES) == set(learner_config.PROFILES)
