@@ -179,20 +179,18 @@ def bundled(entry: Path) -> str:
     """
     objects: dict[Path, str] = {}
 
-    def imported(path: Path) -> str:
-        text = re.sub(_COMMENT, "", path.read_text())
-        return _IMPORT.sub(
-            lambda found: f"const {{{found[1].replace(' as ', ': ')}}} = {obtained(path.parent / found[2])};\n", text
-        )
+    def text_of(path: Path) -> str:
+        def imported(found: re.Match[str]) -> str:
+            source = (path.parent / found[2]).resolve()
+            name = f"{source.stem}Module"
+            if source not in objects:
+                text = text_of(source)
+                exports = ", ".join(_EXPORT.findall(text))
+                inner = re.sub("^export ", "", text, flags=re.MULTILINE)
+                objects[source] = f"const {name} = (() => {{\n{inner}return {{ {exports} }};\n}})();\n"
+            return f"const {{{found[1].replace(' as ', ': ')}}} = {name};\n"
 
-    def obtained(path: Path) -> str:
-        name = f"{path.stem}Module"
-        if path.resolve() not in objects:
-            text = imported(path)
-            exports = ", ".join(_EXPORT.findall(text))
-            inner = re.sub("^export ", "", text, flags=re.MULTILINE)
-            objects[path.resolve()] = f"const {name} = (() => {{\n{inner}return {{ {exports} }};\n}})();\n"
-        return name
+        return _IMPORT.sub(imported, _COMMENT.sub("", path.read_text()))
 
-    text = imported(entry)
+    text = text_of(entry)
     return "".join(objects.values()) + text

@@ -99,11 +99,10 @@ def rectangles(cells: Bool[np.ndarray, "rows columns"]) -> Iterator[tuple[int, i
     left = cells.copy()
     while left.any():
         row, column = map(int, np.unravel_index(left.argmax(), left.shape))
-        beside, above = left[row, column:], left[row:, column]
-        columns = len(beside) if beside.all() else int(beside.argmin())
-        rows = len(above) if above.all() else int(above.argmin())
-        full = left[row : row + rows, column : column + columns].all(axis=1)
-        rows = rows if full.all() else int(full.argmin())
+        beside = left[row, column:]
+        columns = beside.size if beside.all() else int(beside.argmin())
+        full = left[row:, column : column + columns].all(axis=1)
+        rows = full.size if full.all() else int(full.argmin())
         left[row : row + rows, column : column + columns] = False
         yield row, column, rows, columns
 
