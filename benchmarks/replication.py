@@ -101,19 +101,13 @@ def averages(state: train_state.TrainState, role: Role) -> Any:
 def matches(game: Game, pursuers: QNetwork, evaders: QNetwork | AbstractPolicy, games: int) -> list[list[Any]]:
     """Return the counts of outcomes of every pursuer against every evader, both stacked, or against one for all."""
     start_key, key = keys_of(np.uint32(MATCH_SEED))
-    starts, rows = sample_starts(game, start_key, games), len(jax.tree.leaves(pursuers)[0])
-    columns = len(jax.tree.leaves(evaders)[0]) if isinstance(evaders, QNetwork) else 1
-    if isinstance(evaders, QNetwork):
-        pursuers = jax.tree.map(lambda leaf: jnp.repeat(leaf, columns, axis=0), pursuers)
-        evaders = jax.tree.map(lambda leaf: jnp.tile(leaf, (rows, *[1] * (leaf.ndim - 1))), evaders)
-    ends = np.asarray(_outcomes(game, pursuers, evaders, starts, key))
-    found = [counts_by_name(np.bincount(of_pair, minlength=len(Outcome))) for of_pair in ends]
-    return [found[row * columns : (row + 1) * columns] for row in range(rows)]
+    ends = np.asarray(_outcomes(game, pursuers, evaders, sample_starts(game, start_key, games), key))
+    return [[counts_by_name(np.bincount(of_pair, minlength=len(Outcome))) for of_pair in row] for row in ends]
 
 
 @eqx.filter_jit
 def _outcomes(game: Game, pursuers: Any, evaders: Any, starts: Any, key: Any) -> Any:
-    """Return the outcomes of the games of all pairs, `[pairs, games]`."""
+    """Return the outcomes of the games of all pairs, `[pursuers, evaders, games]`."""
     numbers = jnp.arange(len(starts.steps))
 
     def of_pair(*pair: Any) -> Any:
@@ -129,7 +123,9 @@ def _outcomes(game: Game, pursuers: Any, evaders: Any, starts: Any, key: Any) ->
         ongoing = jnp.full(len(numbers), int(Outcome.ONGOING), jnp.int32)
         return jax.lax.while_loop(lambda carry: jnp.any(carry[1] == Outcome.ONGOING), step, (begun, ongoing))[1]
 
-    return jax.vmap(of_pair, in_axes=(0, 0 if isinstance(evaders, QNetwork) else None))(pursuers, evaders)
+    columns = len(jax.tree.leaves(evaders)[0]) if isinstance(evaders, QNetwork) else 1
+    against = jax.vmap(of_pair, in_axes=(None, 0), axis_size=columns)  # a player without a network has no leaves
+    return jax.vmap(against, in_axes=(0, None))(pursuers, evaders)
 
 
 def main() -> None:

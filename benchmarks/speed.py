@@ -15,7 +15,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
@@ -41,18 +40,14 @@ from apollonius.solve.transition_map import make_side
 from apollonius.solve.zero_sum_game import make_zero_sum_game
 
 STEPS, START_ROWS = 250, 16
-CLASSIC = DQNConfig(
-    observation="paper", double=False, n_step=1, final_n_step=1, averaging=1.0, learning_rate=1e-4,
-    final_learning_rate=1e-4, batch=128, env_steps_per_update=4, target_period=32_000, games=4, learning_starts=10_000,
-)  # fmt: skip
+CLASSIC = replace(
+    PROFILES["paper"], batch=128, env_steps_per_update=4, target_period=32_000, games=4, final_epsilon=0.02
+)
 """Plain DQN on the 8 numbers, an update every 4 env steps: how published trainers are measured."""
 
 
-class Stepped(eqx.Module):
-    """Games under way, and what an environment returns of a step: observations, rewards, flags."""
-
-    games: Games
-    returned: tuple[Array, ...]
+Stepped = tuple[Games, tuple[Array, ...]]
+"""Games under way, and what an environment returns of a step: observations, rewards, flags."""
 
 
 def measure_env(game: Game, games: int) -> dict[str, Any]:
@@ -76,14 +71,14 @@ def measure_env(game: Game, games: int) -> dict[str, Any]:
 def _step(game: Game, players: BySide[Pool], games: Games, starts: GameState, key: PRNGKeyArray) -> Stepped:
     games, step = collect(game, players, games, starts, key, steps=1)
     returned = (*(side.next_observation for side in step.sides), *(side.reward for side in step.sides))
-    return Stepped(games, (*returned, step.terminated, step.truncated))
+    return games, (*returned, step.terminated, step.truncated)
 
 
 @functools.partial(jax.jit, donate_argnames="carry")
 def _random_play(game: Game, players: BySide[Pool], carry: Stepped, starts: GameState, key: PRNGKeyArray) -> Stepped:
     def one_step(step: Int[Array, ""], carry: Stepped) -> Stepped:
         row = jax.tree.map(lambda leaf: jax.lax.dynamic_slice_in_dim(leaf, step % START_ROWS, 1), starts)
-        return _step(game, players, carry.games, row, fold_in(key, step))
+        return _step(game, players, carry[0], row, fold_in(key, step))
 
     # What a step returns overwrites what the one before returned, so all of it is computed.
     return jax.lax.fori_loop(0, STEPS, one_step, carry)

@@ -43,6 +43,4 @@ class BuiltIn(AbstractKind):
         policy, sides = PLAYERS[name]
         side, only = role.name.lower(), sides[0].name.lower()
         require(role in sides, side, f"'{name}'", f"another player, as this one plays the {only} only")
-        if issubclass(policy, AbstractClassical):
-            return Named(name, policy.for_side(game, role))
-        return Named(name, policy())
+        return Named(name, policy.for_side(game, role) if issubclass(policy, AbstractClassical) else policy())

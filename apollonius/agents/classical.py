@@ -20,13 +20,17 @@ BRAKE_STRAIGHT = 1
 """Index of the action (u1 = -u1_max, u2 = 0)."""
 
 
-class Still(AbstractPolicy):
-    """Brakes straight ahead and then stays: the stationary evader of stage 1 (Algorithm 1)."""
+class AbstractBlind(AbstractPolicy):
+    """A player that does not look."""
 
     @property
     def observation(self) -> AbstractObservation:
-        """The paper's observation, for those who collect its transitions; it does not look."""
+        """The paper's observation, for those who collect its transitions."""
         return PAPER
+
+
+class Still(AbstractBlind):
+    """Brakes straight ahead and then stays: the stationary evader of stage 1 (Algorithm 1)."""
 
     def __call__(
         self, seen: Float[Array, " size"], memory: Memory, bits: UInt32[Array, ""]
@@ -39,13 +43,8 @@ def uniform_action(bits: UInt32[Array, ""]) -> Int[Array, ""]:
     return (((bits >> 16) * NUM_ACTIONS) >> 16).astype(jnp.int32)
 
 
-class Uniform(AbstractPolicy):
+class Uniform(AbstractBlind):
     """Each of the 9 actions with equal probability at every step (section V-B of the paper)."""
-
-    @property
-    def observation(self) -> AbstractObservation:
-        """The paper's observation, for those who collect its transitions; it does not look."""
-        return PAPER
 
     def __call__(
         self, seen: Float[Array, " size"], memory: Memory, bits: UInt32[Array, ""]

@@ -183,14 +183,15 @@ class Apart(AbstractPlayers):
 
 def solo(policy: AbstractPolicy) -> Pool:
     """Return the pool of just this player."""
-    return Pool(jax.tree.map(_alone, policy))
-
-
-def _alone(leaf: Any) -> Any:
-    """Return an array with one more axis in front; on the host, so that nothing is compiled, but where it is traced."""
-    return jnp.asarray(leaf)[None] if isinstance(leaf, Tracer) else jax.device_put(np.asarray(leaf)[None])
+    return stack([policy])
 
 
 def stack(policies: list[AbstractPolicy]) -> Pool:
     """Return the pool of these players, which must have one structure."""
-    return Pool(jax.tree.map(lambda *leaves: jnp.stack(leaves), *policies), len(policies))
+    return Pool(jax.tree.map(_stacked, *policies), len(policies))
+
+
+def _stacked(*leaves: Any) -> Array:
+    """Return leaves along a new first axis; on the host, so that nothing is compiled, but where one is traced."""
+    traced = any(isinstance(leaf, Tracer) for leaf in leaves)
+    return jnp.stack(leaves) if traced else jax.device_put(np.stack(leaves))

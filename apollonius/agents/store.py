@@ -14,7 +14,7 @@ from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH, Network, QNetwork
 from apollonius.arenas.record import from_dict
 from apollonius.game.types import NUM_ACTIONS, Role
 from apollonius.game.validation import require_single_precision
-from apollonius.io.arrays import kinds_in, kinds_of, named_leaves, opened, read_header, require_finite, write_arrays
+from apollonius.io.arrays import named_leaves, opened, read_header, read_tree, write_arrays
 from apollonius.io.errors import InvalidInput, require, require_within, shown
 from apollonius.observe.registry import OBSERVATIONS
 
@@ -91,14 +91,10 @@ def load_agent(path: Path) -> Agent:
     with _opened_agent(path) as (file, header):
         made = header.observation, header.width, header.depth
         template = eqx.filter_eval_shape(lambda: _MAKE[header.network](*made, jax.random.key(0)))
-        expected = named_leaves(template)
         misfit = f"'{path}' has weights that do not fit its header: copy or train it again."
-        if kinds_in(file) != kinds_of(expected) or header.num_actions != _ACTIONS[header.network]:
+        if header.num_actions != _ACTIONS[header.network]:
             raise InvalidInput(misfit)
-        arrays = {name: file.get_tensor(name) for name in expected}
-    require_finite(path, arrays, "train it again")
-    leaves = jax.device_put(list(arrays.values()))
-    return Agent(jax.tree.unflatten(jax.tree.structure(template), leaves), header)
+        return Agent(read_tree(path, file, template, misfit, "train it again"), header)
 
 
 def load_header(path: Path) -> AgentHeader:
@@ -111,13 +107,12 @@ def load_header(path: Path) -> AgentHeader:
 def _opened_agent(path: Path) -> Generator[tuple[Any, AgentHeader], None, None]:
     if not path.is_file():
         raise InvalidInput(f"there is no agent file '{path}': check the path, or name a built-in agent.")
-    with opened(path, "copy or train it again") as file:
-        yield file, _read_header(path, file)
-
-
-def _read_header(path: Path, file: Any) -> AgentHeader:
     foreign = f"'{path}' holds no Apollonius agent: give a file from a run's agents/ folder"
-    fields = read_header(path, file, FORMAT, foreign)
+    with opened(path, "copy or train it again") as file:
+        yield file, _checked(path, read_header(path, file, FORMAT, foreign))
+
+
+def _checked(path: Path, fields: dict[str, Any]) -> AgentHeader:
     header = from_dict(AgentHeader, fields, f"the header of '{path}'")
     if header.network not in _MAKE:
         raise InvalidInput(

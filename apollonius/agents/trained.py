@@ -122,19 +122,24 @@ class Trained(AbstractKind):
     def find(self, name: str, role: Role, game: Game) -> Named | None:
         if _file_of(name) is None:
             return None
-        agent, path = _find_for(name, role)
+        agent, path = find_trained(name, role)
         return Named(name if name.startswith(FROM_ZOO) else called(path), greedy(agent.network), agent.header)
 
 
 TRAINED = Trained()
 
 
-def find_trained(name: str) -> tuple[Agent, Path]:
-    """Return the trained agent of a name and its file; raises InvalidInput for an unknown name or a bad file."""
+def find_trained(name: str, role: Role | None = None) -> tuple[Agent, Path]:
+    """Return the trained agent of a name and its file; raises InvalidInput for an unknown name, a bad file, and one of
+    another side than is wanted.
+    """
     path = _file_of(name)
     if path is None:
         raise unknown(name, TRAINED)
-    return load_agent(path), path
+    agent = load_agent(path)
+    if role is not None and agent.header.role != role.name.lower():
+        raise InvalidInput(f"'{name}' plays the {agent.header.role}, not the {role.name.lower()}: take another there.")
+    return agent, path
 
 
 def learned_elsewhere(player: Named, game: Game) -> bool:
@@ -147,20 +152,13 @@ def learned_elsewhere(player: Named, game: Game) -> bool:
 
 
 def load_network(name: str, role: Role) -> Network:
-    """Return the network of a trained agent; errors as of `find_trained`, and for an agent of the other side."""
-    return _find_for(name, role)[0].network
+    """Return the network of a trained agent of a side; errors as of `find_trained`."""
+    return find_trained(name, role)[0].network
 
 
 def called(path: Path) -> str:
     """Return the name of the agent of a file: RUN/NAME in the folder of a run, where many are called alike."""
     return f"{path.resolve().parents[1].name}/{path.stem}" if path.parent.name == AGENTS else path.stem
-
-
-def _find_for(name: str, role: Role) -> tuple[Agent, Path]:
-    agent, path = find_trained(name)
-    if agent.header.role != role.name.lower():
-        raise InvalidInput(f"'{name}' plays the {agent.header.role}, not the {role.name.lower()}: take another there.")
-    return agent, path
 
 
 def _file_of(name: str) -> Path | None:

@@ -4,7 +4,7 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import jax
 import numpy as np
@@ -14,6 +14,7 @@ from safetensors.numpy import save
 from apollonius.io.document import parse_json, to_json, write_atomically
 from apollonius.io.errors import InvalidInput, shown
 
+T = TypeVar("T")
 MOST_HEADER = 2**24
 """Largest header of a file [bytes]."""
 _NUMBERS = {
@@ -67,16 +68,23 @@ def kinds_in(file: Any) -> dict[str, tuple[tuple[int, ...], Any]]:
     return {name: (tuple(one.get_shape()), _NUMBERS.get(one.get_dtype())) for name, one in slices.items()}
 
 
+def read_tree(path: Path, file: Any, template: T, misfit: str, remedy: str) -> T:
+    """Return the pytree of an open file's arrays; raises InvalidInput unless they are finite, and for a `misfit`: where
+    their names, shapes or number types are not the template's.
+    """
+    expected = named_leaves(template)
+    if kinds_in(file) != {name: (leaf.shape, leaf.dtype) for name, leaf in expected.items()}:
+        raise InvalidInput(misfit)
+    arrays = {name: file.get_tensor(name) for name in expected}
+    require_finite(path, arrays, remedy)
+    return jax.tree.unflatten(jax.tree.structure(template), jax.device_put(list(arrays.values())))
+
+
 def require_finite(path: Path, arrays: dict[str, np.ndarray], remedy: str) -> None:
     """Refuse, by InvalidInput, a file whose numbers are not all finite."""
     for name, array in arrays.items():
         if array.dtype.kind == "f" and not np.isfinite(array).all():
             raise InvalidInput(f"'{path}' has numbers that are not finite, in {name}: {remedy}.")
-
-
-def kinds_of(arrays: dict[str, Any]) -> dict[str, tuple[tuple[int, ...], Any]]:
-    """Return the shape and number type of every named array."""
-    return {name: (array.shape, array.dtype) for name, array in arrays.items()}
 
 
 def named_leaves(tree: Any) -> dict[str, Any]:

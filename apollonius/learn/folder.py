@@ -16,7 +16,7 @@ from safetensors.numpy import save
 
 from apollonius.arenas.record import from_dict, to_dict
 from apollonius.game.outcome import PURSUER_WINS, names_of, require_counts
-from apollonius.io.arrays import kinds_in, kinds_of, named_leaves, opened, require_finite
+from apollonius.io.arrays import named_leaves, opened, read_tree
 from apollonius.io.document import parse_json, parse_toml, read_bytes, to_json, write_atomically
 from apollonius.io.errors import InvalidInput, require, require_within
 from apollonius.learn.config import RunConfig
@@ -134,17 +134,10 @@ def load_standing(path: Path) -> Standing:
 
 def load_checkpoint(path: Path, template: T) -> T:
     """Return the saved pytree; raises InvalidInput unless its arrays are finite, of the template's shapes and types."""
-    expected = named_leaves(template)
+    misfit = f"'{path}' holds another training state than its config.toml describes: train again."
     with opened(path, "train again", "checkpoint") as file:
-        if kinds_in(file) != kinds_of({name: _without_key_type(leaf) for name, leaf in expected.items()}):
-            raise InvalidInput(f"'{path}' holds another training state than its config.toml describes: train again.")
-        saved = {name: file.get_tensor(name) for name in expected}
-    require_finite(path, saved, "train again")
-    leaves = [
-        jax.random.wrap_key_data(saved[name]) if _is_key(leaf) else jnp.asarray(saved[name])
-        for name, leaf in expected.items()
-    ]
-    return jax.tree.unflatten(jax.tree.structure(template), leaves)
+        saved = read_tree(path, file, jax.tree.map(_without_key_type, template), misfit, "train again")
+    return jax.tree.map(lambda leaf, new: jax.random.wrap_key_data(new) if _is_key(leaf) else new, template, saved)
 
 
 def _is_key(leaf: Any) -> bool:

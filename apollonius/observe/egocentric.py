@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from apollonius.game.chart import CellWeights, Chart
+from apollonius.game.chart import Chart
 from apollonius.game.types import Real, RobotState, Scalar
 from apollonius.observe.observation import AbstractObservation, clearances_ahead, turned
 from apollonius.observe.view import Robot, View
@@ -19,7 +19,7 @@ _BEFORE = 0.1
 """Distance of a point from such an obstacle [m]."""
 _SHARPNESS = 4.0
 """Sharpness of the softmax over directions."""
-_SPEED, _U1, _U2, _LENGTH = 1.2, 0.3, 0.8, 0.3
+SPEED, _U1, _U2, _LENGTH = 1.2, 0.3, 0.8, 0.3
 """Units of the limits: those of the paper's robots."""
 
 Courses = tuple[Float[Array, "16"], Float[Array, "16"], Float[Array, "16"]]
@@ -74,7 +74,7 @@ def _robots(
     far = jnp.maximum(distance, 1e-6)
     numbers: list[Real] = [
         *_motion(view.own),
-        view.own.body.v_min / _SPEED,
+        view.own.body.v_min / SPEED,
         *clearances_ahead(chart, view.own, cos, sin),
         (cos * dx + sin * dy) / far,
         (cos * dy - sin * dx) / far,
@@ -91,7 +91,7 @@ def _robots(
 
 def _motion(robot: Robot) -> list[Real]:
     body = robot.body
-    return [robot.state.v / _SPEED, body.v_max / _SPEED, body.u1_max / _U1, body.u2_max / _U2, body.radius / _LENGTH]
+    return [robot.state.v / SPEED, body.v_max / SPEED, body.u1_max / _U1, body.u2_max / _U2, body.radius / _LENGTH]
 
 
 def on_two_scales(length: Scalar) -> list[Scalar]:
@@ -107,24 +107,17 @@ def _paths(
     is_seen = chart.is_seen(own.x, own.y, *away, distance)
     there, here = chart.cell_weights(opponent.x, opponent.y), chart.cell_weights(own.x, own.y)
     cell = there[0][jnp.argmax(there[1])]
-    detours = _detours(chart, cell, own, here, courses)
-    along, theirs = _from_ahead(chart, cell, own, courses, AHEAD)
-    mine, later = along * view.opponent.body.v_max, theirs * view.own.body.v_max
-    first = (later - mine) / (later + mine + 1e-3)
-    length = jnp.stack(on_two_scales(jnp.where(is_seen, distance, chart.path_length(there, here))))
-    return jnp.concatenate([is_seen[None].astype(jnp.float32), length, detours, first])
-
-
-def _detours(
-    chart: Chart, cell: Int[Array, ""], own: RobotState, here: CellWeights, courses: Courses
-) -> Float[Array, "18"]:
-    """Return how much longer the paths from a coarse cell to points around a robot are, and where they are shorter."""
     whole = chart.path_length_from(cell, here)
     _, near = _from_ahead(chart, cell, own, courses, NEAR)
     longer = jnp.clip((near - whole) / NEAR, -1.0, 1.0)
     weights = jax.nn.softmax(-_SHARPNESS * longer)
     angles = jnp.arange(COURSES, dtype=jnp.float32) * (2 * jnp.pi / COURSES)
-    return jnp.concatenate([longer, jnp.stack([weights @ jnp.cos(angles), weights @ jnp.sin(angles)])])
+    shorter = jnp.stack([weights @ jnp.cos(angles), weights @ jnp.sin(angles)])
+    along, theirs = _from_ahead(chart, cell, own, courses, AHEAD)
+    mine, later = along * view.opponent.body.v_max, theirs * view.own.body.v_max
+    first = (later - mine) / (later + mine + 1e-3)
+    length = jnp.stack(on_two_scales(jnp.where(is_seen, distance, chart.path_length(there, here))))
+    return jnp.concatenate([is_seen[None].astype(jnp.float32), length, longer, shorter, first])
 
 
 def _from_ahead(

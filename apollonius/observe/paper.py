@@ -1,7 +1,5 @@
 """Observations in the arena's frame: the paper's (Eq. 6, 7), and another encoding of the same for a network."""
 
-from dataclasses import dataclass
-
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -21,7 +19,6 @@ def position_and_speed(arena: Arena, robot: Robot) -> list[Scalar]:
     ]
 
 
-@dataclass(frozen=True)
 class Paper(AbstractObservation):
     """x, y, v, heading of the robot itself, then of its opponent (Eq. 7).
 
@@ -44,7 +41,6 @@ class Paper(AbstractObservation):
 PAPER = Paper()
 
 
-@dataclass(frozen=True)
 class Encoded(AbstractObservation):
     """Seventeen numbers: no jump where a heading wraps, and clearances.
 

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 from apollonius.game.chart import CellWeights, Chart
 from apollonius.game.teams import by_distance, distance_squared
 from apollonius.game.types import RobotState, Scalar
-from apollonius.observe.egocentric import EGOCENTRIC, on_two_scales
+from apollonius.observe.egocentric import EGOCENTRIC, SPEED, on_two_scales
 from apollonius.observe.observation import AbstractObservation, turned
 from apollonius.observe.view import Robot, View
 
@@ -16,8 +16,6 @@ MATES, OPPONENTS = 3, 2
 """Mates, and opponents besides the nearest; of more, those whose centres are nearest."""
 OF_A_ROBOT = 13
 """Numbers of each other robot."""
-_SPEED = 1.2
-"""Unit of speeds: the paper's robots' top speed [m/s]."""
 
 
 class Team(AbstractObservation):
@@ -85,8 +83,8 @@ def _of_a_robot(
         (cos * dx + sin * dy) / far,
         (cos * dy - sin * dx) / far,
         *on_two_scales(distance),
-        other.v * (cos * their_cos + sin * their_sin) / _SPEED,
-        other.v * (cos * their_sin - sin * their_cos) / _SPEED,
+        other.v * (cos * their_cos + sin * their_sin) / SPEED,
+        other.v * (cos * their_sin - sin * their_cos) / SPEED,
         (away[0] * across[0] + away[1] * across[1]) / spread,
         (away[0] * across[1] - away[1] * across[0]) / spread,
         on_two_scales(apart)[1],

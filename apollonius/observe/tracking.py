@@ -64,18 +64,23 @@ def begin(game: Game, state: GameState, role: Role, believes: bool = True) -> Tr
     return Track(own, unseen, (jnp.float32(NEVER),) * len(unseen), late, anywhere, sightings)
 
 
-def follow(game: Game, track: Track | None, state: GameState, role: Role, bits: UInt32[Array, ""]) -> Track | None:
-    """Return what one side knows after it has looked at a state, by random bits of this side in this step."""
+def update(
+    game: Game, role: Role, track: Track | None, state: GameState, bits: UInt32[Array, ""]
+) -> tuple[Track | None, GameState]:
+    """Return what one side knows after it has looked at a state, by random bits of this side in this step, and the
+    state as it knows it.
+    """
     here = game.at(state)
     if (sensors := here.sensors and here.sensors[role]) is None or track is None:
-        return None
+        return None, state
     percept = sense(sensors, here.arena, state, role, bits)
     in_sight, before = functools.reduce(operator.or_, percept.seen), track.sightings
     assert before is not None, "it counts them from the start"
     first = jnp.where((before.first < 0) & in_sight, state.steps, before.first)
     sightings = Sightings(first, before.steps + in_sight.astype(jnp.int32))
     late, past = delayed(sensors, track.late, percept)
-    return learn(here, replace(track, own=percept.own, late=late, sightings=sightings), past, state, role)
+    after = learn(here, replace(track, own=percept.own, late=late, sightings=sightings), past, state, role)
+    return after, believed(game, after, state, role)
 
 
 def delayed(sensors: Sensors, late: Percept | None, percept: Percept) -> tuple[Percept | None, Percept]:
@@ -123,14 +128,6 @@ def _reach(game: Game, role: Role, steps: Real = 1.0) -> Scalar:
     """Return how far the fastest opponent moves in some steps [m]."""
     speeds = [jnp.maximum(jnp.float32(body.v_max), -jnp.float32(body.v_min)) for body in game.bodies[role.other]]
     return functools.reduce(jnp.maximum, speeds) * game.dt * steps
-
-
-def update(
-    game: Game, role: Role, track: Track | None, state: GameState, bits: UInt32[Array, ""]
-) -> tuple[Track | None, GameState]:
-    """Return what one side knows after it has looked at a state (`follow`), and the state as it knows it."""
-    after = follow(game, track, state, role, bits)
-    return after, believed(game, after, state, role)
 
 
 def believed(game: Game, track: Track | None, state: GameState, role: Role) -> GameState:

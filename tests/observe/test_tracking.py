@@ -31,7 +31,7 @@ ROUGH = Sensors(
     drop_out=0.2, delay=3,
 )  # fmt: skip
 
-follow, believed = (jax.jit(one, static_argnames="role") for one in (tracking.follow, tracking.believed))
+update, believed = (jax.jit(one, static_argnames="role") for one in (tracking.update, tracking.believed))
 
 
 def sensing(name, sensors, pursuers=1, evaders=1):
@@ -156,8 +156,7 @@ def test_sightings_are_remembered_with_their_age_and_delay():
         for step in range(8):
             evader = robot(5.0, 7.5 - 0.05 * step) if step < 4 else robot(8.0, 5.0)
             state = replace(state, robots=BySide((pursuer,), (evader,)))
-            track = follow(game, track, state, Role.PURSUER, jnp.uint32(step))
-            known = believed(game, track, state, Role.PURSUER)
+            track, known = update(game, Role.PURSUER, track, state, jnp.uint32(step))
             ages.append(float(known.sight.ages[0]))
             places.append(float(known.evader.y))
         seen = [step - late for step in range(8)]
@@ -174,7 +173,7 @@ def looking(game, places, evader):
     track = tracking.begin(game, state, Role.PURSUER)
     for step, place in enumerate(places):
         state = replace(state, robots=BySide((place,), (evader,)), steps=jnp.int32(step))
-        track = follow(game, track, state, Role.PURSUER, jnp.uint32(step))
+        track, _ = update(game, Role.PURSUER, track, state, jnp.uint32(step))
     return track, believed(game, track, state, Role.PURSUER)
 
 
@@ -220,8 +219,7 @@ def test_nothing_of_an_unseen_opponent_reaches_a_player():
     def seen(y):
         state = replace(game.reset(jax.random.key(0)), robots=BySide((robot(2.0, 5.0),), (robot(8.0, y, 0.3, 1.0),)))
         track = tracking.begin(game, state, Role.PURSUER)
-        track = tracking.follow(game, track, state, Role.PURSUER, jnp.uint32(0))
-        known = tracking.believed(game, track, state, Role.PURSUER)
+        _, known = tracking.update(game, Role.PURSUER, track, state, jnp.uint32(0))
         view, rows = perceive(WHOLE, game, jax.tree.map(lambda leaf: leaf[None], known), Role.PURSUER)
         return jax.vmap(view)(rows)
 

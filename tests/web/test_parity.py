@@ -269,7 +269,7 @@ def test_in_fog_a_side_knows_what_it_knows_in_the_package(foggy, known, role):
     (game, states), found = foggy, known["knowledge"][role.name.lower()]
 
     def follow(track, state):
-        track = tracking.follow(game, track, state, role, jnp.uint32(0))
+        track, _ = tracking.update(game, role, track, state, jnp.uint32(0))
         return track, (track.ages[0], track.opponents[0], track.belief.credit)
 
     first = tracking.begin(game, jax.tree.map(lambda leaf: leaf[0], states), role)
