@@ -14,14 +14,13 @@ from apollonius.agents.searching import Search, is_found
 from apollonius.agents.shield import MARGIN
 from apollonius.arenas.charting import clearances, paths
 from apollonius.game.chart import Chart, entries
-from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.sensing import Sensing, Sensors
 from apollonius.game.types import GameState, RobotState, Role, Scalar
 from apollonius.observe import tracking
 from apollonius.observe.belief import NEVER
 from apollonius.observe.view import look
-from apollonius.web.handed import AnyBackup, Field, Floor, Known, Robots
+from apollonius.web.handed import AnyBackup, Field, Floor, Known, Robots, at
 from apollonius.web.site import ROBOTS
 
 UNITS = 64
@@ -52,8 +51,9 @@ def step(
     return {"states": states, "status": status, "outcome": after.outcome}
 
 
-def move(body: Unicycle, robot: RobotState, levels: Levels, dt: Scalar) -> RobotState:
-    """Return a robot after it has held an action."""
+def move(robots: Robots, levels: Levels, dt: Scalar) -> RobotState:
+    """Return the first robot after it has held an action."""
+    body, robot = robots.first
     return body.move(robot, *body.controls(levels), dt)
 
 
@@ -62,9 +62,9 @@ def clearance(floor: Floor, field: Field, x: Scalar, y: Scalar) -> Scalar:
     return floor.arena(field).clearance(x, y)
 
 
-def clearance_along(floor: Floor, field: Field, robot: RobotState, end: RobotState) -> Scalar:
-    """Return the least clearance on the segment between two states [m]."""
-    return floor.arena(field).clearance_along(robot, end)
+def clearance_along(robots: Robots, floor: Floor, field: Field) -> Scalar:
+    """Return the least clearance on the segment between the first two robots [m]."""
+    return floor.arena(field).clearance_along(at(robots.states, 0), at(robots.states, 1))
 
 
 # ---- what robots see, and what players do
@@ -105,16 +105,14 @@ def network(
     return jax.lax.fori_loop(0, count, layer, (jnp.zeros((), jnp.int32), inputs))[1][:UNITS]
 
 
-def clearance_after(
-    body: Unicycle, robot: RobotState, levels: Levels, dt: Scalar, floor: Floor, field: Field
-) -> Scalar:
-    """Return the least clearance during an action and the best manoeuvre to rest after it [m].
+def clearance_after(robots: Robots, levels: Levels, dt: Scalar, floor: Floor, field: Field) -> Scalar:
+    """Return the least clearance during an action of the first robot and its best manoeuvre to rest after it [m].
 
     It is less, but more than `MARGIN`, where nothing is within reach of any manoeuvre to rest.
     """
-    arena = floor.arena(field)
+    arena, (body, robot) = floor.arena(field), robots.first
     backup = AnyBackup(arena, body, dt, jnp.ceil(body.v_max / (body.u1_max * dt)).astype(jnp.int32))
-    after = move(body, robot, levels, dt)
+    after = move(robots, levels, dt)
     longest = after.v**2 / (2 * body.u1_max) + after.v * dt
     least = jnp.minimum(arena.clearance_along(robot, after), arena.clearance(after.x, after.y) - longest) - body.radius
     is_enough = (least > MARGIN) & (body.v_min >= 0) & (floor.counts[3] == 0)

@@ -132,6 +132,11 @@ class Robots(eqx.Module):
     status: Int[Array, " robots"]
 
     @property
+    def first(self) -> tuple[Unicycle, RobotState]:
+        """The body and the state of the first robot."""
+        return at(self.bodies, 0), at(self.states, 0)
+
+    @property
     def state(self) -> GameState:
         """The state of the game, the first side its pursuers."""
         return GameState(_by_side(self.states), jnp.zeros((), jnp.int32), status=_by_side(self.status))

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Int
 
 from apollonius.agents.classical import AbstractClassical
 from apollonius.agents.guidance import Flee, FleeAware, Intercept, PurePursuit, Territory
@@ -32,6 +32,7 @@ from apollonius.io.errors import require
 from apollonius.observe.belief import Belief
 from apollonius.observe.registry import find_observation
 from apollonius.observe.tracking import Sightings, Track
+from apollonius.observe.view import View
 from apollonius.web.functions import (
     cell_weights,
     chart,
@@ -49,20 +50,6 @@ from apollonius.web.site import READS, ROBOTS
 T = TypeVar("T")
 _ENDLESS = 2**28
 """Length of arrays that the page makes as long as it needs."""
-
-
-def _observation(name: str) -> Callable[..., Float[Array, " size"]]:
-    def observe(robots: Robots, floor: Floor, field: Field, chart: Chart, capture_distance: Scalar) -> Array:
-        return find_observation(name)(robots.seen(floor.arena(field, chart), capture_distance))
-
-    return observe
-
-
-def _rule(player: Callable[[Scalar], AbstractClassical]) -> Callable[..., Float[Array, "9"]]:
-    def values(robots: Robots, floor: Floor, field: Field, chart: Chart, capture_distance: Scalar, dt: Scalar) -> Array:
-        return player(dt).values(robots.seen(floor.arena(field, chart), capture_distance))
-
-    return values
 
 
 class _FleeAware(FleeAware):
@@ -91,6 +78,15 @@ def _made(function: Callable[..., Any], name: str | None = None, **shapes: Any) 
         return translated(function, *given, name=name or function.__name__, whole=True)
 
 
+def _of_view(name: str, answer: Callable[[View, Scalar], Array]) -> Program:
+    """Return the program that answers all that a robot sees and the step's duration [s]."""
+
+    def view(robots: Robots, floor: Floor, field: Field, chart: Chart, capture_distance: Scalar, dt: Scalar) -> Array:
+        return answer(robots.seen(floor.arena(field, chart), capture_distance), dt)
+
+    return _made(view, name)
+
+
 def player_program(player: AbstractPolicy) -> Program:
     """Return a player of a user's own as the page calls it, from all that a robot sees to its action; raises
     InvalidInput for a player with a memory or with continuous actions.
@@ -100,13 +96,10 @@ def player_program(player: AbstractPolicy) -> Program:
         plays, "player", type(player).__name__, "one with discrete actions and without a memory, to play in the page"
     )
 
-    def own(
-        robots: Robots, floor: Floor, field: Field, chart: Chart, capture_distance: Scalar, dt: Scalar
-    ) -> Int[Array, ""]:
-        seen = robots.seen(floor.arena(field, chart), capture_distance)
+    def act(seen: View, dt: Scalar) -> Int[Array, ""]:
         return jnp.asarray(player(player.observation(seen), (), jnp.uint32(0))[0], jnp.int32)
 
-    return _made(own)
+    return _of_view("own", act)
 
 
 def page_programs() -> Iterator[Program]:
@@ -115,9 +108,9 @@ def page_programs() -> Iterator[Program]:
     for function in (move, clearance, clearance_along, clearance_after, chart, cell_weights, network, search):
         yield _made(function)
     for name in READS:
-        yield _made(_observation(name), f"see_{name}")
+        yield _of_view(name, lambda seen, _, name=name: find_observation(name)(seen))
     for name, player in _RULES.items():
-        yield _made(_rule(player), name)
+        yield _of_view(name, lambda seen, dt, player=player: player(dt).values(seen))
 
 
 def _examples() -> dict[str, Any]:
@@ -138,9 +131,6 @@ def _examples() -> dict[str, Any]:
     lengths, visible = jnp.zeros((1, COARSE**2, COARSE**2), jnp.uint16), jnp.zeros((1, SIDE, SIDE), jnp.uint16)
     links, belief = jnp.zeros((1, COARSE, COARSE), jnp.uint32), Belief(real(COARSE, COARSE), real(COARSE, COARSE))
     return {
-        "body": body,
-        "robot": robot,
-        "end": robot,
         "robots": Robots(several(many, body), several(many, robot), whole(many)),
         "floor": Floor(real(4), disc, several(MOST_DISCS, disc), several(MOST_EDGES, edge), real(3), whole(4)),
         "field": real(_ENDLESS),

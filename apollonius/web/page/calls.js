@@ -10,7 +10,7 @@ const FINE = Math.sqrt(given.chart().visible.length); // cells of a chart's clea
 export const CELLS = Math.sqrt(Math.sqrt(given.chart().lengths.length)); // cells along it between which paths are known
 const MARGIN = 1e-3; // clearance [m] that the shield wants
 const CHARTED = ["egocentric", "team", "voronoi_pursuit", "encirclement", "own", "search"]; // what reads a chart
-const BODY = Object.keys(given.body());
+export const BODY = Object.keys(given.robots()).flatMap((key) => key.match(/(?<=^bodies_).*/) ?? []); // limits of a robot
 const ROBOT = ["x", "y", "v", "heading"];
 const fields = new WeakMap(); // addresses of maps' fields
 let floor = null; // the arena that was written last
@@ -43,25 +43,23 @@ function edgesOf({ vertices }) {
   return corners.map(([x, y], index) => ({ x, y, along_x: next(index)[0] - x, along_y: next(index)[1] - y, turn: area > 0 ? 1 : -1 }));
 }
 
-function writeRobot(body, robot, action) {
-  const [limits, state] = [given.body(), given.robot()];
-  for (const key of BODY) limits[key][0] = body[key] ?? 0;
-  for (const key of ROBOT) state[key][0] = robot[key];
-  given.levels().set(actionLevels(action));
+function writeRobot(place, body, robot) {
+  const into = given.robots();
+  for (const key of BODY) into[`bodies_${key}`][place] = body[key] ?? 0;
+  for (const key of ROBOT) into[`states_${key}`][place] = robot[key];
 }
 
 /** Write the robots of a state: those of the first of two roles first, and the one of a number before its team mates. */
 function writeRobots(game, state, roles, number = 0) {
-  const into = given.robots();
-  into.status.fill(STATUSES.indexOf("captured"));
+  const { status } = given.robots();
+  status.fill(STATUSES.indexOf("captured"));
   roles.forEach((role, side) => {
     const bodies = bodiesOf(game, role);
     state[role].forEach((robot, index) => {
       const turned = side || index > number ? index : index === number ? 0 : index + 1;
       const place = side * MOST_ROBOTS + turned;
-      for (const key of BODY) into[`bodies_${key}`][place] = bodies[index][key] ?? 0;
-      for (const key of ROBOT) into[`states_${key}`][place] = robot[key];
-      into.status[place] = STATUSES.indexOf(robot.status);
+      writeRobot(place, bodies[index], robot);
+      status[place] = STATUSES.indexOf(robot.status);
     });
   });
 }
@@ -81,7 +79,8 @@ function writeChart(game) {
 
 /** The robot after holding an action for `dt` [s] (Eq. 1). */
 export function move(body, robot, action, dt) {
-  writeRobot(body, robot, action);
+  writeRobot(0, body, robot);
+  given.levels().set(actionLevels(action));
   const { x, y, v, heading } = run.move(dt);
   return { x: x[0], y: y[0], v: v[0], heading: heading[0] };
 }
@@ -118,14 +117,15 @@ export function clearance(arena, x, y) {
 /** Least clearance [m] on the segment between two states of a robot. */
 export function clearanceAlong(arena, before, after) {
   writeArena(arena);
-  for (const key of ["x", "y"]) [given.robot()[key][0], given.end()[key][0]] = [before[key], after[key]];
+  for (const key of ["x", "y"]) given.robots()[`states_${key}`].set([before[key], after[key]]);
   return run.clearance_along()[0];
 }
 
 /** Least clearance [m] during an action and the best of three ways to brake to rest after it; less where it is ample. */
 export function clearanceAfter({ arena, dt }, body, robot, action) {
   writeArena(arena);
-  writeRobot(body, robot, action);
+  writeRobot(0, body, robot);
+  given.levels().set(actionLevels(action));
   return run.clearance_after(dt)[0];
 }
 
@@ -139,16 +139,10 @@ function writeView(name, game, state, { role, number }) {
   writeRobots(game, state, [role, other(role)], number);
 }
 
-/** The numbers of an observation, by its name, for what one robot sees. */
+/** What one robot sees as the numbers of an observation, or as a rule's values of the nine actions, by a program's name. */
 export function observe(name, game, state, who) {
   writeView(name, game, state, who);
-  return [...run[`see_${name}`](game.capture_distance)];
-}
-
-/** The values of the nine actions to one robot that follows a rule. */
-function valued(rule, game, state, who) {
-  writeView(rule, game, state, who);
-  return [...run[rule](game.capture_distance, game.dt)];
+  return [...run[name](game.capture_distance, game.dt)];
 }
 
 /**
@@ -179,7 +173,7 @@ const TERRITORY = { [PURSUER]: "guard", [EVADER]: "reach" };
 export const CLASSICAL = Object.fromEntries(
   ROLES.map((side) => {
     const rules = [...RULES[side].map((name) => [name, name.replace("-", "_")]), ["territory", TERRITORY[side]]];
-    return [side, Object.fromEntries(rules.map(([name, rule]) => [name, (...seen) => valued(rule, ...seen)]))];
+    return [side, Object.fromEntries(rules.map(([name, rule]) => [name, (...seen) => observe(rule, ...seen)]))];
   }),
 );
 

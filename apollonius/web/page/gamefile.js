@@ -1,8 +1,8 @@
 // Games from elsewhere, a JSON file or a link: what is left out has its default, and what cannot be played is refused with the
 // value, the bound and the remedy, as `arenas/record.py` and `game/validation.py` do.
 
+import { BODY } from "./calls.js";
 import { hasMeetingEdges } from "./plan.js";
-import { given } from "./programs.js";
 import { drawStart, makeRandom } from "./starts.js";
 
 const LONGEST = 20_000; // characters of a link
@@ -57,12 +57,12 @@ const [MOST_DISCS, MOST_POLYGONS, MOST_CORNERS, MOST_EDGES] = [250, 200, 1000, 2
 const SHORTEST = 0.01; // step [s] that the page keeps up with
 const LONGEST_STOP = 1000; // steps that a robot may take to stop, as shields look so far ahead
 
-const FIELDS = Object.fromEntries(Object.keys(given.body()).map((key) => [key, 0]));
-const BODY = { ...FIELDS, v_min: 0, v_max: 1.2, u1_max: 0.3, u2_max: 0.8, radius: 0 };
+const FIELDS = Object.fromEntries(BODY.map((key) => [key, 0]));
+const ROBOT = { ...FIELDS, v_min: 0, v_max: 1.2, u1_max: 0.3, u2_max: 0.8, radius: 0 };
 /** The game of an empty file: the paper's, without discs. Keys without a value may be left out. */
 export const DEFAULT = {
-  pursuer: BODY,
-  evader: BODY,
+  pursuer: ROBOT,
+  evader: ROBOT,
   arena: { x_min: 0, x_max: 10, y_min: 0, y_max: 10, discs: [], polygons: [], territory: undefined, map: undefined },
   capture_distance: 0.3,
   dt: 0.1,
