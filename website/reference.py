@@ -138,6 +138,5 @@ def _command_line(parser: argparse.ArgumentParser) -> str:
 def _parsers(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
     yield parser
     for action in parser._actions:  # pyright: ignore[reportPrivateUsage]
-        for each in (action.choices or {}).values() if isinstance(action.choices, dict) else ():
-            if isinstance(each, argparse.ArgumentParser):
-                yield from _parsers(each)
+        for each in action.choices.values() if isinstance(action.choices, dict) else ():  # of commands
+            yield from _parsers(each)

@@ -69,8 +69,8 @@ def leaderboard() -> str:
 def documents() -> dict[str, Path]:
     """Return the files behind the site's pages, by the pages' names; generated pages have none."""
     docs = REPOSITORY / "docs"
-    files = {path.relative_to(docs).as_posix(): path for path in sorted(docs.rglob("*.md"))}
-    files = {name: path for name, path in files.items() if name not in _ONLY_IN_THE_REPOSITORY}
+    paths = [path for path in sorted(docs.rglob("*.md")) if path.name not in _ONLY_IN_THE_REPOSITORY]
+    files = {path.relative_to(docs).as_posix(): path for path in paths}
     files |= {name: REPOSITORY / file for file, name in BESIDE.items()}
     return files | {path.name: path for path in sorted((HERE / "pages").glob("*.md"))}
 
@@ -120,15 +120,10 @@ def notebook(text: str) -> str:
 
 def _contents(name: str) -> str:
     """Return the hidden table of contents of the home page or of a part's front; other pages have none."""
-    entries: list[str] = []
-    if name == "index.md":
-        entries = [f"{title} <{front}>" for title, (front, *_) in PARTS.items()]
-    for front, *pages in PARTS.values():
-        if name == f"{front}.md":
-            entries = [f"/{page}" for page in pages]
-    if not entries:
-        return ""
-    return "\n".join(["```{toctree}", ":hidden:", *entries, "```", ""])
+    entries = {f"{front}.md": [f"/{page}" for page in pages] for front, *pages in PARTS.values()}
+    entries["index.md"] = [f"{title} <{front}>" for title, (front, *_) in PARTS.items()]
+    found = entries.get(name)
+    return "\n".join(["```{toctree}", ":hidden:", *found, "```", ""]) if found else ""
 
 
 def at_home(text: str, document: Path) -> str:

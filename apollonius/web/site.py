@@ -84,19 +84,17 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     is_first = against is None and person == Role.EVADER and (game, seed) == ("paper", 0)
     name = against or SHIELDED + (BEST if game in AT_HOME else ANY)[side]
     bare = name.removeprefix(SHIELDED)
-    own = Path(bare) if bare.endswith(OWN) else None
-    found = None if own else find_player(name, side, rules)
-    rule_players = [rule for rule in PLAYERS if rule not in BY_CHART and BuiltIn().fits(rule, side, rules)]
-    is_agent = found is not None and found.header is not None and not bare.startswith(SEARCHING)
-    playable = found is None or is_agent or bare in rule_players
-    require(playable, "opponent", name, f"a trained agent, a {OWN} file, or one of {', '.join(rule_players)}")
-    agents = {}
-    if own:
-        is_there = own.is_file() and own.read_bytes()[:4] == b"\0asm"
+    agents: dict[str, Path] = {}
+    if bare.endswith(OWN):
+        path = Path(bare)
+        is_there = path.is_file() and path.read_bytes()[:4] == b"\0asm"
         require(is_there, "opponent", bare, "a file that apollonius.web.programs.write_player has written")
-        name, agents = name.removesuffix(bare) + own.stem, {own.stem: own}
-    elif found is not None and found.header is not None:
-        require(found.header.observation in READS, "observation", found.header.observation, _MADE)
+        name, agents = name.removesuffix(bare) + path.stem, {path.stem: path}
+    elif (header := find_player(name, side, rules).header) is None or bare.startswith(SEARCHING):
+        known = [rule for rule in PLAYERS if rule not in BY_CHART and BuiltIn().fits(rule, side, rules)]
+        require(bare in known, "opponent", name, f"a trained agent, a {OWN} file, or one of {', '.join(known)}")
+    else:
+        require(header.observation in READS, "observation", header.observation, _MADE)
         path = find_trained(bare)[1].resolve()
         # Two runs give their agents the same names, and those of the zoo.
         agents = {} if path.parent == ZOO.resolve() else {f"{path.stem} of {path.parents[1].name}": path}

@@ -6,7 +6,7 @@ const ROBOT = 0.16; // least radius that a robot is drawn with [m]
 const SMALLEST = 0.018; // least radius, as a share of the arena, so that robots are found in large arenas
 const MARGIN = 0.25; // around the walls [m]
 const MOST_PIXELS = 2048; // along a side of a map's picture; of a larger map some cells are left out
-const mapPictures = new WeakMap();
+const pictures = new WeakMap(); // with their colours, by what they show
 
 /** Colours by name, as a page's style has them just now for an element. */
 export function coloursOf(element) {
@@ -99,31 +99,35 @@ function drawTrail(context, points, colour) {
   circle(context, ...points[0], 0.08).stroke();
 }
 
-/** Draw the occupied cells of a map. */
-function drawMap(context, map, colour) {
-  const picture = mapPictures.get(map);
-  if (picture?.colour !== colour) mapPictures.set(map, { colour, canvas: paint(map, colour) });
-  const [width, height] = [(map.columns - 1) * map.cell, (map.rows - 1) * map.cell];
-  context.imageSmoothingEnabled = false;
-  context.drawImage(mapPictures.get(map).canvas, map.x, map.y, width, height);
-}
-
-/** A canvas with the cells, the first row at its top, as lengths along y point up. */
-function paint({ rows, columns, field }, colour) {
-  const every = Math.ceil(Math.max(rows - 1, columns - 1) / MOST_PIXELS);
-  const canvas = document.createElement("canvas");
-  canvas.width = Math.ceil((columns - 1) / every);
-  canvas.height = Math.ceil((rows - 1) / every);
+/** A picture of cells, a pixel each, by a function from column and row to a colour, if any; it is painted once for what it shows. */
+export function picture(shown, colours, width, height, colourOf) {
+  const painted = pictures.get(shown);
+  if (painted?.colours === colours) return painted.canvas;
+  const canvas = new OffscreenCanvas(width, height);
   const context = canvas.getContext("2d");
-  context.fillStyle = colour;
-  for (let row = 0; row < canvas.height; row++) {
-    for (let column = 0; column < canvas.width; column++) {
-      const at = every * (row * columns + column);
-      const corners = field[at] + field[at + 1] + field[at + columns] + field[at + columns + 1];
-      if (corners <= 0) context.fillRect(column, row, 1, 1);
+  for (let row = 0; row < height; row++) {
+    for (let column = 0; column < width; column++) {
+      const colour = colourOf(column, row);
+      if (!colour) continue;
+      context.fillStyle = colour;
+      context.fillRect(column, row, 1, 1);
     }
   }
+  pictures.set(shown, { colours, canvas });
   return canvas;
+}
+
+/** Draw the occupied cells of a map, the first row at the bottom, as lengths along y point up. */
+function drawMap(context, map, colours) {
+  const { field, rows, columns, cell } = map;
+  const every = Math.ceil(Math.max(rows - 1, columns - 1) / MOST_PIXELS);
+  const [width, height] = [columns - 1, rows - 1].map((count) => Math.ceil(count / every));
+  const canvas = picture(map, colours, width, height, (column, row) => {
+    const at = every * (row * columns + column);
+    return field[at] + field[at + 1] + field[at + columns] + field[at + columns + 1] <= 0 && colours.obstacle;
+  });
+  context.imageSmoothingEnabled = false;
+  context.drawImage(canvas, map.x, map.y, (columns - 1) * cell, (rows - 1) * cell);
 }
 
 /** The ground of an arena and what stands on it; `beneath` draws on the bare ground. */
@@ -131,7 +135,7 @@ export function drawGround(context, arena, colours, beneath) {
   context.fillStyle = colours.paper;
   context.fillRect(arena.x_min, arena.y_min, arena.x_max - arena.x_min, arena.y_max - arena.y_min);
   beneath?.(context);
-  if (arena.map) drawMap(context, arena.map, colours.obstacle);
+  if (arena.map) drawMap(context, arena.map, colours);
   drawArena(context, arena, colours);
 }
 

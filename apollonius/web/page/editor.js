@@ -84,17 +84,16 @@ export class Editor {
     return { pixel, point: [(pixel[0] - x) / scale, (y - pixel[1]) / scale], reach: (TOUCH * ratio) / scale };
   }
 
-  /** The topmost shape at a pointer, or within half of its reach; or null. */
+  /** The topmost shape at a pointer, or within half of its reach, if there is one. */
   #shapeAt({ pixel, reach }) {
     const { arena } = this.game;
     const context = this.canvas.getContext("2d"); // scaled to metres by the last drawing
     context.lineWidth = reach;
-    const shapes = ["discs", "polygons"].flatMap((kind) => arena[kind].map((shape, index) => ({ kind, index, shape })));
-    const found = shapes.findLast(({ shape }) => {
-      outline(context, shape);
+    const shapes = ["discs", "polygons"].flatMap((kind) => arena[kind].map((_, index) => ({ kind, index })));
+    return shapes.findLast(({ kind, index }) => {
+      outline(context, arena[kind][index]);
       return context.isPointInPath(...pixel) || context.isPointInStroke(...pixel);
     });
-    return found ? { kind: found.kind, index: found.index } : null;
   }
 
   #down(event) {

@@ -1,7 +1,7 @@
 // Fog: robots that see no further than walls and obstacles let them, what they know of their opponents, and how it is drawn.
 
 import { CELLS, search } from "./calls.js";
-import { circle } from "./draw.js";
+import { circle, picture } from "./draw.js";
 import { PURSUER, other } from "./game.js";
 
 const FOG = 0.3; // how opaque it is
@@ -74,22 +74,7 @@ export function drawCells(context, arena, opacity, values, colours, colourOf = (
   context.clip();
   context.globalAlpha = opacity;
   context.imageSmoothingEnabled = true;
-  context.drawImage(picture(values, colours, colourOf), x, y, cell * CELLS, cell * CELLS);
+  const canvas = picture(values, colours, CELLS, CELLS, (column, row) => colourOf(values[row * CELLS + column]));
+  context.drawImage(canvas, x, y, cell * CELLS, cell * CELLS);
   context.restore();
-}
-
-const pictures = new WeakMap(); // by the values of cells
-
-/** A pixel for each cell; what is drawn again in the same colours is not painted again. */
-function picture(values, colours, colourOf) {
-  const painted = pictures.get(values);
-  if (painted?.colours === colours) return painted.canvas;
-  const canvas = new OffscreenCanvas(CELLS, CELLS);
-  const context = canvas.getContext("2d");
-  values.forEach((value, cell) => {
-    context.fillStyle = colourOf(value) ?? "transparent";
-    context.fillRect(cell % CELLS, Math.floor(cell / CELLS), 1, 1);
-  });
-  pictures.set(values, { colours, canvas });
-  return canvas;
 }

@@ -24,14 +24,10 @@ export const OUTCOMES = [
 
 export const clip = (value, low, high) => Math.min(Math.max(value, low), high);
 
-export function other(role) {
-  return role === PURSUER ? EVADER : PURSUER;
-}
+export const other = (role) => (role === PURSUER ? EVADER : PURSUER);
 
 /** Return the same direction in (-pi, pi] [rad]. */
-export function wrapAngle(angle) {
-  return angle - 2 * Math.PI * Math.ceil((angle - Math.PI) / (2 * Math.PI));
-}
+export const wrapAngle = (angle) => angle - 2 * Math.PI * Math.ceil((angle - Math.PI) / (2 * Math.PI));
 
 /** Return whether an action is a pair of levels, and not one of the discrete ones 0..8. */
 export const isContinuous = (action) => Array.isArray(action);

@@ -20,12 +20,6 @@ export function readGame(text) {
   throw new Error(`this game is on the map ${String(map?.file ?? map).slice(0, 60)}: apollonius play --game FILE opens the page with it`);
 }
 
-/** A game as JSON; a map by the name of its YAML file, which lies beside it. */
-export function writeGame(game, indent = 2) {
-  const { map, ...arena } = game.arena;
-  return JSON.stringify({ ...game, arena: map ? { ...arena, map: map.file } : arena }, null, indent);
-}
-
 /** Put bytes through a compressing or decompressing stream. */
 const through = (stream, bytes) => new Response(new Blob([bytes]).stream().pipeThrough(stream)).arrayBuffer();
 

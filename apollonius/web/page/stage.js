@@ -62,8 +62,7 @@ export class Stage {
   }
 
   #press(role, together) {
-    const action = this.steering.action(role, together);
-    const cell = 3 * (2 - Math.floor(action / 3)) + (2 - (action % 3));
+    const cell = 8 - this.steering.action(role, together); // the last action is the first cell
     [...this.element(`pad-${role}`).children].forEach((span, index) => span.classList.toggle("on", index === cell));
   }
 }

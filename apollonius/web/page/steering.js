@@ -1,7 +1,7 @@
 // Actions of people: keys held down, fingers or a mouse on pads of nine actions.
 
 import { make } from "./files.js";
-import { EVADER, PURSUER, clip } from "./game.js";
+import { EVADER, HOLD, PURSUER, clip } from "./game.js";
 
 const KEYS = {
   arrows: { ArrowUp: [1, 0], ArrowDown: [-1, 0], ArrowLeft: [0, 1], ArrowRight: [0, -1] },
@@ -10,13 +10,10 @@ const KEYS = {
 const ALL_KEYS = Object.assign({}, ...Object.values(KEYS));
 const OF_SIDE = { [PURSUER]: KEYS.letters, [EVADER]: KEYS.arrows }; // with two people
 
-/** The action of two levels, each -1, 0 or 1: `3 * i_u1 + i_u2` (Eq. 5). */
-const asAction = (u1, u2) => 3 * (u1 + 1) + (u2 + 1);
-
 export class Steering {
   constructor() {
     this.held = new Set();
-    this.pads = { [PURSUER]: null, [EVADER]: null };
+    this.release();
   }
 
   /** Press or release a key; returns whether it steers. */
@@ -42,7 +39,7 @@ export class Steering {
     const keys = together ? OF_SIDE[role] : ALL_KEYS;
     const pressed = [...this.held].filter((code) => code in keys).map((code) => keys[code]);
     const level = (axis) => Math.sign(pressed.reduce((sum, push) => sum + push[axis], 0));
-    return asAction(level(0), level(1));
+    return HOLD + 3 * level(0) + level(1); // Eq. 5
   }
 
   /** Make an element of nine cells a robot's pad: rows speed up, hold, brake; columns turn left, straight, right. */
@@ -51,10 +48,7 @@ export class Steering {
     const choose = (event) => {
       const box = element.getBoundingClientRect();
       const third = (offset, length) => clip(Math.floor((3 * offset) / length), 0, 2);
-      this.pads[role] = asAction(
-        1 - third(event.clientY - box.top, box.height),
-        1 - third(event.clientX - box.left, box.width),
-      );
+      this.pads[role] = 8 - 3 * third(event.clientY - box.top, box.height) - third(event.clientX - box.left, box.width);
       event.preventDefault();
     };
     element.addEventListener("pointerdown", (event) => {

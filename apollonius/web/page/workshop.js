@@ -2,7 +2,7 @@
 
 import { Editor, TOOLS } from "./editor.js";
 import { copyLink, make, saveAs } from "./files.js";
-import { DEFAULT, asFragment, fromFragment, gameFrom, readGame, writeGame } from "./gamefile.js";
+import { DEFAULT, asFragment, fromFragment, gameFrom, readGame } from "./gamefile.js";
 import { cleared, withSize } from "./plan.js";
 import { survey } from "./survey.js";
 
@@ -25,7 +25,7 @@ export class Workshop {
    * @param choices offer it
    */
   constructor(element, session, choices) {
-    Object.assign(this, { element, session, choices, checked: null, problem: null });
+    Object.assign(this, { element, session, choices });
     this.editor = new Editor(element("canvas"), (game) => this.#changed(game));
     this.#makeTools();
     this.#makeSliders();
@@ -34,8 +34,8 @@ export class Workshop {
 
   /** The game as it is drawn; throws an Error in one line where it cannot be played. */
   get game() {
-    if (this.problem) throw this.problem;
-    return this.checked;
+    const { map, ...arena } = this.editor.game.arena;
+    return gameFrom({ ...this.editor.game, arena }, map ?? null);
   }
 
   /** Open the workshop with the arena of the game that is played. */
@@ -86,19 +86,17 @@ export class Workshop {
 
   #changed(game) {
     const { element } = this;
-    const { map, ...arena } = game.arena;
-    [this.problem, this.checked] = [null, null];
     for (const show of this.sliders) show(game);
     element("undo").disabled = !this.editor.past.length;
+    let isPlayable = true;
+    let wrong;
     try {
-      this.checked = gameFrom({ ...game, arena }, map ?? null);
-      const wrong = survey(this.checked);
-      element("findings").textContent = wrong ? `✗ ${wrong}` : "✓ Nothing is wrong with this arena.";
+      wrong = survey(this.game);
     } catch (error) {
-      this.problem = error;
-      element("findings").textContent = `✗ ${error.message}.`;
+      [isPlayable, wrong] = [false, `${error.message}.`];
     }
-    element("play-here").disabled = this.problem !== null;
+    element("findings").textContent = wrong ? `✗ ${wrong}` : "✓ Nothing is wrong with this arena.";
+    element("play-here").disabled = !isPlayable;
   }
 
   #say(text) {
@@ -184,14 +182,16 @@ export class Workshop {
   }
 
   #save() {
-    saveAs("arena.json", writeGame(this.game), "application/json");
+    const { game } = this;
+    const written = { ...game, arena: { ...game.arena, map: game.arena.map?.file } }; // the YAML file, which lies beside it
+    saveAs("arena.json", JSON.stringify(written, null, 2), "application/json");
     this.#say("Saved. apollonius play --game arena.json plays it, apollonius train --game arena.json trains for it.");
   }
 
   async #share() {
-    if (this.game.arena.map) throw new Error("a map is too large for a link: save the game and send its files");
-    const link = new URL(await asFragment(MARK, writeGame(this.game, 0)), location.href.split("#")[0].split("?")[0]).href;
-    await copyLink(link);
+    const { game } = this;
+    if (game.arena.map) throw new Error("a map is too large for a link: save the game and send its files");
+    await copyLink(location.href.split(/[?#]/)[0] + (await asFragment(MARK, JSON.stringify(game))));
     this.#say("The link to this arena is copied, and in the address bar.");
   }
 }
