@@ -32,9 +32,14 @@ export class SlowReplay {
     return (this.last * this.match.game.dt) / FASTER + AFTERWARDS;
   }
 
+  /** Hold a moment, by the number of its state: the match as it stood then. */
+  hold(number) {
+    this.held = this.match.from(number);
+  }
+
   /** The number of the state that is shown at a time [s], whole or between two. */
   at(now) {
-    if (this.held !== null) return this.held;
+    if (this.held) return this.held.states.length - 1;
     return Math.min(this.first + Math.max(0, now - this.begun) / this.slower / this.match.game.dt, this.last);
   }
 }

@@ -24,7 +24,7 @@ export class Match {
     Object.assign(this, { game, players, seed });
     this.random = makeRandom(seed);
     this.number = 0;
-    this.score = { [PURSUER]: 0, [EVADER]: 0, nobody: 0 };
+    this.score = { [PURSUER]: 0, [EVADER]: 0 };
     this.next();
   }
 
@@ -88,7 +88,7 @@ export class Match {
     this.states.push(after.state);
     this.actions.push([...actions.pursuer, ...actions.evader]);
     this.outcome = after.outcome;
-    if (this.isOver) this.score[this.winner ?? "nobody"] += 1;
+    if (this.winner) this.score[this.winner] += 1;
   }
 
   /** The game as a replay file of the package: `apollonius show FILE` plays it again. */

@@ -2,7 +2,7 @@
 
 import { Choices, asChoice, levelButtons } from "./choices.js";
 import { copyLink, make, saveAs } from "./files.js";
-import { EVADER, PURSUER } from "./game.js";
+import { ROLES } from "./game.js";
 import { SHARES, learner, withOpenFloor } from "./levels.js";
 import { Session } from "./session.js";
 import { asReplayLink, drawCard, fromReplayLink, record } from "./share.js";
@@ -35,7 +35,7 @@ function showPhase(message) {
   const { arena } = match.game;
   document.body.style.setProperty("--aspect", (arena.x_max - arena.x_min) / (arena.y_max - arena.y_min));
   element("goal").textContent = (choice.level ? `${choice.level.number}. ` : "") + describeGoal(match, me, choice.level?.isEndless);
-  for (const role of [PURSUER, EVADER]) {
+  for (const role of ROLES) {
     element(`${role}-name`).textContent = wordsOf(match.players[role]);
     element(`${role}-score`).textContent = match.score[role];
   }
@@ -171,9 +171,9 @@ function wire() {
     await page.begin({ ...page.choice, pursuer: learner(SHARES[target.value]) });
     if (page.phase === "ready" && page.people.length === 0) page.go(); // who only watches need not press a button
   });
-  element("moment").addEventListener("input", ({ target }) => page.look(Number(target.value)));
+  element("moment").addEventListener("input", ({ target }) => page.ending.hold(Number(target.value)));
   element("moment").addEventListener("pointerup", ({ target }) => target.blur());
-  for (const role of [PURSUER, EVADER]) steering.attach(element(`pad-${role}`), role);
+  for (const role of ROLES) steering.attach(element(`pad-${role}`), role);
 }
 
 /** In a frame of another page, lead to the same game on the whole screen. */

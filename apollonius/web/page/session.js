@@ -80,7 +80,7 @@ export class Session {
   }
 
   #beginGame() {
-    Object.assign(this, { time: 0, counted: 0, ending: null, lostAt: null, hindsight: null, seen: null });
+    Object.assign(this, { time: 0, counted: 0, ending: null, lostAt: null, hindsight: null });
   }
 
   #makeReady() {
@@ -173,7 +173,7 @@ export class Session {
   #tell(lostAt, loss) {
     const { match, me, isBest, choice } = this;
     this.lostAt = lostAt;
-    if (lostAt !== null && !this.seen && !this.ending.isFilmed) this.ending.play(lostAt, performance.now() / 1000);
+    if (lostAt !== null && !this.ending.held && !this.ending.isFilmed) this.ending.play(lostAt, performance.now() / 1000);
     const best = isBest && (me === EVADER && !choice.level.isEndless ? "New under Games: this level, endless." : "Your best so far.");
     this.enter("over", [describeEnd(match, me, choice.level?.isEndless), loss, best].filter(Boolean).join(" "));
   }
@@ -193,11 +193,5 @@ export class Session {
       this.hindsight = null;
       this.#tell(value, describeChance(this.match, this.me, value));
     }
-  }
-
-  /** Hold a moment of the game that is over, by the number of its state. */
-  look(number) {
-    this.ending.held = number;
-    this.seen = this.match.from(number);
   }
 }

@@ -19,8 +19,8 @@ export class Stage {
   show(session, clock) {
     const { element, colours } = this;
     const { phase, time, ending, people, choice } = session;
-    const match = session.seen ?? session.match;
-    const replayed = ending && !session.seen ? ending.at(clock) : match.states.length - 1;
+    const match = ending?.held ?? session.match;
+    const replayed = ending?.at(clock) ?? match.states.length - 1;
     const isReplaying = replayed < match.states.length - 1;
     const states = isReplaying ? match.states.slice(0, Math.floor(replayed) + 2) : match.states;
     const [before, after] = states.slice(-2);

@@ -78,7 +78,7 @@ function scaled(values) {
  * @returns {robots, leads, belief}: of each robot in play {role, number, ends, values, stops}; who is first at each cell; what
  *   the pursuer knows in fog; what is not shown or not known is null
  */
-export function known(game, states, shown, values = () => null) {
+export function known(game, states, shown, values) {
   const state = states.at(-1);
   const robots = robotsOf(state, ROLES).filter((who) => isActive(robotOf(state, who))).map((who) => ({
     ...who,
