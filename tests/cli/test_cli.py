@@ -422,6 +422,19 @@ def test_seed_0_is_a_seed_and_a_run_that_is_stopped_says_how_to_go_on(capsys, mo
         assert capsys.readouterr().err.splitlines()[-1] == f"stopped; go on with: apollonius resume run-{seed}"
 
 
+def test_of_several_runs_those_that_ended_and_were_judged_are_left_alone(tiny, capsys, monkeypatch):
+    asked, runs = [], [f"sweep/seed={seed}" for seed in (1, 2, 3)]
+    monkeypatch.setattr("apollonius.cli.runs.run_jobs", lambda jobs, *_: asked.extend(job.name for job in jobs))
+    assert main(["train", "--config", tiny, "--seeds", "1-3", "--out", "sweep"]) == 0
+    assert asked == runs
+    for run in runs[:2]:
+        Path(run, "state.json").write_text('{"state": "finished"}')
+    Path(runs[0], "evaluation.json").write_text("{}")
+    asked.clear()
+    assert main(["resume", "sweep"]) == 0
+    assert asked == runs[1:]
+
+
 @pytest.fixture
 def bodies():
     """Words that simulate three short games."""

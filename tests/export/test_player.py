@@ -205,6 +205,8 @@ def test_a_state_that_cannot_be_is_answered_by_braking(name):
     states = jnp.array([[[2, 3, 0.5, 0], [7, 6, broken, 1]] for broken in (jnp.nan, jnp.inf, -2e6)], jnp.float32)
     decide = jax.vmap(lambda state: player.decide(player.policy, player.game, state, None, (), jnp.uint32(0)))
     np.testing.assert_allclose(jax.jit(decide)(states)["controls"], [[-0.3, 0]] * 3, atol=1e-6)
+    far = decide(jnp.array([[[2, 3, 0.5, 0], [2e3, 6, 0, 1]]]))["controls"]  # 2 km away, which may be
+    assert not np.allclose(far, [[-0.3, 0]])
 
 
 MAIN = """

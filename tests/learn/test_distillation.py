@@ -56,6 +56,14 @@ def visited():
     return jax.jit(reset_batch, static_argnames="games")(GAME, jax.random.key(0), games=400)
 
 
+def test_games_that_opponents_cannot_share_evenly_are_all_played(setting):
+    """109 for two, and those of both attackers."""
+    plan = replace(RUN, distillation=replace(STAGE, near_sighted=15)).plans["distillation"]
+    network = make_network("encoded", 32, 1, jax.random.key(0))
+    players = distillation._players(plan, network, setting, jax.random.key(1))
+    assert players[plan.stage.side.other].games == (55, 54, 15, 4)
+
+
 def test_what_is_asked_is_those_visited_and_others_around_close_and_anywhere(visited):
     asked, visited = jax.tree.map(np.asarray, (jax.jit(query_states)(GAME, visited, jax.random.key(1)), visited))
     same, around, close, anywhere = np.split(np.arange(len(asked.steps)), [400, 800, 900])
