@@ -98,7 +98,8 @@ def play_out(
     """Play each of the given starts to its end, once.
 
     On each core at most `slots` games are under way; the next start takes the place of a finished game. The random bits
-    of a game depend on the key, its index and its step alone, so neither `slots` nor other games change its course.
+    of a game depend on the key, its index and its step alone, so other games do not change its course, nor do `slots`,
+    but for the last bits of networks, which round otherwise in fewer than 64.
 
     The slots are rounded up to a power of 2. By default they are as many as are quickest: few for a CPU, since in the
     end only the longest games are left, many for an accelerator. An exception that `report` raises ends the play.
