@@ -125,6 +125,12 @@ def test_what_is_wrong_is_said_while_it_is_drawn(desk, tmp_path):
     assert page.get_attribute("body", "data-phase") == "ready"
 
 
+def test_the_arena_of_a_game_in_fog_can_be_changed(desk):
+    page = desk.open("?level=11")
+    page.click("#draw")
+    playwright.expect(page.locator("#findings")).to_have_text("✓ Nothing is wrong with this arena.")
+
+
 def test_an_arena_on_a_map_is_changed_and_played(desk):
     page = desk.open("?pursuer=pursuer&evader=still&game=hall")
     page.click("#draw")

@@ -41,7 +41,7 @@ export class Workshop {
   /** Open the workshop with the arena of the game that is played. */
   open() {
     this.session.enter("drawing");
-    const { teams: _teams, ...game } = this.session.match?.game ?? this.session.catalogue.games.paper; // a game of two
+    const { teams: _teams, sensors: _sensors, ...game } = this.session.match?.game ?? this.session.catalogue.games.paper; // of two
     this.editor.open({ ...game, arena: { ...game.arena, polygons: game.arena.polygons ?? [] } });
   }
 
