@@ -35,6 +35,7 @@ from apollonius.play.random_bits import fold_in
 from apollonius.play.rollout import Games, begin, collect
 from apollonius.solve.grid import lanes_of
 from apollonius.solve.joint import make_duel, value_before_move
+from apollonius.solve.motion import motion_of
 from apollonius.solve.solving import joint_grids, reference_grid
 from apollonius.solve.transition_map import make_side
 from apollonius.solve.zero_sum_game import make_zero_sum_game
@@ -108,7 +109,7 @@ def measure_solver(counts: Sequence[int], hold: int) -> dict[str, Any]:
     """Time a sweep of one robot's safety, and one side's backups of a game of two on a grid of `counts` nodes."""
     game = make_game("paper")
     grid, alone_hold = reference_grid(game, Role.PURSUER)
-    side, free = make_side(game, Role.PURSUER, grid, alone_hold), jnp.zeros(grid.shape, jnp.float32)
+    side, free = make_side(motion_of(game, Role.PURSUER, alone_hold), grid), jnp.zeros(grid.shape, jnp.float32)
 
     def value(index: Array, action: int, later: Array) -> Array:
         return jnp.where(side.free[index, action], later, 0.0)

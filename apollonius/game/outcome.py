@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Int
 
 from apollonius.game.obstacle import closest_approach_squared
-from apollonius.game.types import GameState, Outcome, Real, RobotState
+from apollonius.game.types import Outcome, Real, RobotState
 from apollonius.io.errors import require
 from apollonius.io.limits import MOST_COUNTED
 
@@ -34,12 +34,6 @@ def come_within(
         relative_x, relative_y, other_after.x - after.x - relative_x, other_after.y - after.y - relative_y
     )
     return approach < distance**2
-
-
-def is_captured(before: GameState, after: GameState, capture_distance: Real) -> Bool[Array, ""]:
-    """Return whether the two robots of a game come closer than `capture_distance` [m] anywhere along a step."""
-    pursuer, evader = (before.pursuer, after.pursuer), (before.evader, after.evader)
-    return come_within(pursuer, evader, capture_distance)
 
 
 def decide(

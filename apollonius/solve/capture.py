@@ -6,10 +6,10 @@ from math import ceil
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Int, UInt8, UInt16
+from jaxtyping import Array, Int, UInt8, UInt16
 
-from apollonius.game.outcome import is_captured
-from apollonius.game.types import NUM_ACTIONS, GameState, RobotState, Role, Scalar
+from apollonius.game.outcome import come_within
+from apollonius.game.types import NUM_ACTIONS, RobotState, Role, Scalar
 from apollonius.io.limits import JOINT_HOLD
 from apollonius.solve.grid import lanes_of
 from apollonius.solve.motion import NEVER, ends
@@ -87,15 +87,8 @@ def _steps_to_capture(
     own: RobotState = jax.tree.map(lambda leaf: leaf[index], first.transitions.course)
 
     def steps(mine: RobotState, theirs: RobotState, x: Scalar, y: Scalar) -> UInt8[Array, ""]:
-        def captured(before: tuple[RobotState, RobotState], after: tuple[RobotState, RobotState]) -> Bool[Array, ""]:
-            start, end = (
-                GameState.of_two(*zero_sum_game.pair(one, replace(other, x=other.x + x, y=other.y + y)), nothing)
-                for one, other in (before, after)
-            )
-            return is_captured(start, end, zero_sum_game.game.capture_distance)
-
-        nothing = jnp.zeros((), jnp.int32)
-        hits = jax.vmap(captured)(*zip(ends(mine), ends(theirs), strict=True))
+        there = replace(theirs, x=theirs.x + x, y=theirs.y + y)
+        hits = jax.vmap(come_within, (0, 0, None))(ends(mine), ends(there), zero_sum_game.game.capture_distance)
         return jnp.where(jnp.any(hits), jnp.argmax(hits) + 1, NEVER).astype(jnp.uint8)
 
     by_answer = jax.vmap(steps, (None, 0, None, None))

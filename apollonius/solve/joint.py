@@ -66,11 +66,8 @@ def make_duel(zero_sum_game: ZeroSumGame, whole_cells: bool = False) -> Duel:
     own, other = zero_sum_game.grids
     require(own.counts[:2] == other.counts[:2], "grid", own.name, f"as many nodes along x and y as {other.name} has")
     require_memory("grid", own.name, own.size * other.size * BYTES_PER_PAIR, FEWER_NODES)
-    roles = (zero_sum_game.role, zero_sum_game.role.other)
-    first, second = (
-        make_side(zero_sum_game.game, role, grid, motion.steps, SLACK, whole_cells)
-        for role, grid, motion in zip(roles, zero_sum_game.grids, zero_sum_game.motions, strict=True)
-    )
+    sides = zip(zero_sum_game.motions, zero_sum_game.grids, strict=True)
+    first, second = (make_side(*side, SLACK, whole_cells) for side in sides)
     return Duel(zero_sum_game, first, second, decisive(zero_sum_game, first, second))
 
 

@@ -15,7 +15,7 @@ HORIZON = 20.0
 """Time scale [s] of the discount of later outcomes, exp(-t / HORIZON); it tells much longer times apart less well."""
 NEVER = 255
 """The step of what does not happen within a hold, later than any step of one."""
-_UNROLL = 5
+UNROLL = 5
 """Steps compiled in a row: quicker than a loop, and no longer to compile for a long hold."""
 
 
@@ -44,7 +44,7 @@ class Motion(eqx.Module):
             after = self.body.move(before, *controls, self.dt)
             return after, after
 
-        _, course = jax.lax.scan(one_step, robot, None, self.steps, unroll=min(self.steps, _UNROLL))
+        _, course = jax.lax.scan(one_step, robot, None, self.steps, unroll=min(self.steps, UNROLL))
         return jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), robot, course)
 
     def clearance(self, course: RobotState) -> Scalar:

@@ -26,7 +26,7 @@ from apollonius.io.errors import require
 from apollonius.io.limits import require_memory
 from apollonius.observe.view import View
 from apollonius.solve.grid import FEWER_NODES, Grid, Report, Solved, iterate
-from apollonius.solve.motion import HORIZON, Motion, discount_after, every_hold, last
+from apollonius.solve.motion import HORIZON, Motion, discount_after, every_hold, last, motion_of
 from apollonius.solve.transition_map import Side, make_side
 from apollonius.solve.zero_sum_game import first_events
 
@@ -69,7 +69,7 @@ def solve_reach(
     x, y = (jnp.asarray(coordinate, jnp.float32) for coordinate in target)
     clear = float(game.arena.clearance(x, y)) >= game.evader.radius
     require(clear, "target", target, f"{game.evader.radius} m clear of walls and discs at least")
-    side = make_side(game, Role.PURSUER, grid, hold)
+    side = make_side(motion_of(game, Role.PURSUER, hold), grid)
     farthest = game.capture_distance + side.farthest
     cells = ceil(farthest / grid.spacing[0]) + 1, ceil(farthest / grid.spacing[1]) + 1
     caught = _caught(game, side, cells, x, y)

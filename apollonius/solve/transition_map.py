@@ -6,6 +6,7 @@ interpolated over the rest: no gather.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import reduce
 from itertools import product
 
@@ -15,11 +16,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt8
 
-from apollonius.game.game import Game
-from apollonius.game.types import NUM_ACTIONS, Real, RobotState, Role, Scalar
+from apollonius.game.types import NUM_ACTIONS, Real, RobotState, Scalar
 from apollonius.io.limits import require_memory
 from apollonius.solve.grid import Grid
-from apollonius.solve.motion import NEVER, Motion, motion_of
+from apollonius.solve.motion import NEVER, Motion, every_hold
 
 _ROUNDING = 2e-5
 """A move within this many cells of a whole number is whole: single precision tells no more."""
@@ -133,15 +133,11 @@ def _bytes_of_hold(motion: Motion, grid: Grid) -> int:
 @eqx.filter_jit
 def _courses(motion: Motion, grid: Grid) -> RobotState:
     """Return the states along every hold from the origin."""
-    nothing = jnp.zeros((), jnp.int32)
-
-    def course(index: Int[Array, ""], action: Int[Array, ""]) -> RobotState:
-        start = grid.node(index // grid.shape[1], index % grid.shape[1], nothing, nothing)
-        nowhere = jnp.zeros((), jnp.float32)
-        return motion.hold(RobotState(nowhere, nowhere, start.v, start.heading), action)
-
-    actions, slices = jnp.arange(NUM_ACTIONS), jnp.arange(grid.shape[0] * grid.shape[1])
-    return jax.vmap(lambda index: jax.vmap(lambda action: course(index, action))(actions))(slices)
+    slices = jnp.arange(grid.shape[0] * grid.shape[1])
+    nowhere = jnp.zeros_like(slices)
+    nodes = grid.node(slices // grid.shape[1], slices % grid.shape[1], nowhere, nowhere)
+    origin = jnp.zeros(slices.shape, jnp.float32)
+    return jax.tree.map(jnp.transpose, every_hold(motion, replace(nodes, x=origin, y=origin)))
 
 
 def _whole_and_rest(cells: np.ndarray, slack: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
@@ -184,8 +180,7 @@ class Side(eqx.Module):
         return float(max(abs(body.v_min), abs(body.v_max)) * self.motion.seconds)
 
 
-def make_side(game: Game, role: Role, grid: Grid, hold: int, slack: float = 0.0, whole_cells: bool = False) -> Side:
-    """Return one robot of a game on its grid, by holds of some steps; all else as of `transition_map_of`."""
-    motion = motion_of(game, role, hold)
+def make_side(motion: Motion, grid: Grid, slack: float = 0.0, whole_cells: bool = False) -> Side:
+    """Return one robot on its grid; all else as of `transition_map_of`."""
     transitions = transition_map_of(motion, grid, slack, whole_cells)
     return Side(motion, grid, transitions, of_courses(motion.failure, grid, transitions))

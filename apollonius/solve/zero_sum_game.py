@@ -7,16 +7,14 @@ from jaxtyping import Array, Bool, Float, Int
 
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.outcome import decide, evader_wins, is_captured, pursuer_wins
-from apollonius.game.types import GameState, Outcome, RobotState, Role
+from apollonius.game.outcome import come_within, decide, evader_wins, pursuer_wins
+from apollonius.game.types import Outcome, RobotState, Role
 from apollonius.io.limits import JOINT_HOLD
 from apollonius.solve.grid import Grid
-from apollonius.solve.motion import Motion, discount_after, ends, motion_of
+from apollonius.solve.motion import UNROLL, Motion, discount_after, ends, motion_of
 
 WIN, LOSE = 1.0, -1.0
 """Values of winning and losing at once; later they are discounted by `discount_after`."""
-_UNROLL = 5
-"""Steps compiled in a row."""
 
 
 class Alone(eqx.Module):
@@ -40,15 +38,11 @@ def first_events(
     course, only captures for every pair.
     """
     alone = _steps_alone(game, Role.PURSUER, pursuer), _steps_alone(game, Role.EVADER, evader)
-    step = jnp.zeros((), jnp.int32)
 
     def together(pursuer: Alone, evader: Alone) -> Int[Array, ""]:
-        before, after = (
-            GameState.of_two(*robots, step)
-            for robots in ((pursuer.before, evader.before), (pursuer.after, evader.after))
-        )
+        moves = (pursuer.before, pursuer.after), (evader.before, evader.after)
         return decide(
-            captured=is_captured(before, after, game.capture_distance),
+            captured=come_within(*moves, game.capture_distance),
             pursuer_hit=pursuer.hit,
             pursuer_out=pursuer.out,
             evader_hit=evader.hit,
@@ -70,7 +64,7 @@ def first_events(
 
     pairs = (pursuer.x.shape[1], *evader.x.shape[1:])
     nothing = jnp.full(pairs, Outcome.ONGOING), jnp.zeros(pairs, jnp.int32)
-    (outcome, steps), _ = jax.lax.scan(one_step, nothing, alone, unroll=_UNROLL)
+    (outcome, steps), _ = jax.lax.scan(one_step, nothing, alone, unroll=UNROLL)
     return outcome, steps.astype(jnp.float32) * game.dt
 
 

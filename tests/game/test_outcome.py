@@ -19,7 +19,7 @@ from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.judge import fates
-from apollonius.game.outcome import counts_by_name, decide, evader_wins, is_captured, pursuer_wins
+from apollonius.game.outcome import come_within, counts_by_name, decide, evader_wins, pursuer_wins
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import in_arenas, make_game, paper
 from apollonius.game.reward import Reward
@@ -64,15 +64,10 @@ def test_a_territory_that_was_never_reached_is_no_outcome_to_report():
     assert counts_by_name(jnp.arange(len(Outcome)))["territory_reached"] == 8
 
 
-def positions(pursuer, evader):
-    robots = [RobotState(*jnp.asarray([*place, 0, 0], jnp.float32)) for place in (pursuer, evader)]
-    return GameState.of_two(*robots, jnp.asarray(0))
-
-
 def test_capture_needs_less_than_the_capture_distance():
-    meeting = positions((0, 0), (0.25, 0))
-    assert not is_captured(meeting, meeting, 0.25)
-    assert is_captured(meeting, meeting, 0.2500001)
+    pursuer, evader = (RobotState(*jnp.asarray([x, 0, 0, 0], jnp.float32)) for x in (0, 0.25))
+    assert not come_within((pursuer, pursuer), (evader, evader), 0.25)
+    assert come_within((pursuer, pursuer), (evader, evader), 0.2500001)
 
 
 def test_paper_is_table_1():
