@@ -30,8 +30,8 @@ _FAR = 2**30 - 1
 """A length that no path has, and of which twice is a number."""
 _TOGETHER = 64
 """Coarse cells from which paths are looked for at once."""
-_Leaves = tuple[np.ndarray, ...]
-"""The leaves of a chart in their order, without the axis of arenas."""
+_Leaves = tuple[np.ndarray | np.float32, ...]
+"""The fields of a chart in their order, without the axis of arenas."""
 _latest = Memory[_Leaves](4)
 """The last charts, 5 MB each: both players of a game ask for its chart."""
 _Field = Float[Array, "corners corners"]
@@ -43,19 +43,13 @@ def charted(game: Game, are_read: bool = True) -> Game:
     """Return a game with charts of all its arenas, by the paths of the largest robot; itself if it has them, or where
     neither players (`are_read`) nor the reward read them.
     """
-    if not (are_read or game.reward.along_paths):
-        return game
-    if game.scenario is None:
-        if game.arena.chart is not None:
-            return game
-        chart = _charts([game.arena], largest_radius(game))
-        return replace(game, arena=replace(game.arena, chart=chart))
     scenario = game.scenario
-    if scenario.arenas.chart is not None:
+    uncharted = game.arena if scenario is None else scenario.arenas
+    if uncharted.chart is not None or not (are_read or game.reward.along_paths):
         return game
-    alone = [scenario.arena(jnp.asarray(number)) for number in range(scenario.count)]
-    arenas = replace(scenario.arenas, chart=_charts(alone, largest_radius(game)))
-    return replace(game, scenario=replace(scenario, arenas=arenas))
+    alone = [uncharted] if scenario is None else [scenario.arena(jnp.asarray(one)) for one in range(scenario.count)]
+    arenas = replace(uncharted, chart=_charts(alone, largest_radius(game)))
+    return replace(game, arena=arenas) if scenario is None else replace(game, scenario=replace(scenario, arenas=arenas))
 
 
 def largest_radius(game: Game) -> float:
@@ -67,10 +61,7 @@ def largest_radius(game: Game) -> float:
 
 def _charts(arenas: list[Arena], radius: float) -> Chart:
     drawn = [_latest.get((arena, radius), functools.partial(_drawn, arena, radius)) for arena in arenas]
-    stacked = [np.stack(leaves) for leaves in zip(*drawn, strict=True)]
-    known = jax.device_put([*stacked[:4], *(leaf[:, 0] for leaf in stacked[4:])])
-    field, lengths, visible, links, x, y, side = known
-    return Chart(field, lengths, visible, x, y, side, links)
+    return Chart(*jax.device_put([np.stack(leaves) for leaves in zip(*drawn, strict=True)]))
 
 
 def _drawn(arena: Arena, radius: float) -> _Leaves:
@@ -80,7 +71,7 @@ def _drawn(arena: Arena, radius: float) -> _Leaves:
     field = clearances(arena, jnp.asarray(x + corners), jnp.asarray(y + corners))
     lengths, visible = paths(field, jnp.asarray(side, jnp.float32), jnp.asarray(radius, jnp.float32))
     links = entries(field, visible)
-    return *map(np.asarray, (field, lengths, visible, links)), *np.array([x, y, side], np.float32)[:, None]
+    return *map(np.asarray, (field, lengths, visible)), *map(np.float32, (x, y, side)), np.asarray(links)
 
 
 @eqx.filter_jit

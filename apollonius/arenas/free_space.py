@@ -15,7 +15,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from apollonius.arenas.map_file import islands, largest
-from apollonius.arenas.survey import clearances_at, places
+from apollonius.arenas.survey import places
 from apollonius.game.game import Game
 from apollonius.io.errors import require
 
@@ -44,9 +44,9 @@ class FreeSpace:
 def free_space(game: Game) -> FreeSpace:
     """Return the free space of a game's larger robot; raises InvalidInput where it fits nowhere."""
     arena = game.arena
-    x, y, cell = places(arena)
+    _, _, cell, clearance = places(arena)
     radius = max(float(game.pursuer.radius), float(game.evader.radius))
-    free = clearances_at(arena, x, y) >= radius
+    free = clearance >= radius
     require(free.any(), "radius", f"{radius:g} m", "so small that a robot fits somewhere into the arena")
     return largest_part(free, float(arena.x_min), float(arena.y_min), cell)
 

@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import distance_transform_edt
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from apollonius.arenas.charting import charted, largest_radius
+from apollonius.arenas.charting import charted, clearances, largest_radius
 from apollonius.arenas.map_file import connected, unknown_read_as_free
 from apollonius.game.arena import Arena
 from apollonius.game.chart import COARSE, NO_PATH, SIDE
@@ -55,8 +55,7 @@ class Survey:
 def survey(game: Game) -> Survey:
     """Survey a game's arena, to a five-hundredth of its longer side."""
     arena, starts = game.arena, game.starts
-    x, y, cell = places(arena)
-    clearance = clearances_at(arena, x, y)
+    x, y, cell, clearance = places(arena)
     bodies = {"pursuer": game.pursuer, "evader": game.evader}
     parts, may_start, wrong = [], [], []
     for name, body in bodies.items():
@@ -94,7 +93,13 @@ def survey(game: Game) -> Survey:
             wrong.append(
                 "the evader cannot come into arena.territory from where it starts: move it, or make the way wider."
             )
-    notes = [*map_notes(arena), *_notes(game)]
+    notes = map_notes(arena)
+    radii, catch = float(game.pursuer.radius + game.evader.radius), float(game.capture_distance)
+    if catch < radii:
+        notes.append(
+            f"the bodies overlap before they count as caught: capture_distance = {catch:g} m is less than both radii "
+            f"together, {radii:g} m."
+        )
     return Survey(clearance < 0, (parts[0], parts[1]), haven, tuple(wrong), tuple(notes))
 
 
@@ -118,24 +123,18 @@ def map_notes(arena: Arena) -> list[str]:
     return notes
 
 
-def places(arena: Arena) -> tuple[Grid, Grid, float]:
-    """Return the middles x, y [m] of square cells all over an arena, and the side of a cell [m]."""
+def places(arena: Arena) -> tuple[Grid, Grid, float, Grid]:
+    """Return the middles x, y [m] of square cells all over an arena, a cell's side [m], and their clearances [m]."""
     width, height = float(arena.x_max - arena.x_min), float(arena.y_max - arena.y_min)
     cell = max(width, height) / _CELLS
-    middles = _middles(float(arena.x_min), width, cell), _middles(float(arena.y_min), height, cell)
-    x, y = np.meshgrid(*middles, indexing="xy")
-    return x, y, cell
 
+    def middles(low: float, length: float) -> Float[np.ndarray, " cells"]:
+        count = max(1, round(length / cell))
+        return low + length * (np.arange(count) + 0.5) / count
 
-def _middles(low: float, length: float, cell: float) -> Float[np.ndarray, " cells"]:
-    count = max(1, round(length / cell))
-    return low + length * (np.arange(count) + 0.5) / count
-
-
-def clearances_at(arena: Arena, x: Grid, y: Grid) -> Grid:
-    """Return the clearances [m] of points."""
-    every = jax.jit(jax.vmap(jax.vmap(arena.clearance)))
-    return np.asarray(every(x.astype(np.float32), y.astype(np.float32)), float)
+    x, y = middles(float(arena.x_min), width), middles(float(arena.y_min), height)
+    clearance = clearances(arena, jnp.asarray(x, jnp.float32), jnp.asarray(y, jnp.float32))
+    return *np.meshgrid(x, y), cell, np.asarray(clearance, float)
 
 
 def _parts(free: Bool[np.ndarray, "rows columns"]) -> Int[np.ndarray, "rows columns"]:
@@ -148,17 +147,6 @@ def _parts(free: Bool[np.ndarray, "rows columns"]) -> Int[np.ndarray, "rows colu
     return renumber[numbered]
 
 
-def _notes(game: Game) -> list[str]:
-    """Return notes on a game, other than those of `map_notes`."""
-    bodies, reach = float(game.pursuer.radius + game.evader.radius), float(game.capture_distance)
-    if reach >= bodies:
-        return []
-    return [
-        f"the bodies overlap before they count as caught: capture_distance = {reach:g} m is less than both radii "
-        f"together, {bodies:g} m."
-    ]
-
-
 def missed_passage(game: Game) -> list[str]:
     """Return the note on the passage of one arena that costs players with a chart the longest detour, if they miss any.
 
@@ -169,8 +157,8 @@ def missed_passage(game: Game) -> list[str]:
     assert chart is not None, "which a charted game has"
     lengths = np.asarray(chart.lengths)[0]
     side = float(np.asarray(chart.side)[0])
-    x, y, cell = places(arena)
-    clearance = clearances_at(arena, x, y) - radius
+    x, y, cell, clearance = places(arena)
+    clearance -= radius
     graph, start, end, length = _links(clearance, cell)
     others = np.where(np.eye(len(lengths), dtype=bool), NO_PATH, lengths)
     cells = np.flatnonzero(others.min(axis=1) < NO_PATH)

@@ -127,38 +127,34 @@ class Scenario(eqx.Module):
 
 
 def stack_arenas(arenas: Sequence[Arena]) -> Arena:
-    """Return arenas as one, leaves `[arenas]`, smaller ones `padded`; raises InvalidInput unless they are alike."""
+    """Return arenas as one, leaves `[arenas]`; raises InvalidInput unless they are alike.
+
+    All get as many discs, polygons and corners of each as any has; what is added is far from everywhere. A map's field
+    gets as many rows and columns, and continues as it ends; an arena without a map, while others have one, gets one
+    that is free everywhere.
+    """
     maps = [arena.map.field.shape for arena in arenas if arena.map]
     corners_of_map = tuple(np.max(maps, axis=0).tolist()) if maps else None
     discs = max(len(arena.discs) for arena in arenas)
     polygons = max(len(arena.polygons) for arena in arenas)
     corners = max((len(one.vertices) for arena in arenas for one in arena.polygons), default=0)
-    alike = [padded(arena, discs, polygons, corners, corners_of_map) for arena in arenas]
-    shapes = {jax.tree.structure(arena) for arena in alike}
-    require(len(shapes) == 1, "arenas", "of several kinds", "all with a territory or all without, and of one class")
     # The corners of a polygon in one array: compiling takes time for every number that is passed alone.
-    outlines = [[jnp.asarray(np.asarray(one.vertices, np.float32)) for one in arena.polygons] for arena in alike]
-    packed = [replace(arena, polygons=tuple(map(Polygon, some))) for arena, some in zip(alike, outlines, strict=True)]
-    return jax.tree.map(lambda *leaves: jnp.asarray(np.array(leaves, np.float32)), *packed)
+    nowhere = np.full((corners, 2), _FAR)
 
+    def alike(arena: Arena) -> Arena:
+        outlines = [np.asarray(one.vertices, float) for one in arena.polygons]
+        filled = [np.pad(one, ((0, corners - len(one)), (0, 0)), mode="edge") for one in outlines]
+        return replace(
+            arena,
+            discs=(*arena.discs, *[Disc(_FAR, _FAR, 0.0)] * (discs - len(arena.discs))),
+            polygons=tuple(Polygon(jnp.asarray(one)) for one in [*filled, *[nowhere] * (polygons - len(filled))]),
+            map=corners_of_map and _padded_map(arena.map, corners_of_map),
+        )
 
-def padded(arena: Arena, discs: int, polygons: int, corners: int, corners_of_map: tuple[int, int] | None) -> Arena:
-    """Return an arena with these numbers of discs, polygons and corners of each; what is added is far from everywhere.
-
-    A map's field gets these rows and columns, and continues as it ends; an arena without a map, while others have one,
-    gets one that is free everywhere.
-    """
-    nowhere = Polygon(((_FAR, _FAR),) * corners)
-    filled = tuple(
-        Polygon((*outline, *[outline[-1]] * (corners - len(outline))))
-        for outline in (polygon.outline() for polygon in arena.polygons)
-    )
-    return replace(
-        arena,
-        discs=(*arena.discs, *[Disc(_FAR, _FAR, 0.0)] * (discs - len(arena.discs))),
-        polygons=(*filled, *[nowhere] * (polygons - len(filled))),
-        map=corners_of_map and _padded_map(arena.map, corners_of_map),
-    )
+    padded = list(map(alike, arenas))
+    shapes = set(map(jax.tree.structure, padded))
+    require(len(shapes) == 1, "arenas", "of several kinds", "all with a territory or all without, and of one class")
+    return jax.tree.map(lambda *leaves: jnp.asarray(np.array(leaves, np.float32)), *padded)
 
 
 def _padded_map(found: OccupancyMap | None, corners: tuple[int, int]) -> OccupancyMap:

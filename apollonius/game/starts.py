@@ -45,9 +45,7 @@ class Starts(eqx.Module):
         order = [(role, number) for role in ROLES for number in range(1, len(bodies[role]))]
         position_key, heading_key, speed_key, *mate_keys = jax.random.split(key, 3 + len(order))
         first, other = bodies.pursuer[0], bodies.evader[0]
-        low = jnp.array([arena.x_min, arena.y_min] * 2, jnp.float32)
-        high = jnp.array([arena.x_max, arena.y_max] * 2, jnp.float32)
-        pair = _draw_until(lambda places: self.fits(arena, first, other, *places), position_key, low, high)
+        pair = _draw_until(lambda places: self._fit(arena, first, other, *places), position_key, arena, 2)
         headings = jax.random.uniform(heading_key, (2,), minval=-jnp.pi, maxval=jnp.pi)
         speeds = self._speeds(speed_key, [first, other])
         robots = BySide(
@@ -80,13 +78,11 @@ class Starts(eqx.Module):
                 found &= jnp.hypot(x - opponent.x, y - opponent.y) >= self.separation
             return found & self._is_off_territory(arena, x, y) if role == Role.EVADER else found
 
-        low = jnp.array([arena.x_min, arena.y_min], jnp.float32)
-        high = jnp.array([arena.x_max, arena.y_max], jnp.float32)
-        x, y = _draw_until(fits, position_key, low, high)
+        x, y = _draw_until(fits, position_key, arena, 1)
         heading = jax.random.uniform(heading_key, (), minval=-jnp.pi, maxval=jnp.pi)
         return RobotState(x, y, self._speeds(speed_key, [body])[0], heading)
 
-    def fits(
+    def _fit(
         self, arena: Arena, pursuer: Unicycle, evader: Unicycle, px: Scalar, py: Scalar, ex: Scalar, ey: Scalar
     ) -> Bool[Array, ""]:
         """Return whether the positions [m] of two opponents are far enough from obstacles and from each other."""
@@ -111,12 +107,11 @@ class Starts(eqx.Module):
 
 
 def _draw_until(
-    fits: Callable[[Float[Array, " size"]], Bool[Array, ""]],
-    key: PRNGKeyArray,
-    low: Float[Array, " size"],
-    high: Float[Array, " size"],
+    fits: Callable[[Float[Array, " size"]], Bool[Array, ""]], key: PRNGKeyArray, arena: Arena, robots: int
 ) -> Float[Array, " size"]:
-    """Draw uniformly between bounds until it fits. The key is consumed."""
+    """Draw x and y of some robots uniformly in an arena until they fit. The key is consumed."""
+    low = jnp.array([arena.x_min, arena.y_min] * robots, jnp.float32)
+    high = jnp.array([arena.x_max, arena.y_max] * robots, jnp.float32)
 
     def draw(draw_key: PRNGKeyArray) -> Float[Array, " size"]:
         return jax.random.uniform(draw_key, low.shape, minval=low, maxval=high)

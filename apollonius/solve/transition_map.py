@@ -6,7 +6,6 @@ interpolated over the rest: no gather.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import reduce
 from itertools import product
 
@@ -19,7 +18,7 @@ from jaxtyping import Array, Bool, Float, Int, UInt8
 from apollonius.game.types import NUM_ACTIONS, Real, RobotState, Scalar
 from apollonius.io.limits import require_memory
 from apollonius.solve.grid import Grid
-from apollonius.solve.motion import NEVER, Motion, every_hold
+from apollonius.solve.motion import NEVER, Motion
 
 _ROUNDING = 2e-5
 """A move within this many cells of a whole number is whole: single precision tells no more."""
@@ -133,11 +132,15 @@ def _bytes_of_hold(motion: Motion, grid: Grid) -> int:
 @eqx.filter_jit
 def _courses(motion: Motion, grid: Grid) -> RobotState:
     """Return the states along every hold from the origin."""
-    slices = jnp.arange(grid.shape[0] * grid.shape[1])
-    nowhere = jnp.zeros_like(slices)
-    nodes = grid.node(slices // grid.shape[1], slices % grid.shape[1], nowhere, nowhere)
-    origin = jnp.zeros(slices.shape, jnp.float32)
-    return jax.tree.map(jnp.transpose, every_hold(motion, replace(nodes, x=origin, y=origin)))
+    nothing = jnp.zeros((), jnp.int32)
+
+    def course(index: Int[Array, ""], action: Int[Array, ""]) -> RobotState:
+        start = grid.node(index // grid.shape[1], index % grid.shape[1], nothing, nothing)
+        nowhere = jnp.zeros((), jnp.float32)
+        return motion.hold(RobotState(nowhere, nowhere, start.v, start.heading), action)
+
+    actions, slices = jnp.arange(NUM_ACTIONS), jnp.arange(grid.shape[0] * grid.shape[1])
+    return jax.vmap(lambda index: jax.vmap(lambda action: course(index, action))(actions))(slices)
 
 
 def _whole_and_rest(cells: np.ndarray, slack: float = 0.0) -> tuple[np.ndarray, np.ndarray]:

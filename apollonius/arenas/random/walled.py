@@ -32,16 +32,8 @@ def maze(layout: Layout, rng: np.random.Generator, opened: float = _OPENED) -> A
     right &= rng.uniform(size=right.shape) >= opened
     up &= rng.uniform(size=up.shape) >= opened
     wide, high = layout.width / columns, layout.height / rows
-    walls: list[Room] = []
-    for column in range(columns - 1):
-        for low, top in _runs(right[column]):
-            x = (column + 1) * wide
-            walls.append(_wall(x - WALL / 2, low * high, x + WALL / 2, top * high, layout))
-    for row in range(rows - 1):
-        for low, top in _runs(up[:, row]):
-            y = (row + 1) * high
-            walls.append(_wall(low * wide, y - WALL / 2, top * wide, y + WALL / 2, layout))
-    return layout.walled(walls)
+    upright, level = _walls(right, wide, high, layout.height), _walls(up.T, high, wide, layout.width)
+    return layout.walled([*upright, *map(turned, level)])
 
 
 def _carve(right: np.ndarray, up: np.ndarray, rng: np.random.Generator) -> None:
@@ -70,13 +62,16 @@ def _runs(walls: np.ndarray) -> list[tuple[int, int]]:
     return [(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _wall(left: float, bottom: float, right: float, top: float, layout: Layout) -> Room:
-    """Return a wall that ends in the middle of the walls it meets, which leaves no slit, but inside the arena."""
-    if right - left > top - bottom:
-        left, right = left - WALL / 2, right + WALL / 2
-    else:
-        bottom, top = bottom - WALL / 2, top + WALL / 2
-    return max(left, 0.0), max(bottom, 0.0), min(right, layout.width), min(top, layout.height)
+def _walls(lines: np.ndarray, apart: float, cell: float, long: float) -> list[Room]:
+    """Return the walls on lines along y, of cells each, which end in the middle of the walls they meet, which leaves no
+    slit, but inside the arena; lines are some metres apart, cells and the arena as long as given [m].
+    """
+    half = WALL / 2
+    return [
+        (x - half, max(first * cell - half, 0.0), x + half, min(last * cell + half, long))
+        for x, line in zip(apart * np.arange(1, len(lines) + 1), lines, strict=True)
+        for first, last in _runs(line)
+    ]
 
 
 _DEEP = (0.5, 1.0)
