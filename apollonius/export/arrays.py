@@ -45,19 +45,18 @@ def _pad(block: Block, operands: list[Value], params: Params, out: Any) -> Value
     return target
 
 
-def _least(kind: str) -> float | int | bool:
-    return False if kind == "bool" else -np.inf if kind == "float32" else int(np.iinfo(kind).min)
+def _extreme(kind: str, sign: int) -> float | int | bool:
+    """Return the least number of a kind, or for a sign of 1 the greatest."""
+    if kind in ("bool", "float32"):
+        return sign > 0 if kind == "bool" else sign * np.inf
+    return int(np.iinfo(kind).max if sign > 0 else np.iinfo(kind).min)
 
 
-def _greatest(kind: str) -> float | int | bool:
-    return True if kind == "bool" else np.inf if kind == "float32" else int(np.iinfo(kind).max)
-
-
-_FIRSTS: dict[str, Callable[[str], float | int | bool]] = {
-    **{"add": lambda kind: 0, "mul": lambda kind: 1, "or": lambda kind: 0, "xor": lambda kind: 0},
-    **{"and": lambda kind: True if kind == "bool" else -1, "max": _least, "min": _greatest},
-}
-"""The neutral element of each operation that folds."""
+def _neutral(operation: str, kind: str) -> str:
+    """Return the neutral element of an operation that folds, in C."""
+    if operation in ("max", "min"):
+        return number(_extreme(kind, -1 if operation == "max" else 1), kind)
+    return number(-1 if operation == "and" and kind != "bool" else operation in ("mul", "and"), kind)
 
 
 def _inserted(index: Sequence[str], axes: Sequence[int], steps: Sequence[str]) -> tuple[str, ...]:
@@ -72,7 +71,7 @@ def _reduce(operation: str) -> Rule:
         axes = sorted(int(axis) % len(value.shape) for axis in params["axes"])
         target = block.array(kind, out.shape)
         with block.loops(out.shape) as index:
-            total = block.variable(kind, number(_FIRSTS[operation](kind), kind))
+            total = block.variable(kind, _neutral(operation, kind))
             with block.loops(tuple(value.shape[axis] for axis in axes)) as steps:
                 more = value.read(_inserted(index, axes, steps))
                 block.put(f"{total} = {apply(operation, kind, kind, total, more)};")
@@ -82,12 +81,12 @@ def _reduce(operation: str) -> Rule:
     return rule
 
 
-def _argument_of(better: str, worst: Callable[[str], float | int | bool]) -> Rule:
+def _argument_of(better: str, worst: int) -> Rule:
     def rule(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
         (value,), kind, axes = operands, str(out.dtype), list(map(int, params["axes"]))
         target = block.array(kind, out.shape)
         with block.loops(out.shape) as index:
-            best = block.variable(value.kind, number(worst(value.kind), value.kind))
+            best = block.variable(value.kind, number(_extreme(value.kind, worst), value.kind))
             where = block.variable(kind, "0")
             with block.loops((value.shape[axes[0]],)) as steps:
                 here = block.let(value.kind, value.read(_inserted(index, axes, steps)))
@@ -105,7 +104,7 @@ def _cumulative(operation: str) -> Rule:
         (value,), kind, axis = operands, str(out.dtype), int(params["axis"])
         target, length = block.array(kind, out.shape), out.shape[axis]
         with block.loops((*out.shape[:axis], *out.shape[axis + 1 :])) as index:
-            total = block.variable(kind, number(_FIRSTS[operation](kind), kind))
+            total = block.variable(kind, _neutral(operation, kind))
             with block.loops((length,)) as (step,):
                 at = _inserted(index, [axis], [f"({length - 1} - {step})" if params["reverse"] else step])
                 block.put(f"{total} = {apply(operation, kind, kind, total, value.read(at))};")
@@ -149,8 +148,8 @@ _OPERATIONS = {"sum": "add", "prod": "mul", "max": "max", "min": "min", "and": "
 FOLDS: dict[str, Rule] = {
     **{f"reduce_{word}": _reduce(operation) for word, operation in _OPERATIONS.items()},
     **{f"cum{word}": _cumulative(_OPERATIONS[word]) for word in ("sum", "prod", "max", "min")},
-    "argmax": _argument_of(">", _least),
-    "argmin": _argument_of("<", _greatest),
+    "argmax": _argument_of(">", -1),
+    "argmin": _argument_of("<", 1),
     "concatenate": _concatenate,
     "stack": _stack,
 }

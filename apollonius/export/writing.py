@@ -51,7 +51,7 @@ def write_c(player: Player, out: Path, constants: bool = False, states: int = ST
     given = player.arguments[1:] if constants else player.arguments
     decide = partial(player.decide, player.policy) if constants else player.decide
     program = translated(decide, *given, name=out.stem)
-    checked = _check(program, player, constants, states)
+    checked = _check(program, player, given[:-4], states)
     kept = {out: source(program).encode(), out.with_suffix(".h"): header(program, _about(program, player)).encode()}
     for record, argument in zip(program.arguments, given, strict=False):
         if record.name in ("player", "game", "memory") and record.leaves:
@@ -80,13 +80,12 @@ def write_onnx(player: Player, out: Path) -> Written:
     return [out], [f"The {player.role.name.lower()} {player.name}", *lines, timed]
 
 
-def _check(program: Program, player: Player, constants: bool, states: int) -> list[str]:
-    """Return lines that say whether the program decides as the package's player, and how quickly, as `check`."""
+def _check(program: Program, player: Player, fixed: tuple[Any, ...], states: int) -> list[str]:
+    """Return what `check` says of the program, whose first arguments are `fixed`, and how quick it is."""
     try:
         compiled = Compiled(program)
     except InvalidInput as reason:
         return [f"not checked: {reason}"]
-    fixed = (player.game,) if constants else (player.policy, player.game)
 
     def decide(state: np.ndarray, active: Any, memory: Any, bits: np.uint32) -> tuple[np.ndarray, np.ndarray]:
         action, controls = compiled(*fixed, state, active, memory, bits)[:2]

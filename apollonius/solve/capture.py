@@ -1,6 +1,5 @@
 """Captures while actions are held: which of a robot's actions decide the game by one, whatever the other robot does."""
 
-from dataclasses import replace
 from math import ceil
 
 import equinox as eqx
@@ -87,7 +86,7 @@ def _steps_to_capture(
     own: RobotState = jax.tree.map(lambda leaf: leaf[index], first.transitions.course)
 
     def steps(mine: RobotState, theirs: RobotState, x: Scalar, y: Scalar) -> UInt8[Array, ""]:
-        there = replace(theirs, x=theirs.x + x, y=theirs.y + y)
+        there = eqx.tree_at(lambda robot: (robot.x, robot.y), theirs, (theirs.x + x, theirs.y + y))
         hits = jax.vmap(come_within, (0, 0, None))(ends(mine), ends(there), zero_sum_game.game.capture_distance)
         return jnp.where(jnp.any(hits), jnp.argmax(hits) + 1, NEVER).astype(jnp.uint8)
 

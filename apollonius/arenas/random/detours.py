@@ -2,15 +2,13 @@
 
 import numpy as np
 
-from apollonius.arenas.random.scattered import Layout, Room
+from apollonius.arenas.random.scattered import DOOR, Layout, Room, pieces
 from apollonius.game.arena import Arena
 
 _THIN = 0.1
 """Thickness of these walls [m], at least; in a large arena as much as a chart surely has."""
 _THIN_SHARE = 1 / 150
 """Least thickness as a share of the longer side."""
-_DOOR = (1.0, 1.5)
-"""Smallest and largest width of an opening, in gaps."""
 _BETWEEN = (1.2, 3.0)
 """Smallest and largest distance of two fences, in gaps."""
 _SECOND = 0.15
@@ -36,15 +34,14 @@ def fences(layout: Layout, rng: np.random.Generator) -> Arena:
 
 def _openings(wide: float, gap: float, rng: np.random.Generator) -> list[tuple[float, float]]:
     """Return the pieces [m] of a fence, from end to end of each."""
-    width = gap * rng.uniform(*_DOOR)
+    width = gap * rng.uniform(*DOOR)
     end = float(rng.integers(2)) * (wide - width)
     low = end if rng.uniform() < _AT_AN_END else rng.uniform(0, wide - width)
     lows = [low]
     if rng.uniform() < _SECOND:
         other = rng.uniform(0, wide - width)
         lows = sorted([low, other]) if abs(other - low) > 2 * width else lows
-    ends = [0.0, *[one for low in lows for one in (low, low + width)], wide]
-    return [(low, high) for low, high in zip(ends[::2], ends[1::2], strict=True) if high - low > 1e-3]
+    return pieces(0.0, lows, width, wide)
 
 
 def floors(layout: Layout, rng: np.random.Generator) -> Arena:
@@ -63,18 +60,16 @@ def floors(layout: Layout, rng: np.random.Generator) -> Arena:
         while left < long:
             length = gap * rng.uniform(2.2, 4.5)
             right = long if long - (left + length) < 2.2 * gap + thin else left + length
-            width = min(gap * rng.uniform(*_DOOR), right - left - 0.02)
+            width = min(gap * rng.uniform(*DOOR), right - left - 0.02)
             door = left + rng.uniform(0, right - left - width)
-            walls += [(left, low, door, low + thin), (door + width, low, right, low + thin)]
+            walls += [(start, low, end, low + thin) for start, end in pieces(left, [door], width, right)]
             if right < long:
-                next_door = gap * rng.uniform(*_DOOR)
+                next_door = gap * rng.uniform(*DOOR)
                 at = bottom + rng.uniform(0, top - bottom - next_door)
-                joined = rng.uniform() < _SECOND
-                pieces = [(bottom, at), (at + next_door, top)] if joined else [(bottom, top)]
-                walls += [(right, one, right + thin, other) for one, other in pieces]
+                openings = [at] if rng.uniform() < _SECOND else []
+                walls += [(right, one, right + thin, other) for one, other in pieces(bottom, openings, next_door, top)]
                 right += thin
             left = right
-    walls = [wall for wall in walls if min(wall[2] - wall[0], wall[3] - wall[1]) > 1e-3]
     return layout.walled(walls, along_y)
 
 

@@ -24,6 +24,16 @@ def turned(room: Room) -> Room:
     return bottom, left, top, right
 
 
+def pieces(low: float, openings: list[float], width: float, high: float) -> list[tuple[float, float]]:
+    """Return the pieces of a wall from a low end to a high one, between openings of a width that begin there [m]."""
+    ends = [low, *[end for one in openings for end in (one, one + width)], high]
+    return [(start, end) for start, end in zip(ends[::2], ends[1::2], strict=True) if end - start > 1e-3]
+
+
+DOOR = (1.0, 1.5)
+"""Smallest and largest width of an opening in a wall, in gaps."""
+
+
 @dataclass(frozen=True)
 class Layout:
     """The size of an arena with a corner at the origin, and the least width of its passages [m]."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from apollonius.arenas.random.scattered import WALL, Layout, Room, turned
+from apollonius.arenas.random.scattered import DOOR, WALL, Layout, Room, pieces, turned
 from apollonius.game.arena import MOST_POLYGONS, Arena
 from apollonius.io.errors import require
 
@@ -111,8 +111,6 @@ _LARGE = 9.0
 """Rooms longer than this, in gaps, are always parted."""
 _WHOLE = 0.15
 """Share of the others that could be parted and are not."""
-_DOOR = (1.0, 1.5)
-"""Smallest and largest width of a door, in gaps."""
 _TRIES = 20
 """Positions tried for a wall."""
 
@@ -135,10 +133,8 @@ def rooms(layout: Layout, rng: np.random.Generator) -> Arena:
         parted = None if whole else _part(room, doors, layout.gap, rng)
         if parted is None:
             continue
-        pieces, openings, halves = parted
-        walls += pieces
-        doors += openings
-        waiting += halves
+        for known, new in zip((walls, doors, waiting), parted, strict=True):
+            known += new
     return layout.walled(walls)
 
 
@@ -166,12 +162,11 @@ def _part(
             break
     else:
         return None
-    width = gap * rng.uniform(*_DOOR)
+    width = gap * rng.uniform(*DOOR)
     long = top - bottom
     count = 2 if long > 4 * least else 1
     span = long / count
     lows = [bottom + number * span + rng.uniform(0, span - width) for number in range(count)]
     openings: list[Room] = [(x, low, x + WALL, low + width) for low in lows]
-    ends = [bottom, *[end for low in lows for end in (low, low + width)], top]
-    pieces = [(x, low, x + WALL, high) for low, high in zip(ends[::2], ends[1::2], strict=True) if high - low > 1e-3]
-    return pieces, openings, [(left, bottom, x, top), (x + WALL, bottom, right, top)]
+    walls: list[Room] = [(x, low, x + WALL, high) for low, high in pieces(bottom, lows, width, top)]
+    return walls, openings, [(left, bottom, x, top), (x + WALL, bottom, right, top)]
