@@ -75,7 +75,7 @@ def _drawn(arena: Arena, radius: float) -> _Leaves:
 
 
 @eqx.filter_jit
-def clearances(arena: Arena, x: Float[Array, " corners"], y: Float[Array, " corners"]) -> _Field:
+def clearances(arena: Arena, x: Float[Array, " columns"], y: Float[Array, " rows"]) -> Float[Array, "rows columns"]:
     """Return the clearances [m] of an arena on a grid, rows by `y`."""
     return jax.lax.map(lambda y: jax.vmap(lambda x: arena.clearance(x, y))(x), y)
 

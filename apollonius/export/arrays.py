@@ -24,10 +24,6 @@ def _joined(block: Block, pieces: Sequence[Value], axis: int, out: Any) -> Value
     return target
 
 
-def _concatenate(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
-    return _joined(block, operands, int(params["dimension"]), out)
-
-
 def _stack(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
     axis = int(params["axis"]) % len(out.shape)
     shape = tuple(1 if here == axis else length for here, length in enumerate(out.shape))
@@ -150,7 +146,7 @@ FOLDS: dict[str, Rule] = {
     **{f"cum{word}": _cumulative(_OPERATIONS[word]) for word in ("sum", "prod", "max", "min")},
     "argmax": _argument_of(">", -1),
     "argmin": _argument_of("<", 1),
-    "concatenate": _concatenate,
+    "concatenate": lambda block, operands, params, out: _joined(block, operands, int(params["dimension"]), out),
     "stack": _stack,
 }
 """Primitives that read each element of an operand once, by name."""
@@ -228,9 +224,8 @@ def _split(run: Run, block: Block, given: list[Value], params: Any) -> list[Valu
     return pieces
 
 
-def _unchanged(run: Run, block: Block, given: list[Value], params: Any) -> list[Value]:
-    return given
-
-
-CONTROL = {"scan": scan, "while": while_loop, "cond": cond, "split": _split, "optimization_barrier": _unchanged}
+CONTROL: dict[str, Callable[[Run, Block, list[Value], Any], list[Value]]] = {
+    **{"scan": scan, "while": while_loop, "cond": cond, "split": _split},
+    "optimization_barrier": lambda run, block, given, params: given,
+}
 """Rules of the primitives with several results, by name."""

@@ -140,10 +140,6 @@ def _tile(block: Block, operands: list[Value], params: Params, out: Any) -> Valu
     return Value(value.kind, out.shape, read)
 
 
-def _same(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
-    return operands[0]
-
-
 COMPUTED: dict[str, Rule] = {
     **{name: elementwise(name) for name in OPERATIONS},
     "add_any": elementwise("add"),
@@ -166,6 +162,6 @@ VIEWS: dict[str, Rule] = {
     "reshape": _reshape,
     "tile": _tile,
     "iota": _iota,
-    **dict.fromkeys(("stop_gradient", "copy", "copy_p"), _same),
+    **dict.fromkeys(("stop_gradient", "copy", "copy_p"), lambda block, operands, params, out: operands[0]),
 }
 """Other views, which move nothing."""

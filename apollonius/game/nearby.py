@@ -22,7 +22,7 @@ _FAR = 1e6
 
 class Surroundings(eqx.Module):
     """For each square cell of a rectangle, by its lower left corner and the side of a cell [m], the polygons within
-    reach from anywhere in it: the numbers of their edges, padded with that of one of the last, which are far away.
+    reach from anywhere in it: the numbers of their edges, padded with that of a last one which is far from everywhere.
     """
 
     edges: Edge
@@ -59,7 +59,8 @@ def surroundings(
     most = max(1, max(map(len, numbers)))
     filled = np.array([[*some, *[first] * (most - len(some))] for some in numbers], np.int32)
     within = jnp.asarray(filled.reshape(rows, columns, most))
-    return Surroundings(_edges_of((*polygons, nowhere)), within, *map(jnp.float32, (x_min, y_min, cell)))
+    edges = jax.tree.map(lambda leaf: leaf[: first + 1], _edges_of((*polygons, nowhere)))
+    return Surroundings(edges, within, *map(jnp.float32, (x_min, y_min, cell)))
 
 
 @Kept

@@ -1,5 +1,7 @@
 """The distributions of initial states."""
 
+import functools
+import operator
 from collections.abc import Callable, Sequence
 from typing import Literal
 
@@ -11,8 +13,11 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.types import ROLES, GameState, Real, RobotState, Role, Scalar
+from apollonius.game.types import ROLES, GameState, Real, RobotState, Role
 from apollonius.io.errors import require
+
+_Placed = tuple[Role, Unicycle, RobotState]
+"""A robot of a side in its place."""
 
 
 class Starts(eqx.Module):
@@ -42,61 +47,44 @@ class Starts(eqx.Module):
         The positions of both sides' first robots are drawn together, again until they fit, so the distribution is
         exactly uniform over the pairs that fit; then their mates', one by one, each uniform in the space that is left.
         """
-        order = [(role, number) for role in ROLES for number in range(1, len(bodies[role]))]
-        position_key, heading_key, speed_key, *mate_keys = jax.random.split(key, 3 + len(order))
-        first, other = bodies.pursuer[0], bodies.evader[0]
-        pair = _draw_until(lambda places: self._fit(arena, first, other, *places), position_key, arena, 2)
-        headings = jax.random.uniform(heading_key, (2,), minval=-jnp.pi, maxval=jnp.pi)
-        speeds = self._speeds(speed_key, [first, other])
-        robots = BySide(
-            [RobotState(pair[0], pair[1], speeds[0], headings[0])],
-            [RobotState(pair[2], pair[3], speeds[1], headings[1])],
-        )
-        for (role, number), mate_key in zip(order, mate_keys, strict=True):
-            robots[role].append(self._mate(mate_key, arena, bodies, robots, role, number))
-        return GameState.at_start(robots.map(tuple))
+        mates = [[(role, body)] for role in ROLES for body in bodies[role][1:]]
+        keys = jax.random.split(key, 3 + len(mates))
+        placed = self._drawn(keys[:3], arena, [(role, bodies[role][0]) for role in ROLES], [])
+        for mate, mate_key in zip(mates, keys[3:], strict=True):
+            placed += self._drawn(jax.random.split(mate_key, 3), arena, mate, placed)
+        return GameState.at_start(ROLES.map(lambda role: tuple(robot for side, _, robot in placed if side == role)))
 
-    def _mate(
-        self,
-        key: PRNGKeyArray,
-        arena: Arena,
-        bodies: BySide[tuple[Unicycle, ...]],
-        robots: BySide[list[RobotState]],
-        role: Role,
-        number: int,
-    ) -> RobotState:
-        """Draw a further robot of a side. The key is consumed."""
-        position_key, heading_key, speed_key = jax.random.split(key, 3)
-        body = bodies[role][number]
+    def _drawn(
+        self, keys: PRNGKeyArray, arena: Arena, new: Sequence[tuple[Role, Unicycle]], placed: Sequence[_Placed]
+    ) -> list[_Placed]:
+        """Draw some robots together, beside those that are placed. The three keys are consumed."""
+        position_key, heading_key, speed_key = keys
 
-        def fits(place: Float[Array, "2"]) -> Bool[Array, ""]:
-            x, y = place
-            found = arena.clearance(x, y) >= self.clearance + body.radius
-            for mate, other in zip(robots[role], bodies[role], strict=False):
-                found &= jnp.hypot(x - mate.x, y - mate.y) >= self.clearance + body.radius + other.radius
-            for opponent in robots[role.other]:
-                found &= jnp.hypot(x - opponent.x, y - opponent.y) >= self.separation
-            return found & self._is_off_territory(arena, x, y) if role == Role.EVADER else found
+        def robots(places: Array, speeds: Array, headings: Array) -> list[_Placed]:
+            rows = zip(places.reshape(-1, 2), speeds, headings, strict=True)
+            return [(*one, RobotState(*place, *rest)) for one, (place, *rest) in zip(new, rows, strict=True)]
 
-        x, y = _draw_until(fits, position_key, arena, 1)
-        heading = jax.random.uniform(heading_key, (), minval=-jnp.pi, maxval=jnp.pi)
-        return RobotState(x, y, self._speeds(speed_key, [body])[0], heading)
+        def fit(places: Float[Array, " size"]) -> Bool[Array, ""]:
+            nothing = jnp.zeros(len(new))
+            everyone = [*placed, *robots(places, nothing, nothing)]
+            count = len(placed)
+            found = [self._fits(arena, everyone[one], everyone[:one]) for one in range(count, len(everyone))]
+            return functools.reduce(operator.and_, found)
 
-    def _fit(
-        self, arena: Arena, pursuer: Unicycle, evader: Unicycle, px: Scalar, py: Scalar, ex: Scalar, ey: Scalar
-    ) -> Bool[Array, ""]:
-        """Return whether the positions [m] of two opponents are far enough from obstacles and from each other."""
-        return (
-            (arena.clearance(px, py) >= self.clearance + pursuer.radius)
-            & (arena.clearance(ex, ey) >= self.clearance + evader.radius)
-            & (jnp.hypot(px - ex, py - ey) >= self.separation)
-            & self._is_off_territory(arena, ex, ey)
-        )
+        places = _draw_until(fit, position_key, arena, len(new))
+        headings = jax.random.uniform(heading_key, (len(new),), minval=-jnp.pi, maxval=jnp.pi)
+        return robots(places, self._speeds(speed_key, [body for _, body in new]), headings)
 
-    def _is_off_territory(self, arena: Arena, x: Scalar, y: Scalar) -> Bool[Array, ""]:
-        if (goal := arena.territory) is None:
-            return jnp.ones((), bool)
-        return jnp.hypot(x - goal.x, y - goal.y) >= goal.radius + self.separation
+    def _fits(self, arena: Arena, one: _Placed, others: Sequence[_Placed]) -> Bool[Array, ""]:
+        """Return whether a robot is far enough from obstacles, from the others and, an evader, from a territory."""
+        role, body, here = one
+        found = arena.clearance(here.x, here.y) >= self.clearance + body.radius
+        for side, other, there in others:
+            least = self.clearance + body.radius + other.radius if side == role else self.separation
+            found &= jnp.hypot(here.x - there.x, here.y - there.y) >= least
+        if role == Role.EVADER and (goal := arena.territory):
+            found &= jnp.hypot(here.x - goal.x, here.y - goal.y) >= goal.radius + self.separation
+        return found
 
     def _speeds(self, key: PRNGKeyArray, bodies: Sequence[Unicycle]) -> Float[Array, " robots"]:
         if self.speed == "rest":
