@@ -170,9 +170,13 @@ def _waiting(jaxpr: Jaxpr) -> set[Var]:
     for equation in jaxpr.eqns:
         name = equation.primitive.name
         for var in equation.invars:
-            if isinstance(var, Var) and uses[var] == 1 and name in _READS_ONCE and var.aval.size > 1:
-                wait |= {var} if name in FOLDS or var.aval.size == equation.outvars[0].aval.size else set()
+            if isinstance(var, Var) and uses[var] == 1 and name in _READS_ONCE and _size(var) > 1:
+                wait |= {var} if name in FOLDS or _size(var) == _size(equation.outvars[0]) else set()
     return wait
+
+
+def _size(var: Any) -> int:
+    return var.aval.size
 
 
 def _length(jaxpr: Jaxpr) -> int:
