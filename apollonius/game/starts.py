@@ -49,13 +49,17 @@ class Starts(eqx.Module):
         """
         mates = [[(role, body)] for role in ROLES for body in bodies[role][1:]]
         keys = jax.random.split(key, 3 + len(mates))
-        placed = self._drawn(keys[:3], arena, [(role, bodies[role][0]) for role in ROLES], [])
+        placed = self._drawn([*keys[:3]], arena, [(role, bodies[role][0]) for role in ROLES], [])
         for mate, mate_key in zip(mates, keys[3:], strict=True):
-            placed += self._drawn(jax.random.split(mate_key, 3), arena, mate, placed)
+            placed += self._drawn([*jax.random.split(mate_key, 3)], arena, mate, placed)
         return GameState.at_start(ROLES.map(lambda role: tuple(robot for side, _, robot in placed if side == role)))
 
     def _drawn(
-        self, keys: PRNGKeyArray, arena: Arena, new: Sequence[tuple[Role, Unicycle]], placed: Sequence[_Placed]
+        self,
+        keys: Sequence[PRNGKeyArray],
+        arena: Arena,
+        new: Sequence[tuple[Role, Unicycle]],
+        placed: Sequence[_Placed],
     ) -> list[_Placed]:
         """Draw some robots together, beside those that are placed. The three keys are consumed."""
         position_key, heading_key, speed_key = keys
@@ -68,14 +72,14 @@ class Starts(eqx.Module):
             nothing = jnp.zeros(len(new))
             everyone = [*placed, *robots(places, nothing, nothing)]
             count = len(placed)
-            found = [self._fits(arena, everyone[one], everyone[:one]) for one in range(count, len(everyone))]
+            found = [self.fits(arena, everyone[one], everyone[:one]) for one in range(count, len(everyone))]
             return functools.reduce(operator.and_, found)
 
         places = _draw_until(fit, position_key, arena, len(new))
         headings = jax.random.uniform(heading_key, (len(new),), minval=-jnp.pi, maxval=jnp.pi)
         return robots(places, self._speeds(speed_key, [body for _, body in new]), headings)
 
-    def _fits(self, arena: Arena, one: _Placed, others: Sequence[_Placed]) -> Bool[Array, ""]:
+    def fits(self, arena: Arena, one: _Placed, others: Sequence[_Placed]) -> Bool[Array, ""]:
         """Return whether a robot is far enough from obstacles, from the others and, an evader, from a territory."""
         role, body, here = one
         found = arena.clearance(here.x, here.y) >= self.clearance + body.radius

@@ -106,12 +106,16 @@ def is_uniform(values, low, high, bins=50):
 def test_what_is_asked_for_is_enough_and_less_is_not(short):
     """Along the lower wall, in quarters of a metre, so that nothing is rounded: of either robot and between them."""
     starts, body = Starts(clearance=0.5, separation=2.0), Unicycle(radius=0.25)
+
+    def fit(*places):
+        pursuer, evader = ((role, body, robot(*places[2 * role : 2 * role + 2])) for role in Role)
+        return bool(starts.fits(ARENA, pursuer, []) & starts.fits(ARENA, evader, [pursuer]))
+
     places = [1.0, 0.75, 3.0, 0.75]
-    assert bool(starts.fits(ARENA, body, body, *map(jnp.float32, places)))
+    assert fit(*places)
     places[short] += [0.25, -0.25, -0.25][short]
-    assert not bool(starts.fits(ARENA, body, body, *map(jnp.float32, places)))
-    places[:] = [1.0, 0.75, 3.0, 0.75 - 2**-20]
-    assert not bool(starts.fits(ARENA, body, body, *map(jnp.float32, places)))
+    assert not fit(*places)
+    assert not fit(1.0, 0.75, 3.0, 0.75 - 2**-20)
 
 
 def test_pairs_are_uniform_over_all_pairs_that_fit():
