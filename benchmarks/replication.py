@@ -35,7 +35,7 @@ from apollonius.learn.config import PRESETS, STAGES
 from apollonius.learn.loop import play_and_learn
 from apollonius.learn.stage_config import Plan
 from apollonius.play.random_bits import random_bits_of
-from apollonius.play.rollout import begin, step_games
+from apollonius.play.rollout import begin, reset_where_done, step_games
 from apollonius.reproduce.study import MATCH_SEED, run_configs
 
 _CHUNKS = 32
@@ -73,11 +73,8 @@ def train(
 
         return jax.vmap(one)(epsilons, state)
 
-    state, calls, began = (
-        jax.jit(jax.vmap(first_state))(keys(stage, seeds), networks),
-        -(-plan.chunks // _CHUNKS),
-        time.time(),
-    )
+    state = jax.jit(jax.vmap(first_state))(keys(stage, seeds), networks)
+    calls, began = -(-plan.chunks // _CHUNKS), time.time()
     for call in range(1, calls + 1):
         state = some(first, state)
         if call * looks // calls > (call - 1) * looks // calls:
@@ -160,9 +157,7 @@ def main() -> None:
         found = np.array([row[0]["captured"] for row in matches(game, new, still, _CHOICE_GAMES)])
         better, old = found > best, networks.get("P_stage1", new)
         best[better] = found[better]
-        networks["P_stage1"] = jax.tree.map(
-            lambda one, other: jnp.where(better.reshape(-1, *[1] * (one.ndim - 1)), one, other), new, old
-        )
+        networks["P_stage1"] = jax.vmap(reset_where_done)(jnp.asarray(better), new, old)
 
     def cross(percent: int, state: train_state.TrainState) -> None:
         """Play agents of the curriculum against those from scratch, as they are now."""
@@ -170,10 +165,8 @@ def main() -> None:
             both = averages(state, role)
             networks[f"{role.name[0]}_scratch"] = jax.tree.map(lambda leaf: leaf[: len(scratch)], both)
             networks[f"{role.name[0]}_curriculum"] = jax.tree.map(lambda leaf: leaf[len(scratch) :], both)
-        games, pairs = (
-            asked.games // (1 if percent == 100 else 2),
-            (("P_curriculum", "E_scratch"), ("P_scratch", "E_curriculum")),
-        )
+        games = asked.games // (1 if percent == 100 else 2)
+        pairs = ("P_curriculum", "E_scratch"), ("P_scratch", "E_curriculum")
         found = {f"{one} v {other}": matches(game, networks[one], networks[other], games) for one, other in pairs}
         results["course"].append({"percent": percent, "games": games, **found})
         write()
@@ -188,11 +181,8 @@ def main() -> None:
     def fresh(key: Any) -> Any:
         return train_state.start(plan, game, key, {}).learners[Role.PURSUER].learner.average
 
-    begun = jax.tree.map(
-        lambda *leaves: jnp.concatenate(leaves),
-        jax.jit(jax.vmap(fresh))(keys("self-play", scratch)),
-        networks["P_stage1"],
-    )
+    both = jax.jit(jax.vmap(fresh))(keys("self-play", scratch)), networks["P_stage1"]
+    begun = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *both)
     epsilons = [plan.stage.pursuer_epsilon] * len(scratch) + [explores] * len(seeds)
     train(plan, game, "self-play", scratch + seeds, {}, cross, networks=begun, epsilons=epsilons)
     write(**{"P_curriculum v random": matches(game, networks["P_curriculum"], uniform, asked.games)})

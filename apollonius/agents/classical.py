@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt32
 
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy, Memory
-from apollonius.game.dynamics import Unicycle, wrap_angle
+from apollonius.game.dynamics import wrap_angle
 from apollonius.game.game import Game
 from apollonius.game.types import NUM_ACTIONS, Real, RobotState, Role, Scalar
 from apollonius.io.errors import require
@@ -109,11 +109,3 @@ def direction(start: RobotState, end: RobotState) -> Scalar:
 def separation(first: RobotState, second: RobotState) -> Scalar:
     """Return the distance [m] between two robots' centres."""
     return jnp.hypot(second.x - first.x, second.y - first.y)
-
-
-def facing_speed(body: Unicycle, robot: RobotState, heading: Scalar) -> Scalar:
-    """Return the speed [m/s] to have on the way to a heading: the top one times the cosine of the turn left, or 0.
-
-    The part of the wanted velocity that a robot which cannot move sideways can have now.
-    """
-    return body.v_max * jnp.maximum(jnp.cos(wrap_angle(heading - robot.heading)), 0.0)

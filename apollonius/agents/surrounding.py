@@ -11,9 +11,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from apollonius.agents.classical import AbstractSteering, direction, facing_speed, separation
+from apollonius.agents.classical import AbstractSteering, direction, separation
 from apollonius.agents.guidance import arc_speed
 from apollonius.game.chart import COARSE, NO_PATH
+from apollonius.game.dynamics import wrap_angle
 from apollonius.game.game import Game
 from apollonius.game.types import RobotState, Scalar
 from apollonius.observe.view import Robot, View
@@ -65,7 +66,9 @@ class AbstractSurrounding(AbstractSteering):
         downwards = jnp.arctan2(jnp.sum(weights * sin), jnp.sum(weights * cos))
         straight = (path_length_to(seen, opponent)(own.x, own.y) < _NEAR) | (worst - best < _EVEN)
         heading = jnp.where(straight, direction(own, opponent), downwards)
-        return heading, jnp.where(straight, arc_speed(body, own, opponent), facing_speed(body, own, heading))
+        # The part of the wanted velocity that a robot which cannot move sideways can have now.
+        turning = body.v_max * jnp.maximum(jnp.cos(wrap_angle(heading - own.heading)), 0.0)
+        return heading, jnp.where(straight, arc_speed(body, own, opponent), turning)
 
     @abstractmethod
     def cost(self, seen: View) -> Cost:

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
-from apollonius.agents.pool import Assigned, Pool
+from apollonius.agents.pool import Pool
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import ROLES, GameState, Outcome, Role, Scalar
@@ -74,7 +74,7 @@ def _iterate(
 ) -> tuple[TrainState, Metrics]:
     """Play some steps of every game, store the transitions, make the updates of each learning side."""
     config, (play_key, *learn_keys) = plan.learner, jax.random.split(_key(state, 1), 3)
-    playing = ROLES.map(lambda role: _playing(plan, role, state, fixed))
+    playing = players(plan, state, fixed)
     games, played = collect(game, playing, state.games, starts, play_key, config.steps_per_iteration)
     env_steps = state.env_steps + config.env_steps_per_iteration
     learned = {
@@ -108,19 +108,6 @@ def iterated(
         losses=ROLES.map(lambda role: learned[role][1] if role in learned else jnp.zeros(())),
         updates=learners[first].learner.updates - state.learners[first].learner.updates,
     )
-
-
-def _playing(plan: Plan, role: Role, state: TrainState, fixed: Mapping[Role, Pool]) -> Pool | Assigned:
-    """Return the players of one side: of one that learns they explore, by soft actor-critic with noise that lasts."""
-    config, amount = plan.learner, jnp.ones(())
-    if isinstance(config, DQNConfig):
-        amount = config.epsilon(plan.stage.epsilon[role], plan.stage.env_steps, state.env_steps)
-    playing = players(plan, role, state.learners, fixed, state.archives, amount)
-    iterations = config.noise_steps // config.steps_per_iteration if isinstance(config, SACConfig) else 1
-    if role in fixed or iterations == 1:
-        return playing
-    key = jax.random.fold_in(jax.random.fold_in(state.key, 4 + role), state.iterations // iterations)
-    return replace(playing, bits=jax.random.bits(key, (config.games,), jnp.uint32))
 
 
 def _learn(
@@ -186,13 +173,11 @@ def renew_opponents(plan: Plan, game: Game, state: TrainState) -> TrainState:
     interval = max(1, plan.stage.env_steps // config.versions)
     due = state.env_steps // interval > (state.env_steps - plan.steps_per_assignment * games) // interval
     start_key, *keys = jax.random.split(_key(state, 2), 3)
-    averages = {role: side.learner.average for role, side in state.learners.items()}
-    entered = ROLES.map(lambda role: archive.enter(old[role], averages[role], due))
+    entered = ROLES.map(lambda role: archive.enter(old[role], state.learners[role].learner.average, due))
     archives = ROLES.map(lambda role: archive.renew(entered[role], config, keys[role]))
     in_slots = jnp.arange(games) < config.first_game(len(Role), games)
     bits = jax.random.bits(jax.random.fold_in(start_key, 1), (2, games), jnp.uint32)
-    playing = ROLES.map(lambda role: players(plan, role, state.learners, {}, archives, jnp.ones(())))
-    begun = begin(game, reset_batch(game, start_key, games), playing, bits)
+    begun = begin(game, reset_batch(game, start_key, games), players(plan, state, {}), bits)
     learners = {
         role: replace(side, buffer=replay_buffer.cut(side.buffer, in_slots)) for role, side in state.learners.items()
     }

@@ -1,6 +1,7 @@
 """The state of a stage of training, and its first one (Algorithm 1, lines 1 to 3; Algorithm 2, lines 1 to 4)."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -13,7 +14,7 @@ from apollonius.agents.pool import Assigned, Pool, solo
 from apollonius.agents.trained import exploring, greedy
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.types import ROLES, Role, Scalar
+from apollonius.game.types import ROLES, Role
 from apollonius.learn import archive, dqn, replay_buffer, sac
 from apollonius.learn.learner_config import DQNConfig, SACConfig
 from apollonius.learn.stage_config import Plan
@@ -74,12 +75,12 @@ def start(
     if plan.opponents.share > 0:
         archives = ROLES.map(lambda role: archive.init(learners[role].learner.network, plan.opponents))
     start_key, member_key, train_key = jax.random.split(stage_key, 3)
-    playing = ROLES.map(lambda role: players(plan, role, learners, fixed, archives, jnp.ones(())))
-    bits = jax.random.bits(member_key, (2, config.games), jnp.uint32)
-    begun = begin(game, reset_batch(game, start_key, config.games), playing, bits)
-    games = jax.tree.map(jnp.array, begun)  # apart: at the start what a side knows is the state itself
     iterations, env_steps, episodes = (jnp.zeros((), jnp.int32) for _ in range(3))
-    return TrainState(games, learners, train_key, iterations, env_steps, episodes, archives)
+    state = TrainState(None, learners, train_key, iterations, env_steps, episodes, archives)
+    bits = jax.random.bits(member_key, (2, config.games), jnp.uint32)
+    begun = begin(game, reset_batch(game, start_key, config.games), players(plan, state, fixed), bits)
+    # Apart: at the start what a side knows is the state itself.
+    return replace(state, games=jax.tree.map(jnp.array, begun))
 
 
 def first_learner(plan: Plan, key: PRNGKeyArray, network: Network | None) -> Learner:
@@ -90,20 +91,26 @@ def first_learner(plan: Plan, key: PRNGKeyArray, network: Network | None) -> Lea
     return dqn.init(plan.learner, key, network)
 
 
-def players(
-    plan: Plan,
-    role: Role,
-    learners: Mapping[Role, LearnerState],
-    fixed: Mapping[Role, Pool],
-    archives: BySide[archive.Archive] | None,
-    amount: Scalar,
-) -> Pool | Assigned:
-    """Return the players of one side: the fixed ones, or its learner and, in the slots, its earlier versions."""
-    if role in fixed:
-        return fixed[role]
-    learner = exploring(learners[role].learner.network, amount)
-    if archives is None:
-        return solo(learner)
-    config, games = plan.opponents, plan.learner.games
-    slots = config.slots, config.first_game(role, games), config.slot_games(games)
-    return Assigned(learner, greedy(archives[role].in_slots), *slots)
+def players(plan: Plan, state: TrainState, fixed: Mapping[Role, Pool]) -> BySide[Pool | Assigned]:
+    """Return the players of both sides: fixed ones, or a learner that explores, by soft actor-critic with noise that
+    lasts, and in the slots its earlier versions.
+    """
+    config, past = plan.learner, plan.opponents
+
+    def of_side(role: Role) -> Pool | Assigned:
+        if role in fixed:
+            return fixed[role]
+        amount, bits = jnp.ones(()), None
+        if isinstance(config, DQNConfig):
+            amount = config.epsilon(plan.stage.epsilon[role], plan.stage.env_steps, state.env_steps)
+        if isinstance(config, SACConfig) and config.noise_steps > config.steps_per_iteration:
+            held = state.iterations // (config.noise_steps // config.steps_per_iteration)
+            key = jax.random.fold_in(jax.random.fold_in(state.key, 4 + role), held)
+            bits = jax.random.bits(key, (config.games,), jnp.uint32)
+        learner = exploring(state.learners[role].learner.network, amount)
+        if state.archives is None:
+            return replace(solo(learner), bits=bits)
+        slots = past.slots, past.first_game(role, config.games), past.slot_games(config.games)
+        return Assigned(learner, greedy(state.archives[role].in_slots), *slots, bits)
+
+    return ROLES.map(of_side)

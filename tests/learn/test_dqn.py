@@ -17,9 +17,9 @@ from apollonius.agents.pool import solo
 from apollonius.game.types import Role
 from apollonius.learn import dqn, replay_buffer, sac
 from apollonius.learn.learner_config import DQNConfig, SACConfig
-from apollonius.learn.loop import _playing, play_and_learn
+from apollonius.learn.loop import play_and_learn
 from apollonius.learn.stage_config import Plan, SelfPlayConfig, StageConfig
-from apollonius.learn.train_state import start
+from apollonius.learn.train_state import players, start
 from tests.learn.tiny import CHUNK, GAME, SMALL
 
 ROWS, GAMES, GAMMA = 12, 3, 0.9
@@ -346,7 +346,7 @@ def test_a_game_keeps_its_noise_for_as_many_steps_as_the_config_says_and_each_si
     @jax.jit
     @jax.vmap
     def words(iterations):
-        return [_playing(plan, role, replace(state, iterations=iterations), {}).bits for role in Role]
+        return [side.bits for side in players(plan, replace(state, iterations=iterations), {})]
 
     chased, fled = (np.asarray(one).reshape(3, 8, 64) for one in words(jnp.arange(24)))
     for each in (chased, fled):
