@@ -3,7 +3,7 @@
 import base64
 import json
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 from apollonius.export.c import Program
@@ -34,16 +34,6 @@ def _layouts(programs: Iterable[Program]) -> dict[str, Any]:
     return {"given": given, "functions": functions}
 
 
-def _text(programs: Sequence[Program], made_of: str) -> str:
-    """Return the JavaScript that holds some programs."""
-    module = compiled(programs, OF_PAGE)
-    layouts = json.dumps(_layouts(programs), separators=(",", ":"))
-    return (
-        f"// Made by `make page` from `apollonius/web/programs.py`.\n\n{made_of}"
-        f'export const LAYOUTS = {layouts};\nexport const MODULE = "{base64.b64encode(module).decode()}";\n'
-    )
-
-
 def main() -> None:
     """Write the file; with `--check`, fail if it is outdated."""
     programs = [*page_programs()]
@@ -51,7 +41,12 @@ def main() -> None:
     if "--check" in sys.argv:
         current = made_of in COMPILED.read_text()
         sys.exit(None if current else "the page's programs are outdated: run `make page`")
-    COMPILED.write_text(_text(programs, made_of))
+    layouts = json.dumps(_layouts(programs), separators=(",", ":"))
+    module = base64.b64encode(compiled(programs, OF_PAGE)).decode()
+    COMPILED.write_text(
+        f"// Made by `make page` from `apollonius/web/programs.py`.\n\n{made_of}"
+        f'export const LAYOUTS = {layouts};\nexport const MODULE = "{module}";\n'
+    )
     print(f"{COMPILED}: {COMPILED.stat().st_size:,} bytes")
 
 

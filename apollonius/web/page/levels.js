@@ -51,10 +51,7 @@ export function ofLevel(game, { seconds, isFoggy }) {
 }
 
 /** The arenas that only levels have: the paper's without its discs. */
-export const withOpenFloor = (games) => {
-  const { paper } = games;
-  return { ...games, open: { ...paper, arena: { ...paper.arena, discs: [] } } };
-};
+export const withOpenFloor = (games) => ({ ...games, open: { ...games.paper, arena: { ...games.paper.arena, discs: [] } } });
 
 const KEY = "apollonius.best";
 

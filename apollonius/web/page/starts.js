@@ -40,14 +40,14 @@ function drawRobot({ arena, starts }, random, body) {
   };
 }
 
+const separation = (one, two) => Math.hypot(one.x - two.x, one.y - two.y);
+
 /** Return whether a robot is far enough from walls and obstacles and, if it is an evader, from the territory. */
 function hasRoom({ arena, starts }, robot, role, body) {
   if (clearance(arena, robot.x, robot.y) < starts.clearance + body.radius) return false;
   const { territory: goal } = arena;
-  return role === PURSUER || !goal || Math.hypot(robot.x - goal.x, robot.y - goal.y) >= goal.radius + starts.separation;
+  return role === PURSUER || !goal || separation(robot, goal) >= goal.radius + starts.separation;
 }
-
-const separation = (one, two) => Math.hypot(one.x - two.x, one.y - two.y);
 
 /** The first robots of both sides. */
 function drawPair(game, random) {
