@@ -55,7 +55,7 @@ test-all: check $(VENV)/installed-site $(VENV)/installed-peers
 # How many small changes of the code the tests notice: some hours; a second call goes on.
 mutants: $(VENV)/installed-dev
 	$(INSTALL) cosmic-ray==8.7.0
-	$(BIN)/python benchmarks/mutants.py --mutants 200 --out mutants.jsonl
+	$(BIN)/python tests/mutants.py --mutants 200 --out mutants.jsonl
 
 # dist/apollonius-*.whl and dist/apollonius-*.tar.gz
 wheel: $(VENV)/installed

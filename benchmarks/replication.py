@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -30,69 +30,49 @@ from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, sample_starts
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.types import Outcome, Role
-from apollonius.learn import train_state
-from apollonius.learn.config import PRESETS, STAGES
+from apollonius.learn.config import FIXED_TARGET, PRESETS, SELF_PLAY, STAGES
 from apollonius.learn.loop import play_and_learn
-from apollonius.learn.stage_config import Plan
+from apollonius.learn.stage_config import Plan, SelfPlayConfig
+from apollonius.learn.train_state import TrainState, start
 from apollonius.play.random_bits import random_bits_of
 from apollonius.play.rollout import begin, reset_where_done, step_games
 from apollonius.reproduce.study import MATCH_SEED, run_configs
 
 _CHUNKS = 32
 """Chunks of a training in a call of the compiled function."""
+_LOOKS = 8
+"""Matches in the course of self-play."""
 _CHOICE_GAMES = 1000
 """Games by which the best pursuer of stage 1 is chosen."""
-Look = Callable[[int, train_state.TrainState], None]
-"""What is done with the states of all trainings at a share of the stage [%]."""
+Look = Callable[[int, dict[Role, Any]], None]
+"""What is done at a share of a stage [%] with the networks that are evaluated, stacked, by side."""
 
 
 def train(
-    plan: Plan, game: Game, stage: str, seeds: Sequence[int], fixed: dict[Role, Pool], look: Look, looks: int = 8,
-    networks: Any = None, epsilons: Sequence[float] | None = None,
-) -> train_state.TrainState:  # fmt: skip
-    """Train one stage with all seeds side by side and return the last states, stacked.
+    plan: Plan, game: Game, seeds: Sequence[int], fixed: dict[Role, Pool], look: Look, looks: int, networks: Any = None
+) -> None:
+    """Train one stage with all seeds side by side, and look at it evenly; `networks` are pursuers to go on from."""
+    rewarded, stage = plan.stage.trained_in(game), SELF_PLAY if isinstance(plan.stage, SelfPlayConfig) else FIXED_TARGET
+    keys = jnp.stack([jax.random.fold_in(jax.random.key(seed), STAGES.index(stage)) for seed in seeds])
 
-    Args:
-        looks: times that `look` is called, evenly.
-        networks: pursuers to go on from, stacked; None for random weights.
-        epsilons: share of random actions of the pursuer at first, by seed; None for the plan's.
-    """
-    rewarded = plan.stage.trained_in(game)
-    first = jnp.asarray(epsilons or [plan.stage.pursuer_epsilon] * len(seeds), jnp.float32)
+    def first_state(key: Any, network: Any) -> TrainState:
+        return start(plan, rewarded, key, fixed, BySide(network, None))
 
-    def first_state(key: Any, network: Any) -> train_state.TrainState:
-        return train_state.start(plan, rewarded, key, fixed, BySide(network, None))
+    @eqx.filter_jit(donate="all")
+    def some(state: TrainState) -> TrainState:
+        def chunk(_: Any, state: TrainState) -> TrainState:
+            return inspect.unwrap(play_and_learn)(plan, rewarded, state, fixed)[0]
 
-    @eqx.filter_jit(donate="all-except-first")
-    def some(epsilons: Any, state: train_state.TrainState) -> train_state.TrainState:
-        def one(epsilon: Any, state: train_state.TrainState) -> train_state.TrainState:
-            explored = replace(plan.stage)
-            object.__setattr__(explored, "pursuer_epsilon", epsilon)  # a traced number, which no check can read
-            own, chunk = Plan(plan.learner, explored), inspect.unwrap(play_and_learn)
-            return jax.lax.fori_loop(0, _CHUNKS, lambda _, state: chunk(own, rewarded, state, fixed)[0], state)
+        return jax.vmap(lambda state: jax.lax.fori_loop(0, _CHUNKS, chunk, state))(state)
 
-        return jax.vmap(one)(epsilons, state)
-
-    state = jax.jit(jax.vmap(first_state))(keys(stage, seeds), networks)
-    calls, began = -(-plan.chunks // _CHUNKS), time.time()
+    state, calls, began = jax.jit(jax.vmap(first_state))(keys, networks), -(-plan.chunks // _CHUNKS), time.time()
     for call in range(1, calls + 1):
-        state = some(first, state)
+        state = some(state)
         if call * looks // calls > (call - 1) * looks // calls:
             percent = 100 * (call * looks // calls) // looks
-            look(percent, state)
+            look(percent, {role: jax.tree.map(jnp.copy, one.learner.average) for role, one in state.learners.items()})
             speed = int(state.env_steps[0]) * len(seeds) / (time.time() - began)
             print(f"{stage}: {len(seeds)} trainings, {percent} %, {speed:,.0f} env steps/s", flush=True)
-    return state
-
-
-def keys(stage: str, seeds: Sequence[int]) -> Any:
-    """Return the keys of a stage, one for each seed."""
-    return jnp.stack([jax.random.fold_in(jax.random.key(seed), STAGES.index(stage)) for seed in seeds])
-
-
-def averages(state: train_state.TrainState, role: Role) -> Any:
-    """Return copies of the networks that are evaluated, stacked."""
-    return jax.tree.map(jnp.copy, state.learners[role].learner.average)
 
 
 def matches(game: Game, pursuers: QNetwork, evaders: QNetwork | AbstractPolicy, games: int) -> list[list[Any]]:
@@ -139,7 +119,8 @@ def main() -> None:
     still, uniform = (find_player(name, Role.EVADER, game).policy for name in ("still", "random"))
     results: dict[str, Any] = {"games": asked.games, "share": asked.share, "scratch": scratch, "curriculum": seeds}
     results |= {"device": jax.devices()[0].device_kind, "course": []}
-    networks: dict[str, Any] = {}
+    untaught, taught = dict[int, Any](), dict[Role, Any]()
+    best, chosen = np.full(len(seeds), -1), cast(Any, None)
 
     def plan_of(run: str, stage: str) -> Plan:
         plan = configs[run].plans[stage]
@@ -149,49 +130,36 @@ def main() -> None:
         results.update(found)
         asked.out.write_text(json.dumps(results, indent=1))
 
-    best = np.full(len(seeds), -1)
-
-    def choose(_: int, state: train_state.TrainState) -> None:
+    def choose(_: int, networks: dict[Role, Any]) -> None:
         """Keep the pursuer of each seed that has most captures so far (section IV)."""
-        new = averages(state, Role.PURSUER)
+        nonlocal chosen
+        new = networks[Role.PURSUER]
         found = np.array([row[0]["captured"] for row in matches(game, new, still, _CHOICE_GAMES)])
-        better, old = found > best, networks.get("P_stage1", new)
-        best[better] = found[better]
-        networks["P_stage1"] = jax.vmap(reset_where_done)(jnp.asarray(better), new, old)
+        chosen = jax.vmap(reset_where_done)(jnp.asarray(found > best), new, chosen or new)
+        np.maximum(best, found, out=best)
 
-    def cross(percent: int, state: train_state.TrainState) -> None:
-        """Play agents of the curriculum against those from scratch, as they are now."""
-        for role in Role:
-            both = averages(state, role)
-            networks[f"{role.name[0]}_scratch"] = jax.tree.map(lambda leaf: leaf[: len(scratch)], both)
-            networks[f"{role.name[0]}_curriculum"] = jax.tree.map(lambda leaf: leaf[len(scratch) :], both)
-        games = asked.games // (1 if percent == 100 else 2)
-        pairs = ("P_curriculum", "E_scratch"), ("P_scratch", "E_curriculum")
-        found = {f"{one} v {other}": matches(game, networks[one], networks[other], games) for one, other in pairs}
-        results["course"].append({"percent": percent, "games": games, **found})
-        write()
+    def cross(percent: int, networks: dict[Role, Any]) -> None:
+        """Play agents of the curriculum against those from scratch that had trained as long."""
+        taught.update(networks)
+        others, games = untaught[percent], asked.games // (1 if percent == 100 else 2)
+        found = {
+            "P_curriculum v E_scratch": matches(game, networks[Role.PURSUER], others[Role.EVADER], games),
+            "P_scratch v E_curriculum": matches(game, others[Role.PURSUER], networks[Role.EVADER], games),
+        }
+        write(course=[*results["course"], {"percent": percent, "games": games, **found}])
 
-    first = plan_of("curriculum", "fixed-target")
-    train(first, game, "fixed-target", seeds, {Role.EVADER: solo(still)}, choose, first.stage.evaluations)
-    write(**{"P_stage1 v still": matches(game, networks["P_stage1"], still, asked.games)})
+    def compare(_: int, networks: dict[Role, Any]) -> None:
+        """Play the pursuers that learned to catch a random evader."""
+        for name, evader in (("random", uniform), ("E_scratch", untaught[100][Role.EVADER])):
+            write(**{f"P_random v {name}": matches(game, networks[Role.PURSUER], evader, asked.games)})
 
-    # Self-play of both kinds at once: from scratch a pursuer has random weights, and explores more.
-    plan, explores = plan_of("scratch", "self-play"), plan_of("curriculum", "self-play").stage.pursuer_epsilon
-
-    def fresh(key: Any) -> Any:
-        return train_state.start(plan, game, key, {}).learners[Role.PURSUER].learner.average
-
-    both = jax.jit(jax.vmap(fresh))(keys("self-play", scratch)), networks["P_stage1"]
-    begun = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *both)
-    epsilons = [plan.stage.pursuer_epsilon] * len(scratch) + [explores] * len(seeds)
-    train(plan, game, "self-play", scratch + seeds, {}, cross, networks=begun, epsilons=epsilons)
-    write(**{"P_curriculum v random": matches(game, networks["P_curriculum"], uniform, asked.games)})
-
-    fixed = {Role.EVADER: solo(uniform)}
-    last = train(plan_of("random", "fixed-target"), game, "fixed-target", seeds, fixed, lambda percent, state: None)
-    chasing = averages(last, Role.PURSUER)
-    for name, evader in (("random", uniform), ("E_scratch", networks["E_scratch"])):
-        write(**{f"P_random v {name}": matches(game, chasing, evader, asked.games)})
+    first, second = plan_of("curriculum", FIXED_TARGET), plan_of("curriculum", SELF_PLAY)
+    train(first, game, seeds, {Role.EVADER: solo(still)}, choose, first.stage.evaluations)
+    write(**{"P_stage1 v still": matches(game, chosen, still, asked.games)})
+    train(plan_of("scratch", SELF_PLAY), game, scratch, {}, untaught.__setitem__, _LOOKS)
+    train(second, game, seeds, {}, cross, _LOOKS, chosen)
+    write(**{"P_curriculum v random": matches(game, taught[Role.PURSUER], uniform, asked.games)})
+    train(plan_of("random", FIXED_TARGET), game, seeds, {Role.EVADER: solo(uniform)}, compare, 1)
 
 
 if __name__ == "__main__":
