@@ -40,17 +40,14 @@ from apollonius.reproduce.study import MATCH_SEED, run_configs
 
 _CHUNKS = 32
 """Chunks of a training in a call of the compiled function."""
-_LOOKS = 8
-"""Matches in the course of self-play."""
-_CHOICE_GAMES = 1000
-"""Games by which the best pursuer of stage 1 is chosen."""
 Look = Callable[[int, dict[Role, Any]], None]
 """What is done at a share of a stage [%] with the networks that are evaluated, stacked, by side."""
 
 
 def train(
-    plan: Plan, game: Game, seeds: Sequence[int], fixed: dict[Role, Pool], look: Look, looks: int, networks: Any = None
-) -> None:
+    plan: Plan, game: Game, seeds: Sequence[int], fixed: dict[Role, Pool], look: Look, looks: int = 8,
+    networks: Any = None,
+) -> None:  # fmt: skip
     """Train one stage with all seeds side by side, and look at it evenly; `networks` are pursuers to go on from."""
     rewarded, stage = plan.stage.trained_in(game), SELF_PLAY if isinstance(plan.stage, SelfPlayConfig) else FIXED_TARGET
     keys = jnp.stack([jax.random.fold_in(jax.random.key(seed), STAGES.index(stage)) for seed in seeds])
@@ -134,7 +131,7 @@ def main() -> None:
         """Keep the pursuer of each seed that has most captures so far (section IV)."""
         nonlocal chosen
         new = networks[Role.PURSUER]
-        found = np.array([row[0]["captured"] for row in matches(game, new, still, _CHOICE_GAMES)])
+        found = np.array([row[0]["captured"] for row in matches(game, new, still, first.stage.evaluation_games)])
         chosen = jax.vmap(reset_where_done)(jnp.asarray(found > best), new, chosen or new)
         np.maximum(best, found, out=best)
 
@@ -156,8 +153,8 @@ def main() -> None:
     first, second = plan_of("curriculum", FIXED_TARGET), plan_of("curriculum", SELF_PLAY)
     train(first, game, seeds, {Role.EVADER: solo(still)}, choose, first.stage.evaluations)
     write(**{"P_stage1 v still": matches(game, chosen, still, asked.games)})
-    train(plan_of("scratch", SELF_PLAY), game, scratch, {}, untaught.__setitem__, _LOOKS)
-    train(second, game, seeds, {}, cross, _LOOKS, chosen)
+    train(plan_of("scratch", SELF_PLAY), game, scratch, {}, untaught.__setitem__)
+    train(second, game, seeds, {}, cross, networks=chosen)
     write(**{"P_curriculum v random": matches(game, taught[Role.PURSUER], uniform, asked.games)})
     train(plan_of("random", FIXED_TARGET), game, seeds, {Role.EVADER: solo(uniform)}, compare, 1)
 

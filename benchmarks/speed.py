@@ -12,7 +12,6 @@ import os
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import jax
@@ -41,12 +40,6 @@ from apollonius.solve.transition_map import make_side
 from apollonius.solve.zero_sum_game import make_zero_sum_game
 
 STEPS, START_ROWS = 250, 16
-CLASSIC = replace(
-    PROFILES["paper"], batch=128, env_steps_per_update=4, target_period=32_000, games=4, final_epsilon=0.02
-)
-"""Plain DQN on the 8 numbers, an update every 4 env steps: how published trainers are measured."""
-
-
 Stepped = tuple[Games, tuple[Array, ...]]
 """Games under way, and what an environment returns of a step: observations, rewards, flags."""
 
@@ -142,20 +135,18 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("env", "train", "solve"))
-    parser.add_argument("--games", type=int, help="at a time (default: 4096 for env, the profile's for train)")
+    parser.add_argument("--games", type=int, default=4096, help="of env: at a time (default: %(default)s)")
     parser.add_argument("--game", default="paper", help="of env: a name or file (default: %(default)s)")
-    parser.add_argument("--profile", choices=("classic", *PROFILES), default="classic", help="of train")
+    parser.add_argument("--profile", choices=PROFILES, default="fast", help="of train (default: %(default)s)")
     parser.add_argument("--stage", choices=("fixed-target", "self-play"), default="fixed-target", help="of train")
     parser.add_argument("--grid", type=nodes, default="11x11x5x8", help="of solve, of two (default: %(default)s)")
     options = parser.parse_args()
     if options.what == "env":
-        result = measure_env(find_game(options.game), options.games or 4096)
+        result = measure_env(find_game(options.game), options.games)
     elif options.what == "solve":
         result = measure_solver(options.grid, hold=10)
     else:
-        config = {"classic": CLASSIC, **PROFILES}[options.profile]
-        config = config if options.games is None else replace(config, games=options.games)
-        result = measure_training(config, options.stage)
+        result = measure_training(PROFILES[options.profile], options.stage)
     print(f"{jax.devices()[0].device_kind}, {len(os.sched_getaffinity(0))} cores, jax {jax.__version__}")
     for name, value in result.items():
         print(f"{name:<36} {value:,.{0 if value >= 100 else 2}f}")

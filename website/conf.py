@@ -38,7 +38,6 @@ html_css_files = ["site.css"]
 html_favicon = html_logo = str(HERE.parent / "apollonius" / "web" / "page" / "icon.svg")
 html_show_sourcelink = html_copy_source = False
 html_show_search_summary = False  # which it fetches: from a folder nothing can be
-html_context = {"default_mode": "auto"}
 html_sidebars: dict[str, list[str]] = {"index": [], "start": [], "report": []}
 html_theme_options = {
     "logo": {"text": project},

@@ -31,8 +31,6 @@ PARTS = {
     "Project": ("contributing", "changelog", "security", "licence", "report"),
 }
 """The tabs of the site besides its home page, each with its documents: first the one that it opens."""
-GENERATED = {"reference/command", "reference/config", "reference/api/index"}
-"""Pages that are made from the package."""
 BESIDE = {
     "CONTRIBUTING.md": "contributing.md",
     "CHANGELOG.md": "changelog.md",

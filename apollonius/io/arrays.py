@@ -17,13 +17,9 @@ from apollonius.io.errors import InvalidInput, shown
 T = TypeVar("T")
 MOST_HEADER = 2**24
 """Largest header of a file [bytes]."""
-_NUMBERS = {
-    name: np.dtype(kind)
-    for name, kind in (
-        ("BOOL", bool), ("U8", np.uint8), ("I8", np.int8), ("U16", np.uint16), ("I16", np.int16), ("F16", np.float16),
-        ("U32", np.uint32), ("I32", np.int32), ("F32", np.float32),
-    )
-}  # fmt: skip
+_NUMBERS = {"BOOL": np.dtype(bool), "U8": np.dtype(np.uint8), "I8": np.dtype(np.int8)} | {
+    f"{kind}{8 * size}": np.dtype(f"{kind.lower()}{size}") for kind in "UIF" for size in (2, 4)
+}
 """Number types by the names that safetensors has for them."""
 
 

@@ -11,17 +11,13 @@ from apollonius.learn.folder import agent_file
 from apollonius.learn.metrics import MetricsLine, load_metrics
 from apollonius.play.playout import Results
 
-RUN_OF = {
-    "P_stage1": "curriculum",
-    "P_curriculum": "curriculum",
-    "E_curriculum": "curriculum",
-    "P_scratch": "scratch",
-    "E_scratch": "scratch",
-    "P_random": "random",
+AGENTS = {
+    "curriculum": ["P_stage1", "P_curriculum", "E_curriculum"],
+    "scratch": ["P_scratch", "E_scratch"],
+    "random": ["P_random"],
 }
-"""The training run that each agent comes from."""
-SELF_PLAYED = ("P_curriculum", "E_curriculum", "P_scratch", "E_scratch")
-"""The agents that are also kept as they were at earlier moments of self-play."""
+"""The agents that come from each training run."""
+RUN_OF = {agent: run for run, agents in AGENTS.items() for agent in agents}
 MATCH_SEED = 0
 """Seed of the starts of every match: all pairings meet the same ones."""
 
@@ -66,8 +62,7 @@ class Study:
 
     def agent(self, name: str, role: Role, seed: int, percent: int = 100) -> Named:
         """Return an agent of a seed, `random` or `still`; of self-play's, as it was at a percentage of it."""
-        moment = percent if name in SELF_PLAYED else 100
-        player = str(agent_file(self.run(RUN_OF[name], seed), name, moment)) if name in RUN_OF else name
+        player = str(agent_file(self.run(RUN_OF[name], seed), name, percent)) if name in RUN_OF else name
         return replace(find_player(player, role, self.preset.game), name=name)
 
     def pairing(self, pursuer: str, evader: str, seeds: tuple[int, int], percent: int = 100) -> Match:
@@ -97,7 +92,7 @@ class Study:
     def trainings(self) -> dict[Path, tuple[RunConfig, list[str]]]:
         """Return by folder the training, and the agents of the finished run."""
         return {
-            self.run(name, seed): (config, [agent for agent, run in RUN_OF.items() if run == name])
+            self.run(name, seed): (config, AGENTS[name])
             for seed in self.seeds
             for name, config in run_configs(self.preset, seed).items()
         }

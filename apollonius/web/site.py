@@ -42,7 +42,6 @@ ROBOTS = 6
 """Most robots of a side in the page, whose programs always have as many places for them."""
 OWN = ".wasm"
 """Suffix of the files of users' own players (`apollonius.web.programs.write_player`)."""
-_BEGINS_WITH = ("pursuer", "evader", "game", "difficulty", "seed", "level")
 _MADE = f"one that the page makes: {', '.join(READS)}; choose another player"
 
 
@@ -130,7 +129,7 @@ def write_site(folder: Path, choice: Choice | None = None) -> None:
         "agents": names,
         "anywhere": anywhere,
         "files": published,
-        "chosen": {name: getattr(chosen, name) for name in _BEGINS_WITH},
+        "chosen": {name: value for name, value in vars(chosen).items() if name not in ("agents", "games")},
     }
     (folder / "catalogue.json").write_text(to_json(catalogue))
 

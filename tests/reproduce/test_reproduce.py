@@ -16,7 +16,7 @@ from apollonius.learn.folder import agent_file, create_run
 from apollonius.learn.run import Run
 from apollonius.reproduce.finding import outcome_table
 from apollonius.reproduce.reproduction import SECTIONS, reproduce
-from apollonius.reproduce.study import RUN_OF, SELF_PLAYED, run_configs
+from apollonius.reproduce.study import AGENTS, RUN_OF, run_configs
 from tests.learn.tiny import GAME
 from tests.learn.tiny import RUN as TINY
 
@@ -44,8 +44,8 @@ def study(demo, tmp_path_factory):
     for name, config in run_configs(PRESETS["quick"], 0).items():
         create_run(config, run := folder / "seed-0" / name)
         shutil.copy(demo / "metrics.jsonl", run)
-        for agent in (agent for agent in RUN_OF if RUN_OF[agent] == name):
-            for moment in (25, 75, 100) if agent in SELF_PLAYED else (100,):
+        for agent in AGENTS[name]:
+            for moment in (25, 75, 100) if agent.endswith(("_curriculum", "_scratch")) else (100,):
                 (file := agent_file(run, agent, moment)).parent.mkdir(exist_ok=True)
                 shutil.copy(demo / "agents" / f"{agents.get(agent, agent)}.safetensors", file)
     assert main(["reproduce", "--games", str(GAMES), "--out", str(folder), "--resume"]) == 0

@@ -57,8 +57,7 @@ const KEY = "apollonius.best";
 
 function read() {
   try {
-    const kept = JSON.parse(localStorage.getItem(KEY) ?? "{}");
-    return kept !== null && typeof kept === "object" ? kept : {};
+    return Object(JSON.parse(localStorage.getItem(KEY)));
   } catch {
     return {};
   }

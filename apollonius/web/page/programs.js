@@ -27,14 +27,9 @@ export const addresses = { field: 0, weights: 0 };
 
 /** The address of a copy of some arrays of numbers, one after the other. */
 export function kept(arrays) {
-  const count = arrays.reduce((sum, array) => sum + array.length, 0);
-  const at = allocate(4 * count);
-  const into = new Float32Array(memory.buffer, at, count);
-  let done = 0;
-  for (const array of arrays) {
-    into.set(array, done);
-    done += array.length;
-  }
+  const all = Float32Array.from(arrays.flatMap((array) => Array.from(array)));
+  const at = allocate(all.byteLength);
+  new Float32Array(memory.buffer, at, all.length).set(all);
   return at;
 }
 

@@ -19,8 +19,7 @@ export class Steering {
   /** Press or release a key; returns whether it steers. */
   key(code, isDown) {
     if (!(code in ALL_KEYS)) return false;
-    if (isDown) this.held.add(code);
-    else this.held.delete(code);
+    this.held[isDown ? "add" : "delete"](code);
     return true;
   }
 
