@@ -12,6 +12,7 @@ import pytest
 from apollonius.agents import built_in
 from apollonius.agents.classical import AbstractClassical
 from apollonius.agents.guidance import Flee, FleeAware, Intercept, PurePursuit, nearest_reach
+from apollonius.agents.searching import Search
 from apollonius.agents.surrounding import Encirclement, VoronoiPursuit, even_bearings, path_length_to, to_all
 from apollonius.arenas.charting import charted
 from apollonius.catalogue import find_player, player_names
@@ -132,6 +133,19 @@ def test_flee_aware_keeps_off_walls_and_discs():
     chaser = find_player("pure-pursuit", Role.PURSUER, game).policy
     outcomes = play_match(a_match(game, chaser, FleeAware.for_side(game, Role.EVADER), games=60, seed=0)).outcomes
     assert outcomes["evader_hit_obstacle"] + outcomes["evader_out_of_range"] + outcomes["both_failed"] == 0
+
+
+def test_the_way_to_a_place_behind_a_wall_leads_round_its_end():
+    """The wall is at x from 4 to 4.2, below a door at y from 6 to 8."""
+    wall = Polygon(((4.0, 0.0), (4.2, 0.0), (4.2, 6.0), (4.0, 6.0)))
+    game = charted(Game(arena=Arena(0.0, 8.0, 0.0, 8.0, polygons=(wall,))))
+    search = Search.for_side(game, Role.PURSUER)
+    way = jax.jit(lambda own, place: search.way(view(game, Role.PURSUER, own, place), place))
+    for x, y in ((3.0, 3.0), (3.3, 4.0), (2.0, 4.5)):
+        heading, speed = map(float, way(robot(x, y, 0.0, pi / 2), robot(5.5, 2.0, 0.0, 0.0)))
+        round_the_end = atan2(6.2 - y, 4.0 - x)
+        assert same_direction(heading, round_the_end, 0.35)
+        assert speed > 0.5
 
 
 def test_where_flee_aware_has_no_way_left_it_values_how_late_its_clearance_runs_out():

@@ -275,6 +275,12 @@ def test_bad_arguments_are_refused(capsys, words):
     assert_refused(capsys, *words.split(), naming=[REFUSED[words]])
 
 
+def test_tables_of_something_else_are_refused_before_an_attack(capsys):
+    Path("no.safetensors").write_bytes(b"table")
+    words = ["exploit", "pursuer", "P_stage1", "--tables", "no.safetensors", "no.safetensors"]
+    assert_refused(capsys, *words, naming=["'no.safetensors' is not a whole Apollonius solution"])
+
+
 def test_a_random_arena_in_place_of_several_is_the_one_that_is_played(capsys):
     assert run_main("arena", "random", "--game", SEVERAL, "--seed", "3", "--out", "a.toml") == 0
     game = load_game(Path("a.toml"))

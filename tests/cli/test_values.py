@@ -103,6 +103,9 @@ def test_the_memory_of_a_container_counts(tmp_path, monkeypatch):
         (tmp_path / "memory.max").write_text(text)
         monkeypatch.setattr(limits, "_GROUP_LIMITS", (str(tmp_path / "memory.max"), str(tmp_path / "none")))
         assert limits.available_memory() == found
+    monkeypatch.setattr(limits, "_GROUP_LIMITS", ())
+    monkeypatch.delattr("os.sysconf")
+    assert limits.available_memory() == 8 * 1024**3, "where nobody says"
 
 
 def test_a_place_that_cannot_be_written_to_is_refused_at_once(here):

@@ -15,6 +15,7 @@ from apollonius.game.arena import Arena, Disc
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle, action_levels, sinc, unit_vector, wrap_angle
 from apollonius.game.fusion_barrier import fusion_barrier
+from apollonius.game.game import distance
 from apollonius.game.nearby import surroundings
 from apollonius.game.occupancy import OccupancyMap, distance_field
 from apollonius.game.polygon import Edges, Polygon
@@ -54,6 +55,11 @@ def test_pi_itself_and_every_neighbour_of_the_cut_wrap_to_the_right_side(cut, co
     assert ours[200] == PI
     assert np.all((ours > -PI) & (ours <= PI))
     np.testing.assert_allclose(np.exp(1j * ours), np.exp(1j * angles), atol=1e-6)
+
+
+def test_the_distance_of_two_robots_is_that_of_their_centres():
+    state = GameState.of_two(robot(2.0, 3.0, 1.0, 0.5), robot(5.0, 7.0, 0.0, -1.0), jnp.int32(0))
+    assert float(distance(state)) == 5.0
 
 
 def test_the_unit_vector_is_cosine_and_sine_to_one_in_a_million():

@@ -9,10 +9,21 @@ from unittest.mock import MagicMock
 
 import pytest
 
+from apollonius.io import interrupts
 from apollonius.io import workers as jobs_module
 from apollonius.io.errors import InvalidInput
 from apollonius.io.interrupts import asked
 from apollonius.io.workers import Job, run_jobs
+
+
+def test_a_module_that_is_being_loaded_is_told_by_its_frame(tmp_path, monkeypatch):
+    (tmp_path / "loaded_here.py").write_text("import sys\nFRAME = sys._getframe()\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    import loaded_here  # pyright: ignore[reportMissingImports]
+
+    assert interrupts._is_loading(loaded_here.FRAME)
+    assert not interrupts._is_loading(sys._getframe())
+    assert not interrupts._is_loading(None)
 
 
 def write_down(path):

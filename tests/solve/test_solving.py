@@ -20,6 +20,7 @@ from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.types import RobotState, Role
 from apollonius.io.errors import InvalidInput
+from apollonius.solve import transition_map
 from apollonius.solve.grid import TOLERANCE, iterate, make_grid
 from apollonius.solve.motion import HORIZON, motion_of
 from apollonius.solve.players import SaddlePolicy
@@ -246,6 +247,16 @@ def test_it_is_the_least_clearance_along_the_hold():
     assert 0.2 < free.mean() < 0.8
     np.testing.assert_allclose(ours[free], theirs[free], atol=1e-5)
     assert np.all(ours[theirs < -1e-4] < 0)
+
+
+def test_a_hold_takes_about_as_much_memory_as_is_asked_for():
+    motion, grid = motion_of(SMALL, Role.PURSUER, 5), reference_grid(SMALL, Role.PURSUER)[0]
+    course = transition_map_of(motion, grid).course
+    courses = sum(leaf.nbytes for leaf in jax.tree.leaves(course))
+    asked = transition_map._bytes_of_hold(motion, grid)
+    assert courses < asked < 100 * courses
+    longer = transition_map._bytes_of_hold(replace(motion, steps=10), grid)
+    assert 1.5 < longer / asked < 2
 
 
 def test_on_the_reference_grid_a_hold_moves_by_whole_speeds_and_almost_whole_headings():
