@@ -17,7 +17,7 @@ from apollonius.io.document import to_json
 from apollonius.io.errors import InvalidInput
 from apollonius.learn.config import PRESETS, RunConfig, sweep
 from apollonius.learn.folder import create_run, load_config
-from apollonius.learn.learner_config import DQNConfig, SACConfig, linear
+from apollonius.learn.learner_config import PROFILES, DQNConfig, SACConfig, linear
 from apollonius.learn.opponents import OpponentConfig
 from apollonius.learn.progress import STATE, State, keep_state, progress_of
 from apollonius.learn.stage_config import DistillationConfig, SelfPlayConfig, StageConfig, Task
@@ -92,6 +92,16 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
 def test_what_cannot_be_trained_is_refused(kind, values, named):
     with pytest.raises(InvalidInput, match=named):
         kind(**values)
+
+
+def test_both_profiles_have_the_numbers_that_the_documents_compare():
+    names = "observation double n_step final_n_step games batch env_steps_per_update learning_rate final_learning_rate"
+    names += " target_period averaging width depth gamma"
+    found = {profile: [getattr(config, name) for name in names.split()] for profile, config in PROFILES.items()}
+    assert found == {
+        "fast": ["encoded", True, 16, 4, 512, 256, 512, 5e-4, 2e-5, 128_000, 3e-4, 256, 4, 0.99],
+        "paper": ["paper", False, 1, 1, 1, 32, 1, 1e-4, 1e-4, 1_000, 1, 256, 4, 0.99],
+    }
 
 
 def test_what_is_just_possible_is_not_refused():
