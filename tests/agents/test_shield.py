@@ -141,6 +141,25 @@ def test_what_surely_stops_does_and_only_polygons_within_reach_are_looked_at(mak
         assert (clearance >= everywhere - 2e-5).all()
 
 
+def test_a_wall_that_only_the_rim_of_a_large_body_would_touch_is_within_reach():
+    """At full speed, straight towards it and braking so, from where it just stops in time or just does not."""
+    wall = Polygon(((10.0, 2.0), (11.0, 2.0), (11.0, 18.0), (10.0, 18.0)))
+    game = Game(arena=Arena(0.0, 20.0, 0.0, 20.0, polygons=(wall,)), pursuer=Unicycle(radius=0.9))
+    backup, away = replace(brakes(game, Role.PURSUER), manoeuvres=(1,)), jnp.linspace(2.0, 4.5, 200)
+    assert backup.surroundings
+
+    @jax.jit
+    @jax.vmap
+    def tried(away):
+        robot = RobotState(10.0 - away, jnp.float32(10.0), jnp.float32(1.2), jnp.float32(0.0))
+        ways = backup, replace(backup, surroundings=None)
+        return [one.clearance_after(robot, jnp.int32(7)) > MARGIN for one in ways]
+
+    found, everywhere = map(np.asarray, tried(away))
+    assert 0.2 < everywhere.mean() < 0.8
+    np.testing.assert_array_equal(found, everywhere)
+
+
 @pytest.mark.parametrize(
     ("make", "behave"),
     [(lambda: PAPER, valued), (lambda: PAPER, Swerves), pytest.param(yard, Reckless, marks=pytest.mark.slow)],

@@ -14,6 +14,7 @@ from apollonius.cli import display as module
 from apollonius.cli import values
 from apollonius.cli.display import Display
 from apollonius.cli.main import build_parser, main
+from apollonius.cli.terminal import bar
 from apollonius.io import limits
 from apollonius.io.errors import InvalidInput, shown
 from apollonius.io.limits import GAMES, RECORDS, SEED, Counted
@@ -60,6 +61,10 @@ def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("folder").mkdir()
     return tmp_path
+
+
+def test_a_bar_is_as_long_as_its_share_to_an_eighth_of_a_letter():
+    assert [bar(share, 4) for share in (0.0, 0.001, 0.5, 0.53, 1.0)] == ["", "▏", "██", "██▏", "████"]
 
 
 def test_every_argument_that_takes_a_value_has_a_type_from_here_or_choices():
