@@ -1,9 +1,10 @@
 """The paper's trainings with many seeds side by side on an accelerator, and every pursuer against every evader.
 
-    python benchmarks/replication.py --scratch 25 --curriculum 10 --out replication.json
+    python benchmarks/replication.py --scratch 25 --curriculum 10 --out runs/replication
 
 The functions are those of `apollonius train`, mapped over the seeds; `apollonius reproduce` trains one seed after
-another and differs in the last bits of the arithmetic. The file is written again after each look at the trainings.
+another and differs in the last bits of the arithmetic. `counts.json` is written again after each look at the trainings,
+a report with the claims at the end; where the counts are complete, only the report is made.
 """
 
 import argparse
@@ -11,7 +12,7 @@ import inspect
 import json
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -20,12 +21,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from apollonius import MatchResult
 from apollonius.agents.network import QNetwork
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.pool import Pool, solo
 from apollonius.agents.trained import greedy
 from apollonius.catalogue import find_player
 from apollonius.evaluate.match import keys_of
+from apollonius.evaluate.statistics import predict
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, sample_starts
 from apollonius.game.outcome import counts_by_name
@@ -36,11 +39,17 @@ from apollonius.learn.stage_config import Plan, SelfPlayConfig
 from apollonius.learn.train_state import TrainState, start
 from apollonius.play.random_bits import random_bits_of
 from apollonius.play.rollout import begin, reset_where_done, step_games
-from apollonius.reproduce.study import MATCH_SEED, run_configs
+from apollonius.reproduce.finding import Finding, Matches, markdown_table, rates, undefeated, won, write_report
+from apollonius.reproduce.reproduction import figure_6, stage_1, table_2, table_3
+from apollonius.reproduce.study import MATCH_SEED, Study, run_configs
+from apollonius.show import palette, style
 
+COUNTS = "counts.json"
+LAST = "P_random v E_scratch"
+"""The pairing that is played last."""
 _CHUNKS = 32
 """Chunks of a training in a call of the compiled function."""
-Look = Callable[[int, dict[Role, Any]], None]
+Look = Callable[[float, dict[Role, Any]], None]
 """What is done at a share of a stage [%] with the networks that are evaluated, stacked, by side."""
 
 
@@ -66,17 +75,17 @@ def train(
     for call in range(1, calls + 1):
         state = some(state)
         if call * looks // calls > (call - 1) * looks // calls:
-            percent = 100 * (call * looks // calls) // looks
+            percent = 100 * (call * looks // calls) / looks
             look(percent, {role: jax.tree.map(jnp.copy, one.learner.average) for role, one in state.learners.items()})
             speed = int(state.env_steps[0]) * len(seeds) / (time.time() - began)
-            print(f"{stage}: {len(seeds)} trainings, {percent} %, {speed:,.0f} env steps/s", flush=True)
+            print(f"{stage}: {len(seeds)} trainings, {percent:g} %, {speed:,.0f} env steps/s", flush=True)
 
 
-def matches(game: Game, pursuers: QNetwork, evaders: QNetwork | AbstractPolicy, games: int) -> list[list[Any]]:
-    """Return the counts of outcomes of every pursuer against every evader, both stacked, or against one for all."""
+def matches(game: Game, pursuers: QNetwork, evaders: QNetwork | AbstractPolicy, games: int) -> list[list[list[int]]]:
+    """Return the games by `Outcome` of every pursuer against every evader, both stacked, or against one for all."""
     start_key, key = keys_of(np.uint32(MATCH_SEED))
     ends = np.asarray(_outcomes(game, pursuers, evaders, sample_starts(game, start_key, games), key))
-    return [[counts_by_name(np.bincount(of_pair, minlength=len(Outcome))) for of_pair in row] for row in ends]
+    return [[np.bincount(pair, minlength=len(Outcome)).tolist() for pair in row] for row in ends]
 
 
 @eqx.filter_jit
@@ -102,21 +111,14 @@ def _outcomes(game: Game, pursuers: Any, evaders: Any, starts: Any, key: Any) ->
     return jax.vmap(against, in_axes=(0, None))(pursuers, evaders)
 
 
-def main() -> None:
-    """Train, play, and write the counts."""
-    parser = argparse.ArgumentParser(description="The paper's trainings with many seeds side by side.")
-    parser.add_argument("--scratch", type=int, default=25, help="seeds of self-play from scratch")
-    parser.add_argument("--curriculum", type=int, default=10, help="seeds of the curriculum and of P_random")
-    parser.add_argument("--games", type=int, default=500, help="in a match; half of them in the course of self-play")
-    parser.add_argument("--share", type=float, default=1.0, help="of each stage's env steps, to try it out")
-    parser.add_argument("--out", type=Path, required=True, help="file of the counts")
-    asked = parser.parse_args()
+def play_all(asked: argparse.Namespace) -> None:
+    """Train all agents and let them play, and write the counts as they come."""
     configs = run_configs(PRESETS["paper"], 0)
     game, seeds, scratch = configs["curriculum"].game, list(range(asked.curriculum)), list(range(asked.scratch))
     still, uniform = (find_player(name, Role.EVADER, game).policy for name in ("still", "random"))
-    results: dict[str, Any] = {"games": asked.games, "share": asked.share, "scratch": scratch, "curriculum": seeds}
-    results |= {"device": jax.devices()[0].device_kind, "course": []}
-    untaught, taught = dict[int, Any](), dict[Role, Any]()
+    results: dict[str, Any] = {"games": asked.games, "share": asked.share, "device": jax.devices()[0].device_kind}
+    results["course"] = []
+    untaught, taught = dict[float, Any](), dict[Role, Any]()
     best, chosen = np.full(len(seeds), -1), cast(Any, None)
 
     def plan_of(run: str, stage: str) -> Plan:
@@ -125,17 +127,17 @@ def main() -> None:
 
     def write(**found: Any) -> None:
         results.update(found)
-        asked.out.write_text(json.dumps(results, indent=1))
+        (asked.out / COUNTS).write_text(json.dumps(results))
 
-    def choose(_: int, networks: dict[Role, Any]) -> None:
+    def choose(_: float, networks: dict[Role, Any]) -> None:
         """Keep the pursuer of each seed that has most captures so far (section IV)."""
         nonlocal chosen
         new = networks[Role.PURSUER]
-        found = np.array([row[0]["captured"] for row in matches(game, new, still, first.stage.evaluation_games)])
+        found = np.array([row[0][Outcome.CAPTURED] for row in matches(game, new, still, first.stage.evaluation_games)])
         chosen = jax.vmap(reset_where_done)(jnp.asarray(found > best), new, chosen or new)
         np.maximum(best, found, out=best)
 
-    def cross(percent: int, networks: dict[Role, Any]) -> None:
+    def cross(percent: float, networks: dict[Role, Any]) -> None:
         """Play agents of the curriculum against those from scratch that had trained as long."""
         taught.update(networks)
         others, games = untaught[percent], asked.games // (1 if percent == 100 else 2)
@@ -143,9 +145,9 @@ def main() -> None:
             "P_curriculum v E_scratch": matches(game, networks[Role.PURSUER], others[Role.EVADER], games),
             "P_scratch v E_curriculum": matches(game, others[Role.PURSUER], networks[Role.EVADER], games),
         }
-        write(course=[*results["course"], {"percent": percent, "games": games, **found}])
+        write(course=[*results["course"], {"percent": percent, **found}], **found)
 
-    def compare(_: int, networks: dict[Role, Any]) -> None:
+    def compare(_: float, networks: dict[Role, Any]) -> None:
         """Play the pursuers that learned to catch a random evader."""
         for name, evader in (("random", uniform), ("E_scratch", untaught[100][Role.EVADER])):
             write(**{f"P_random v {name}": matches(game, networks[Role.PURSUER], evader, asked.games)})
@@ -157,6 +159,71 @@ def main() -> None:
     train(second, game, seeds, {}, cross, networks=chosen)
     write(**{"P_curriculum v random": matches(game, taught[Role.PURSUER], uniform, asked.games)})
     train(plan_of("random", FIXED_TARGET), game, seeds, {Role.EVADER: solo(uniform)}, compare, 1)
+
+
+@dataclass
+class Counted(Study):
+    """A study whose matches were played side by side, and its counts."""
+
+    counts: dict[str, Any] = field(default_factory=dict)
+
+    def matches(self, pursuer: str, evader: str) -> Matches:
+        return as_matches(self.counts[f"{pursuer} v {evader}"])
+
+
+def as_matches(counts: list[list[list[int]]]) -> Matches:
+    """Return counts of games by outcome as matches, of which nothing else is known."""
+    return [[MatchResult(counts_by_name(pair), 0.0, None) for pair in row] for row in counts]
+
+
+def in_stage_1(study: Counted) -> Finding:
+    """Return the claim about stage 1."""
+    return Finding("Stage 1", "Greedy games.", claims=(stage_1(study),))
+
+
+def in_the_course(study: Counted) -> Finding:
+    """Draw the claims of Fig. 6 in the course of self-play: means over pairs, and where another pair would lie."""
+    claims = (
+        ("P_curriculum wins against E_scratch", "P_curriculum v E_scratch", won, palette.PURSUER),
+        ("E_curriculum undefeated by P_scratch", "P_scratch v E_curriculum", undefeated, palette.EVADER),
+    )
+    percents, cells = [one["percent"] for one in study.counts["course"]], list[list[str]]()
+    with style.picture(study.folder / "course.png", width=6.0) as (axes,):
+        for claim, name, share, colour in claims:
+            values = [np.array(rates(as_matches(one[name]), share)) for one in study.counts["course"]]
+            found = [predict(one, 0, 1) for one in values]
+            low, high = 100 * np.transpose([one.interval for one in found])
+            axes.fill_between(percents, low, high, color=colour, alpha=0.15, linewidth=0)
+            axes.plot(percents, [100 * one.mean for one in found], "o-", color=colour, label=claim)
+            ends = zip(found, low, high, strict=True)
+            cells.append(
+                [f"{100 * one.mean:.1f} [{down:.0f}, {up:.0f}], {one.chance(0.7):.0%}" for one, down, up in ends]
+            )
+        axes.axhline(70, color=palette.INK, linewidth=0.8, linestyle=":")
+        axes.set(xlabel="self-play [%]", ylabel="games [%]", ylim=(0, 103))
+        axes.set_title("mean of all pairs, and where another would lie with 95 % (dotted: the paper)")
+        axes.legend(loc="upper right")
+    rows = [[f"{percent:g} %", *both] for percent, *both in zip(percents, *cells, strict=True)]
+    text = markdown_table(["self-play", *(claim for claim, *_ in claims)], rows)
+    return Finding("Fig. 6 in the course of self-play: mean [95 % prediction], chance of 70 %", text, ("course.png",))
+
+
+def main() -> None:
+    """Train, play, and write the counts, where they are not complete, and the report."""
+    parser = argparse.ArgumentParser(description="The paper's trainings with many seeds side by side.")
+    parser.add_argument("--scratch", type=int, default=25, help="seeds of self-play from scratch")
+    parser.add_argument("--curriculum", type=int, default=10, help="seeds of the curriculum and of P_random")
+    parser.add_argument("--games", type=int, default=500, help="in a match; half of them in the course of self-play")
+    parser.add_argument("--share", type=float, default=1.0, help="of each stage's env steps, to try it out")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the counts and the report")
+    asked = parser.parse_args()
+    asked.out.mkdir(parents=True, exist_ok=True)
+    if not (asked.out / COUNTS).exists() or LAST not in json.loads((asked.out / COUNTS).read_text()):
+        play_all(asked)
+    counts = json.loads((asked.out / COUNTS).read_text())
+    seeds = tuple(range(len(counts["P_stage1 v still"])))
+    study = Counted(asked.out, "paper", PRESETS["paper"], seeds, counts["games"], counts=counts)
+    write_report(study, [one(study) for one in (in_stage_1, in_the_course, figure_6, table_2, table_3)])
 
 
 if __name__ == "__main__":

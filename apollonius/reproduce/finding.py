@@ -73,6 +73,10 @@ def won(match: MatchResult) -> float:
     return match.pursuer_win_rate
 
 
+def undefeated(match: MatchResult) -> float:
+    return match.evader_undefeated_rate
+
+
 def outcome_shares(matches: Matches) -> Shares:
     """Return the share of each outcome with each training of the pursuer, over those of the evader."""
     return {
@@ -122,6 +126,10 @@ def write_report(study: Study, findings: Sequence[Finding]) -> None:
     write_atomically(study.folder / "report.md", ("\n\n".join(sections) + "\n").encode())
 
 
+_MOST_LISTED = 9
+"""Values of a claim that its row lists one by one; of more it has the least and the largest."""
+
+
 def claim_table(claims: Sequence[Claim], is_full: bool) -> str:
     """Return all claims with the paper's value, ours, the prediction and the verdict as a Markdown table."""
     head = ["claim", "source", "paper", "to reach", "here", "95 % prediction", "chance", "by training", "verdict"]
@@ -130,6 +138,9 @@ def claim_table(claims: Sequence[Claim], is_full: bool) -> str:
         found, chance = claim.prediction, claim.prediction.chance(claim.bound)
         numbers = [f"{rate:.1%}" for rate in (claim.paper, claim.bound, found.mean)]
         prediction = ["{:.1%} to {:.1%}".format(*found.interval), "-" if chance is None else f"{chance:.0%}"]
-        trainings = "; ".join(", ".join(f"{value:.1%}" for value in row) for row in claim.values)
+        values = np.array(claim.values)
+        trainings = f"{values.min():.1%} to {values.max():.1%}"
+        if values.size <= _MOST_LISTED:
+            trainings = "; ".join(", ".join(f"{value:.1%}" for value in row) for row in claim.values)
         rows.append([claim.name, claim.source, *numbers, *prediction, trainings, claim.verdict(is_full)])
     return markdown_table(head, rows)

@@ -24,6 +24,7 @@ from apollonius.reproduce.finding import (
     outcome_shares,
     outcome_table,
     rates,
+    undefeated,
     won,
     write_report,
 )
@@ -56,13 +57,16 @@ def figure_4(study: Study) -> Finding:
         draw_seeds(right, rewards, palette.PURSUER, "exploring")
         right.set(title="average reward of an episode", xlabel="episodes", ylabel="reward")
         right.legend(loc="lower right")
-    matches = study.matches("P_stage1", "still")
-    claim = Claim("stage 1: success", "section IV, Fig. 4", STAGE_1, STAGE_1, rates(matches, won))
     episodes = ", ".join(f"{x[-1]:,}" for x, _ in successes)
     text = f"Left: greedy games from fixed starts. Right: the games of training. Episodes in all, by seed: {episodes}."
-    return Finding(
-        "Fig. 4: stage 1", text, ("figure4.png",), (claim,), {"success": successes} | as_data({"matches": matches})
-    )
+    data = {"success": successes} | as_data({"matches": study.matches("P_stage1", "still")})
+    return Finding("Fig. 4: stage 1", text, ("figure4.png",), (stage_1(study),), data)
+
+
+def stage_1(study: Study) -> Claim:
+    """Return the claim that stage 1 learns to reach a standing evader."""
+    matches = study.matches("P_stage1", "still")
+    return Claim("stage 1: success", "section IV, Fig. 4", STAGE_1, STAGE_1, rates(matches, won))
 
 
 def _rewards(study: Study, name: str, seed: int, stage: str) -> Curve:
@@ -95,10 +99,9 @@ def _draw_games(games: dict[str, Replay], path: Path) -> list[str]:
 def figure_6(study: Study) -> Finding:
     """Draw how often pursuers of the curriculum win, and its evaders stay undefeated, against agents from scratch."""
     chasing, fleeing = study.matches("P_curriculum", "E_scratch"), study.matches("P_scratch", "E_curriculum")
-    undefeated = rates(fleeing, lambda match: match.evader_undefeated_rate)
     claims = (
         Claim("P_curriculum beats E_scratch", "Fig. 6", 0.70, 0.70, rates(chasing, won)),
-        Claim("E_curriculum undefeated by P_scratch", "Fig. 6", 0.70, 0.70, undefeated),
+        Claim("E_curriculum undefeated by P_scratch", "Fig. 6", 0.70, 0.70, rates(fleeing, undefeated)),
     )
     names = ["P_curriculum wins\nagainst E_scratch", "E_curriculum undefeated\nby P_scratch"]
     with style.picture(study.folder / "figure6.png") as (axes,):

@@ -6,15 +6,17 @@ import shutil
 from dataclasses import replace
 
 import jax
+import numpy as np
 import pytest
 
 from apollonius.cli.main import main
+from apollonius.evaluate.claims import Claim
 from apollonius.game.dynamics import Unicycle
 from apollonius.io.errors import InvalidInput
 from apollonius.learn.config import PRESETS
 from apollonius.learn.folder import agent_file, create_run
 from apollonius.learn.run import Run
-from apollonius.reproduce.finding import outcome_table
+from apollonius.reproduce.finding import claim_table, outcome_table
 from apollonius.reproduce.reproduction import SECTIONS, reproduce
 from apollonius.reproduce.study import AGENTS, RUN_OF, run_configs
 from tests.learn.tiny import GAME
@@ -153,3 +155,10 @@ def test_outcomes_over_seeds_have_an_interval_and_the_papers_counts_none():
         "| captured | 20.0 ± 24.8% | 12.4% | - |",
         "| both failed | 0.0 ± 0.0% | - | 50.0% |",
     ]
+
+
+def test_of_many_trainings_the_table_has_the_least_and_the_largest_value():
+    few, many = ((tuple(map(tuple, np.linspace(0.1, 0.9, rows * 3).reshape(rows, 3).tolist()))) for rows in (3, 10))
+    rows = claim_table([Claim("few", "", 0.5, 0.5, few), Claim("many", "", 0.5, 0.5, many)], is_full=True).splitlines()
+    assert "10.0%, 20.0%, 30.0%; 40.0%, 50.0%, 60.0%; 70.0%, 80.0%, 90.0%" in rows[2]
+    assert "| 10.0% to 90.0% |" in rows[3]
