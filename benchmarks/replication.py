@@ -11,10 +11,10 @@ import argparse
 import inspect
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -22,8 +22,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from apollonius import MatchResult
-from apollonius.agents.network import QNetwork
-from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.pool import Pool, solo
 from apollonius.agents.trained import greedy
 from apollonius.catalogue import find_player
@@ -44,44 +42,38 @@ from apollonius.reproduce.reproduction import figure_6, stage_1, table_2, table_
 from apollonius.reproduce.study import MATCH_SEED, Study, run_configs
 from apollonius.show import palette, style
 
-COUNTS = "counts.json"
 LAST = "P_random v E_scratch"
 """The pairing that is played last."""
 _CHUNKS = 32
 """Chunks of a training in a call of the compiled function."""
-Look = Callable[[float, dict[Role, Any]], None]
-"""What is done at a share of a stage [%] with the networks that are evaluated, stacked, by side."""
 
 
 def train(
-    plan: Plan, game: Game, seeds: Sequence[int], fixed: dict[Role, Pool], look: Look, looks: int = 8,
-    networks: Any = None,
-) -> None:  # fmt: skip
-    """Train one stage with all seeds side by side, and look at it evenly; `networks` are pursuers to go on from."""
+    plan: Plan, game: Game, seeds: Sequence[int], fixed: dict[Role, Pool], looks: int = 8, networks: Any = None
+) -> Iterator[tuple[float, dict[Role, Any]]]:
+    """Train one stage with all seeds side by side; yield evenly how much of it is done [%] and the greedy players so
+    far, stacked, by side. `networks` are pursuers to go on from.
+    """
     rewarded, stage = plan.stage.trained_in(game), SELF_PLAY if isinstance(plan.stage, SelfPlayConfig) else FIXED_TARGET
     keys = jnp.stack([jax.random.fold_in(jax.random.key(seed), STAGES.index(stage)) for seed in seeds])
 
-    def first_state(key: Any, network: Any) -> TrainState:
-        return start(plan, rewarded, key, fixed, BySide(network, None))
+    def chunk(_: Any, state: TrainState) -> TrainState:
+        return inspect.unwrap(play_and_learn)(plan, rewarded, state, fixed)[0]
 
-    @eqx.filter_jit(donate="all")
-    def some(state: TrainState) -> TrainState:
-        def chunk(_: Any, state: TrainState) -> TrainState:
-            return inspect.unwrap(play_and_learn)(plan, rewarded, state, fixed)[0]
-
-        return jax.vmap(lambda state: jax.lax.fori_loop(0, _CHUNKS, chunk, state))(state)
-
-    state, calls, began = jax.jit(jax.vmap(first_state))(keys, networks), -(-plan.chunks // _CHUNKS), time.time()
+    first = jax.jit(jax.vmap(lambda key, network: start(plan, rewarded, key, fixed, BySide(network, None))))
+    some = jax.jit(jax.vmap(lambda state: jax.lax.fori_loop(0, _CHUNKS, chunk, state)), donate_argnums=0)
+    state, calls, began = first(keys, networks), -(-plan.chunks // _CHUNKS), time.time()
     for call in range(1, calls + 1):
         state = some(state)
         if call * looks // calls > (call - 1) * looks // calls:
             percent = 100 * (call * looks // calls) / looks
-            look(percent, {role: jax.tree.map(jnp.copy, one.learner.average) for role, one in state.learners.items()})
+            players = {role: greedy(one.learner.average) for role, one in state.learners.items()}
+            yield percent, jax.tree.map(jnp.copy, players)
             speed = int(state.env_steps[0]) * len(seeds) / (time.time() - began)
             print(f"{stage}: {len(seeds)} trainings, {percent:g} %, {speed:,.0f} env steps/s", flush=True)
 
 
-def matches(game: Game, pursuers: QNetwork, evaders: QNetwork | AbstractPolicy, games: int) -> list[list[list[int]]]:
+def matches(game: Game, pursuers: Any, evaders: Any, games: int) -> list[list[list[int]]]:
     """Return the games by `Outcome` of every pursuer against every evader, both stacked, or against one for all."""
     start_key, key = keys_of(np.uint32(MATCH_SEED))
     ends = np.asarray(_outcomes(game, pursuers, evaders, sample_starts(game, start_key, games), key))
@@ -94,7 +86,7 @@ def _outcomes(game: Game, pursuers: Any, evaders: Any, starts: Any, key: Any) ->
     numbers = jnp.arange(len(starts.steps))
 
     def of_pair(*pair: Any) -> Any:
-        players = BySide(*(solo(greedy(one) if isinstance(one, QNetwork) else one) for one in pair))
+        players = BySide(*map(solo, pair))
 
         def step(carry: tuple[Any, Any]) -> tuple[Any, Any]:
             games, outcome = carry
@@ -106,20 +98,18 @@ def _outcomes(game: Game, pursuers: Any, evaders: Any, starts: Any, key: Any) ->
         ongoing = jnp.full(len(numbers), int(Outcome.ONGOING), jnp.int32)
         return jax.lax.while_loop(lambda carry: jnp.any(carry[1] == Outcome.ONGOING), step, (begun, ongoing))[1]
 
-    columns = len(jax.tree.leaves(evaders)[0]) if isinstance(evaders, QNetwork) else 1
-    against = jax.vmap(of_pair, in_axes=(None, 0), axis_size=columns)  # a player without a network has no leaves
+    columns = next(map(len, jax.tree.leaves(evaders)), 1)  # a player without a network has no leaves
+    against = jax.vmap(of_pair, in_axes=(None, 0), axis_size=columns)
     return jax.vmap(against, in_axes=(0, None))(pursuers, evaders)
 
 
-def play_all(asked: argparse.Namespace) -> None:
-    """Train all agents and let them play, and write the counts as they come."""
+def play_all(asked: argparse.Namespace, path: Path) -> dict[str, Any]:
+    """Train all agents and let them play, write the counts as they come, and return them."""
     configs = run_configs(PRESETS["paper"], 0)
     game, seeds, scratch = configs["curriculum"].game, list(range(asked.curriculum)), list(range(asked.scratch))
     still, uniform = (find_player(name, Role.EVADER, game).policy for name in ("still", "random"))
     results: dict[str, Any] = {"games": asked.games, "share": asked.share, "device": jax.devices()[0].device_kind}
     results["course"] = []
-    untaught, taught = dict[float, Any](), dict[Role, Any]()
-    best, chosen = np.full(len(seeds), -1), cast(Any, None)
 
     def plan_of(run: str, stage: str) -> Plan:
         plan = configs[run].plans[stage]
@@ -127,38 +117,33 @@ def play_all(asked: argparse.Namespace) -> None:
 
     def write(**found: Any) -> None:
         results.update(found)
-        (asked.out / COUNTS).write_text(json.dumps(results))
+        path.write_text(json.dumps(results))
 
-    def choose(_: float, networks: dict[Role, Any]) -> None:
-        """Keep the pursuer of each seed that has most captures so far (section IV)."""
-        nonlocal chosen
-        new = networks[Role.PURSUER]
+    first, best = plan_of("curriculum", FIXED_TARGET), np.full(len(seeds), -1)
+    chosen: Any = None
+    for _, agents in train(first, game, seeds, {Role.EVADER: solo(still)}, first.stage.evaluations):
+        # Of each seed the pursuer with most captures so far is kept (section IV).
+        new = agents[Role.PURSUER]
         found = np.array([row[0][Outcome.CAPTURED] for row in matches(game, new, still, first.stage.evaluation_games)])
         chosen = jax.vmap(reset_where_done)(jnp.asarray(found > best), new, chosen or new)
-        np.maximum(best, found, out=best)
+        best = np.maximum(best, found)
+    write(**{"P_stage1 v still": matches(game, chosen, still, asked.games)})
 
-    def cross(percent: float, networks: dict[Role, Any]) -> None:
-        """Play agents of the curriculum against those from scratch that had trained as long."""
-        taught.update(networks)
+    untaught, agents = dict(train(plan_of("scratch", SELF_PLAY), game, scratch, {})), dict[Role, Any]()
+    for percent, agents in train(plan_of("curriculum", SELF_PLAY), game, seeds, {}, networks=chosen.network):
+        # Agents of the curriculum meet those from scratch that had trained as long.
         others, games = untaught[percent], asked.games // (1 if percent == 100 else 2)
         found = {
-            "P_curriculum v E_scratch": matches(game, networks[Role.PURSUER], others[Role.EVADER], games),
-            "P_scratch v E_curriculum": matches(game, others[Role.PURSUER], networks[Role.EVADER], games),
+            "P_curriculum v E_scratch": matches(game, agents[Role.PURSUER], others[Role.EVADER], games),
+            "P_scratch v E_curriculum": matches(game, others[Role.PURSUER], agents[Role.EVADER], games),
         }
         write(course=[*results["course"], {"percent": percent, **found}], **found)
+    write(**{"P_curriculum v random": matches(game, agents[Role.PURSUER], uniform, asked.games)})
 
-    def compare(_: float, networks: dict[Role, Any]) -> None:
-        """Play the pursuers that learned to catch a random evader."""
-        for name, evader in (("random", uniform), ("E_scratch", untaught[100][Role.EVADER])):
-            write(**{f"P_random v {name}": matches(game, networks[Role.PURSUER], evader, asked.games)})
-
-    first, second = plan_of("curriculum", FIXED_TARGET), plan_of("curriculum", SELF_PLAY)
-    train(first, game, seeds, {Role.EVADER: solo(still)}, choose, first.stage.evaluations)
-    write(**{"P_stage1 v still": matches(game, chosen, still, asked.games)})
-    train(plan_of("scratch", SELF_PLAY), game, scratch, {}, untaught.__setitem__)
-    train(second, game, seeds, {}, cross, networks=chosen)
-    write(**{"P_curriculum v random": matches(game, taught[Role.PURSUER], uniform, asked.games)})
-    train(plan_of("random", FIXED_TARGET), game, seeds, {Role.EVADER: solo(uniform)}, compare, 1)
+    ((_, agents),) = train(plan_of("random", FIXED_TARGET), game, seeds, {Role.EVADER: solo(uniform)}, looks=1)
+    for name, evader in (("random", uniform), ("E_scratch", untaught[100][Role.EVADER])):
+        write(**{f"P_random v {name}": matches(game, agents[Role.PURSUER], evader, asked.games)})
+    return results
 
 
 @dataclass
@@ -176,11 +161,6 @@ def as_matches(counts: list[list[list[int]]]) -> Matches:
     return [[MatchResult(counts_by_name(pair), 0.0, None) for pair in row] for row in counts]
 
 
-def in_stage_1(study: Counted) -> Finding:
-    """Return the claim about stage 1."""
-    return Finding("Stage 1", "Greedy games.", claims=(stage_1(study),))
-
-
 def in_the_course(study: Counted) -> Finding:
     """Draw the claims of Fig. 6 in the course of self-play: means over pairs, and where another pair would lie."""
     claims = (
@@ -190,15 +170,12 @@ def in_the_course(study: Counted) -> Finding:
     percents, cells = [one["percent"] for one in study.counts["course"]], list[list[str]]()
     with style.picture(study.folder / "course.png", width=6.0) as (axes,):
         for claim, name, share, colour in claims:
-            values = [np.array(rates(as_matches(one[name]), share)) for one in study.counts["course"]]
-            found = [predict(one, 0, 1) for one in values]
-            low, high = 100 * np.transpose([one.interval for one in found])
+            found = [predict(np.array(rates(as_matches(one[name]), share)), 0, 1) for one in study.counts["course"]]
+            mean, low, high = 100 * np.transpose([(one.mean, *one.interval) for one in found])
             axes.fill_between(percents, low, high, color=colour, alpha=0.15, linewidth=0)
-            axes.plot(percents, [100 * one.mean for one in found], "o-", color=colour, label=claim)
-            ends = zip(found, low, high, strict=True)
-            cells.append(
-                [f"{100 * one.mean:.1f} [{down:.0f}, {up:.0f}], {one.chance(0.7):.0%}" for one, down, up in ends]
-            )
+            axes.plot(percents, mean, "o-", color=colour, label=claim)
+            each = zip(mean, low, high, (one.chance(0.7) for one in found), strict=True)
+            cells.append(["{:.1f} [{:.0f}, {:.0f}], {:.0%}".format(*one) for one in each])
         axes.axhline(70, color=palette.INK, linewidth=0.8, linestyle=":")
         axes.set(xlabel="self-play [%]", ylabel="games [%]", ylim=(0, 103))
         axes.set_title("mean of all pairs, and where another would lie with 95 % (dotted: the paper)")
@@ -218,12 +195,14 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder of the counts and the report")
     asked = parser.parse_args()
     asked.out.mkdir(parents=True, exist_ok=True)
-    if not (asked.out / COUNTS).exists() or LAST not in json.loads((asked.out / COUNTS).read_text()):
-        play_all(asked)
-    counts = json.loads((asked.out / COUNTS).read_text())
+    path = asked.out / "counts.json"
+    counts = json.loads(path.read_text()) if path.exists() else {}
+    if LAST not in counts:
+        counts = play_all(asked, path)
     seeds = tuple(range(len(counts["P_stage1 v still"])))
     study = Counted(asked.out, "paper", PRESETS["paper"], seeds, counts["games"], counts=counts)
-    write_report(study, [one(study) for one in (in_stage_1, in_the_course, figure_6, table_2, table_3)])
+    first = Finding("Stage 1", "Greedy games.", claims=(stage_1(study),))
+    write_report(study, [first, *(one(study) for one in (in_the_course, figure_6, table_2, table_3))])
 
 
 if __name__ == "__main__":
