@@ -1,13 +1,13 @@
 """Solved games in numbers, and the regret card of an agent."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from apollonius.evaluate.match import Match, begin, play_games
+from apollonius.evaluate.match import Match, begin, play_games, starting
 from apollonius.evaluate.statistics import mean_interval, wilson_interval
 from apollonius.game.by_side import BySide, one_each
 from apollonius.game.game import Game, sample_starts
@@ -41,8 +41,7 @@ def about(solution: Solution, game: Game) -> dict[str, Any]:
 
 def _about_safety(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
     grid = make_grid(game.arena, game.body(role), tuple(solution.problem.counts))
-    moving = replace(game, starts=replace(game.starts, speed="moving"))
-    starts = sample_starts(moving, jax.random.key(0), STARTS)
+    starts = sample_starts(starting(game, "moving"), jax.random.key(0), STARTS)
     robots = one_each(starts.robots)[role]
     values = jax.jit(jax.vmap(lambda robot: grid.interpolate(solution.table, robot)))(robots)
     return {"moving starts lost, by the table": float(np.mean(np.asarray(values) < 0))}

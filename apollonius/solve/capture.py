@@ -15,8 +15,6 @@ from apollonius.solve.motion import NEVER, ends
 from apollonius.solve.transition_map import Side
 from apollonius.solve.zero_sum_game import ZeroSumGame
 
-_MOST = JOINT_HOLD.most
-"""Steps that fit above nine bits; no hold is longer."""
 Decided = UInt16[Array, "tiles first lanes"]
 """Nine bits, the first action's lowest, that say which actions decide the game; above them, in how many steps."""
 
@@ -42,7 +40,7 @@ def decisive(zero_sum_game: ZeroSumGame, first: Side, second: Side) -> Decided:
     So the pursuer's values are lower bounds on its payoff, and the evader's, their sign turned, upper bounds on the
     pursuer's. Interpolation between nodes can break both.
     """
-    farthest = zero_sum_game.game.capture_distance + first.farthest + second.farthest
+    farthest = zero_sum_game.game.capture_distance + first.motion.farthest + second.motion.farthest
     dx, dy, _, _ = first.grid.spacing
     return _decisive(zero_sum_game, first, second, (ceil(farthest / dx), ceil(farthest / dy)))
 
@@ -109,7 +107,7 @@ def _pack(
         won_in = jnp.where(captured, steps, jnp.where(theirs < own, theirs, NEVER))
         latest = jnp.max(won_in, axis=-1)
         decides = jnp.any(captured, axis=-1) & (latest < NEVER)
-        when = jnp.min(jnp.where(decides, latest, _MOST), axis=-1)
+        when = jnp.min(jnp.where(decides, latest, JOINT_HOLD.most), axis=-1)
     else:
         soonest = jnp.min(jnp.where(captured, steps, NEVER), axis=-1)
         decides = soonest < NEVER

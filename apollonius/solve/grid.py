@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import log
+from math import log, prod
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -44,8 +44,7 @@ class Grid(eqx.Module):
 
     @property
     def size(self) -> int:
-        x, y, v, heading = self.counts
-        return x * y * v * heading
+        return prod(self.counts)
 
     @property
     def name(self) -> str:

@@ -32,6 +32,11 @@ class Motion(eqx.Module):
         return self.steps * self.dt
 
     @property
+    def farthest(self) -> float:
+        """Longest distance of a hold [m]."""
+        return float(max(abs(self.body.v_min), abs(self.body.v_max)) * self.seconds)
+
+    @property
     def discount(self) -> Scalar:
         """Value before a hold of what has the value 1 after it."""
         return discount_after(self.seconds)

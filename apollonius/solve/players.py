@@ -106,11 +106,12 @@ class RolloutSearch(AbstractSearch):
         self, own: RobotState, other: RobotState, bits: UInt32[Array, " games"]
     ) -> Float[Array, "9 games"]:
         """Return the value of each action as the beginning of the best plan; -inf where no such plan was extended."""
-        states = jax.vmap(GameState.of_two)(*self.zero_sum_game.pair(own, other), jnp.zeros(own.x.shape, jnp.int32))
-        plans = _Plans.none_yet(states)
+        robots = jax.tree.map(lambda leaf: leaf[:, None], self.zero_sum_game.pair(own, other))
+        states = jax.vmap(jax.vmap(GameState.of_two))(*robots, steps=jnp.zeros(robots.pursuer.x.shape, jnp.int32))
+        plans = _Plans(jnp.zeros_like(states.steps), states, jnp.full_like(states.steps, int(Outcome.ONGOING)))
         for number in range(self.holds):
             if number > 0 and self.width < plans.first.shape[1]:
-                plans = plans.best(self._values(plans), self.width)
+                plans = some_of(plans, jax.lax.top_k(self._values(plans), self.width)[1])
             drawn = jax.vmap(lambda bits, number=number: jax.random.fold_in(jax.random.key(bits), number))(bits)
             drawn = jax.vmap(lambda key: jax.random.bits(key, (self.hold,), jnp.uint32), out_axes=1)(drawn)
             plans = self._extended(plans, drawn)
@@ -132,8 +133,7 @@ class RolloutSearch(AbstractSearch):
         ) -> tuple[tuple[GameState, Int[Array, "games plans"]], None]:
             states = jax.tree.map(flat, before[0])
             # All plans in a game meet the same course of an opponent that acts by chance.
-            read, rows = perceive(self.opponent.observation, game, states, role.other)
-            answers, _ = act_in_rows(self.opponent, read, rows, (), flat(bits[:, None]))
+            answers, _ = act_in(self.opponent, game, states, role.other, (), flat(bits[:, None]))
             return step_all(game, role, *before, flat(held[None]), answers), None
 
         (states, outcome), _ = jax.lax.scan(one_step, (longer.states, longer.outcome), bits)
@@ -150,6 +150,19 @@ class RolloutSearch(AbstractSearch):
         seconds = plans.states.steps.astype(jnp.float32) * zero_sum_game.game.dt
         ended = payoff_of(zero_sum_game.role, plans.outcome, seconds)
         return jnp.where(plans.outcome == Outcome.ONGOING, discount_after(seconds) * later, ended)
+
+
+def act_in(
+    policy: AbstractPolicy, game: Game, states: GameState, role: Role, memory: Memory, bits: UInt32[Array, " rows"]
+) -> tuple[Actions, Memory]:
+    """Return a player's actions in a batch of states, and its memories after them."""
+    read, rows = perceive(policy.observation, game, states, role)
+    return act_in_rows(policy, read, rows, memory, bits)
+
+
+def some_of(tree: Any, courses: Int[Array, "games some"]) -> Any:
+    """Return some courses of each game, of leaves `[games, courses, ...]`."""
+    return jax.tree.map(lambda leaf: jax.vmap(lambda leaf, courses: leaf[courses])(leaf, courses), tree)
 
 
 def step_all(
@@ -176,15 +189,3 @@ class _Plans(eqx.Module):
     first: Int[Array, "games plans"]
     states: GameState
     outcome: Int[Array, "games plans"]
-
-    @classmethod
-    def none_yet(cls, states: GameState) -> "_Plans":
-        """Return one plan that does nothing, for each game."""
-        repeated = jax.tree.map(lambda leaf: leaf[:, None], states)
-        ongoing = jnp.full(repeated.steps.shape, int(Outcome.ONGOING), jnp.int32)
-        return cls(jnp.zeros((len(states.steps), 1), jnp.int32), repeated, ongoing)
-
-    def best(self, values: Float[Array, "games plans"], width: int) -> "_Plans":
-        """Return those of the greatest values."""
-        _, kept = jax.lax.top_k(values, width)
-        return jax.tree.map(lambda leaf: jax.vmap(lambda plans, kept: plans[kept])(leaf, kept), self)

@@ -70,7 +70,7 @@ def solve_reach(
     clear = float(game.arena.clearance(x, y)) >= game.evader.radius
     require(clear, "target", target, f"{game.evader.radius} m clear of walls and discs at least")
     side = make_side(motion_of(game, Role.PURSUER, hold), grid)
-    farthest = game.capture_distance + side.farthest
+    farthest = game.capture_distance + side.motion.farthest
     cells = ceil(farthest / grid.spacing[0]) + 1, ceil(farthest / grid.spacing[1]) + 1
     caught = _caught(game, side, cells, x, y)
     solved = iterate(lambda table: _sweep(side, caught, table), jnp.zeros(grid.shape, jnp.float32), report)

@@ -121,8 +121,7 @@ def transition_map_of(motion: Motion, grid: Grid, slack: float = 0.0, whole_cell
 
 def _bytes_of_hold(motion: Motion, grid: Grid) -> int:
     """Return the memory of all actions' courses: the states, their clearances everywhere, and the grid's margins."""
-    (speeds, headings, *places), body = grid.shape, motion.body
-    farthest = max(abs(float(body.v_min)), abs(float(body.v_max))) * float(motion.seconds)
+    (speeds, headings, *places), farthest = grid.shape, motion.farthest
     wide, high = (count + 2 * (farthest / float(apart) + 2) for count, apart in zip(places, grid.spacing, strict=False))
     courses = speeds * headings * NUM_ACTIONS * (motion.steps + 1) * _BYTES_PER_STATE
     clear = places[0] * places[1] * motion.steps * _BYTES_PER_CLEARANCE
@@ -175,12 +174,6 @@ class Side(eqx.Module):
     def free(self) -> Bool[Array, "slices 9 x y"]:
         """Holds that the robot survives as a whole."""
         return self.failure == NEVER
-
-    @property
-    def farthest(self) -> float:
-        """Longest distance of a hold [m]."""
-        body = self.motion.body
-        return float(max(abs(body.v_min), abs(body.v_max)) * self.motion.seconds)
 
 
 def make_side(motion: Motion, grid: Grid, slack: float = 0.0, whole_cells: bool = False) -> Side:

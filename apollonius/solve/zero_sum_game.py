@@ -92,10 +92,9 @@ class ZeroSumGame(eqx.Module):
         """Value to this side of a capture at once."""
         return WIN if self.role == Role.PURSUER else LOSE
 
-    def pair(self, own: RobotState, other: RobotState) -> tuple[RobotState, RobotState]:
+    def pair(self, own: RobotState, other: RobotState) -> BySide[RobotState]:
         """Return the pursuer's state and the evader's."""
-        both = BySide.of(self.role, own, other)
-        return both.pursuer, both.evader
+        return BySide.of(self.role, own, other)
 
 
 def payoff_of(role: Role, outcome: Int[Array, "*batch"], seconds: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
