@@ -42,8 +42,6 @@ from apollonius.reproduce.reproduction import figure_6, stage_1, table_2, table_
 from apollonius.reproduce.study import MATCH_SEED, Study, run_configs
 from apollonius.show import palette, style
 
-LAST = "P_random v E_scratch"
-"""The pairing that is played last."""
 _CHUNKS = 32
 """Chunks of a training in a call of the compiled function."""
 
@@ -197,7 +195,7 @@ def main() -> None:
     asked.out.mkdir(parents=True, exist_ok=True)
     path = asked.out / "counts.json"
     counts = json.loads(path.read_text()) if path.exists() else {}
-    if LAST not in counts:
+    if "P_random v E_scratch" not in counts:  # which is played last
         counts = play_all(asked, path)
     seeds = tuple(range(len(counts["P_stage1 v still"])))
     study = Counted(asked.out, "paper", PRESETS["paper"], seeds, counts["games"], counts=counts)

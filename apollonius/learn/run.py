@@ -193,11 +193,11 @@ class Run:
         """Save the agents at the snapshots of self-play, and that of a distillation at its end."""
         plan, stage = self.plans[standing.stage], standing.stage
         kind = "curriculum" if FIXED_TARGET in self.plans or self.config.pursuer else "scratch"
-        percents = {SELF_PLAY: self.config.self_play.snapshot_percents, DISTILLATION: (100,)}.get(stage, ())
+        times = {SELF_PLAY: self.config.self_play.snapshots, DISTILLATION: 1}.get(stage, 0)
         record: dict[str, object] = {"env_steps": int(train.env_steps), "episodes": int(train.episodes)}
         if stage == DISTILLATION:
             record["price"] = float(self.settings[0].teacher.unit)
-        for percent in percents:
+        for percent in (round(100 * number / times) for number in range(1, times + 1)):
             if before < -(-plan.chunks * percent // 100) <= standing.chunks:
                 for role, side in train.learners.items():
                     name = f"{role.name[0]}_{'distilled' if stage == DISTILLATION else kind}"

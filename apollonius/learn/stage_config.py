@@ -76,11 +76,6 @@ class SelfPlayConfig(StageConfig):
         super().__post_init__()
         require_within(self, 1, 100, "snapshots")
 
-    @property
-    def snapshot_percents(self) -> tuple[int, ...]:
-        """Percentages of the stage at which both agents are saved."""
-        return tuple(round(100 * number / self.snapshots) for number in range(1, self.snapshots + 1))
-
 
 @dataclass(frozen=True)
 class Task:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -59,6 +60,10 @@ Rates = tuple[tuple[float, ...], ...]
 """A value of each of such matches."""
 
 
+won, undefeated = attrgetter("pursuer_win_rate"), attrgetter("evader_undefeated_rate")
+"""Shares of a match's games."""
+
+
 def rates(matches: Matches, share: Callable[[MatchResult], float]) -> Rates:
     """Return a share of the games of each match."""
     return tuple(tuple(share(match) for match in row) for row in matches)
@@ -67,14 +72,6 @@ def rates(matches: Matches, share: Callable[[MatchResult], float]) -> Rates:
 def differences(first: Rates, second: Rates) -> Rates:
     """Return how much larger each value of the first is than that of the second."""
     return tuple(map(tuple, np.subtract(first, second).tolist()))
-
-
-def won(match: MatchResult) -> float:
-    return match.pursuer_win_rate
-
-
-def undefeated(match: MatchResult) -> float:
-    return match.evader_undefeated_rate
 
 
 def outcome_shares(matches: Matches) -> Shares:

@@ -21,8 +21,6 @@ from apollonius.reproduce.finding import (
     as_data,
     beside_the_paper,
     differences,
-    outcome_shares,
-    outcome_table,
     rates,
     undefeated,
     won,
@@ -108,8 +106,7 @@ def figure_6(study: Study) -> Finding:
         draw_strips(axes, names, [claim.values for claim in claims], [claim.prediction.interval for claim in claims])
         axes.axhline(70, color=palette.INK, linewidth=0.8, linestyle=":")
         axes.set_title("against agents from scratch (dotted: the paper's 70 %)")
-    ours, theirs = outcome_shares(chasing), outcome_shares(fleeing)
-    text = outcome_table([("P_curriculum v E_scratch", ours), ("P_scratch v E_curriculum", theirs)])
+    text = beside_the_paper({"P_curriculum v E_scratch": chasing, "P_scratch v E_curriculum": fleeing}, paper={})
     text += "\n\nDots: pairs of trainings; colours: the pursuer's; lines: the evader's; bars: predictions."
     data = as_data({"chasing": chasing, "fleeing": fleeing})
     return Finding("Fig. 6: curriculum against scratch", text, ("figure6.png",), claims, data)

@@ -26,12 +26,9 @@ def draw_arena(axes: Axes, arena: Arena) -> None:
     x, y = float(arena.x_min), float(arena.y_min)
     width, height = float(arena.x_max) - x, float(arena.y_max) - y
     margin = 0.03 * max(width, height)
-    axes.set_xlim(x - margin, x + width + margin)
-    axes.set_ylim(y - margin, y + height + margin)
-    axes.set_aspect("equal")
+    axes.set(xlim=(x - margin, x + width + margin), ylim=(y - margin, y + height + margin), aspect="equal")
+    axes.set(xlabel="x [m]", ylabel="y [m]")
     axes.grid(False)
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
 
 
 KINDS = {

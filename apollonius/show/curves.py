@@ -16,7 +16,6 @@ from apollonius.show.style import Curve, draw_rate, inline_svg, smooth
 
 _POINTS = 300
 """Most points of a curve: more cannot be seen."""
-_SIDES = {"pursuer": palette.PURSUER, "evader": palette.EVADER}
 
 
 def learning_pictures(lines: Sequence[MetricsLine], against: Sequence[str]) -> list[Markup]:
@@ -72,7 +71,7 @@ def _draw_greedy(axes: Axes, evaluations: Sequence[Evaluation], fixed: bool) -> 
 
 def _draw_sides(axes: Axes, curves: dict[str, Curve], **about: str) -> None:
     for side, curve in curves.items():
-        axes.plot(*curve, color=_SIDES[side], label=side)
+        axes.plot(*curve, color=palette.LIGHT[side], label=side)
     axes.xaxis.set_major_formatter(EngFormatter(sep=""))
     axes.set(xlabel="env steps", **about)
     axes.legend()

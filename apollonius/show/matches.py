@@ -31,9 +31,7 @@ def _draw_win_rates(axes: Axes, tournament: Tournament) -> None:
         for (row, column), value in np.ndenumerate(rates):
             colour = "white" if abs(value - 50) > 35 else palette.INK
             axes.text(column, row, f"{value:.0f}", ha="center", va="center", fontsize=6, color=colour)
-    axes.set_xlabel("evader")
-    axes.set_ylabel("pursuer")
-    axes.set_title("who beats whom")
+    axes.set(title="who beats whom", xlabel="evader", ylabel="pursuer")
     label = "the pursuer wins [% of games]"
     axes.figure.colorbar(colours, ax=axes, location="bottom", label=label, fraction=0.05, aspect=30)
 
@@ -50,8 +48,7 @@ def _draw_ratings(axes: Axes, tournament: Tournament) -> None:
     axes.set_yticks(range(len(names)), names, fontsize=7)
     axes.invert_yaxis()
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0, ncols=2)
-    axes.set_xlabel("Elo [points], with 95 % intervals")
-    axes.set_title("how strong everyone is")
+    axes.set(title="how strong everyone is", xlabel="Elo [points], with 95 % intervals")
 
 
 WHO_WINS = LinearSegmentedColormap.from_list("who wins", [palette.EVADER, palette.LIGHT["panel"], palette.PURSUER])
@@ -79,7 +76,5 @@ def draw_varied(varied: VariedMatches, path: Path) -> None:
             games = [varied.match.games] * len(first.values)
             wins = [result.pursuer_wins for result in varied.results]
             draw_rate(axes, first.values, wins, games, palette.PURSUER, label)
-            axes.set_ylim(0, 100)
-            axes.set_ylabel(label)
-        axes.set_xlabel(first.field)
-        axes.set_title(f"{pursuer} (pursuer) against {evader} (evader)")
+            axes.set(ylabel=label, ylim=(0, 100))
+        axes.set(title=f"{pursuer} (pursuer) against {evader} (evader)", xlabel=first.field)

@@ -37,7 +37,6 @@ export class ReplayPlayer {
     this.replays = replays;
     this.canvas = root.querySelector("canvas");
     this.part = (name) => root.querySelector(`[data-part="${name}"]`);
-    this.playing = false;
     this.part("play").addEventListener("click", () => (this.playing ? this.pause() : this.play()));
     this.part("seek").addEventListener("input", (event) => {
       this.pause();

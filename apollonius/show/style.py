@@ -127,7 +127,5 @@ def draw_strips(
             axes.plot([index + place] * len(row), 100 * np.asarray(row), "o", color=f"C{number}", markersize=4)
         axes.vlines(index + 0.3, 100 * low, 100 * high, color=INK, linewidth=2)
     axes.set_xticks(range(len(names)), names)
-    axes.set_xlim(-0.5, len(names) - 0.4)
-    axes.set_ylim(0, 103)
-    axes.set_ylabel("games [%]")
+    axes.set(ylabel="games [%]", xlim=(-0.5, len(names) - 0.4), ylim=(0, 103))
     axes.grid(axis="x", visible=False)

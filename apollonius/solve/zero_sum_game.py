@@ -106,6 +106,5 @@ def payoff_of(role: Role, outcome: Int[Array, "*batch"], seconds: Float[Array, "
 def make_zero_sum_game(game: Game, grids: tuple[Grid, Grid], hold: int, role: Role) -> ZeroSumGame:
     """Return the two-robot game from one side; raises InvalidInput unless actions are held for 1 to 127 steps."""
     JOINT_HOLD.require("hold", hold)
-    roles, by_role = (role, role.other), BySide(*grids)
-    motions = motion_of(game, roles[0], hold), motion_of(game, roles[1], hold)
-    return ZeroSumGame(game, motions, (by_role[roles[0]], by_role[roles[1]]), role)
+    motions = motion_of(game, role, hold), motion_of(game, role.other, hold)
+    return ZeroSumGame(game, motions, (grids[role], grids[role.other]), role)
