@@ -48,7 +48,10 @@ def charted(game: Game, are_read: bool = True) -> Game:
     if uncharted.chart is not None or not (are_read or game.reward.along_paths):
         return game
     alone = [uncharted] if scenario is None else [scenario.arena(jnp.asarray(one)) for one in range(scenario.count)]
-    arenas = replace(uncharted, chart=_charts(alone, largest_radius(game)))
+    radius = largest_radius(game)
+    drawn = [_latest.get((arena, radius), functools.partial(_drawn, arena, radius)) for arena in alone]
+    chart = Chart(*jax.device_put([np.stack(leaves) for leaves in zip(*drawn, strict=True)]))
+    arenas = replace(uncharted, chart=chart)
     return replace(game, arena=arenas) if scenario is None else replace(game, scenario=replace(scenario, arenas=arenas))
 
 
@@ -57,11 +60,6 @@ def largest_radius(game: Game) -> float:
     kinds = game.scenario.kinds if game.scenario else None
     bodies = [body for side in game.bodies for body in side] if kinds is None else [kinds.pursuer, kinds.evader]
     return max(float(np.max(np.asarray(body.radius))) for body in bodies)
-
-
-def _charts(arenas: list[Arena], radius: float) -> Chart:
-    drawn = [_latest.get((arena, radius), functools.partial(_drawn, arena, radius)) for arena in arenas]
-    return Chart(*jax.device_put([np.stack(leaves) for leaves in zip(*drawn, strict=True)]))
 
 
 def _drawn(arena: Arena, radius: float) -> _Leaves:
@@ -97,12 +95,6 @@ def paths(
     return lengths, _visible(field, is_linked.reshape(COARSE**2))
 
 
-def _look(field: _Field, x: Scalar, y: Scalar) -> Scalar:
-    """Return the field between its corners; x and y in cells."""
-    across, upwards = between_nodes(x, SIDE + 1), between_nodes(y, SIDE + 1)
-    return bilinear(lambda row, column: field[row, column], across, upwards)
-
-
 def _is_clear(
     field: _Field, x: Scalar, y: Scalar, to_x: Scalar, to_y: Scalar, radius: Scalar | float
 ) -> Bool[Array, ""]:
@@ -110,7 +102,9 @@ def _is_clear(
 
     def look(number: Int[Array, ""], clear: Bool[Array, ""]) -> Bool[Array, ""]:
         share = number / (_LOOKS - 1)
-        return clear & (_look(field, x + share * (to_x - x), y + share * (to_y - y)) > radius)
+        here = x + share * (to_x - x), y + share * (to_y - y)
+        across, upwards = (between_nodes(place, SIDE + 1) for place in here)
+        return clear & (bilinear(lambda row, column: field[row, column], across, upwards) > radius)
 
     return jax.lax.fori_loop(0, _LOOKS, look, jnp.asarray(True))
 

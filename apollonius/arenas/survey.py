@@ -57,7 +57,7 @@ def survey(game: Game) -> Survey:
     arena, starts = game.arena, game.starts
     x, y, cell, clearance = places(arena)
     bodies = {"pursuer": game.pursuer, "evader": game.evader}
-    parts, may_start, wrong = [], [], []
+    parts, entered, wrong = [], [], []
     for name, body in bodies.items():
         numbered = _parts(clearance >= float(body.radius))
         start = clearance >= float(starts.clearance + body.radius)
@@ -75,10 +75,9 @@ def survey(game: Game) -> Survey:
                 "starts.clearance or the obstacles smaller."
             )
         parts.append(numbered)
-        may_start.append(start)
-    # A part in which no pursuer starts is one that none ever enters.
-    entered = np.isin(parts[0], np.unique(parts[0][may_start[0]])) & (parts[0] > 0)
-    reach = np.asarray(distance_transform_edt(~entered)) * cell - cell
+        # A part in which no robot starts is one that none ever enters.
+        entered.append(np.isin(numbered, np.unique(numbered[start])) & (numbered > 0))
+    reach = np.asarray(distance_transform_edt(~entered[0])) * cell - cell
     haven = (parts[1] > 0) & (reach >= float(game.capture_distance))
     if haven.any():
         wrong.append(
@@ -88,8 +87,7 @@ def survey(game: Game) -> Survey:
     if arena.territory:
         goal = arena.territory
         there = np.hypot(x - goal.x, y - goal.y) < goal.radius
-        entered = np.isin(parts[1], np.unique(parts[1][may_start[1]])) & (parts[1] > 0)
-        if not (there & entered).any():
+        if not (there & entered[1]).any():
             wrong.append(
                 "the evader cannot come into arena.territory from where it starts: move it, or make the way wider."
             )
