@@ -101,11 +101,6 @@ def _squeeze(block: Block, operands: list[Value], params: Params, out: Any) -> V
     return moved(value, out.shape, [None if axis in gone else next(kept) for axis in range(len(value.shape))])
 
 
-def _expand(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
-    new = {axis % len(out.shape) for axis in params["dimensions"]}
-    return moved(operands[0], out.shape, [axis for axis in range(len(out.shape)) if axis not in new])
-
-
 def _transpose(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
     order = params["permutation"]
     return moved(operands[0], out.shape, [order.index(axis) for axis in range(len(order))])
@@ -155,13 +150,12 @@ COMPUTED: dict[str, Rule] = {
 VIEWS: dict[str, Rule] = {
     "broadcast_in_dim": _broadcast,
     "squeeze": _squeeze,
-    "expand_dims": _expand,
     "transpose": _transpose,
     "slice": _slice,
     "rev": _reverse,
     "reshape": _reshape,
     "tile": _tile,
     "iota": _iota,
-    **dict.fromkeys(("stop_gradient", "copy", "copy_p"), lambda block, operands, params, out: operands[0]),
+    **dict.fromkeys(("stop_gradient", "copy"), lambda block, operands, params, out: operands[0]),
 }
 """Other views, which move nothing."""

@@ -74,10 +74,10 @@ def cases_of(player: Player, count: int, seed: int = 0) -> Cases:
     if side.track is not None:
         seen = as_given(player.game, side.track, states, role, bits)
         memory = jax.tree.map(lambda leaf: leaf[:, None], replace(side.track, sightings=None)), side.memory
-    rows = [np.stack(jax.tree.leaves(robot), axis=-1) for robot in _own_first(seen.robots, role)]
+    rows = [np.stack(jax.tree.leaves(robot), axis=-1) for side in (role, role.other) for robot in seen.robots[side]]
     active = None
     if states.status is not None:
-        active = np.stack(jax.device_get(_own_first(states.active, player.role)), axis=-1)[:count]
+        active = np.stack([*states.active[role], *states.active[role.other]], axis=-1)[:count]
     first = jax.tree.map(lambda leaf: np.asarray(leaf)[:count, 0], memory)
     return Cases(np.stack(rows, axis=1)[:count], active, first, np.asarray(bits)[:count])
 
@@ -99,10 +99,6 @@ def as_given(game: Game, tracks: Track, states: GameState, role: Role, bits: UIn
         return replace(state, robots=BySide.of(role, now.own, tuple(opponents)))
 
     return jax.vmap(given)(tracks, states, bits)
-
-
-def _own_first(sides: Any, role: Role) -> list[Any]:
-    return [*sides[role], *sides[role.other]]
 
 
 @functools.partial(jax.jit, static_argnames=("role", "rows"))

@@ -27,13 +27,13 @@ from apollonius.export.scalars import TYPES, number
 from apollonius.io.errors import InvalidInput
 
 CALLED = {
-    **{"jit": "jaxpr", "remat": "jaxpr", "checkpoint": "jaxpr", "closed_call": "call_jaxpr"},
+    **{"jit": "jaxpr", "remat2": "jaxpr", "closed_call": "call_jaxpr"},
     **{"custom_jvp_call": "call_jaxpr", "custom_vjp_call": "call_jaxpr", "custom_vmap_call": "call"},
 }
 """Primitives that call a function, and the parameter that is this function."""
 RULES = COMPUTED | VIEWS | FOLDS | OTHERS | INDEXED
 """All others with one result, by name."""
-_READS_ONCE = {*COMPUTED, *FOLDS, "squeeze", "transpose", "expand_dims"}
+_READS_ONCE = {*COMPUTED, *FOLDS, "squeeze", "transpose"}
 """Those that read each element of an operand once, if it is of their result's size or they fold it."""
 _STAYS = 24
 """Equations that a called function must have at least to stay one."""
