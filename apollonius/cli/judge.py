@@ -20,7 +20,6 @@ from apollonius.cli.options import (
     command,
     finish,
     jobs_run,
-    match_facts,
     requested_match,
     warn,
 )
@@ -59,8 +58,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
     options.display.begin(f"playing {match.games:,} games", compiles=True)
     results = play_games(match, report=options.display.report)
     result, games = count(match, results), (record_game(match, index) for index in worst_first(results))
-    facts = match_facts(options, match) | result.to_dict()
-    return answer_with_replays(options, facts, match_table(match, result), "game", games)
+    return answer_with_replays(options, match, result.to_dict(), match_table(match, result), "game", games)
 
 
 def run_simulate(options: argparse.Namespace) -> int:
@@ -79,8 +77,8 @@ def run_simulate(options: argparse.Namespace) -> int:
     display.begin("playing by the rules", compiles=True)
     comparison = compare(match, play_games(match, report=display.report), simulated)
     courses = (record_course(simulated, match, index) for index in worst_first(simulated.results))
-    facts = match_facts(options, match) | asdict(comparison)
-    return answer_with_replays(options, facts, comparison_table(match, comparison), "bodies", courses)
+    text = comparison_table(match, comparison)
+    return answer_with_replays(options, match, asdict(comparison), text, "bodies", courses)
 
 
 def add_tournament(parser: argparse.ArgumentParser) -> None:

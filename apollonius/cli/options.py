@@ -161,18 +161,18 @@ def finish(options: argparse.Namespace, *written: Path, then: str = "") -> None:
 
 
 def answer_with_replays(
-    options: argparse.Namespace, facts: dict[str, Any], text: str, kind: str, replays: "Iterator[Replay]"
+    options: argparse.Namespace, match: "Match", found: dict[str, Any], text: str, kind: str, games: "Iterator[Replay]"
 ) -> int:
-    """Print a result, once the first `options.record` games are written to files; return the exit status."""
+    """Print a match's result, once the first `options.record` games are written to files; return the exit status."""
     from apollonius.play.replay import save_replay
 
     if options.record:
         options.display.begin(f"writing {options.record} replays")
     written = list[Path]()
-    for replay in islice(replays, options.record):
+    for replay in islice(games, options.record):
         written.append(options.replays / f"{kind}-{replay.index}-{replay.outcome.name.lower()}.json")
         save_replay(replay, written[-1])
-    answer(options, facts, text)
+    answer(options, match_facts(options, match) | found, text)
     if written:
         then = command("show", written[0], "--out", written[0].with_suffix(".gif"))
         finish(options, options.replays, then=then)

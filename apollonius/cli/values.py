@@ -107,13 +107,12 @@ def varied(text: str) -> tuple[str, tuple[float, ...]]:
     return field, tuple(float(f"{low * (1 - i / steps) + high * i / steps:.12g}") for i in range(steps + 1))
 
 
-def nodes(text: str) -> tuple[int, int, int, int]:
+def nodes(text: str) -> tuple[int, ...]:
     """Return the nodes of a grid along x, y, v and heading, given as `101x101x9x47`."""
     found = _NODES.fullmatch(text)
     if not found:
         raise unfit(text, "the nodes along x, y, v, heading, as 101x101x9x47")
-    x, y, v, heading = map(int, found.groups())
-    return x, y, v, heading
+    return tuple(map(int, found.groups()))
 
 
 def named(text: str) -> str:

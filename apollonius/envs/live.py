@@ -112,7 +112,6 @@ class LiveGame:
         """A placeholder for the action of a robot that is not played from outside."""
         # The game is a constant of both functions.
         self._begin, self._step = Compiled(_begin, game, players), Compiled(_step, game, players, self.idle.shape)
-        self._carried, self._steps = tuple[Array, ...](), 0
         self._numbers: Array | None = None
         self._canvas = Canvas(game) if render_mode else None
 

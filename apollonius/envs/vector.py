@@ -77,7 +77,6 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._now: UnderWay | None = None
         self._left = 0
         """Starts of the pile that have not been used."""
-        self._ended = np.zeros(num_envs, bool)
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None

@@ -54,8 +54,9 @@ class Kept(Generic[R]):
         settings = sorted(jax.config.values.items()), os.environ.get("XLA_FLAGS"), eqx.__version__, _sources()
         asked = repr((self.name, types, settings)).encode()
         try:
-            static = _pickled(jax.tree.unflatten(structure, range(len(types))))
-            name = f"kept_{self.name}-{sha256(asked + static).hexdigest()}"
+            static = BytesIO()
+            _Static(static).dump(jax.tree.unflatten(structure, range(len(types))))
+            name = f"kept_{self.name}-{sha256(asked + static.getvalue()).hexdigest()}"
         except (pickle.PicklingError, AttributeError, TypeError):  # of a function without a name, or another's class
             return self._jitted
         # JAX promises nothing of its insides, and a compilation may have been deleted.
@@ -127,9 +128,3 @@ def _load(found: bytes, entries: Entries, structure: Any) -> Callable[..., Any]:
 def _sources() -> str:
     """Return the digest of the package's files."""
     return sha256(b"".join(path.read_bytes() for path in sorted(_SOURCES.rglob("*.py")))).hexdigest()
-
-
-def _pickled(tree: Any) -> bytes:
-    file = BytesIO()
-    _Static(file).dump(tree)
-    return file.getvalue()

@@ -78,7 +78,6 @@ class _Server(ThreadingHTTPServer):
     """A server that fails on a port in use; on Windows, reuse would let both listen."""
 
     allow_reuse_address = os.name == "posix"
-    daemon_threads = True
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Print nothing when the connection was closed."""
