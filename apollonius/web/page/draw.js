@@ -91,14 +91,6 @@ function drawArena(context, arena, colours) {
   context.strokeRect(arena.x_min, arena.y_min, arena.x_max - arena.x_min, arena.y_max - arena.y_min);
 }
 
-/** Draw the path of a robot, with a ring around its start. */
-function drawTrail(context, points, colour) {
-  context.strokeStyle = colour;
-  context.lineWidth = 0.035;
-  path(context, points).stroke();
-  circle(context, ...points[0], 0.08).stroke();
-}
-
 /** A picture of cells, a pixel each, by a function from column and row to a colour, if any; it is painted once for what it shows. */
 export function picture(shown, colours, width, height, colourOf) {
   const painted = pictures.get(shown);
@@ -154,7 +146,10 @@ export function draw(canvas, { game, states, now, colours, beneath, above, fog =
   const robots = robotsOf(now, ROLES).filter(({ role }) => !(fog?.isHidden && role === fog.rival));
   for (const who of robots.filter(({ role }) => role !== fog?.rival)) {
     const trail = states.map((state) => robotOf(state, who)).map(({ x, y }) => [x, y]);
-    drawTrail(context, trail, colours[who.role]);
+    context.strokeStyle = colours[who.role];
+    context.lineWidth = 0.035;
+    path(context, trail).stroke();
+    circle(context, ...trail[0], 0.08).stroke(); // around its start
   }
   above?.(context);
   for (const who of robots) drawRobot(context, game, who, now, colours);

@@ -16,19 +16,15 @@ export async function load(name, path, reads) {
 }
 
 /** A game, such as `office` or `team-3v1/office`. */
-export async function findGame(catalogue, name) {
-  const [arena, counts] = partsOf(name, catalogue.games);
-  const game = await findArena(catalogue, arena);
-  return counts ? inTeams(game, ...counts) : game;
-}
-
-async function findArena({ games, maps }, name) {
-  const game = games[name];
-  if (!maps[name]) return game;
-  return load(`the map of ${name}`, maps[name].field, (buffer) => {
-    const map = { ...maps[name], ...game.arena.map, field: new Float32Array(buffer) };
+export async function findGame({ games, maps }, name) {
+  const [found, counts] = partsOf(name, games);
+  const game = games[found];
+  const withMap = (buffer) => {
+    const map = { ...maps[found], ...game.arena.map, field: new Float32Array(buffer) };
     return { ...game, arena: { ...game.arena, map } };
-  });
+  };
+  const whole = maps[found] ? await load(`the map of ${found}`, maps[found].field, withMap) : game;
+  return counts ? inTeams(whole, ...counts) : whole;
 }
 
 /** A game as replays have it: of its map the file and the digest. */

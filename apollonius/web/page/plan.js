@@ -15,15 +15,6 @@ const inside = ({ x_min, x_max, y_min, y_max }, [x, y]) => [round(clip(x, x_min,
 
 const withArena = (game, changes) => ({ ...game, arena: { ...game.arena, ...changes } });
 
-/** Return whether corners make an obstacle: an area inside, and no edge that meets another. */
-function isShape(corners) {
-  const area = corners.reduce((sum, [x, y], index) => {
-    const [toX, toY] = corners[(index + 1) % corners.length];
-    return sum + x * toY - toX * y;
-  }, 0);
-  return Math.abs(area) > 1e-3 && !hasMeetingEdges(corners);
-}
-
 /** Return whether edges meet elsewhere than at a corner they share. */
 export function hasMeetingEdges(corners) {
   const count = corners.length;
@@ -57,7 +48,7 @@ export function withDisc(game, [x, y], [toX, toY]) {
 /** With a polygon, its corners moved inside the walls; the same game where that is no shape. */
 function withPolygon(game, corners) {
   const vertices = corners.map((corner) => inside(game.arena, corner));
-  return isShape(vertices) ? withArena(game, { polygons: [...game.arena.polygons, { vertices }] }) : game;
+  return hasMeetingEdges(vertices) ? game : withArena(game, { polygons: [...game.arena.polygons, { vertices }] });
 }
 
 /** A block between two opposite corners. */
@@ -109,7 +100,7 @@ export function resized(game, shape, grip, point) {
   const corners = isBlock
     ? vertices.map(([cornerX, cornerY]) => [cornerX === oldX ? x : cornerX, cornerY === oldY ? y : cornerY])
     : vertices.with(grip, [x, y]);
-  return isShape(corners) ? changed(game, shape, { vertices: corners }) : game;
+  return hasMeetingEdges(corners) ? game : changed(game, shape, { vertices: corners });
 }
 
 // ---- the rest of a game

@@ -31,7 +31,11 @@ function showPhase(message) {
   const share = SHARES.findIndex((one) => choice?.pursuer === learner(one));
   element("learning").hidden = share < 0;
   if (!match) return;
-  if (share >= 0) showShare(share);
+  if (share >= 0) {
+    const [output, input] = element("learning").children;
+    output.textContent = `${SHARES[share]} %`;
+    input.value = share;
+  }
   const { arena } = match.game;
   document.body.style.setProperty("--aspect", (arena.x_max - arena.x_min) / (arena.y_max - arena.y_min));
   element("goal").textContent = (choice.level ? `${choice.level.number}. ` : "") + describeGoal(match, me, choice.level?.isEndless);
@@ -39,12 +43,6 @@ function showPhase(message) {
     element(`${role}-name`).textContent = wordsOf(match.players[role]);
     element(`${role}-score`).textContent = match.score[role];
   }
-}
-
-function showShare(index) {
-  const [output, input] = element("learning").children;
-  output.textContent = `${SHARES[index]} %`;
-  input.value = index;
 }
 
 // ---- what can be done: each of these is a button
@@ -137,16 +135,11 @@ function onKey(event) {
   if (isDown && !event.repeat) pressed?.();
 }
 
-/** A box to tick for each layer. */
-function offerLayers() {
+function wire() {
   for (const [name, words] of Object.entries(LAYERS)) {
     element("layers").append(make("label", { className: "line" }, make("input", { type: "checkbox", name, checked: true }), words));
   }
   element("layers").addEventListener("change", showLayers);
-}
-
-function wire() {
-  offerLayers();
   for (const [id, action] of Object.entries(actions)) {
     element(id).addEventListener("click", (event) => {
       action();
