@@ -6,49 +6,25 @@ import os
 import pkgutil
 import re
 from collections.abc import Iterator
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from pathlib import Path
+from typing import Any, get_args
 
 from sphinx.pycode import ModuleAnalyzer  # pyright: ignore[reportMissingImports]
 
 import apollonius
 from apollonius.cli.main import build_parser
-from apollonius.game.arena import Arena
-from apollonius.game.dynamics import Unicycle
-from apollonius.game.game import Game
-from apollonius.game.reward import Reward
-from apollonius.game.scenario import Spread
-from apollonius.game.sensing import Drive, Noise, Sensors
-from apollonius.game.starts import Starts
+from apollonius.game.chart import Chart
+from apollonius.game.occupancy import OccupancyMap
+from apollonius.game.scenario import Scenario
 from apollonius.learn.config import RunConfig
-from apollonius.learn.learner_config import DQNConfig, SACConfig
-from apollonius.learn.opponents import OpponentConfig
-from apollonius.learn.stage_config import DistillationConfig, SelfPlayConfig, StageConfig, Task
 
 _NOT_FOR_CALLERS = {"reproduce", "__main__", "cli", "version"}
 """Rooms of the command, and data."""
 _COLUMNS = 110
 """Letters in a line of a command's help."""
-_RECORDS: dict[str, type] = {
-    "": RunConfig,
-    "dqn": DQNConfig,
-    "sac": SACConfig,
-    "fixed_target": StageConfig,
-    "fixed_target.randomise": Spread,
-    "self_play": SelfPlayConfig,
-    "self_play.opponents": OpponentConfig,
-    "distillation": DistillationConfig,
-    "distillation.tasks": Task,
-    "game": Game,
-    "game.pursuer": Unicycle,
-    "game.sensors.pursuer": Sensors,
-    "game.sensors.pursuer.noise": Noise,
-    "game.drives.pursuer": Drive,
-    "game.arena": Arena,
-    "game.reward": Reward,
-    "game.starts": Starts,
-}
-"""The tables of a training's `config.toml`."""
+_WITHOUT_TABLES = (Chart, OccupancyMap, Scenario)
+"""Records that a training's `config.toml` names, or leaves out."""
 
 
 def write_reference(folder: Path) -> None:
@@ -103,7 +79,19 @@ def _room(room: str, modules: list[str]) -> str:
 def _config() -> str:
     """Return a table for each record of a training's `config.toml`: key, default and the field's docstring."""
     about = "A run saves all of these; a `--config` file may leave out what keeps its default."
-    return "\n\n".join(["# Configuration", about, *(_keys(name, record) for name, record in _RECORDS.items())]) + "\n"
+    first = dict[type, str]()
+    for name, record in _records(RunConfig):
+        first.setdefault(record, name)
+    return "\n\n".join(["# Configuration", about, *(_keys(name, record) for record, name in first.items())]) + "\n"
+
+
+def _records(record: Any, name: str = "") -> Iterator[tuple[str, type]]:
+    """Yield the tables of a record and of those in it, with their names."""
+    yield name, record
+    for key in fields(record):
+        for inner in (key.type, *get_args(key.type)):
+            if is_dataclass(inner) and inner not in _WITHOUT_TABLES:
+                yield from _records(inner, f"{name}.{key.name}".removeprefix("."))
 
 
 def _keys(name: str, record: type) -> str:
