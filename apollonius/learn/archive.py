@@ -52,12 +52,10 @@ def init(network: Network, config: OpponentConfig) -> Archive:
 
 def enter(archive: Archive, network: Network, due: Bool[Array, ""]) -> Archive:
     """Return the archive with one more version, where that is due and it is not full."""
-    due = due & (archive.count < archive.games.shape[0])
-    index = jnp.minimum(archive.count, archive.games.shape[0] - 1)
-    networks = jax.tree.map(
-        lambda all_, one: all_.at[index].set(jnp.where(due, one, all_[index])), archive.networks, network
-    )
-    return replace(archive, networks=networks, count=archive.count + due.astype(jnp.int32))
+    versions = archive.games.shape[0]
+    index = jnp.where(due, archive.count, versions)  # where there is none, nothing is written
+    networks = jax.tree.map(lambda all_, one: all_.at[index].set(one, mode="drop"), archive.networks, network)
+    return replace(archive, networks=networks, count=jnp.minimum(archive.count + due, versions))
 
 
 def renew(archive: Archive, config: OpponentConfig, key: PRNGKeyArray) -> Archive:

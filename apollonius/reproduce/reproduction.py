@@ -206,7 +206,7 @@ def reproduce(
     is_new = not folder.exists() or not any(folder.iterdir())
     require(resume or is_new, "folder", folder, "a new one, as this one is not empty; choose another or resume it")
     folder.mkdir(parents=True, exist_ok=True)
-    study = Study(folder, budget, PRESETS[budget], tuple(range(seeds)), games)
+    study = Study(folder, budget, tuple(range(seeds)), games)
     _train_missing(study, report, run)
     findings = []
     for section in SECTIONS:

@@ -6,7 +6,7 @@ from pathlib import Path
 from apollonius import Match, Named, Role, find_player
 from apollonius.evaluate.match import MatchResult, count, play_games
 from apollonius.game.by_side import BySide
-from apollonius.learn.config import RunConfig
+from apollonius.learn.config import PRESETS, RunConfig
 from apollonius.learn.folder import agent_file
 from apollonius.learn.metrics import MetricsLine, load_metrics
 from apollonius.play.playout import Results
@@ -49,9 +49,7 @@ class Study:
 
     folder: Path
     budget: str
-    """What the length of its trainings is called."""
-    preset: RunConfig
-    """How its agents are trained."""
+    """The preset by which its agents are trained."""
     seeds: tuple[int, ...]
     games: int = 10_000
     """Games in a match."""
@@ -63,13 +61,13 @@ class Study:
     def agent(self, name: str, role: Role, seed: int, percent: int = 100) -> Named:
         """Return an agent of a seed, `random` or `still`; of self-play's, as it was at a percentage of it."""
         player = str(agent_file(self.run(RUN_OF[name], seed), name, percent)) if name in RUN_OF else name
-        return replace(find_player(player, role, self.preset.game), name=name)
+        return replace(find_player(player, role, PRESETS[self.budget].game), name=name)
 
     def pairing(self, pursuer: str, evader: str, seeds: tuple[int, int], percent: int = 100) -> Match:
         """Return the match between two agents of these seeds, as `agent` finds them."""
         chasing = self.agent(pursuer, Role.PURSUER, seeds[0], percent)
         fleeing = self.agent(evader, Role.EVADER, seeds[1], percent)
-        return Match(self.preset.game, BySide(chasing, fleeing), self.games, MATCH_SEED)
+        return Match(PRESETS[self.budget].game, BySide(chasing, fleeing), self.games, MATCH_SEED)
 
     def play(self, pursuer: str, evader: str, seeds: tuple[int, int]) -> Results:
         named = (pursuer, evader, *seeds)
@@ -94,5 +92,5 @@ class Study:
         return {
             self.run(name, seed): (config, AGENTS[name])
             for seed in self.seeds
-            for name, config in run_configs(self.preset, seed).items()
+            for name, config in run_configs(PRESETS[self.budget], seed).items()
         }
