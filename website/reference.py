@@ -126,5 +126,6 @@ def _command_line(parser: argparse.ArgumentParser) -> str:
 def _parsers(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
     yield parser
     for action in parser._actions:  # pyright: ignore[reportPrivateUsage]
-        for each in action.choices.values() if isinstance(action.choices, dict) else ():  # of commands
-            yield from _parsers(each)
+        if isinstance(action, argparse._SubParsersAction):  # pyright: ignore[reportPrivateUsage]
+            for each in action.choices.values():
+                yield from _parsers(each)
