@@ -51,8 +51,7 @@ const [MOST_DISCS, MOST_POLYGONS, MOST_CORNERS, MOST_EDGES] = [250, 200, 1000, 2
 const SHORTEST = 0.01; // step [s] that the page keeps up with
 const LONGEST_STOP = 1000; // steps that a robot may take to stop, as shields look so far ahead
 
-const FIELDS = Object.fromEntries(BODY.map((key) => [key, 0]));
-const ROBOT = { ...FIELDS, v_min: 0, v_max: 1.2, u1_max: 0.3, u2_max: 0.8, radius: 0 };
+const ROBOT = { ...Object.fromEntries(BODY.map((key) => [key, 0])), v_max: 1.2, u1_max: 0.3, u2_max: 0.8 };
 /** The game of an empty file: the paper's, without discs. Keys without a value may be left out. */
 export const DEFAULT = {
   pursuer: ROBOT,
