@@ -198,7 +198,8 @@ def main() -> None:
     if "P_random v E_scratch" not in counts:  # which is played last
         counts = play_all(asked, path)
     seeds = tuple(range(len(counts["P_stage1 v still"])))
-    study = Counted(asked.out, "paper", seeds, counts["games"], counts=counts)
+    budget = "paper" if counts["share"] == 1 else f"{counts['share']} of paper"
+    study = Counted(asked.out, budget, seeds, counts["games"], counts=counts)
     first = Finding("Stage 1", "Greedy games.", claims=(stage_1(study),))
     write_report(study, [first, *(one(study) for one in (in_the_course, figure_6, table_2, table_3))])
 
