@@ -55,7 +55,7 @@ def enter(archive: Archive, network: Network, due: Bool[Array, ""]) -> Archive:
     versions = archive.games.shape[0]
     index = jnp.where(due, archive.count, versions)  # where there is none, nothing is written
     networks = jax.tree.map(lambda all_, one: all_.at[index].set(one, mode="drop"), archive.networks, network)
-    return replace(archive, networks=networks, count=jnp.minimum(archive.count + due, versions))
+    return replace(archive, networks=networks, count=jnp.minimum(archive.count + due.astype(jnp.int32), versions))
 
 
 def renew(archive: Archive, config: OpponentConfig, key: PRNGKeyArray) -> Archive:
