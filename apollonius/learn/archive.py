@@ -53,7 +53,7 @@ def init(network: Network, config: OpponentConfig) -> Archive:
 def enter(archive: Archive, network: Network, due: Bool[Array, ""]) -> Archive:
     """Return the archive with one more version, where that is due and it is not full."""
     versions = archive.games.shape[0]
-    index = jnp.where(due, archive.count, versions)  # where there is none, nothing is written
+    index = jnp.where(due, archive.count, versions)  # writing there, beyond the last one, does nothing
     networks = jax.tree.map(lambda all_, one: all_.at[index].set(one, mode="drop"), archive.networks, network)
     return replace(archive, networks=networks, count=jnp.minimum(archive.count + due.astype(jnp.int32), versions))
 

@@ -18,6 +18,7 @@ from apollonius.learn.run import train
 from apollonius.play.replay import Replay
 from apollonius.reproduce.finding import (
     Finding,
+    Matches,
     as_data,
     beside_the_paper,
     differences,
@@ -57,13 +58,13 @@ def figure_4(study: Study) -> Finding:
         right.legend(loc="lower right")
     episodes = ", ".join(f"{x[-1]:,}" for x, _ in successes)
     text = f"Left: greedy games from fixed starts. Right: the games of training. Episodes in all, by seed: {episodes}."
-    data = {"success": successes} | as_data({"matches": study.matches("P_stage1", "still")})
-    return Finding("Fig. 4: stage 1", text, ("figure4.png",), (stage_1(study),), data)
-
-
-def stage_1(study: Study) -> Claim:
-    """Return the claim that stage 1 learns to reach a standing evader."""
     matches = study.matches("P_stage1", "still")
+    data = {"success": successes} | as_data({"matches": matches})
+    return Finding("Fig. 4: stage 1", text, ("figure4.png",), (stage_1(matches),), data)
+
+
+def stage_1(matches: Matches) -> Claim:
+    """Return the claim that stage 1 learns to reach a standing evader."""
     return Claim("stage 1: success", "section IV, Fig. 4", STAGE_1, STAGE_1, rates(matches, won))
 
 

@@ -1,5 +1,6 @@
 """Players of all kinds in C and in the page, against the package's own; the files of a program; decisions of bags."""
 
+import os
 import subprocess
 from dataclasses import replace
 
@@ -28,7 +29,7 @@ from apollonius.export.writing import check, write_c
 from apollonius.game.by_side import BySide
 from apollonius.game.game import reset_batch
 from apollonius.game.scenario import stack_arenas
-from apollonius.game.types import Role
+from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.play.rollout import begin, step_games
 from tests.export.test_translate import needs_gcc
@@ -303,6 +304,42 @@ def test_what_cannot_be_exported_is_refused_in_one_line(words, tmp_path, monkeyp
     *_, last = capsys.readouterr().err.strip().splitlines()
     assert REFUSED[words] in last
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+@needs_gcc
+def test_whole_games_in_c_end_as_the_packages_and_a_shield_holds_in_them():
+    games = int(os.environ.get("GAMES", "300"))
+    pursuer, evader = exportable("paper", "shielded:P_pool"), exportable("paper", "E_optimal")
+
+    def play(pursuer_policy, evader_policy, game, start):
+        """Return how a whole game ends, and after how many steps."""
+
+        def step(now):
+            state, _ = now
+            robots = [jnp.stack(jax.tree.leaves(robot)) for robot in (state.pursuer, state.evader)]
+            given = game, jnp.stack(robots), None, (), jnp.uint32(0)
+            own = pursuer.decide(pursuer_policy, *given)["action"]
+            given = game, jnp.stack(robots[::-1]), None, (), jnp.uint32(0)
+            other = evader.decide(evader_policy, *given)["action"]
+            after = game.step(state, own, other)
+            return after.state, after.outcome
+
+        state, outcome = jax.lax.while_loop(lambda now: now[1] == Outcome.ONGOING, step, (start, jnp.int32(0)))
+        return {"outcome": outcome, "steps": state.steps}
+
+    given = pursuer.policy, evader.policy, pursuer.game
+    starts = jax.device_get(reset_batch(pursuer.game, jax.random.key(0), games))
+    first = jax.tree.map(lambda leaf: leaf[0], starts)
+    compiled = Compiled(translated(play, *given, first, name="played"))
+    ends = [compiled(*given, jax.tree.map(lambda leaf: leaf[place], starts)) for place in range(games)]  # noqa: B023
+    outcomes = np.array([int(outcome) for outcome, _ in ends])
+    crashes = {Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE, Outcome.BOTH_FAILED}
+    assert not crashes.intersection(outcomes.tolist())
+    print({Outcome(one).name: int((outcomes == one).sum()) for one in np.unique(outcomes)})
+    batch = jax.jit(jax.vmap(play, in_axes=(None, None, None, 0)))
+    same = np.asarray(batch(*given, jax.tree.map(lambda leaf: leaf[:50], starts))["outcome"]) == outcomes[:50]
+    assert same.mean() >= 0.9  # rounding parts long games
 
 
 def recorded(name, game, steps):

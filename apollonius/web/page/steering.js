@@ -19,7 +19,8 @@ export class Steering {
   /** Press or release a key; returns whether it steers. */
   key(code, isDown) {
     if (!(code in ALL_KEYS)) return false;
-    this.held[isDown ? "add" : "delete"](code);
+    if (isDown) this.held.add(code);
+    else this.held.delete(code);
     return true;
   }
 
