@@ -20,7 +20,6 @@ from apollonius.evaluate.solved import measure_card as measure_card
 from apollonius.export.writing import translate as translate
 from apollonius.game.arena import Arena as Arena
 from apollonius.game.arena import Disc as Disc
-from apollonius.game.by_side import BySide as BySide
 from apollonius.game.dynamics import Unicycle as Unicycle
 from apollonius.game.game import Game as Game
 from apollonius.game.game import reset_batch as reset_batch
@@ -29,6 +28,7 @@ from apollonius.game.presets import in_arenas as in_arenas
 from apollonius.game.presets import make_game as make_game
 from apollonius.game.reward import Reward as Reward
 from apollonius.game.starts import Starts as Starts
+from apollonius.game.types import BySide as BySide
 from apollonius.game.types import GameState as GameState
 from apollonius.game.types import Outcome as Outcome
 from apollonius.game.types import RobotState as RobotState

@@ -27,10 +27,9 @@ from apollonius.agents.trained import greedy
 from apollonius.catalogue import find_player
 from apollonius.evaluate.match import keys_of
 from apollonius.evaluate.statistics import predict
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, sample_starts
 from apollonius.game.outcome import counts_by_name
-from apollonius.game.types import Outcome, Role
+from apollonius.game.types import BySide, Outcome, Role
 from apollonius.learn.config import FIXED_TARGET, PRESETS, SELF_PLAY, STAGES
 from apollonius.learn.loop import play_and_learn
 from apollonius.learn.stage_config import Plan, SelfPlayConfig

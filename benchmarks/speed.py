@@ -22,10 +22,9 @@ from apollonius.agents.classical import Still, Uniform
 from apollonius.agents.pool import Pool, solo
 from apollonius.arenas.file import find_game
 from apollonius.cli.values import nodes
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.presets import make_game
-from apollonius.game.types import NUM_ACTIONS, GameState, Role
+from apollonius.game.types import NUM_ACTIONS, BySide, GameState, Role
 from apollonius.learn.learner_config import PROFILES, DQNConfig
 from apollonius.learn.loop import play_and_learn
 from apollonius.learn.stage_config import Plan, SelfPlayConfig, StageConfig

@@ -8,8 +8,7 @@ import numpy as np
 
 from apollonius.agents.kind import Named
 from apollonius.evaluate.match import Match
-from apollonius.game.by_side import BySide
-from apollonius.game.types import GameState, RobotState
+from apollonius.game.types import BySide, GameState, RobotState
 from apollonius.observe.registry import find_observation
 from apollonius.observe.view import look
 

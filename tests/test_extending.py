@@ -28,11 +28,10 @@ from apollonius.export.parity import cases_of, compare
 from apollonius.export.player import find_exportable
 from apollonius.export.translate import translated
 from apollonius.game.arena import Arena, Disc
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
-from apollonius.game.types import Outcome, Role
+from apollonius.game.types import BySide, Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import opponents
 from apollonius.learn.archive import renew

@@ -9,8 +9,7 @@ from tempfile import TemporaryDirectory
 
 from apollonius.agents.store import describe, save_agent
 from apollonius.arenas.record import to_dict
-from apollonius.game.by_side import BySide
-from apollonius.game.types import Role
+from apollonius.game.types import BySide, Role
 from apollonius.learn.config import FIXED_TARGET, PRESETS
 from apollonius.learn.folder import create_run, load_checkpoint
 from apollonius.learn.run import Run

@@ -16,9 +16,8 @@ from apollonius.agents.network import GaussianActor, Network, QNetwork, inferred
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractContinuous, AbstractPolicy, Memory
 from apollonius.agents.store import Agent, load_agent, load_header
 from apollonius.arenas.record import from_dict, to_dict
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.types import Role, Scalar
+from apollonius.game.types import BySide, Role, Scalar
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.registry import find_observation

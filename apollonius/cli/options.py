@@ -94,7 +94,7 @@ def answer_varied(options: argparse.Namespace, play: "Callable[..., MatchResult]
     """Play a match for each value of `--vary`, as `play_match` does, and print or draw how often the pursuer wins."""
     from apollonius.arenas.file import game_in_one_arena
     from apollonius.evaluate.vary import Variation, play_varied, varied_matches
-    from apollonius.game.by_side import BySide
+    from apollonius.game.types import BySide
 
     require(options.record == 0, "--record", options.record, "left out with --vary, which keeps no games")
     game, names = game_in_one_arena(options.game, "--vary"), BySide(options.pursuer, options.evader)

@@ -13,10 +13,9 @@ from jaxtyping import Array, Bool, Float, Int, UInt32
 
 from apollonius.agents.policy import AbstractPolicy, Memory
 from apollonius.agents.pool import Pool
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.sensing import DriveStates
-from apollonius.game.types import ROLES, Action, GameState, Role
+from apollonius.game.types import ROLES, Action, BySide, GameState, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.tracking import Track

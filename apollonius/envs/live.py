@@ -17,9 +17,8 @@ from apollonius.arenas.charting import charted
 from apollonius.arenas.file import as_game
 from apollonius.catalogue import find_player
 from apollonius.envs.batch import Compiled, Outside, begun, carried, require_unforked, resumed
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.types import NUM_ACTIONS, ROLES, GameState, Outcome, RobotStatus, Role
+from apollonius.game.types import NUM_ACTIONS, ROLES, BySide, GameState, Outcome, RobotStatus, Role
 from apollonius.io.errors import require
 from apollonius.observe.registry import find_observation
 from apollonius.play.replay import as_state

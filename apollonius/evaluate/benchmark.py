@@ -24,11 +24,10 @@ from apollonius.catalogue import find_player
 from apollonius.evaluate.match import Match, begin
 from apollonius.evaluate.result import worst_mean
 from apollonius.evaluate.statistics import mean_interval
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.outcome import EVADER_FAILS, PURSUER_FAILS, PURSUER_WINS, evader_winning
 from apollonius.game.presets import in_teams, make_game
-from apollonius.game.types import Outcome, RobotStatus, Role
+from apollonius.game.types import BySide, Outcome, RobotStatus, Role
 from apollonius.io.cache import digest
 from apollonius.io.limits import ENTRANTS
 from apollonius.observe.observation import perceive

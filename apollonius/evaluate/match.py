@@ -14,10 +14,9 @@ from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
 from apollonius.evaluate.result import MatchResult, count_by_arena, count_by_detour, count_robots, count_sightings
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, distance, sample_starts
 from apollonius.game.outcome import PURSUER_WINS, counts_by_name, evader_winning
-from apollonius.game.types import ROLES, GameState, Outcome, Scalar
+from apollonius.game.types import ROLES, BySide, GameState, Outcome, Scalar
 from apollonius.io.errors import require
 from apollonius.io.kept import Kept
 from apollonius.io.limits import GAMES, SEED

@@ -6,9 +6,8 @@ from pathlib import Path
 from apollonius.agents.store import load_header
 from apollonius.catalogue import find_player
 from apollonius.evaluate.match import Match, MatchResult, play_matches
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.types import ROLES
+from apollonius.game.types import ROLES, BySide
 from apollonius.io.document import to_json, write_atomically
 from apollonius.play.playout import Report, silent
 

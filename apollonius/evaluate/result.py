@@ -9,10 +9,9 @@ from jaxtyping import Array, Float, Int
 
 from apollonius.arenas.record import from_dict
 from apollonius.evaluate.statistics import mean_interval, wilson_interval
-from apollonius.game.by_side import BySide
 from apollonius.game.outcome import PURSUER_WINS, evader_winning, names_of, require_counts
 from apollonius.game.scenario import Scenario
-from apollonius.game.types import RobotStatus, Role
+from apollonius.game.types import BySide, RobotStatus, Role
 from apollonius.io.errors import require
 from apollonius.observe.tracking import Sightings
 from apollonius.play.playout import Results

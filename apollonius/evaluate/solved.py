@@ -9,10 +9,9 @@ import numpy as np
 
 from apollonius.evaluate.match import Match, begin, play_games, starting
 from apollonius.evaluate.statistics import mean_interval, wilson_interval
-from apollonius.game.by_side import BySide, one_each
 from apollonius.game.game import Game, sample_starts
 from apollonius.game.outcome import evader_wins, pursuer_wins
-from apollonius.game.types import Role
+from apollonius.game.types import BySide, Role, one_each
 from apollonius.play.playout import Report, silent
 from apollonius.solve.grid import make_grid
 from apollonius.solve.motion import motion_of

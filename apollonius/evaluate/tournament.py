@@ -16,9 +16,8 @@ from apollonius.catalogue import find_player
 from apollonius.evaluate.benchmark import PANELS
 from apollonius.evaluate.match import Match, MatchResult, play_games, play_matches, record_game
 from apollonius.evaluate.statistics import Z
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.types import ROLES, Outcome
+from apollonius.game.types import ROLES, BySide, Outcome
 from apollonius.io.errors import require
 from apollonius.io.workers import Run
 from apollonius.play.playout import Report, silent

@@ -14,9 +14,8 @@ from jaxtyping import Float
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.shield import Backup, Shielded
 from apollonius.evaluate.match import Match, MatchResult, play_match, play_matches
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.types import ROLES
+from apollonius.game.types import ROLES, BySide
 from apollonius.io.arrays import named_leaves
 from apollonius.io.errors import InvalidInput, require
 from apollonius.play.playout import Report, silent

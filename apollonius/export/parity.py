@@ -16,10 +16,9 @@ from apollonius.agents.policy import AbstractActionValuePolicy
 from apollonius.agents.pool import Pool, solo
 from apollonius.agents.shield import MARGIN, Shielded
 from apollonius.export.player import LARGEST, Player, known_state
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.sensing import sense
-from apollonius.game.types import ROLES, GameState, Role
+from apollonius.game.types import ROLES, BySide, GameState, Role
 from apollonius.observe.tracking import Track, delayed
 from apollonius.observe.view import look
 from apollonius.play.rollout import Games, SideState, begin, collect

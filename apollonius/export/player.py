@@ -19,11 +19,10 @@ from apollonius.agents.trained import find_trained
 from apollonius.arenas.charting import charted
 from apollonius.arenas.record import from_dict
 from apollonius.catalogue import find_player
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.sensing import Percept, Sensing
-from apollonius.game.types import GameState, RobotState, RobotStatus, Role
+from apollonius.game.types import BySide, GameState, RobotState, RobotStatus, Role
 from apollonius.io.errors import require
 from apollonius.observe.tracking import Track, believed, delayed, learn
 from apollonius.observe.tracking import begin as known_first

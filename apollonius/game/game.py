@@ -12,7 +12,6 @@ from jaxtyping import Array, Int, PRNGKeyArray, UInt32
 
 from apollonius.game import validation
 from apollonius.game.arena import Arena
-from apollonius.game.by_side import BySide, one_each
 from apollonius.game.chart import Chart
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.fusion_barrier import fusion_barrier
@@ -22,7 +21,19 @@ from apollonius.game.scenario import Scenario
 from apollonius.game.sensing import Drives, Sensing
 from apollonius.game.starts import Starts
 from apollonius.game.teams import Body, Teams
-from apollonius.game.types import ROLES, Action, GameState, Outcome, Real, RobotState, Role, Scalar, Timestep
+from apollonius.game.types import (
+    ROLES,
+    Action,
+    BySide,
+    GameState,
+    Outcome,
+    Real,
+    RobotState,
+    Role,
+    Scalar,
+    Timestep,
+    one_each,
+)
 from apollonius.io.errors import require
 from apollonius.io.kept import Kept
 

@@ -12,12 +12,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Int
 
 from apollonius.game.arena import Arena
-from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.outcome import EVADER_FAILS, PURSUER_FAILS, come_within, decide, is_one_of
 from apollonius.game.teams import Teams
-from apollonius.game.types import ROLES, GameState, Outcome, Real, RobotStatus, Role
+from apollonius.game.types import ROLES, BySide, GameState, Outcome, Real, RobotStatus, Role
 
 Flag = Bool[Array, ""]
 Statuses = BySide[tuple[Int[Array, ""], ...]]

@@ -9,12 +9,11 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Int
 
-from apollonius.game.by_side import BySide
 from apollonius.game.chart import Chart
 from apollonius.game.judge import Fate
 from apollonius.game.outcome import evader_wins, pursuer_wins
 from apollonius.game.teams import nearest
-from apollonius.game.types import GameState, Outcome, Real, RobotState, Scalar
+from apollonius.game.types import BySide, GameState, Outcome, Real, RobotState, Scalar
 from apollonius.io.errors import require
 
 

@@ -13,10 +13,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, UInt32
 
 from apollonius.game.arena import Arena
-from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle, wrap_angle
 from apollonius.game.fusion_barrier import fusion_barrier
-from apollonius.game.types import Action, GameState, Real, RobotState, Role, Scalar
+from apollonius.game.types import Action, BySide, GameState, Real, RobotState, Role, Scalar
 from apollonius.io.errors import require
 
 MOST_DELAY = MOST_LAG = 10

@@ -11,9 +11,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from apollonius.game.arena import Arena
-from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.types import ROLES, GameState, Real, RobotState, Role
+from apollonius.game.types import ROLES, BySide, GameState, Real, RobotState, Role
 from apollonius.io.errors import require
 
 _Placed = tuple[Role, Unicycle, RobotState]

@@ -9,10 +9,10 @@ import numpy as np
 from jaxtyping import Float
 
 from apollonius.game.arena import Arena
-from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.sensing import Drives, Sensing
 from apollonius.game.starts import Starts
+from apollonius.game.types import BySide
 from apollonius.io.errors import InvalidInput, require
 from apollonius.io.kept import Kept
 from apollonius.io.limits import ROBOTS

@@ -20,8 +20,7 @@ from apollonius.agents.network import Network, QNetwork
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.pool import AbstractPlayers, Apart, solo
 from apollonius.agents.trained import exploring, greedy
-from apollonius.game.by_side import BySide
-from apollonius.game.types import NUM_ACTIONS, Scalar
+from apollonius.game.types import NUM_ACTIONS, BySide, Scalar
 from apollonius.learn import dqn
 from apollonius.learn.learner_config import linear
 from apollonius.learn.loop import Metrics, iterated

@@ -14,9 +14,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.agents.pool import Pool
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.types import ROLES, GameState, Outcome, Role, Scalar
+from apollonius.game.types import ROLES, BySide, GameState, Outcome, Role, Scalar
 from apollonius.learn import archive, dqn, replay_buffer, sac
 from apollonius.learn.learner_config import DQNConfig, SACConfig, linear
 from apollonius.learn.stage_config import Plan

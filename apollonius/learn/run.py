@@ -22,10 +22,9 @@ from apollonius.agents.trained import greedy, load_network
 from apollonius.arenas.charting import charted
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_pool
-from apollonius.game.by_side import BySide
 from apollonius.game.game import sample_starts
 from apollonius.game.outcome import counts_by_name
-from apollonius.game.types import ROLES, Outcome, Role
+from apollonius.game.types import ROLES, BySide, Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.io.interrupts import asked
 from apollonius.learn import loop, train_state

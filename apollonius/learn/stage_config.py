@@ -4,11 +4,10 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from apollonius.catalogue import TABLE
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.presets import randomised
 from apollonius.game.scenario import Spread
-from apollonius.game.types import Role
+from apollonius.game.types import BySide, Role
 from apollonius.io.errors import require, require_positive, require_within
 from apollonius.io.limits import GAMES
 from apollonius.learn.learner_config import LearnerConfig

@@ -12,9 +12,8 @@ from jaxtyping import Array, Int, PRNGKeyArray
 from apollonius.agents.network import Network
 from apollonius.agents.pool import Assigned, Pool, solo
 from apollonius.agents.trained import exploring, greedy
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.types import ROLES, Role
+from apollonius.game.types import ROLES, BySide, Role
 from apollonius.learn import archive, dqn, replay_buffer, sac
 from apollonius.learn.learner_config import DQNConfig, SACConfig
 from apollonius.learn.stage_config import Plan

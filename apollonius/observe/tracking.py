@@ -9,10 +9,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt32
 
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.sensing import MOST_DELAY, Percept, Sensors, sense
-from apollonius.game.types import GameState, Real, RobotState, Role, Scalar, Sight
+from apollonius.game.types import BySide, GameState, Real, RobotState, Role, Scalar, Sight
 from apollonius.observe import belief
 from apollonius.observe.belief import NEVER, Belief
 

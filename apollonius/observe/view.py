@@ -9,13 +9,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from apollonius.game.arena import Arena
-from apollonius.game.by_side import BySide
 from apollonius.game.chart import Chart
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.game import Game
 from apollonius.game.teams import Teams, nearest
-from apollonius.game.types import GameState, Real, RobotState, Role, Scalar
+from apollonius.game.types import BySide, GameState, Real, RobotState, Role, Scalar
 from apollonius.io.errors import InvalidInput
 
 T = TypeVar("T")

@@ -19,9 +19,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Int, PRNGKeyArray
 
 from apollonius.agents.pool import Pool
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.types import GameState
+from apollonius.game.types import BySide, GameState
 from apollonius.io.kept import Kept
 from apollonius.io.workers import available_cores
 from apollonius.observe.tracking import Sightings

@@ -12,11 +12,10 @@ from jaxtyping import Array, Bool, Float, Float32, Int, PRNGKeyArray, Shaped
 
 from apollonius.agents.pool import Pool
 from apollonius.arenas.record import from_dict, to_dict
-from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import stack_actions
 from apollonius.game.game import Game
 from apollonius.game.judge import statuses_along
-from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, RobotState, Role
+from apollonius.game.types import NUM_ACTIONS, BySide, GameState, Outcome, RobotState, Role
 from apollonius.game.validation import MAX_SIZE
 from apollonius.io.document import parse_json, read_bytes, to_json, write_atomically
 from apollonius.io.errors import require

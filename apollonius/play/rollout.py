@@ -15,10 +15,9 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 
 from apollonius.agents.policy import Memory, mixed
 from apollonius.agents.pool import AbstractPlayers, Pool, Read
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.sensing import DriveStates, drive_of, respond
-from apollonius.game.types import ROLES, Action, Actions, GameState, Role, Timestep
+from apollonius.game.types import ROLES, Action, Actions, BySide, GameState, Role, Timestep
 from apollonius.observe import tracking
 from apollonius.observe.observation import WHOLE, perceive
 from apollonius.observe.tracking import Sightings, Track, update

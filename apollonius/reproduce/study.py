@@ -5,7 +5,7 @@ from pathlib import Path
 
 from apollonius import Match, Named, Role, find_player
 from apollonius.evaluate.match import MatchResult, count, play_games
-from apollonius.game.by_side import BySide
+from apollonius.game.types import BySide
 from apollonius.learn.config import PRESETS, RunConfig
 from apollonius.learn.folder import agent_file
 from apollonius.learn.metrics import MetricsLine, load_metrics

@@ -15,9 +15,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 
 from apollonius.agents.policy import AbstractActionValuePolicy
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.types import GameState, RobotState, Role
+from apollonius.game.types import BySide, GameState, RobotState, Role
 from apollonius.io.errors import require
 from apollonius.observe.view import look
 from apollonius.show import palette, style

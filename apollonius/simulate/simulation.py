@@ -12,13 +12,12 @@ from jaxtyping import Array, Bool, Float, Float32, Int, PRNGKeyArray
 from apollonius.agents.pool import Pool
 from apollonius.evaluate.match import Match, MatchResult, begin, count
 from apollonius.evaluate.statistics import paired_difference_interval
-from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import stack_actions
 from apollonius.game.game import Game
 from apollonius.game.judge import judge
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
 from apollonius.game.sensing import drive_of, respond
-from apollonius.game.types import ROLES, Action, GameState, Outcome, Role
+from apollonius.game.types import ROLES, Action, BySide, GameState, Outcome, Role
 from apollonius.io.limits import SIMULATED_GAMES
 from apollonius.play import rollout
 from apollonius.play.playout import Report, Results, silent

@@ -14,9 +14,8 @@ from jaxtyping import Array, Float, Int, Shaped, UInt32
 from apollonius.agents.batching import batched_by, spread
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy, Memory
 from apollonius.agents.pool import act_in_rows
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.types import NUM_ACTIONS, Action, Actions, GameState, Outcome, RobotState, Role
+from apollonius.game.types import NUM_ACTIONS, Action, Actions, BySide, GameState, Outcome, RobotState, Role
 from apollonius.observe.observation import perceive
 from apollonius.observe.view import View
 from apollonius.solve.joint import interpolate

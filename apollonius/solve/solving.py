@@ -9,9 +9,8 @@ import jax.numpy as jnp
 
 from apollonius.agents.kind import AbstractKind, Named
 from apollonius.arenas.record import from_dict, to_dict
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.types import ROLES, Role
+from apollonius.game.types import ROLES, BySide, Role
 from apollonius.io.cache import cached, entry
 from apollonius.io.errors import InvalidInput, require
 from apollonius.solve.grid import Grid, Report, Sweep, make_grid

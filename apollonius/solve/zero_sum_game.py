@@ -5,10 +5,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.outcome import come_within, decide, evader_wins, pursuer_wins
-from apollonius.game.types import Outcome, RobotState, Role
+from apollonius.game.types import BySide, Outcome, RobotState, Role
 from apollonius.io.limits import JOINT_HOLD
 from apollonius.solve.grid import Grid
 from apollonius.solve.motion import UNROLL, Motion, discount_after, ends, motion_of

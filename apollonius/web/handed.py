@@ -10,7 +10,6 @@ from jaxtyping import Array, Bool, Float, Int
 
 from apollonius.agents.shield import Backup
 from apollonius.game.arena import Arena, Disc
-from apollonius.game.by_side import BySide
 from apollonius.game.chart import Chart
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
@@ -18,7 +17,7 @@ from apollonius.game.obstacle import AbstractObstacle
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Edge, Edges
 from apollonius.game.teams import Teams
-from apollonius.game.types import GameState, Real, RobotState, Role, Scalar
+from apollonius.game.types import BySide, GameState, Real, RobotState, Role, Scalar
 from apollonius.observe.tracking import Track
 from apollonius.observe.view import View, look
 from apollonius.web.site import ROBOTS

@@ -15,11 +15,10 @@ from apollonius.arenas.file import find_game, game_in_one_arena, game_names, spl
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import SHIELDED, find_player
 from apollonius.game.arena import Disc
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Polygon
-from apollonius.game.types import Role
+from apollonius.game.types import BySide, Role
 from apollonius.io.document import to_json
 from apollonius.io.errors import require
 from apollonius.io.limits import SEED

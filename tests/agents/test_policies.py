@@ -22,10 +22,9 @@ from apollonius.agents.trained import EpsilonGreedy, Greedy, SquashedGaussian, e
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_pool
 from apollonius.cli.main import main
-from apollonius.game.by_side import BySide
 from apollonius.game.game import sample_starts
 from apollonius.game.presets import make_game
-from apollonius.game.types import NUM_ACTIONS, Role
+from apollonius.game.types import NUM_ACTIONS, BySide, Role
 from apollonius.io.document import write_atomically
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.paper import PAPER

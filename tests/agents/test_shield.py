@@ -21,13 +21,12 @@ from apollonius.arenas.random_arena import random_arena
 from apollonius.catalogue import find_player
 from apollonius.evaluate.match import play_match
 from apollonius.game.arena import Arena
-from apollonius.game.by_side import BySide
 from apollonius.game.chart import COARSE
 from apollonius.game.dynamics import Unicycle, action_levels
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
-from apollonius.game.types import GameState, RobotState, Role, Sight
+from apollonius.game.types import BySide, GameState, RobotState, Role, Sight
 from apollonius.io.errors import InvalidInput
 from apollonius.observe import paper
 from apollonius.observe.view import look

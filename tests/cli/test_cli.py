@@ -26,11 +26,10 @@ from apollonius.catalogue import player_names
 from apollonius.cli.main import main
 from apollonius.cli.terminal import match_table
 from apollonius.evaluate.match import Match, MatchResult
-from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.presets import make_game
-from apollonius.game.types import Outcome, Role
+from apollonius.game.types import BySide, Outcome, Role
 from apollonius.io.errors import EXTRAS, InvalidInput
 from apollonius.play.replay import load_replay
 from tests.learn.tiny import RUN

@@ -14,10 +14,9 @@ from apollonius.evaluate import match
 from apollonius.evaluate.match import Match, count, play_games, play_match, record_game
 from apollonius.evaluate.result import count_robots, read_result
 from apollonius.evaluate.statistics import wilson_interval
-from apollonius.game.by_side import BySide
 from apollonius.game.presets import make_game
 from apollonius.game.sensing import Sensing, Sensors
-from apollonius.game.types import Outcome, RobotState
+from apollonius.game.types import BySide, Outcome, RobotState
 from apollonius.io.errors import InvalidInput
 from apollonius.play import playout
 from apollonius.play.playout import Results

@@ -20,13 +20,12 @@ from apollonius.evaluate.tournament import MEAN, SCALE, play_tournament, rate
 from apollonius.evaluate.vary import Variation, alike, numbers_of, play_varied, varied_matches, with_numbers
 from apollonius.game import game as starts
 from apollonius.game.arena import Arena
-from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
-from apollonius.game.types import RobotState, Role
+from apollonius.game.types import BySide, RobotState, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.io.workers import WORKERS
 from apollonius.play import playout

@@ -26,10 +26,9 @@ from apollonius.export.parity import Cases, _is_as_good, as_given, cases_of, com
 from apollonius.export.player import find_exportable, side_of
 from apollonius.export.translate import translated
 from apollonius.export.writing import check, write_c
-from apollonius.game.by_side import BySide
 from apollonius.game.game import reset_batch
 from apollonius.game.scenario import stack_arenas
-from apollonius.game.types import Outcome, Role
+from apollonius.game.types import BySide, Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.play.rollout import begin, step_games
 from tests.export.test_translate import needs_gcc

@@ -12,7 +12,6 @@ from scipy.integrate import solve_ivp
 
 from apollonius.arenas.file import find_game
 from apollonius.game.arena import Arena, Disc
-from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle, action_levels, sinc, unit_vector, wrap_angle
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.game import distance
@@ -22,7 +21,7 @@ from apollonius.game.polygon import Edges, Polygon
 from apollonius.game.presets import in_teams, make_game, randomised
 from apollonius.game.scenario import Spread
 from apollonius.game.sensing import BOUND, MOST_LAG, Drive, Drives, Noise, Sensors, drive_of, sense
-from apollonius.game.types import ROLES, GameState, RobotState, Role
+from apollonius.game.types import ROLES, BySide, GameState, RobotState, Role
 from apollonius.play.rollout import step_driven
 from tests.acting import robot
 from tests.oracle.numpy_sight import meets_cells, meets_disc, meets_polygon

@@ -15,7 +15,6 @@ from scipy import stats
 from apollonius.arenas.charting import charted
 from apollonius.arenas.record import to_dict
 from apollonius.game.arena import Arena, Disc
-from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.judge import fates
@@ -25,7 +24,7 @@ from apollonius.game.presets import in_arenas, make_game, paper
 from apollonius.game.reward import Reward
 from apollonius.game.starts import Starts
 from apollonius.game.teams import Teams
-from apollonius.game.types import GameState, Outcome, RobotState, Role
+from apollonius.game.types import BySide, GameState, Outcome, RobotState, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.solve.motion import motion_of
 from tests.acting import robot

@@ -12,7 +12,6 @@ import pytest
 from apollonius.arenas.file import find_game, load_game
 from apollonius.arenas.record import from_dict, to_dict
 from apollonius.game.arena import Arena, Disc
-from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
@@ -22,7 +21,7 @@ from apollonius.game.scenario import Spread
 from apollonius.game.sensing import Drive, Drives, Noise, Sensing, Sensors
 from apollonius.game.starts import Starts
 from apollonius.game.teams import Teams
-from apollonius.game.types import NUM_ACTIONS, ROLES, GameState, Outcome, RobotState, RobotStatus
+from apollonius.game.types import NUM_ACTIONS, ROLES, BySide, GameState, Outcome, RobotState, RobotStatus
 from apollonius.io.errors import InvalidInput
 from tests.acting import state_of
 from tests.oracle import numpy_teams

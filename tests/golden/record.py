@@ -10,9 +10,8 @@ import numpy as np
 
 from apollonius.catalogue import find_player
 from apollonius.evaluate.match import Match, play_games, record_game
-from apollonius.game.by_side import BySide
 from apollonius.game.presets import make_game
-from apollonius.game.types import Outcome, Role
+from apollonius.game.types import BySide, Outcome, Role
 from apollonius.play.replay import save_replay
 
 FOLDER = Path(__file__).parent

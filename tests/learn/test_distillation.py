@@ -13,11 +13,10 @@ from apollonius.agents.pool import solo
 from apollonius.agents.store import load_agent
 from apollonius.agents.trained import Greedy
 from apollonius.game.arena import Arena
-from apollonius.game.by_side import BySide
 from apollonius.game.game import reset_batch
 from apollonius.game.presets import in_arenas, make_game
 from apollonius.game.sensing import Sensing, Sensors
-from apollonius.game.types import NUM_ACTIONS, Role
+from apollonius.game.types import NUM_ACTIONS, BySide, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import distillation
 from apollonius.learn.config import RunConfig

@@ -11,13 +11,12 @@ import pytest
 
 from apollonius.arenas.charting import charted
 from apollonius.game.arena import Arena, Disc
-from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import in_teams
 from apollonius.game.teams import Teams
-from apollonius.game.types import GameState, RobotState, RobotStatus, Role
+from apollonius.game.types import BySide, GameState, RobotState, RobotStatus, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.egocentric import AHEAD, COURSES, EGOCENTRIC, NEAR, RAYS
 from apollonius.observe.observation import perceive

@@ -14,12 +14,11 @@ from apollonius.agents.pool import solo
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
-from apollonius.game.by_side import BySide
 from apollonius.game.chart import COARSE
 from apollonius.game.game import reset_batch
 from apollonius.game.presets import in_teams
 from apollonius.game.sensing import Noise, Sensing, Sensors
-from apollonius.game.types import ROLES, Role
+from apollonius.game.types import ROLES, BySide, Role
 from apollonius.observe import belief, tracking
 from apollonius.observe.observation import WHOLE, perceive
 from apollonius.play.rollout import begin, collect, reset_where_done, step_games

@@ -25,12 +25,11 @@ from apollonius.agents.trained import SquashedGaussian
 from apollonius.catalogue import find_player
 from apollonius.evaluate.match import Match, play_games, record_game
 from apollonius.game.arena import Arena, Disc
-from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.presets import in_teams, make_game, randomised
 from apollonius.game.scenario import Spread
-from apollonius.game.types import GameState, Outcome, RobotState, Role
+from apollonius.game.types import BySide, GameState, Outcome, RobotState, Role
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.paper import ENCODED, PAPER
 from apollonius.play.playout import play_out

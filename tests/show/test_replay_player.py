@@ -9,10 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.presets import in_teams
-from apollonius.game.types import GameState, Outcome, RobotState
+from apollonius.game.types import BySide, GameState, Outcome, RobotState
 from apollonius.play.replay import Replay, as_rows, play_actions
 from apollonius.show.animation import frames
 from apollonius.show.report import bundled, for_page

@@ -14,10 +14,9 @@ from apollonius.cli.main import main
 from apollonius.evaluate.claims import paper_shares
 from apollonius.evaluate.match import Match
 from apollonius.evaluate.pairings import last_agents, pairings
-from apollonius.game.by_side import BySide
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
 from apollonius.game.presets import make_game
-from apollonius.game.types import Outcome, Role
+from apollonius.game.types import BySide, Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.show import report as report_module
 from apollonius.show.report import MAX_BYTES, SEED, bundled, games_to_show, render, report_of, save_report

@@ -16,14 +16,13 @@ from apollonius.agents.pool import solo
 from apollonius.arenas.file import find_game
 from apollonius.evaluate.match import Match, begin, play_games
 from apollonius.game.arena import Arena, Disc
-from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.sensing import Drive as Slow
 from apollonius.game.sensing import Drives, Sensing, Sensors
-from apollonius.game.types import Outcome, RobotState, RobotStatus
+from apollonius.game.types import BySide, Outcome, RobotState, RobotStatus
 from apollonius.io.errors import InvalidInput
 from apollonius.observe import paper
 from apollonius.play.replay import as_state, load_replay, save_replay
