@@ -23,11 +23,6 @@ def tables(tmp_path_factory):
     return {role: str(path) for role, path in paths.items()}
 
 
-@pytest.fixture(autouse=True)
-def in_a_folder_of_its_own(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-
 def run_json(capsys, *arguments):
     capsys.readouterr()
     assert run_main(*arguments, "--json") == 0
@@ -59,9 +54,8 @@ def test_reach_is_solved_once_and_then_loaded(capsys, monkeypatch):
     assert_refused(capsys, *arguments, "3", naming=("tables/six.safetensors", "another problem", "--force"))
     assert_refused(capsys, *arguments, "3", "--whole-cells", naming=("whole_cells = True", "all but game"))
     Path("t.safetensors").write_text("mine")
-    assert_refused(
-        capsys, "solve", "safety", *COARSER, "--out", "t.safetensors", naming=("t.safetensors", "not a whole")
-    )
+    safety = ("solve", "safety", *COARSER, "--out", "t.safetensors")
+    assert_refused(capsys, *safety, naming=("t.safetensors", "not a whole"))
     assert run_main(*arguments, "3", "--force") == 0
     assert load_solution(Path("tables/six.safetensors")).problem.target == [6.0, 3.0]
 
@@ -76,10 +70,9 @@ def test_one_obstacle_needs_two(capsys):
     assert np.shape(seen["strategy"]) == (seen["graphs"][-1]["turns"] + 1, 2, 2)
 
 
-def test_an_arena_without_obstacles_needs_one(capsys, tmp_path):
-    file = tmp_path / "empty.toml"
-    file.write_text("[arena]\ndiscs = []\n")
-    assert run_main(*["pursuers", str(file)]) == 0
+def test_an_arena_without_obstacles_needs_one(capsys):
+    Path("empty.toml").write_text("[arena]\ndiscs = []\n")
+    assert run_main("pursuers", "empty.toml") == 0
     said = capsys.readouterr().out.splitlines()
-    assert said[0] == f"{file}: 1 pursuer is enough, for idealised robots on this graph"
+    assert said[0] == "empty.toml: 1 pursuer is enough, for idealised robots on this graph"
     assert len(said) == 6

@@ -13,11 +13,12 @@ import pytest
 from apollonius.cli import display as module
 from apollonius.cli import values
 from apollonius.cli.display import Display
-from apollonius.cli.main import build_parser, main
+from apollonius.cli.main import build_parser
 from apollonius.cli.terminal import bar
 from apollonius.io import limits
 from apollonius.io.errors import InvalidInput, shown
 from apollonius.io.limits import GAMES, RECORDS, SEED, Counted
+from tests.cli.test_cli import assert_refused
 
 HUGE = [str(2**31), str(2**63), str(10**30)]
 ODD = ["0", "-1", *HUGE, "nan", "inf", "", "folder", "nowhere/deeper", "9" * 5_000]
@@ -41,26 +42,9 @@ def parsers(parser, path=()):
             yield from parsers(inner, (*path, name))
 
 
-def refusal(capsys, act):
-    """The line with which something is refused; None where it is not."""
-    try:
-        status = act()
-    except SystemExit as leaving:
-        status = leaving.code
-    printed = capsys.readouterr()
-    if status != 2:
-        return None
-    assert printed.out == ""
-    assert printed.err.count("\n") == 1, printed.err
-    assert len(printed.err) < 1_500
-    return printed.err
-
-
 @pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def folder(in_a_folder_of_its_own):
     Path("folder").mkdir()
-    return tmp_path
 
 
 def test_a_bar_is_as_long_as_its_share_to_an_eighth_of_a_letter():
@@ -96,9 +80,8 @@ def test_counts_are_bounded_by_memory(capsys, monkeypatch):
     assert values.count(GAMES)("4000") == values.count(GAMES)("4e3") == 4_000
     with pytest.raises(argparse.ArgumentTypeError, match=r"4001 .* at least 1, at most 4,000, for which 0.0 GiB"):
         values.count(GAMES)("4001")
-    told = refusal(capsys, lambda: main(["evaluate", "random", "still", "--games", "4001"]))
-    assert told is not None
-    assert "apollonius evaluate: --games = 4001 is not possible: it must be a whole number, at least 1" in told
+    said = "apollonius evaluate: --games = 4001 is not possible: it must be a whole number, at least 1"
+    assert_refused(capsys, "evaluate", "random", "still", "--games", "4001", naming=[said])
     assert Counted(0, most=5, least=0).bound() == "a whole number, at least 0, at most 5"
 
 
@@ -113,7 +96,7 @@ def test_the_memory_of_a_container_counts(tmp_path, monkeypatch):
     assert limits.available_memory() == 8 * 1024**3, "where nobody says"
 
 
-def test_a_place_that_cannot_be_written_to_is_refused_at_once(here):
+def test_a_place_that_cannot_be_written_to_is_refused_at_once():
     Path("file").write_text("")
     for parse, text in (
         (values.new_folder, "file"),
@@ -131,7 +114,7 @@ def test_a_place_that_cannot_be_written_to_is_refused_at_once(here):
     assert values.new_file(".png", ".gif")("new/deeper/a.gif") == Path("new/deeper/a.gif")
     with pytest.raises(InvalidInput, match=r"--out = file/deeper .* can be written to"):
         values.require_writable("--out", Path("file/deeper"))
-    assert sorted(os.listdir(here)) == ["file", "folder", "folder.png"]
+    assert sorted(os.listdir()) == ["file", "folder", "folder.png"]
 
 
 def test_jobs_run_on_slurm_where_its_command_is(monkeypatch):
