@@ -27,10 +27,14 @@ def load(path):
     return path.read_bytes()
 
 
+def write(value, path):
+    write_atomically(path, value)
+
+
 def asked(path):
     """What `cached` returns, and whether it was made."""
     made = []
-    found = cached(path, lambda: made.append(1) or b"sound", lambda value, path: write_atomically(path, value), load)
+    found = cached(path, lambda: made.append(1) or b"sound", write, load)
     return found, bool(made)
 
 
@@ -110,9 +114,7 @@ def age(path, seconds):
 def table(home, name, size=100):
     folder = cache_folder("tables")
     assert folder == home / "tables"
-    return cached(
-        folder / name, lambda: bytes(size), lambda value, path: write_atomically(path, value), Path.read_bytes
-    )
+    return cached(folder / name, lambda: bytes(size), write, Path.read_bytes)
 
 
 def names(folder):
@@ -172,10 +174,6 @@ def test_what_is_remembered_is_found_by_its_content_and_the_latest_stay():
     assert made == [1.0, 2.0, 3.0, 2.0]
 
 
-def entries(folder):
-    return sorted(path for path in Path(folder).rglob("*") if path.is_file())
-
-
 def test_a_folder_that_jax_was_told_of_stays(monkeypatch, tmp_path):
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "other"))
     before, made_by = jax.config.values["jax_compilation_cache_dir"], compilation_cache.get_file_cache
@@ -197,7 +195,7 @@ def test_an_entry_is_whole_or_not_there(tmp_path):
         assert entries_here.get("one") is None
     entries_here.put("one", b"mended")
     assert entries_here.get("one") == b"mended"
-    assert entries(tmp_path) == [path]
+    assert names(tmp_path) == ["one"]
     nowhere = Entries(path / "a file is no folder")
     nowhere.put("one", b"value")
     assert nowhere.get("one") is None

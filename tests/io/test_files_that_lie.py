@@ -7,6 +7,7 @@ import math
 import tomllib
 from contextlib import suppress
 from dataclasses import asdict, replace
+from functools import partial
 from typing import Any
 
 import jax
@@ -54,34 +55,15 @@ def write_table(path):
     save_solution(Solution(problem, 12, 3e-5, jnp.arange(120, dtype=jnp.float32).reshape(2, 5, 4, 3)), path)
 
 
-def write_checkpoint(path):
-    save_checkpoint(path, STATE, STANDING)
-
-
 def write_replay(path):
     states, actions = np.ones((4, 8), np.float32), np.full((3, 2), 4)
     save_replay(Replay(GAME, "you", "still", 1, 5, 2, states, actions, Outcome.CAPTURED), path)
 
 
-def write_game(path):
-    save_game(to_dict(GAME), path)
-
-
 def write_map(path):
-    rows = bytes([254] * 40)
-    path.with_suffix(".pgm").write_bytes(b"P5\n8 5\n255\n" + rows)
-    path.write_text(
-        f"image: {path.stem}.pgm\nresolution: 0.5\norigin: [-1, 2, 0]\nnegate: 0\noccupied_thresh: 0.65\n"
-        "free_thresh: 0.196\nmode: trinary\n"
-    )
-
-
-def write_image(path):
-    write_map(path.with_suffix(".yaml"))
-
-
-def write_config(path):
-    path.write_text(tomli_w.dumps(to_dict(RunConfig(game=GAME))))
+    path.with_suffix(".pgm").write_bytes(b"P5\n8 5\n255\n" + bytes([254] * 40))
+    header = {"image": f"{path.stem}.pgm", "resolution": 0.5, "origin": [-1, 2, 0], "negate": 0, "mode": "trinary"}
+    path.with_suffix(".yaml").write_text(json.dumps(header | {"occupied_thresh": 0.65, "free_thresh": 0.196}))
 
 
 def write_metrics(path):
@@ -89,33 +71,32 @@ def write_metrics(path):
     path.write_text(json.dumps(asdict(line)) + "\n")
 
 
-def write_evaluation(path):
-    path.write_text(json.dumps({"P_scratch against random": RESULT.to_dict()}))
-
-
-def read_checkpoint(path):
-    return load_standing(path), load_checkpoint(path, STATE)
-
-
 KINDS: dict[str, tuple[Any, Any, str]] = {
     "agent": (write_agent, load_agent, "a.safetensors"),
     "table": (write_table, load_solution, "t.safetensors"),
-    "checkpoint": (write_checkpoint, read_checkpoint, "c.safetensors"),
+    "checkpoint": (
+        lambda path: save_checkpoint(path, STATE, STANDING),
+        lambda path: (load_standing(path), load_checkpoint(path, STATE)),
+        "c.safetensors",
+    ),
     "replay": (write_replay, load_replay, "r.json"),
-    "game": (write_game, load_game, "g.toml"),
-    "json game": (write_game, load_game, "g.json"),
+    "game": (partial(save_game, to_dict(GAME)), load_game, "g.toml"),
+    "json game": (partial(save_game, to_dict(GAME)), load_game, "g.json"),
     "map": (write_map, load_map, "m.yaml"),
-    "image": (write_image, lambda path: load_map(path.with_suffix(".yaml")), "m.pgm"),
-    "config": (write_config, load_config, "config.toml"),
+    "image": (write_map, lambda path: load_map(path.with_suffix(".yaml")), "m.pgm"),
+    "config": (lambda path: path.write_text(tomli_w.dumps(to_dict(RunConfig(game=GAME)))), load_config, "config.toml"),
     "metrics": (write_metrics, load_metrics, "metrics.jsonl"),
-    "evaluation": (write_evaluation, load_matches, "evaluation.json"),
+    "evaluation": (
+        lambda path: path.write_text(json.dumps({"P_scratch against random": RESULT.to_dict()})),
+        load_matches,
+        "evaluation.json",
+    ),
 }
 """How a small file of each kind is written and read."""
 ARRAYS = {"agent": "header", "table": "header", "checkpoint": CHECKPOINT}
 """Kinds of files in safetensors, and what their headers are called."""
 
 
-JSON = ("replay", "json game", "metrics", "evaluation")
 TOML = ("game", "config")
 
 
@@ -126,12 +107,7 @@ def header_of(kind, path):
         size = int.from_bytes(content[:8], "little")
         told = json.loads(content[8 : 8 + size])["__metadata__"]
         return json.loads(told[ARRAYS[kind]])
-    if kind in JSON:
-        return json.loads(content)
-    return tomllib.loads(content.decode()) if kind in TOML else {
-        "image": "m.pgm", "resolution": 0.5, "origin": [-1, 2, 0], "negate": 0, "occupied_thresh": 0.65,
-        "free_thresh": 0.2, "mode": "trinary",
-    }  # fmt: skip
+    return tomllib.loads(content.decode()) if kind in TOML else json.loads(content)  # JSON is YAML
 
 
 def with_header(kind, path, header):
@@ -141,10 +117,8 @@ def with_header(kind, path, header):
     path.unlink()  # a file that is written over goes to the disk at once, which takes longer than all else
     if kind in ARRAYS:
         path.write_bytes(save(load(content), {ARRAYS[kind]: text}))
-    elif kind in TOML:
-        path.write_text(header if isinstance(header, str) else tomli_w.dumps(header))
     else:
-        path.write_text(text)  # JSON is YAML
+        path.write_text(text if kind not in TOML or isinstance(header, str) else tomli_w.dumps(header))
 
 
 def told(kind, path):
@@ -288,17 +262,11 @@ def test_more_obstacles_than_a_game_can_have_are_refused_at_once(kind, tmp_path)
     assert told("game", path) is not None
 
 
-NUMBERS = st.one_of(st.integers(), st.floats(), st.sampled_from([2**31, 2**63, 10**30, 10**400, -1, 0, 1e308]))
+HUGE = st.sampled_from([2**31, 2**63, 10**30, 10**400, -1, 0, 1e308])
+NUMBERS = st.one_of(st.integers(), st.floats(), st.floats(0, 20), HUGE)
+WORDS = ["pursuer", "game", "values", "rest", "moving", "paper", "zero-sum"]
 VALUES = st.recursive(
-    st.one_of(
-        NUMBERS,
-        st.none(),
-        st.booleans(),
-        st.text(max_size=6),
-        st.floats(0, 20),
-        st.datetimes(),
-        st.sampled_from(["pursuer", "game", "values", "rest", "moving", "paper", "zero-sum"]),
-    ),
+    st.one_of(NUMBERS, st.none(), st.booleans(), st.text(max_size=6), st.datetimes(), st.sampled_from(WORDS)),
     lambda inner: st.one_of(st.lists(inner, max_size=4), st.dictionaries(st.text(max_size=4), inner, max_size=3)),
     max_leaves=5,
 )
@@ -310,22 +278,18 @@ def lies(draw, header):
     data = copy.deepcopy(header)
     for _ in range(draw(st.integers(1, 3))):
         place: Any = data
-        while True:
-            keys = sorted(place) if isinstance(place, dict) else list(range(len(place)))
-            if not keys:
-                break
-            if isinstance(place, dict) and not draw(st.integers(0, 9)):
-                place[draw(st.text(max_size=5))] = draw(VALUES)
-                break
+        while keys := sorted(place) if isinstance(place, dict) else range(len(place)):
             key = draw(st.sampled_from(keys))
-            if isinstance(place[key], dict | list) and draw(st.booleans()):
-                place = place[key]
-                continue
-            if draw(st.integers(0, 5)):
-                place[key] = draw(VALUES)
-            else:
-                del place[key]
-            break
+            if not isinstance(place[key], dict | list) or draw(st.booleans()):
+                what = draw(st.integers(0, 9))
+                if what == 0 and isinstance(place, dict):
+                    place[draw(st.text(max_size=5))] = draw(VALUES)
+                elif what < 9:
+                    place[key] = draw(VALUES)
+                else:
+                    del place[key]
+                break
+            place = place[key]
     return data
 
 

@@ -147,6 +147,7 @@ def test_what_sbatch_refuses_is_one_line(array, tmp_path):
 
 def test_ctrl_c_cancels_what_slurm_still_runs_and_keeps_what_is_done(array, tmp_path, monkeypatch):
     queue, told = {"7_1", "7_2"}, []
+    monkeypatch.setattr(jobs_module, "POLL_SECONDS", 0.01)
 
     def run(command, **_):
         if command[0] == "scancel":
@@ -221,7 +222,9 @@ def test_a_program_that_cannot_hear_is_ended_and_says_how_to_go_on():
     """A single call into native code, as a compilation is one, here of some minutes."""
     deaf = """
 import hashlib
+from apollonius.io import interrupts
 from apollonius.io.interrupts import go_on, listen
+interrupts.PATIENCE = 0.3
 listen()
 go_on("go on with: patience")
 print("begun", flush=True)
@@ -234,7 +237,7 @@ def test_a_program_that_has_heard_may_take_its_time_to_save():
     saving = """
 import signal, sys, time
 from apollonius.io import interrupts
-heard = []
+heard, interrupts.PATIENCE = [], 0.3
 interrupts.listen()
 signal.signal(signal.SIGINT, lambda *_: heard.append(True))
 print("begun", flush=True)
