@@ -27,14 +27,15 @@ PAPER = replace(make_game("paper"), max_steps=150)
 ZERO_SUM = replace(make_game("zero-sum"), max_steps=150)
 
 
-@pytest.fixture(scope="module")
-def random_match():
-    return play_match(a_match(PAPER, Uniform(), Uniform(), GAMES, seed=0))
+def test_one_seed_gives_one_result_however_many_games_are_under_way(monkeypatch):
+    asked = a_match(PAPER, Uniform(), Uniform(), GAMES, seed=0)
+    result = play_match(asked)
+    for cores, slots in ((1, 17), (3, 17), (2, GAMES)):
+        monkeypatch.setattr(playout, "available_cores", lambda cores=cores: range(cores))
+        assert count(asked, play_games(asked, slots)) == result
 
 
-@pytest.fixture
-def starts(monkeypatch):
-    """The starts of every match from here on, in a list; no game is played."""
+def test_other_players_meet_the_same_starts(monkeypatch):
     seen = []
 
     def record(game, players, starts, key, **how):
@@ -42,23 +43,10 @@ def starts(monkeypatch):
         return Results(jnp.full(GAMES, Outcome.NO_RESULT), jnp.ones(GAMES, jnp.int32))
 
     monkeypatch.setattr(match, "play_out", record)
-    return seen
-
-
-@pytest.mark.parametrize(("cores", "slots"), [(1, 17), (3, 17), (2, GAMES)])
-def test_one_seed_gives_one_result_however_many_games_are_under_way(cores, slots, random_match, monkeypatch):
-    monkeypatch.setattr(playout, "available_cores", lambda: range(cores))
-    asked = a_match(PAPER, Uniform(), Uniform(), GAMES, seed=0)
-    assert count(asked, play_games(asked, slots)) == random_match
-
-
-def test_other_players_meet_the_same_starts(starts):
-    for pursuer, evader in [(Uniform(), Still()), (Still(), Uniform()), (Still(), Still())]:
-        play_match(a_match(PAPER, pursuer, evader, GAMES, seed=0))
-    play_match(a_match(PAPER, Still(), Still(), GAMES, seed=1))
-    first, second, third, other = starts
+    for pursuer, evader, seed in [(Uniform(), Still(), 0), (Still(), Uniform(), 0), (Still(), Still(), 1)]:
+        play_match(a_match(PAPER, pursuer, evader, GAMES, seed))
+    first, second, other = seen
     assert identical(first, second)
-    assert identical(first, third)
     assert not np.any(first.pursuer.x == other.pursuer.x)
 
 
@@ -83,11 +71,9 @@ def test_rates_are_those_of_the_counts(game, evader_wins):
 
 
 @pytest.mark.parametrize(("asked", "speed"), [(None, "moving"), ("rest", "rest")])
-def test_starts_are_the_games_own_unless_others_are_asked_for(tmp_path, asked, speed):
-    path = tmp_path / "moving.toml"
-    path.write_text('[starts]\nspeed = "moving"\n')
-    asked_for = Match.of_names(str(path), "still", "still", games=1, starts=asked)
-    assert asked_for.game.starts.speed == speed
+def test_starts_are_the_games_own_unless_others_are_asked_for(asked, speed):
+    moving = replace(PAPER, starts=replace(PAPER.starts, speed="moving"))
+    assert Match.of_names(moving, "still", "still", games=1, starts=asked).game.starts.speed == speed
 
 
 class Charted(Still):

@@ -63,6 +63,8 @@ def test_the_band_of_a_mean_is_students():
     assert mean_interval([1.0, 2.0, 3.0]) == pytest.approx((2 - reach, 2 + reach))
     assert mean_interval([1.0, 2.0, 3.0], 0.0, 3.0) == (0.0, 3.0)
     assert mean_interval([1.0], 0.0, 3.0) == (0.0, 3.0)
+    with pytest.raises(ValueError, match="1 seeds"):
+        mean_band(np.zeros((1, 4)))
 
 
 @pytest.mark.parametrize(("spread", "rest", "size"), [(0.1, 0.05, (3, 3)), (0.02, 0.2, (3, 5))])
@@ -89,16 +91,8 @@ def test_a_prediction_without_columns_is_the_textbooks_and_its_chance_is_student
     assert found.chance(0.7 - reach) == pytest.approx(0.975)
     same = predict(np.full((3, 1), 0.5), 0.0, 1.0)
     assert (same.interval, same.chance(0.5), same.chance(0.51)) == ((0.5, 0.5), 1.0, 0.0)
-
-
-def test_one_training_of_a_side_says_nothing_of_another():
-    found = predict(np.array([[0.6]]), -1.0, 1.0)
-    assert (found.mean, found.interval, found.chance(0.5)) == (0.6, (-1.0, 1.0), None)
-
-
-def test_a_lone_seed_has_no_band():
-    with pytest.raises(ValueError, match="1 seeds"):
-        mean_band(np.zeros((1, 4)))
+    alone = predict(np.array([[0.6]]), -1.0, 1.0)  # says nothing of another training
+    assert (alone.mean, alone.interval, alone.chance(0.5)) == (0.6, (-1.0, 1.0), None)
 
 
 def test_the_interval_of_a_paired_difference_is_bonett_and_prices_formula():

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -90,17 +91,6 @@ def test_as_data_it_is_json_with_every_count(tournament):
     assert elo["random"]["low"] < elo["random"]["elo"] < elo["random"]["high"]
 
 
-def test_the_command_draws_the_tournament(tmp_path, capsys):
-    arguments = ["tournament", "--pursuers", "random", "--evaders", "still", "--games", "3", "--seed", "1"]
-    assert main([*arguments, "--plot", str(tmp_path / "new" / "all.png")]) == 0
-    assert (tmp_path / "new" / "all.png").read_bytes().startswith(b"\x89PNG")
-    table, told = capsys.readouterr()
-    assert table.startswith("pursuer \\ evader ")
-    wrote, then = told.splitlines()[-2:]
-    assert wrote.startswith(f"wrote {tmp_path / 'new' / 'all.png'} (")
-    assert then == "next: apollonius show random still --out best.gif"
-
-
 def test_a_side_without_players_or_with_one_twice_is_refused(players):
     pursuers, evaders = players
     with pytest.raises(InvalidInput, match="evaders = none"):
@@ -109,15 +99,22 @@ def test_a_side_without_players_or_with_one_twice_is_refused(players):
         play_tournament(GAME, BySide(pursuers[:1] * 2, evaders), games=1, seed=0)
 
 
-def test_matches_as_jobs_come_to_the_same(tmp_path, monkeypatch, capsys):
+def test_matches_as_jobs_come_to_the_same_and_are_drawn(tmp_path, monkeypatch, capsys):
     """Here one after the other in this process; as JSON but for players' names nothing differs."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(WORKERS, "processes", lambda jobs, logs: ((job, job.run()) for job in jobs))
-    arguments = ["tournament", "--pursuers", "random", "pure-pursuit", "--evaders", "still", "--games", "3", "--json"]
-    assert main(arguments) == main([*arguments, "--on", "processes"]) == 0
+    arguments = ["tournament", "--pursuers", "random", "pure-pursuit", "--evaders", "still", "--games", "3"]
+    assert main([*arguments, "--json"]) == main([*arguments, "--json", "--on", "processes"]) == 0
     alone, as_jobs = (json.loads(line) for line in capsys.readouterr().out.splitlines())
     assert as_jobs == alone
     assert not list(tmp_path.iterdir())
+    assert main([*arguments, "--plot", "new/all.png"]) == 0
+    assert Path("new/all.png").read_bytes().startswith(b"\x89PNG")
+    table, said = capsys.readouterr()
+    assert table.startswith("pursuer \\ evader ")
+    wrote, then = said.splitlines()[-2:]
+    assert wrote.startswith("wrote new/all.png (")
+    assert then == "next: apollonius show pure-pursuit still --out best.gif"
 
 
 def test_one_match_is_rated_by_its_odds():
@@ -149,24 +146,20 @@ RADII = Variation("arena.discs.0.radius", (0.5, 0.7))
 
 
 @pytest.fixture(scope="module")
-def told():
-    return []
+def found():
+    told, matches = [], varied_matches(PAPER, NAMES, (SPEEDS, RADII), 60, 3)
+    made = play_varied(matches, (SPEEDS, RADII), lambda *numbers: told.append(numbers))
+    assert told == sorted(told)
+    assert told[-1] == (360, 360)
+    return made
 
 
-@pytest.fixture(scope="module")
-def found(told):
-    matches = varied_matches(PAPER, NAMES, (SPEEDS, RADII), 60, 3)
-    return play_varied(matches, (SPEEDS, RADII), lambda *numbers: told.append(numbers))
-
-
-def test_each_is_the_match_of_evaluate_and_a_faster_pursuer_wins_more(found, told):
+def test_each_is_the_match_of_evaluate_and_a_faster_pursuer_wins_more(found):
     assert found.results[2] == play_match(Match.of_names(PAPER, *NAMES, 60, 3))
     slower = replace(PAPER, pursuer=replace(PAPER.pursuer, v_max=0.2))
     assert found.results[0] == play_match(Match.of_names(slower, *NAMES, 60, 3))
     assert found.win_rates.shape == (3, 2)
     assert found.win_rates[0, 0] < found.win_rates[2, 0]
-    assert told == sorted(told)
-    assert told[-1] == (360, 360)
 
 
 def test_as_text_and_as_data_each_result_is_beside_its_values(found):

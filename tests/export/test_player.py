@@ -169,22 +169,21 @@ def test_with_sensors_it_knows_what_the_packages_player_knows_in_the_same_game(n
     np.testing.assert_array_equal(made, own)
 
 
-def test_one_that_decides_otherwise_is_not_written(tmp_path, monkeypatch):
-    player = exportable("paper", "pure-pursuit")
-    cases = cases_of(player, 100)
-    own = jax.jit(player.decide)
+def test_one_that_decides_otherwise_is_not_written(monkeypatch):
+    player = exportable(*QUICK)
+    cases = cases_of(player, 200)
+    actions, controls = reference(player, cases)
 
-    def tampered(state, active, memory, bits):
-        made = own(player.policy, player.game, state, active, memory, bits)
-        controls = np.array(made["controls"])
-        controls[1] += 0.01 * (state[0, 0] > 5)
-        return np.asarray(made["action"]), controls
+    def tampered():
+        answers = zip(actions, controls + [0.0, 0.01] * (cases.states[:, :1, 0] > 8), strict=True)
+        return lambda *_: next(answers)
 
-    parity = compare(tampered, player, cases)
-    assert (parity.states, parity.errors) == (100, int((cases.states[:, 0, 0] > 5).sum()))
+    parity = compare(tampered(), player, cases)
+    assert (parity.states, parity.errors) == (200, int((cases.states[:, 0, 0] > 8).sum()))
+    assert parity.errors > 0
     monkeypatch.setattr(writing, "cases_of", lambda *_: cases)
-    with pytest.raises(InvalidInput, match=r"of 100 decisions differ from the package's"):
-        check(tampered, player, 100)
+    with pytest.raises(InvalidInput, match=r"of 200 decisions differ from the package's"):
+        check(tampered(), player, 200)
 
 
 def test_an_action_of_the_same_value_is_a_tie_unless_a_shield_forbids_it():
@@ -199,14 +198,13 @@ def test_an_action_of_the_same_value_is_a_tie_unless_a_shield_forbids_it():
     assert not _is_as_good(player, cases, 1, 7, int(other))
 
 
-@pytest.mark.parametrize("name", ["P_smooth", "pure-pursuit"])
+@pytest.mark.parametrize("name", ["shielded:P_smooth", "shielded:flee"])
 def test_a_state_that_cannot_be_is_answered_by_braking(name):
-    player = exportable("paper", name)
-    states = jnp.array([[[2, 3, 0.5, 0], [7, 6, broken, 1]] for broken in (jnp.nan, jnp.inf, -2e6)], jnp.float32)
-    decide = jax.vmap(lambda state: player.decide(player.policy, player.game, state, None, (), jnp.uint32(0)))
-    np.testing.assert_allclose(jax.jit(decide)(states)["controls"], [[-0.3, 0]] * 3, atol=1e-6)
-    far = decide(jnp.array([[[2, 3, 0.5, 0], [2e3, 6, 0, 1]]]))["controls"]  # 2 km away, which may be
-    assert not np.allclose(far, [[-0.3, 0]])
+    others = [[7, 6, broken, 1] for broken in (np.nan, np.inf, -2e6)]
+    states = np.array([[[2, 3, 0.5, 0], other] for other in (*others, [2e3, 6, 0, 1])], np.float32)
+    *braking, far = reference(exportable("paper", name), Cases(states, None, (), np.zeros(4, np.uint32)))[1]
+    np.testing.assert_allclose(braking, [[-0.3, 0]] * 3, atol=1e-6)
+    assert not np.allclose(far, [-0.3, 0]), "2 km away, which may be"
 
 
 MAIN = """
@@ -219,17 +217,13 @@ static robot_game game;
 
 int main(int count, char **words)
 {
-    FILE *one = fopen("robot.player", "rb"), *two = fopen("robot.game", "rb");
-    if (count != 9 || !one || !two)
-        return 1;
-    if (fread(&player, sizeof player, 1, one) != 1 || fread(&game, sizeof game, 1, two) != 1)
-        return 2;
-    fclose(one);
-    fclose(two);
     float state[8], controls[2];
-    for (int i = 0; i < 8; i++)
-        state[i] = strtof(words[i + 1], NULL);
     int32_t action;
+    FILE *one = fopen("robot.player", "rb"), *two = fopen("robot.game", "rb");
+    if (!one || !two || fread(&player, sizeof player, 1, one) != 1 || fread(&game, sizeof game, 1, two) != 1)
+        return 1;
+    for (int i = 1; i < count; i++)
+        state[i - 1] = strtof(words[i], NULL);
     robot(&player, &game, state, &action, controls);
     printf("%d %.9g %.9g\\n", (int)action, controls[0], controls[1]);
     return 0;
@@ -258,7 +252,7 @@ def test_a_program_reads_the_files_and_drives_in_any_game_of_that_size(tmp_path,
         else:
             assert before.read_bytes() == text  # the program is the same, the game's file is another
         said = output("./clean")
-        made = player.decide(player.policy, player.game, jnp.asarray(states), None, (), jnp.uint32(0))
+        made = jax.jit(player.decide)(player.policy, player.game, states, None, (), np.uint32(0))
         assert [float(word) for word in said.split()] == pytest.approx(
             [int(made["action"]), *map(float, made["controls"])]
         )
@@ -271,16 +265,12 @@ def test_the_command_writes_files_and_says_what_they_are(tmp_path, capsys, monke
     assert main(["export", "intercept", "--to", "c", "--out", str(out), "--constants"]) == 0
     files = ["chaser.c", "chaser.game", "chaser.h", "chaser.robot.json"]
     assert sorted(path.name for path in tmp_path.iterdir()) == files
-    said = capsys.readouterr()
-    assert "The pursuer intercept\nchecked in" in said.out
-    assert "us\n" in said.out
-    text = out.with_suffix(".h").read_text()
-    for words in (
-        "The pursuer intercept of a pursuit-evasion game, 1 v 1.",
-        "state: x [m]",
-        "chaser.game: the structs",
-    ):
-        assert words in text
+    said, text = capsys.readouterr().out, out.with_suffix(".h").read_text()
+    assert "The pursuer intercept\nchecked in" in said
+    assert "us\n" in said
+    assert "The pursuer intercept of a pursuit-evasion game, 1 v 1." in text
+    assert "state: x [m]" in text
+    assert "chaser.game: the structs" in text
     assert "chaser_player" not in text
 
 
@@ -360,8 +350,11 @@ def recorded(name, game, steps):
     return Bag(name, Role.PURSUER, to_dict(game), decisions)
 
 
-@pytest.mark.parametrize(("name", "game"), [("random", "paper"), ("intercept", "team-3v1")])
-def test_only_what_was_changed_differs(name, game):
+@pytest.mark.parametrize(
+    ("name", "game", "other", "refused"),
+    [("random", "paper", "team-3v1", "2 .* 4, as in 3 v 1"), ("intercept", "team-3v1", "paper", "4 .* 2, as in 1 v 1")],
+)
+def test_only_what_was_changed_differs_and_a_game_of_other_robots_is_refused(name, game, other, refused):
     bag = recorded(name, find_game(game), 20)
     assert ask_again(bag, name, bag.game) == []
     then = bag.decisions[12]["controls"]
@@ -370,9 +363,5 @@ def test_only_what_was_changed_differs(name, game):
     (one,) = ask_again(bag, name, bag.game)
     assert (one["time"], one["step"], one["then"]) == (pytest.approx(1.2), 2, then)
     assert one["now"][1] == pytest.approx(then[1] - 0.1)
-
-
-def test_a_game_of_other_robots_is_refused():
-    bag = recorded("intercept", find_game("team-3v1"), 2)
-    with pytest.raises(InvalidInput, match=r"robots in the bag = 4 .* 2, as in 1 v 1"):
-        ask_again(bag, "intercept", find_game("paper"))
+    with pytest.raises(InvalidInput, match=f"robots in the bag = {refused}"):
+        ask_again(bag, name, find_game(other))
