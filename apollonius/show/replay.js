@@ -2,7 +2,7 @@
 // are rows of x, y [m], v [m/s], heading [rad] of each pursuer, then of each evader. Of a game of teams there is `until` too:
 // for each robot the first step at which it is out of play, or null.
 
-import { between, coloursOf, draw } from "../web/page/draw.js";
+import { coloursOf, draw } from "../web/page/draw.js";
 import { countsOf } from "../web/page/game.js";
 
 /** The states of a game as the page has them. */
@@ -16,14 +16,6 @@ export function statesOf({ game, states, until }) {
     const robots = Array.from({ length: pursuers + evaders }, robot);
     return { pursuer: robots.slice(0, pursuers), evader: robots.slice(pursuers), steps };
   });
-}
-
-/** Draw a game as it stands at a step, whole or not. */
-export function drawGame(canvas, game, states, step, colours) {
-  const index = Math.min(Math.floor(step), states.length - 1);
-  const now = between(states[index], states[Math.min(index + 1, states.length - 1)], step - index);
-  const passed = [...states.slice(0, index + 1), now];
-  draw(canvas, { game, states: passed, now, colours });
 }
 
 /**
@@ -98,7 +90,7 @@ export class ReplayPlayer {
   /** Show the game as it stands at a step, whole or not. */
   show(step) {
     this.step = step;
-    drawGame(this.canvas, this.game, this.states, step, coloursOf(this.root));
+    draw(this.canvas, { game: this.game, states: this.states, at: step, colours: coloursOf(this.root) });
     const { dt } = this.game;
     const clock = `${(step * dt).toFixed(1)} s of ${(this.last * dt).toFixed(1)} s`;
     this.part("seek").value = Math.round(step);

@@ -44,7 +44,8 @@ const states = player.statesOf(game);
 
 def run(tmp_path, script, game=GAME):
     """What a script prints that knows the player's functions."""
-    (tmp_path / "replay.mjs").write_text(bundled(REPOSITORY / "apollonius" / "show" / "replay.js"))
+    script_of_report = bundled(REPOSITORY / "apollonius" / "show" / "replay.js")
+    (tmp_path / "replay.mjs").write_text(f"{script_of_report}export {{ draw }};\n")
     head = 'import * as player from "./replay.mjs";\nconst game = ' + json.dumps(game) + ";\n"
     (tmp_path / "test.mjs").write_text(head + script)
     done = subprocess.run(["node", "test.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True, timeout=60)
@@ -58,7 +59,7 @@ def drawn(calls, name, colour):
 
 def test_robots_discs_and_the_reach_of_a_capture_are_drawn_in_metres_between_two_steps(tmp_path):
     script = RECORDER + (
-        "player.drawGame(canvas, game.game, states, 0.5, colours);\nconsole.log(JSON.stringify([canvas, calls]))"
+        "player.draw(canvas, { ...game, states, at: 0.5, colours });\nconsole.log(JSON.stringify([canvas, calls]))"
     )
     canvas, calls = run(tmp_path, script)
     assert (canvas["width"], canvas["height"]) == (840, 840)
@@ -117,7 +118,7 @@ def test_the_report_draws_every_robot(replay, tmp_path):
     script = (
         RECORDER
         + """
-player.drawGame(canvas, game.game, states, 12, colours);
+player.draw(canvas, { ...game, states, at: 12, colours });
 const marks = calls.filter(([name]) => name === "fillText").map((call) => call[1]);
 const reaches = calls.filter(([name, , , radius]) => name === "arc" && radius === 0.3).length;
 console.log(JSON.stringify([marks, reaches]));

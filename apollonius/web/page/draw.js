@@ -15,15 +15,16 @@ export function coloursOf(element) {
   return Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
 }
 
-/** A state between two others, `share` of the way from the first to the second. */
-export function between(before, after, share) {
+/** Return the state of a number, whole or between two. */
+export function stateAt(states, number) {
+  const [before, after, share] = [states[Math.floor(number)], states[Math.ceil(number)], number % 1];
   const mix = (a, b) => a + (b - a) * share;
   const robot = (start, end) => ({
     x: mix(start.x, end.x),
     y: mix(start.y, end.y),
     v: mix(start.v, end.v),
     heading: start.heading + share * wrapAngle(end.heading - start.heading),
-    status: share < 1 ? start.status : end.status,
+    status: start.status,
   });
   const side = (role) => before[role].map((start, number) => robot(start, after[role][number]));
   return { ...after, ...Object.fromEntries(ROLES.map((role) => [role, side(role)])) };
@@ -135,17 +136,19 @@ export function drawGround(context, arena, colours, beneath) {
  * Draw a game.
  *
  * @param canvas sized here to its place in the page and the screen's pixels
- * @param scene {game, states, now, colours}: the rules, the states of the game so far with their trails, the state to
- *   draw the robots at, {paper, ink, obstacle, pursuer, evader}; and if wanted: `beneath` and `above`, functions that draw on
- *   the bare ground, and between trails and robots. Team mates have their numbers, and a robot that is out of play is a cross.
+ * @param scene {game, states, at, colours}: the rules, the states of the game, the number of the one to draw it at, whole or
+ *   not, {paper, ink, obstacle, pursuer, evader}; and if wanted: `beneath` and `above`, functions that draw on the bare
+ *   ground, and between trails and robots. Team mates have their numbers, and a robot that is out of play is a cross.
  *   In `fog` (`fogOf`) the rival is seen where it is in sight
  */
-export function draw(canvas, { game, states, now, colours, beneath, above, fog = null }) {
+export function draw(canvas, { game, states, at, colours, beneath, above, fog = null }) {
+  const now = stateAt(states, at);
+  const passed = [...states.slice(0, Math.floor(at) + 1), now];
   const context = begin(canvas, game.arena);
   drawGround(context, game.arena, colours, beneath);
   const robots = robotsOf(now, ROLES).filter(({ role }) => !(fog?.isHidden && role === fog.rival));
   for (const who of robots.filter(({ role }) => role !== fog?.rival)) {
-    const trail = states.map((state) => robotOf(state, who)).map(({ x, y }) => [x, y]);
+    const trail = passed.map((state) => robotOf(state, who)).map(({ x, y }) => [x, y]);
     context.strokeStyle = colours[who.role];
     context.lineWidth = 0.035;
     path(context, trail).stroke();

@@ -1,7 +1,7 @@
 // What is shown of a match in every frame: the arena, the clock, the slow replay, the pads' pressed cells.
 
 import { clearanceAlong } from "./calls.js";
-import { ahead, between, circle, coloursOf, cross, draw, leastRadius, path } from "./draw.js";
+import { ahead, circle, coloursOf, cross, draw, leastRadius, path, stateAt } from "./draw.js";
 import { fogOf, veilOf } from "./fog.js";
 import { bodyOf, isActive, robotOf } from "./game.js";
 import { known, layersOf } from "./why.js";
@@ -20,23 +20,19 @@ export class Stage {
     const { element, colours } = this;
     const { phase, time, ending, people, choice } = session;
     const match = ending?.held ?? session.match;
-    const replayed = ending?.at(clock) ?? match.states.length - 1;
-    const isReplaying = replayed < match.states.length - 1;
-    const states = isReplaying ? match.states.slice(0, Math.floor(replayed) + 2) : match.states;
-    const [before, after] = states.slice(-2);
-    const share = isReplaying ? replayed % 1 : phase === "over" ? 1 : time / match.game.dt;
-    const now = after && phase !== "ready" ? between(before, after, share) : match.state;
+    const last = match.states.length - 1;
+    const at = ending?.at(clock) ?? Math.max(0, last - 1 + time / match.game.dt);
+    const now = stateAt(match.states, at);
     const own = people.map((role) => ({ role, number: 0 })).filter((who) => !match.isOver && isActive(robotOf(match.state, who)));
     const fog = fogOf(match, session.me);
-    const hasLayers = this.layers.length && !isReplaying;
+    const hasLayers = this.layers.length && !(ending && at < last);
     const shown = fog ? veilOf(match.game.arena, fog, colours) : hasLayers ? layersOf(match, this.#knownOf(match), colours) : {};
     const above = (context) => {
       shown.above?.(context);
       for (const who of own) drawSteered(context, match.game, who, robotOf(now, who), colours);
     };
-    const past = isReplaying ? states.slice(0, -1) : states;
-    draw(element("canvas"), { game: match.game, states: past, now, colours, beneath: shown.beneath, above, fog });
-    if (ending) this.#showEnding(session, clock);
+    draw(element("canvas"), { ...match, at, colours, beneath: shown.beneath, above, fog });
+    if (ending) this.#showEnding(session, at);
     element("clock").textContent = (choice.level?.isEndless ? match.seconds : Math.max(0, match.secondsLeft)).toFixed(1);
     if (phase === "playing") for (const role of people) this.#press(role, people.length === 2);
   }
@@ -51,9 +47,8 @@ export class Stage {
   }
 
   /** Show the moment of the slow replay. */
-  #showEnding({ ending, lostAt }, now) {
+  #showEnding({ ending, lostAt }, at) {
     const { element } = this;
-    const at = ending.at(now);
     const when = `${(at * ending.match.game.dt).toFixed(1)}\u00a0s`;
     Object.assign(element("moment"), { max: ending.last, value: Math.round(at), ariaValueText: when });
     element("when").textContent = when;
