@@ -148,7 +148,7 @@ export function observe(name, game, state, who) {
 /**
  * What a robot knows of its one opponent after a look at a state, and the values of its actions as it searches.
  *
- * @param before what it knew before, or null at the beginning of a game
+ * @param before what it knew before; nothing at the beginning of a game
  * @returns {known, last, age [s], isFound, isSeen, credit, values}: all that it knows; of it the last sighting, its age, whether
  *   that is recent, whether there was one, and in which cells of the chart the opponent can be, where 0 or more
  */

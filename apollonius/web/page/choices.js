@@ -16,8 +16,8 @@ const SIZES = [[1, 1], [2, 1], [3, 1], [3, 2]]; // pursuers and evaders
 const asOptions = (names) => names.map((name) => new Option(name === YOU ? inWords(name) : `${inWords(name)} (${name})`, name));
 
 export class Choices {
-  /** @param form whose fields are filled here; `games` are all games by name */
-  constructor(form, { agents, anywhere, chosen }, games) {
+  /** @param form whose fields are filled here; `games` are all games by name, and more may come */
+  constructor(form, { agents, anywhere, chosen, games }) {
     Object.assign(this, { form, agents, anywhere, chosen, games });
     const difficulties = Object.entries(DIFFICULTIES).map(([name, { words }]) => new Option(words, name));
     this.#field("difficulty").replaceChildren(...difficulties);
@@ -47,9 +47,8 @@ export class Choices {
     this.#field("game").replaceChildren(...Object.keys(this.games).map((name) => new Option(name, name)));
   }
 
-  /** Add a game, or put another in its place, and choose it. */
-  addGame(name, game) {
-    this.games = { ...this.games, [name]: game };
+  /** Choose a game that is new among the games, or not as it was. */
+  chooseGame(name) {
     this.#offerGames();
     this.#field("game").value = name;
     this.refit();

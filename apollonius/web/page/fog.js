@@ -2,12 +2,12 @@
 
 import { CELLS, search } from "./calls.js";
 import { circle, picture } from "./draw.js";
-import { PURSUER, other } from "./game.js";
+import { EVADER, PURSUER, other } from "./game.js";
 
 const FOG = 0.3; // how opaque it is
 const RING = 0.32; // around where a robot was seen last [m]
 const LINE_OF_SIGHT = { line_of_sight: true };
-const memories = new WeakMap(); // by a state of a game: what the robot of either side knows then
+const memories = { [PURSUER]: new WeakMap(), [EVADER]: new WeakMap() }; // by a state of a game: what the side's robot knows then
 
 /** Return a game of two robots in fog. */
 export const inFog = (game) => ({ ...game, sensors: { pursuer: LINE_OF_SIGHT, evader: LINE_OF_SIGHT } });
@@ -17,13 +17,11 @@ export const isFoggy = (game, role) => Boolean(game.sensors?.[role]);
 
 /** What the robot of a side knows after the last of the states of a game, as `search` returns it. */
 export function knowledge(game, states, role) {
-  const isKnown = (state) => Boolean(memories.get(state)?.[role]);
-  for (let number = states.findLastIndex(isKnown) + 1; number < states.length; number++) {
-    const before = number ? memories.get(states[number - 1])[role] : null;
-    const found = search(game, states[number], { role, number: 0 }, before);
-    memories.set(states[number], { ...memories.get(states[number]), [role]: found });
+  const memory = memories[role];
+  for (let number = states.findLastIndex((state) => memory.has(state)) + 1; number < states.length; number++) {
+    memory.set(states[number], search(game, states[number], { role, number: 0 }, memory.get(states[number - 1])));
   }
-  return memories.get(states.at(-1))[role];
+  return memory.get(states.at(-1));
 }
 
 /** Another player in fog: it sees the last sighting, and a pursuer that has none of late searches. */

@@ -36,8 +36,8 @@ const ENDLESS = 600; // [s]
 /** The level of a number in an address, or null. */
 export const levelOf = (number) => LEVELS[Number(number) - 1] ?? null;
 
-/** The level after the one of a match that `me` has won, or null. */
-export function levelWonBy({ choice, match }, me) {
+/** The level after the one that the person of a session has won, or null. */
+export function levelWonBy({ choice, match, me }) {
   return me && choice?.level && match?.isOver && match.winner === me ? (LEVELS[choice.level.number] ?? null) : null;
 }
 
@@ -50,8 +50,8 @@ export function ofLevel(game, { seconds, isFoggy }) {
   return isFoggy ? inFog(lasting) : lasting;
 }
 
-/** The arenas that only levels have: the paper's without its discs. */
-export const withOpenFloor = (games) => ({ ...games, open: { ...games.paper, arena: { ...games.paper.arena, discs: [] } } });
+/** Return a game without its discs, which only levels have. */
+export const withOpenFloor = (game) => ({ ...game, arena: { ...game.arena, discs: [] } });
 
 const KEY = "apollonius.best";
 

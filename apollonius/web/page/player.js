@@ -61,8 +61,8 @@ const actions = {
     if (element("choices").reportValidity()) choose(choices.read());
   },
   why() {
-    const isShown = element("why").getAttribute("aria-pressed") !== "true";
-    element("why").setAttribute("aria-pressed", String(isShown));
+    const isHidden = element("layers").toggleAttribute("hidden");
+    element("why").setAttribute("aria-pressed", String(!isHidden));
     showLayers();
   },
   draw: () => workshop.open(),
@@ -102,9 +102,7 @@ function choose(choice) {
 }
 
 function showLayers() {
-  const isShown = element("why").getAttribute("aria-pressed") === "true";
-  element("layers").hidden = !isShown;
-  stage.layers = isShown ? [...element("layers").querySelectorAll(":checked")].map(({ name }) => name) : [];
+  stage.layers = [...document.querySelectorAll("#layers:not([hidden]) :checked")].map(({ name }) => name);
 }
 
 // ---- frames
@@ -179,9 +177,9 @@ function leadOut() {
 
 async function main() {
   page.enter("loading", "Loading…");
-  const catalogue = await (await fetch("catalogue.json")).json();
-  page.catalogue = { ...catalogue, games: withOpenFloor(catalogue.games) };
-  choices = new Choices(element("choices"), catalogue, page.catalogue.games);
+  page.catalogue = await (await fetch("catalogue.json")).json();
+  page.catalogue.games.open = withOpenFloor(page.catalogue.games.paper);
+  choices = new Choices(element("choices"), page.catalogue);
   workshop = new Workshop(element, page, choices);
   wire();
   leadOut();

@@ -2,7 +2,7 @@
 
 import { asChoice, asQuery } from "./choices.js";
 import { findGame } from "./files.js";
-import { ACTIONS, EVADER, ROLES, countsOf, isActive, other } from "./game.js";
+import { ACTIONS, EVADER, ROLES, bodiesOf, isActive, other } from "./game.js";
 import { SlowReplay, hasCrashed, lastBrake, lastChance, standIn } from "./hindsight.js";
 import { keepBest, levelWonBy, ofLevel } from "./levels.js";
 import { Match } from "./match.js";
@@ -57,15 +57,11 @@ export class Session {
         return choice.level?.isGuarded ? shielded(() => [wanted, ...BRAKES, ...ACTIONS])(...seen)[0] : wanted;
       };
       const found = await findGame(this.catalogue, choice.game);
-      const players = countsOf(found).map((count, side) => {
-        const role = ROLES[side];
-        return findTeam(this.catalogue, choice[role], role, count, difficulty, steer);
-      });
+      const players = ROLES.map((role) => findTeam(this.catalogue, choice[role], role, bodiesOf(found, role).length, difficulty, steer));
       const [pursuer, evader] = await Promise.all(players);
       if (this.choice !== choice) return;
       const game = choice.level ? ofLevel(found, choice.level) : found;
       this.match = new Match(game, { pursuer, evader }, choice.seed);
-      this.match.decide(); // so that no move waits for the arena's chart
       this.#makeReady();
     } catch (error) {
       if (this.choice === choice) this.enter("loading", `${error.message}. Choose otherwise under Games.`);
@@ -75,7 +71,6 @@ export class Session {
   /** Begin a game that has been played, to be played again. */
   watch(match) {
     Object.assign(this, { match, choice: { level: null } });
-    match.decide();
     this.#makeReady();
   }
 
@@ -86,6 +81,7 @@ export class Session {
   #makeReady() {
     this.#beginGame();
     const { me, match, catalogue } = this;
+    match.decide(); // so that no move waits for the arena's chart
     const isTaught = me && Object.hasOwn(catalogue.files, bare(match.players[other(me)][0].name).split(" ")[0]);
     this.enter("ready", describeReady(this.people.length, isTaught, Boolean(match.game.sensors)));
   }
@@ -96,7 +92,7 @@ export class Session {
     if (phase === "loading") return;
     if (phase === "playing" || phase === "counting") return this.enter("paused", "Paused");
     if (phase === "over") {
-      const after = levelWonBy(this, this.me);
+      const after = levelWonBy(this);
       if (after) return this.begin(asChoice(after));
       if (this.me && this.match.winner !== this.me) this.match.again();
       else this.match.next();
@@ -110,7 +106,7 @@ export class Session {
   get label() {
     const { phase, match, me } = this;
     if (phase !== "over") return { counting: "Pause", playing: "Pause", paused: "Resume" }[phase] ?? "Start";
-    if (levelWonBy(this, me)) return "Next level";
+    if (levelWonBy(this)) return "Next level";
     return me && match.winner !== me ? "Try again" : "Next game";
   }
 

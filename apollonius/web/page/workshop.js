@@ -66,9 +66,8 @@ export class Workshop {
 
   /** Put a drawn game among the others, and choose it. */
   #offer(game) {
-    const { catalogue } = this.session;
-    this.session.catalogue = { ...catalogue, games: { ...catalogue.games, [DRAWN]: game } };
-    this.choices.addGame(DRAWN, game);
+    this.session.catalogue.games[DRAWN] = game;
+    this.choices.chooseGame(DRAWN);
   }
 
   /** Offer the game of a link's fragment, if it has one; returns its name, or null, and what is wrong with it, or null. */
