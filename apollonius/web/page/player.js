@@ -57,9 +57,6 @@ const actions = {
     document.activeElement?.blur(); // so that Space and arrows are the game's again when the menu closes
     element("games").showModal();
   },
-  play() {
-    if (element("choices").reportValidity()) choose(choices.read());
-  },
   why() {
     const isHidden = element("layers").toggleAttribute("hidden");
     element("why").setAttribute("aria-pressed", String(!isHidden));
@@ -151,7 +148,7 @@ function wire() {
   element("games").addEventListener("close", () => document.activeElement?.blur());
   element("choices").addEventListener("submit", (event) => {
     event.preventDefault();
-    actions.play();
+    choose(choices.read());
   });
   element("speed").addEventListener("change", ({ target }) => {
     page.pace = Number(target.value);
