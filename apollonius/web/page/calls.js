@@ -165,17 +165,13 @@ export function search(game, state, who, before) {
   return { known, last, age: known.track_ages_0[0], isFound, isSeen, credit: known.track_belief_credit, values: [...found.values()] };
 }
 
-const FOR_TEAMS = ["voronoi-pursuit", "encirclement"];
-const RULES = { [PURSUER]: ["pure-pursuit", "intercept", ...FOR_TEAMS], [EVADER]: ["flee", "flee-aware"] };
-const TERRITORY = { [PURSUER]: "guard", [EVADER]: "reach" };
-
+const rule = (program) => (...seen) => observe(program, ...seen);
+const FOR_TEAMS = { "voronoi-pursuit": rule("voronoi_pursuit"), encirclement: rule("encirclement") };
 /** Players of one side that follow a rule, by name: from (game, state, who) to the values of the nine actions. */
-export const CLASSICAL = Object.fromEntries(
-  ROLES.map((side) => {
-    const rules = [...RULES[side].map((name) => [name, name.replace("-", "_")]), ["territory", TERRITORY[side]]];
-    return [side, Object.fromEntries(rules.map(([name, rule]) => [name, (...seen) => observe(rule, ...seen)]))];
-  }),
-);
+export const CLASSICAL = {
+  [PURSUER]: { "pure-pursuit": rule("pure_pursuit"), intercept: rule("intercept"), ...FOR_TEAMS, territory: rule("guard") },
+  [EVADER]: { flee: rule("flee"), "flee-aware": rule("flee_aware"), territory: rule("reach") },
+};
 
 /** The lengths of the paths [m] from a point to all cells of a game's chart, row by row from the bottom. */
 export function pathsFrom(game, { x, y }) {
@@ -198,6 +194,6 @@ export function readOwn(buffer) {
 
 /** Return whether a rule can be followed in a game with a number of pursuers. */
 export function fits(name, game, pursuers) {
-  if (FOR_TEAMS.includes(name)) return pursuers > 1;
+  if (name in FOR_TEAMS) return pursuers > 1;
   return name !== "territory" || Boolean(game.arena.territory);
 }
