@@ -135,16 +135,13 @@ def run_slice(options: argparse.Namespace) -> int:
     return 0
 
 
-PLAYER = (
-    "a rule such as intercept, a zoo agent, a .safetensors file, or a .wasm file of your own; shielded: may precede it"
-)
-"""Help for an argument that names a player of the page."""
-
-
 def add_play(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--as", dest="side", choices=SIDES, default="evader", help="your side (default: evader)")
-    about = f"your opponent: {PLAYER} (default: the best there is, a little slow to see)"
-    parser.add_argument("--against", type=known_agent, metavar="AGENT", help=about)
+    parser.add_argument(
+        "--against", type=known_agent, metavar="AGENT",
+        help="your opponent: a rule such as intercept, a zoo agent, a .safetensors file, or a .wasm file of your own; "
+        "shielded: may precede it (default: the best there is, a little slow to see)",
+    )  # fmt: skip
     add_game(parser)
     parser.add_argument("--seed", type=count(SEED), default=0, help="seed of the starts (default: %(default)s)")
     parser.add_argument("--port", type=count(PORT), help="of the page on this machine (default: the first free one)")

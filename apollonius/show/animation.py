@@ -3,7 +3,7 @@
 import functools
 import io
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -11,8 +11,9 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, UInt32
+from jaxtyping import Array, Bool, Float32, UInt32
 from PIL import Image, ImageDraw, ImageFont
+from scipy.spatial.distance import cdist
 
 from apollonius.arenas.charting import charted
 from apollonius.evaluate.match import keys_of
@@ -45,14 +46,12 @@ def _side_name(game: Game, role: Role) -> str:
     return name if count == 1 else f"{count} {name}s"
 
 
-def _standing(game: Game, robots: Sequence[float], active: Sequence[bool]) -> str:
+def _standing(game: Game, robots: Float32[np.ndarray, " numbers"], active: Bool[np.ndarray, " robots"]) -> str:
     """Return the least distance of a pursuer and an evader; for teams also the numbers of robots in play."""
-    points = [robots[first : first + 2] for first in range(0, len(robots), 4)]
-    first_evader = len(game.bodies.pursuer)
-    sides = slice(None, first_evader), slice(first_evader, None)
-    pursuers, evaders = ([at for at, plays in zip(points[side], active[side], strict=True) if plays] for side in sides)
-    apart = min((math.hypot(ex - px, ey - py) for px, py in pursuers for ex, ey in evaders), default=None)
-    distance = "" if apart is None else f"distance {apart:.2f} m"
+    count, places = len(game.bodies.pursuer), robots.reshape(-1, 4)[:, :2]
+    pursuers, evaders = places[:count][active[:count]], places[count:][active[count:]]
+    apart = cdist(pursuers, evaders)
+    distance = f"distance {apart.min():.2f} m" if apart.size else ""
     if game.teams is None:
         return distance
     return f"{len(pursuers)} v {len(evaders)} in play{distance and ', '}{distance}"
@@ -137,8 +136,8 @@ def frames(replay: Replay, steps: list[int] | None = None, speed: float = 1.0) -
     pace = "" if speed == 1 else f", {speed:g} x real time"
     font, below = ImageFont.load_default(LETTERS), page.height - (LINE + MARGIN) // 2
     for step in range(last + 1):
-        robots, active = replay.states[step].tolist(), in_play[step].tolist()
-        canvas.move(robots, active)
+        robots, active = replay.states[step], in_play[step]
+        canvas.move(robots.tolist(), active.tolist())
         if step not in shown:
             continue
         picture, arena = page.copy(), canvas.picture(hidden and (hidden[1][step], hidden[0]))

@@ -61,9 +61,8 @@ class Canvas:
             for role in Role
             for number, body in enumerate(game.bodies[role], start=1)
         ]
-        self.scale = SIZE / max(sides)
-        """Pixels of a metre in the picture."""
-        width, height = (round(side * self.scale) * _FINER for side in sides)
+        self._scale = SIZE / max(sides) * _FINER
+        width, height = (round(side * SIZE / max(sides)) * _FINER for side in sides)
         self._trails = Image.new("RGB", (width, height), PAPER)
         if arena.map:
             self._draw_cells(arena.map)
@@ -84,7 +83,7 @@ class Canvas:
         for (role, _, radius), before, after in zip(self._robots, self._here or here, here, strict=True):
             if begins:
                 start = self._pixel(after[0], after[1])
-                draw.circle(start, radius / 2 * self.scale * _FINER, outline=SIDES[role], width=_FINER)
+                draw.circle(start, radius / 2 * self._scale, outline=SIDES[role], width=_FINER)
             ends = [self._pixel(before[0], before[1]), self._pixel(after[0], after[1])]
             draw.line(ends, fill=SIDES[role], width=2 * _FINER, joint="curve")
         self._here, self._active = here, active
@@ -99,7 +98,7 @@ class Canvas:
             (cells, role), side = fog, SIZE * _FINER
             mask = Image.fromarray(np.where(cells[::-1], _SHADE, 0).astype(np.uint8)).resize((side, side))
             picture.paste(SIDES[role], (0, picture.height - side), mask)
-        draw, finer = ImageDraw.Draw(picture), self.scale * _FINER
+        draw, finer = ImageDraw.Draw(picture), self._scale
         for active, (role, mark, radius), (x, y, _, heading) in zip(
             self._active, self._robots, self._here, strict=False
         ):
@@ -129,8 +128,7 @@ class Canvas:
         self._trails.paste(OBSTACLE, (round(left), round(top)), cells.convert("L").resize(size, Image.Resampling.BOX))
 
     def _pixel(self, x: float, y: float) -> Point:
-        finer = self.scale * _FINER
-        return (x - float(self._arena.x_min)) * finer, (float(self._arena.y_max) - y) * finer
+        return (x - float(self._arena.x_min)) * self._scale, (float(self._arena.y_max) - y) * self._scale
 
 
 _ARROWHEAD = ((1.4, 0.0), (1.2, 2.4), (0.4, pi), (1.2, -2.4))

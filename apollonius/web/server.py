@@ -61,17 +61,13 @@ def make_server(folder: Path, port: int | None = None) -> ThreadingHTTPServer:
     """
     if port is not None:
         PORT.require("port", port)
-    wanted = range(FIRST_PORT, FIRST_PORT + _PORTS) if port is None else (port,)
-    handler = partial(FolderHandler, directory=str(folder))
-    for candidate in wanted:
+    reason: str | None = ""
+    for wanted in range(FIRST_PORT, FIRST_PORT + _PORTS) if port is None else (port,):
         try:
-            return _Server((LOOPBACK, candidate), handler)
+            return _Server((LOOPBACK, wanted), partial(FolderHandler, directory=str(folder)))
         except OSError as error:
-            if candidate == wanted[-1]:
-                raise InvalidInput(
-                    f"port = {candidate} cannot be used ({error.strerror}): choose another, or leave it out."
-                ) from error
-    raise AssertionError("there is a last port")
+            port, reason = wanted, error.strerror
+    raise InvalidInput(f"port = {port} cannot be used ({reason}): choose another, or leave it out.")
 
 
 class _Server(ThreadingHTTPServer):
