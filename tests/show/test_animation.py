@@ -1,5 +1,7 @@
 """Pictures show what they are given: games in as many frames as they take, shapes to scale, means, bars and values."""
 
+import json
+import subprocess
 from dataclasses import replace
 from functools import partial
 
@@ -9,7 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex, to_rgba
 from matplotlib.figure import Figure
-from PIL import Image, ImageColor
+from PIL import Image, ImageColor, ImageDraw
 
 from apollonius.agents.network import make_network
 from apollonius.agents.trained import Greedy
@@ -17,25 +19,53 @@ from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
 from apollonius.evaluate.match import Match, begin
 from apollonius.evaluate.statistics import wilson_interval
+from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import stack_actions
+from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
-from apollonius.game.presets import make_game
+from apollonius.game.presets import in_teams, make_game
 from apollonius.game.types import GameState, Outcome, RobotState, Role
 from apollonius.observe import tracking
 from apollonius.observe.view import look
 from apollonius.play import rollout
 from apollonius.play.random_bits import random_bits_of
-from apollonius.play.replay import Replay
+from apollonius.play.replay import Replay, as_rows, play_actions
 from apollonius.show import palette, style
 from apollonius.show.animation import LINE, MARGIN, fog, frames, save_animation
 from apollonius.show.arena import draw_arena
 from apollonius.show.canvas import SIZE, Canvas
-from apollonius.show.palette import DARK, LIGHT, OBSTACLE
+from apollonius.show.palette import DARK, EVADER, LIGHT, OBSTACLE, PAPER, PURSUER
+from apollonius.show.report import bundled, for_page
 from apollonius.show.slices import _TURNS, _draw_actions, save_slice, slice_values
 from apollonius.show.style import draw_rate, draw_seeds, draw_strips, smooth
-from tests.show.conftest import BLUE, RED, WHITE, colour_at
+from tests.acting import state_of
+from tests.documents import REPOSITORY
+from tests.web.test_parity import needs_node
 
 STEPS = 12
+RED, BLUE, WHITE = map(ImageColor.getrgb, (PURSUER, EVADER, PAPER))
+
+
+def colour_at(picture, x, y):
+    return picture.getpixel((MARGIN + round(x / 10 * SIZE), MARGIN + 2 * LINE + round((10 - y) / 10 * SIZE)))
+
+
+@pytest.fixture
+def words_of(monkeypatch):
+    """A function that returns the texts of some frames, which lie inside them and not on each other."""
+    said, write, taken = [], ImageDraw.ImageDraw.text, []
+
+    def listen(self, point, text, fill, font, anchor="la"):
+        said.append(text)
+        left, top, right, bottom = self.textbbox(point, text, font, anchor)
+        assert min(left, top, self.im.size[0] - right, self.im.size[1] - bottom) >= 0
+        for draw, *box in taken:
+            assert draw is not self or left >= box[2] or box[0] >= right or top >= box[3] or box[1] >= bottom
+        taken.append((self, left, top, right, bottom))
+        write(self, point, text, fill, font, anchor)
+
+    monkeypatch.setattr(ImageDraw.ImageDraw, "text", listen)
+    return lambda *given: (said.clear(), list(frames(*given)), [*said])[-1]
 
 
 @pytest.fixture
@@ -76,33 +106,31 @@ def test_every_state_is_a_frame_with_both_robots_their_trails_and_the_reach_of_a
 def test_fog_is_what_a_side_believed_while_the_game_was_played(words_of):
     """Cell by cell, in every state; it holds the evader, its colour lies there, and words say so."""
     game = charted(replace(find_game("lidar"), max_steps=40))
-    match = Match.of_names(game, "intercept", "flee-aware", 3, seed=5)
-    starts, key = begin(match)
-    number = jnp.array([2])
+    match = Match.of_names(game, "pure-pursuit", "flee", 3, seed=5)
+    (starts, key), number = begin(match), jnp.array([2])
 
-    def step(games):
+    def step(games, _):
         """Return the games after a step, their states before it, the actions, and what was believed in it."""
-        after, moves = rollout.step_games(
-            game, match.pools, games, random_bits_of(key, number, games.state.steps), observes=False
-        )
-        track, before = jax.tree.map(lambda leaf: leaf[0], (after.sides.pursuer.track, games.state))
+        bits, before = random_bits_of(key, number, games.state.steps), games.state
+        games, moves = rollout.step_games(game, match.pools, games, bits, observes=False)
+        track, before = jax.tree.map(lambda leaf: leaf[0], (games.sides.pursuer.track, before))
         believed = tracking.believed(game, track, before, Role.PURSUER).sight.belief >= 0
-        held = believed.ravel()[game.arena.chart.nearest_cell(before.evader.x, before.evader.y)]
         actions = stack_actions(*(side.action[0] for side in moves.sides))
-        return after, (jnp.stack(jax.tree.leaves(before.robots)), actions, believed, held)
+        return games, (jnp.stack(jax.tree.leaves(before.robots)), actions, believed)
 
     @jax.jit
     def course(starts):
-        first = jax.tree.map(lambda leaf: leaf[2:3], starts)
+        first = jax.tree.map(lambda leaf: leaf[2:], starts)
         games = rollout.begin(game, first, match.pools, random_bits_of(key, number, -1 + 0 * number))
-        return jax.lax.scan(lambda games, _: step(games), games, length=40)[1]
+        return jax.lax.scan(step, games, length=40)[1]
 
-    rows, actions, believed, held = map(np.asarray, course(starts))
+    rows, actions, believed = map(np.asarray, course(starts))
     bare = replace(game, arena=replace(game.arena, chart=None))
-    replay = Replay(bare, "intercept", "flee-aware", 5, 3, 2, rows, actions[:-1], Outcome.NO_RESULT)
+    replay = Replay(bare, "pure-pursuit", "flee", 5, 3, 2, rows, actions[:-1], Outcome.NO_RESULT)
     _, shaded = fog(replay)
     np.testing.assert_array_equal(shaded, believed)
-    assert held.all()
+    held = jax.vmap(game.arena.chart.nearest_cell)(*jnp.asarray(rows[:, 4:6]).T)
+    assert believed.reshape(40, -1)[np.arange(40), held].all()
     assert 0 < shaded[-1].sum() < shaded[0].sum()
     picture = next(frames(replay, [20]))
     x, y = (np.argwhere(shaded[20])[0][::-1] + 0.5) / 4
@@ -356,3 +384,93 @@ def test_the_turn_of_the_best_action_is_a_colour_and_its_acceleration_a_sign():
     for level, line in enumerate(axes.lines):
         rows, columns = np.nonzero(best[np.ix_(chosen, chosen)][1:] // 3 == level)
         np.testing.assert_array_equal(line.get_xydata(), np.stack([chosen[columns], chosen[rows + 1]], axis=1))
+
+
+RECORDER = """
+const calls = [];
+const context = new Proxy({}, {
+  get(target, name) {
+    return target[name] ?? ((...given) => calls.push([name, ...given, target.fillStyle, target.strokeStyle]));
+  },
+});
+const canvas = { clientWidth: 420, clientHeight: 420, getContext: () => context };
+globalThis.devicePixelRatio = 2;
+const colours = { pursuer: "red", evader: "blue", obstacle: "grey", paper: "white", ink: "black", grid: "pale" };
+draw(canvas, { ...replay, states: statesOf(replay), at: step, colours });
+console.log(JSON.stringify([canvas, calls]));
+"""
+"""A canvas that keeps what the report's script draws of a replay at a step."""
+
+
+def drawn_by_script(replay, step):
+    script = bundled(REPOSITORY / "apollonius" / "show" / "replay.js")
+    given = f"{script}\nconst [replay, step] = {json.dumps([for_page(replay), step])};{RECORDER}"
+    node = ["node", "--input-type=module"]
+    return json.loads(subprocess.run(node, input=given, capture_output=True, text=True, check=True, timeout=60).stdout)
+
+
+@needs_node
+def test_the_script_draws_robots_discs_and_the_reach_of_a_capture_in_metres_between_two_steps(replay):
+    arena = Arena(discs=(Disc(3.0, 4.0, 0.5),), polygons=(Polygon(((6.0, 6.0), (8.0, 6.0), (7.0, 8.0))),))
+    states = np.float32([[1, 2, 0.5, 3.0, 8, 8, 1, 0], [2, 2, 0.7, -3.0, 8, 7, 1, 0], [3, 2, 0.7, -3.0, 8, 6, 1, 0]])
+    canvas, calls = drawn_by_script(replace(replay, game=Game(arena=arena), states=states), 0.5)
+
+    def drawn(name, colour):
+        """Return the arguments of the calls of one kind that were made in a colour, filled or stroked."""
+        return [call[1:-2] for call in calls if call[0] == name and colour in call[-2:]]
+
+    assert (canvas["width"], canvas["height"]) == (840, 840)
+    (scale, _, _, upwards, x, y) = next(call[1:7] for call in calls if call[0] == "setTransform")
+    assert (scale, upwards, x, y) == (80, -80, 20, 820)
+    assert [3, 4, 0.5] in [call[:3] for call in drawn("arc", "grey")]
+    assert drawn("lineTo", "grey")[:3] == [[6, 6], [8, 6], [7, 8]]
+    assert [1.5, 2, 0.3] in [call[:3] for call in drawn("arc", "red")]
+    assert [8, 7.5] in [call[:2] for call in drawn("arc", "blue")]
+    nose = drawn("lineTo", "red")[-4]
+    assert nose[0] < 1.5, "it turns the short way, and looks to the left"
+    assert nose[1] == pytest.approx(2, abs=1e-3)
+
+
+OUT, CAUGHT = 3, 10
+"""Steps at which the first pursuer leaves the walls and the second one's evader is caught."""
+
+
+@pytest.fixture(scope="module")
+def of_teams():
+    """Two against two, all straight ahead: the first pursuer leaves the walls, the second catches the first evader."""
+    start = state_of([(9.75, 2, 1), (2, 5, 1)], [(3.15, 5.25), (5, 8, 1, np.pi / 2)], [(0, 0), (0, 0)])
+    game, actions = in_teams(Game(max_steps=12), 2, 2), jnp.full((12, 4), 4)
+    states, outcomes = play_actions(game, start, actions)
+    end = Outcome(int(outcomes[-1]))
+    return Replay(game, "P", "E", 0, 1, 0, as_rows(jax.device_get(states)), np.asarray(actions), end)
+
+
+def test_who_is_in_play_is_known_for_each_state(of_teams):
+    assert of_teams.in_play().sum(axis=0).tolist() == [OUT, 13, CAUGHT, 13]
+    assert for_page(of_teams)["until"] == [OUT, None, CAUGHT, None]
+
+
+def test_frames_have_all_robots_with_their_numbers_and_crosses_for_those_out(of_teams, words_of):
+    said = words_of(of_teams, [0, 12])
+    assert said[:3] == ["capture within 0.3 m", "2 pursuers P", "2 evaders E"]
+    assert said[3:9] == ["1", "2", "1", "2", "0.0 s", "2 v 2 in play, distance 1.18 m"]
+    first, last = frames(of_teams, [0, 12])
+    places = of_teams.states[-1].reshape(4, 4)[:, :2]
+    apart = np.hypot(*(places[3] - places[1]))
+    assert said[9:] == ["2", "2", "no result after 1.2 s", f"1 v 1 in play, distance {apart:.2f} m"]
+
+    beside = 0.09  # m; in an arrowhead
+    assert [colour_at(first, 9.75 - beside, 2), colour_at(first, 2 - beside, 5)] == [RED, RED]
+    x, y = places[2]
+    assert colour_at(last, x, y) == BLUE
+    assert WHITE not in (colour_at(last, x + 0.07, y + 0.07), colour_at(last, x - 0.07, y - 0.07))
+    assert colour_at(last, x, y + 0.14) == WHITE, "off the arms of a cross, outside the ring of its start"
+    x, y = places[1]
+    assert colour_at(last, x - beside, y + 0.05) == RED
+
+
+@needs_node
+def test_the_report_draws_every_robot(of_teams):
+    _, calls = drawn_by_script(of_teams, 12)
+    assert [call[1] for call in calls if call[0] == "fillText"] == ["1", "2", "1", "2"]
+    assert [call[0] == "arc" and call[3] == 0.3 for call in calls].count(True) == 1
