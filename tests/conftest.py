@@ -106,10 +106,10 @@ def demo(tmp_path_factory):
 @pytest.fixture(scope="session")
 def browser():
     """One for all tests that open pages."""
-    from tests.web.browser import launched, playwright
+    from tests.web.browser import CHROMIUM, FLAGS, playwright
 
     with playwright.sync_playwright() as driver:
-        chromium = launched(driver)
+        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS.split())
         yield chromium
         chromium.close()
 

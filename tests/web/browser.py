@@ -53,10 +53,19 @@ class Tab:
         self.play(1)
         self.page.wait_for_selector("body[data-phase=over]")
 
+    def finish(self):
+        """The rest of the match at once, and the page that shows its end."""
+        self.page.evaluate("() => { const { match } = apollonius.page; while (!match.isOver) match.step(); }")
+        self.let_pass(0.5)
+        self.page.wait_for_selector("body[data-phase=over]")
+
+    def save(self, path, button="#download"):
+        """The file that a button gives."""
+        with self.page.expect_download() as download:
+            self.page.click(button)
+        download.value.save_as(path)
+        return path
+
     def match(self, what):
         """Something of the match, such as `state.evader[0]`."""
         return self.page.evaluate(f"apollonius.page.match.{what}")
-
-
-def launched(driver):
-    return driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS.split())

@@ -1,7 +1,6 @@
 """The page in a real browser: a person plays a game to its end, and its replay plays again in Python."""
 
 import itertools
-import json
 import re
 from dataclasses import replace
 
@@ -27,13 +26,6 @@ from tests.web.browser import needs_chromium, playwright
 pytestmark = needs_chromium
 SPIRAL = "68ef36e88dd9c4e8f3a096933aeceddbdf95ea94d314e08f2719119930fbfd16"
 """SHA-256 of the C sources of `spiral.wasm`, which `write_player` makes anew."""
-
-
-def saved(page, path):
-    with page.expect_download() as download:
-        page.click("#download")
-    download.value.save_as(path)
-    return load_replay(path)
 
 
 def test_a_person_plays_a_game_to_its_end(desk, tmp_path):
@@ -70,7 +62,7 @@ def test_a_person_plays_a_game_to_its_end(desk, tmp_path):
     assert ended - 3 < last < ended
     assert page.inner_text("#go") == "Try again"
     assert page.inner_text("#pursuer-score") == "1"
-    replay = saved(page, tmp_path / "game.json")
+    replay = load_replay(desk.save(tmp_path / "game.json"))
     assert (replay.pursuer, replay.evader, replay.outcome.name) == ("shielded:P_pool", "you", "EVADER_OUT_OF_RANGE")
     assert {7, 8} <= set(replay.actions[:, 1].tolist())
     assert replay.first_difference() is None
@@ -110,12 +102,10 @@ def test_choices_change_the_game_and_the_address(desk):
 
 
 def test_what_an_address_asks_for_in_vain_is_said(desk):
-    wrong = {"level": "99", "evader": "encirclement", "game": "team-17v1", "difficulty": "none", "seed": "-1"}
-    page = desk.open("?game=nope")
-    assert page.inner_text("#message").startswith('There is no game "nope": Start plays another game')
-    assert page.get_attribute("body", "data-phase") == "ready"
-    for name, value in wrong.items():
-        assert desk.open(f"?{name}={value}").inner_text("#message").startswith(f'There is no {name} "{value}": ')
+    for wrong in ("level=99", "evader=encirclement", "game=team-17v1", "difficulty=none", "seed=-1", "game=nope"):
+        page, (name, value) = desk.open(f"?{wrong}"), wrong.split("=")
+        assert page.inner_text("#message").startswith(f'There is no {name} "{value}": Start plays another game')
+        assert page.get_attribute("body", "data-phase") == "ready"
 
 
 def test_a_person_who_lasts_has_won(desk):
@@ -187,12 +177,14 @@ def test_in_fog_the_opponent_is_drawn_where_it_is_in_sight_and_the_package_shows
     desk.let_pass(4)
     assert desk.match("outcome") == "no_result"
     assert page.evaluate(red), "a game that is over is shown as it was"
-    replay = saved(page, tmp_path / "game.json")
+    replay = load_replay(desk.save(tmp_path / "game.json"))
     swapped = replace(replay, game=replace(replay.game, sensors=replace(replay.game.sensors, pursuer=None)))
     _, cells = fog(swapped)
     for number in range(1, len(cells)):
         _, shaded = page.evaluate(drawn, number)
         assert len(set(shaded) ^ set(np.flatnonzero(cells[number]))) <= 2
+    page.click("#draw")
+    playwright.expect(page.locator("#findings")).to_have_text("✓ Nothing is wrong with this arena.")
 
 
 def test_a_game_that_is_shared_is_played_again(desk, tmp_path):
@@ -203,10 +195,7 @@ def test_a_game_that_is_shared_is_played_again(desk, tmp_path):
     assert page.get_attribute("body", "data-phase") == "over"
     ended = desk.match("replay().states")
     page.context.grant_permissions(["clipboard-read", "clipboard-write"])
-    with page.expect_download() as picture:
-        page.click("#show")
-    picture.value.save_as(tmp_path / "card.png")
-    with Image.open(tmp_path / "card.png") as card:
+    with Image.open(desk.save(tmp_path / "card.png", "#show")) as card:
         assert card.size == (1200, 630)
     with page.expect_download() as film:
         page.click("#film")
@@ -233,10 +222,11 @@ def test_a_slider_shows_how_the_opponent_learned(desk):
     for place in range(5):
         page.fill("#learning input", str(place))
         page.wait_for_selector("#go:enabled")
-        desk.play(20)
+        desk.play(0.5)
         reached.append(desk.match("players.pursuer[0].name"))
         assert page.inner_text("#learning output") == f"{reached[-1].removeprefix('learner-')} %"
     assert reached == [f"learner-{share}" for share in (0, 1, 5, 25, 100)]
+    desk.finish()
     assert desk.match("outcome") == "captured"
     page = desk.open("?pursuer=learner-0&evader=still&game=paper")
     page.fill("#learning input", "2")
@@ -296,9 +286,13 @@ def test_two_people_share_a_touch_screen(phone):
         page.keyboard.up(key)
 
 
-def test_a_hidden_tab_pauses(desk):
-    page = desk.open("?level=1")
-    desk.play(1)
+def test_agents_are_a_show_at_any_speed_and_a_hidden_tab_pauses(desk):
+    page = desk.open("?pursuer=still&evader=still")
+    page.select_option("#speed", "10")
+    page.keyboard.press("Space")
+    desk.let_pass(1.5)
+    assert 8 < desk.match("seconds") < 15
+    assert page.inner_text("#pursuer-name") == "stands still"
     page.evaluate(
         """() => {
           Object.defineProperty(document, "hidden", { value: true });
@@ -306,15 +300,6 @@ def test_a_hidden_tab_pauses(desk):
         }"""
     )
     assert page.get_attribute("body", "data-phase") == "paused"
-
-
-def test_agents_are_a_show_at_any_speed(desk):
-    page = desk.open("?pursuer=still&evader=still")
-    page.select_option("#speed", "10")
-    page.keyboard.press("Space")
-    desk.let_pass(1.5)
-    assert 8 < desk.match("seconds") < 15
-    assert page.inner_text("#pursuer-name") == "stands still"
 
 
 def test_why_shows_every_robot_in_play(desk):
@@ -377,10 +362,10 @@ def test_a_person_leads_a_team_to_its_end(desk, tmp_path):
     page.keyboard.press("Space")
     desk.let_pass(1.75)
     assert page.inner_text("#message") == out, "also after a pause"
-    desk.let_pass(30)
     page.keyboard.up("ArrowUp")
+    desk.finish()
     assert re.match(r"Your team caught blue after [\d.]+\u00a0s\. You win!", page.inner_text("#message"))
-    replay = saved(page, tmp_path / "game.json")
+    replay = load_replay(desk.save(tmp_path / "game.json"))
     assert (replay.pursuer, replay.outcome.name) == ("you+shielded:pursuer", "CAPTURED")
     assert replay.actions.shape[1] == 4
     assert set(replay.actions[:20, 0]) == {7}
@@ -400,12 +385,11 @@ def spiral():
 
 
 def test_the_player_in_the_document_plays_on_the_page_as_in_python(desk, spiral, tmp_path):
-    page = desk.open("?pursuer=spiral&evader=flee-aware&seed=2")
-    page.evaluate("() => { const { match } = apollonius.page; while (!match.isOver) match.step(); }")
-    desk.let_pass(0.25)
-    replay = desk.match("replay()")
-    (tmp_path / "game.json").write_text(json.dumps(replay))
-    assert load_replay(tmp_path / "game.json").first_difference() is None
+    desk.open("?pursuer=spiral&evader=flee-aware&seed=2")
+    desk.play(0.25)
+    desk.finish()
+    replay = load_replay(desk.save(tmp_path / "game.json"))
+    assert replay.first_difference() is None
     game = make_game("paper")
 
     @jax.jit
@@ -413,9 +397,8 @@ def test_the_player_in_the_document_plays_on_the_page_as_in_python(desk, spiral,
     def act(row):
         return spiral(look(game, as_state(row, jnp.asarray(0)), Role.PURSUER), (), jnp.uint32(0))[0]
 
-    taken = np.asarray(replay["actions"])[:, 0]
-    assert len(np.unique(taken)) > 1
-    np.testing.assert_array_equal(taken, act(jnp.asarray(replay["states"][:-1], jnp.float32)))
+    assert len(np.unique(replay.actions[:, 0])) > 1
+    np.testing.assert_array_equal(replay.actions[:, 0], act(jnp.asarray(replay.states[:-1])))
 
 
 def test_the_player_on_the_page_is_made_of_the_one_in_the_document(spiral):

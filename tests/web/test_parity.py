@@ -22,7 +22,7 @@ from apollonius.arenas.file import find_game, game_names, load_game
 from apollonius.arenas.record import to_dict
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.game import Game, reset_batch
+from apollonius.game.game import Game
 from apollonius.game.occupancy import OccupancyMap, distance_field
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import PRESETS, make_game
@@ -144,11 +144,13 @@ def slow(*values):
 
 @functools.cache
 def drawn(name, count=200):
-    """A game, and starts of fast robots in it close to obstacles and to each other, as rows."""
-    game = GAMES[name]()
-    starts = Starts(speed="moving", clearance=0.05, separation=game.capture_distance)
-    draw = jax.jit(reset_batch, static_argnames="games")
-    return game, np.asarray(as_rows(draw(replace(game, starts=starts), jax.random.key(1), games=count)))
+    """A game, and robots of any speed in it that touch no obstacle, though some are close to one or to each other."""
+    game, random = GAMES[name](), np.random.default_rng(1)
+    arena, fastest = game.arena, [body.v_max for side in game.bodies for body in side]
+    robots = [([arena.x_min, arena.y_min, 0, -np.pi], [arena.x_max, arena.y_max, v, np.pi]) for v in fastest]
+    rows = random.uniform(*np.swapaxes(robots, 0, 1), (30 * count, len(robots), 4)).astype(np.float32)
+    room = jax.jit(jax.vmap(jax.vmap(arena.clearance)))(*jnp.asarray(rows[..., :2].transpose(2, 0, 1)))
+    return game, rows[(np.asarray(room) > 0.3).all(axis=1)][:count].reshape(count, -1)
 
 
 @pytest.mark.parametrize(("name", "draw"), [("crowd", any_actions), ("map", any_levels), slow("crowd", any_levels)])
@@ -230,22 +232,6 @@ def test_robots_see_and_do_the_same(name, role, number):
     assert 0 < np.mean(clearances < MARGIN) < 1
 
 
-@pytest.fixture
-def plain(tmp_path):
-    """The file of an untrained evader with discrete actions and the paper's observation."""
-    network = make_network("paper", width=16, depth=2, key=jax.random.key(5))
-    save_agent(describe(network, Role.EVADER, {}, {}), tmp_path / "plain.safetensors")
-    return tmp_path / "plain.safetensors"
-
-
-@pytest.fixture
-def smooth(tmp_path):
-    """The file of an untrained pursuer with continuous actions; levels of all sizes, as its weights are large."""
-    network = jax.tree.map(lambda leaf: 2 * leaf, make_actor("encoded", width=16, depth=2, key=jax.random.key(6)))
-    save_agent(describe(network, Role.PURSUER, {}, {}), tmp_path / "smooth.safetensors")
-    return tmp_path / "smooth.safetensors"
-
-
 @pytest.fixture(scope="module")
 def foggy():
     """A game in which either side has only its line of sight, and the states of robots that go straight."""
@@ -290,9 +276,14 @@ def test_a_pursuer_in_fog_searches_where_it_has_seen_nobody_of_late(known):
     assert len({act for act, age in zip(found["acts"], ages, strict=True) if age > 1.05}) > 1
 
 
-def test_replays_play_again_in_the_package(smooth, plain, tmp_path):
-    """Where a side is continuous a replay holds the levels of both."""
-    sides = {"pursuer": {"name": str(smooth)}, "evader": {"name": str(plain)}}
+def test_replays_play_again_in_the_package(tmp_path):
+    """Where a side is continuous a replay holds the levels of both, of all sizes, as the weights are large."""
+    smooth = jax.tree.map(lambda leaf: 2 * leaf, make_actor("encoded", width=16, depth=2, key=jax.random.key(6)))
+    networks = {Role.PURSUER: smooth, Role.EVADER: make_network("paper", width=16, depth=2, key=jax.random.key(5))}
+    files = {role.name.lower(): str(tmp_path / f"{role}.safetensors") for role in networks}
+    for (role, network), file in zip(networks.items(), files.values(), strict=True):
+        save_agent(describe(network, role, {}, {}), Path(file))
+    sides = {role: {"name": file} for role, file in files.items()}
     replay = ask(match={"game": to_dict(make_game("paper")), "seed": 3} | sides)
     (tmp_path / "game.json").write_text(json.dumps(replay))
     recorded = load_replay(tmp_path / "game.json")
@@ -329,10 +320,6 @@ def test_the_last_way_out_is_one_and_a_second_later_there_is_none(me, own, their
 # ---- arenas that are drawn
 
 
-def as_json(game):
-    return json.loads(json.dumps(to_dict(game)))
-
-
 def test_a_passage_that_is_too_narrow_for_one_robot_is_said():
     walls = [[[2, 0], [2.2, 0], [2.2, 2.6], [2, 2.6]], [[2, 3.4], [2.2, 3.4], [2.2, 6], [2, 6]]]
     arena = {"x_max": 8, "y_max": 6, "polygons": [{"vertices": wall} for wall in walls]}
@@ -343,8 +330,8 @@ def test_a_passage_that_is_too_narrow_for_one_robot_is_said():
 
 def test_games_are_read_as_the_package_reads_them():
     names = [name for name in game_names() if not name.startswith("team") and name not in LIMITED]
-    for name, read in zip(names, ask(read=[json.dumps(to_dict(find_game(name))) for name in names]), strict=True):
-        assert read["answer"] == as_json(find_game(name))
+    texts = [json.dumps(to_dict(find_game(name))) for name in names]
+    assert [read.get("answer") for read in ask(read=texts)] == [*map(json.loads, texts)]
 
 
 REFUSED = [
@@ -370,27 +357,24 @@ REFUSED = [
 """What neither the package nor the page reads, and words of the page's complaint."""
 
 
-@pytest.fixture(scope="module")
-def complaints():
-    return [answer["complaint"] for answer in ask(read=[text for text, _ in REFUSED])]
+def test_what_the_package_refuses_the_page_refuses(tmp_path):
+    for (text, said), answer in zip(REFUSED, ask(read=[text for text, _ in REFUSED]), strict=True):
+        if "Games" not in said:
+            (tmp_path / "bad.json").write_text(text)
+            with pytest.raises(InvalidInput):
+                load_game(tmp_path / "bad.json")
+        assert said in answer["complaint"]
+        assert "\n" not in answer["complaint"]
+        assert len(answer["complaint"]) < 300
 
 
-@pytest.mark.parametrize("number", range(len(REFUSED)))
-def test_what_the_package_refuses_the_page_refuses(number, complaints, tmp_path):
-    (text, said), complaint = REFUSED[number], complaints[number]
-    if "Games" not in said:
-        (tmp_path / "bad.json").write_text(text)
-        with pytest.raises(InvalidInput):
-            load_game(tmp_path / "bad.json")
-    assert said in complaint
-    assert "\n" not in complaint
-    assert len(complaint) < 300
-
-
-def test_a_damaged_link_is_refused_in_a_line():
+def test_a_link_plays_the_game_again_with_all_its_robots_and_its_fog_and_a_damaged_one_is_refused_in_a_line():
     damaged = ["#game=*", "#game=_w", f"#game={'e' * 200_000}", "#other"]
-    said = [answer.get("complaint") for answer in ask(links=damaged)]
+    found = ask(links=damaged, shared=[[1, 1, False], [3, 2, False], [1, 1, True]])
+    said = [answer.get("complaint") for answer in found["links"]]
     assert said == [*["it is damaged; copy the whole link"] * 2, "it is too long", None]
+    for played, again in found["shared"]:
+        assert played == again
 
 
 def test_shapes_stay_shapes():
@@ -400,8 +384,3 @@ def test_shapes_stay_shapes():
     assert moves["far"] == [[4, 0], [9, 0], [9, 0.2], [4, 0.2]]
     assert moves["small"] == 0
     assert len({x for x, _ in moves["crossed"]}) == 2
-
-
-def test_a_link_plays_the_game_again_with_all_its_robots_and_its_fog():
-    for played, again in ask(shared=[[1, 1, False], [3, 2, False], [1, 1, True]]):
-        assert played == again

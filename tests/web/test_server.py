@@ -12,12 +12,10 @@ import subprocess
 import sys
 import threading
 from contextlib import contextmanager, nullcontext
-from pathlib import Path
 
 import jax
 import numpy as np
 import pytest
-from PIL import Image
 
 from apollonius.agents.network import make_network
 from apollonius.agents.store import describe, load_header, save_agent
@@ -31,12 +29,14 @@ from apollonius.observe.registry import OBSERVATIONS
 from apollonius.show import palette
 from apollonius.web.server import LOOPBACK, FolderHandler, make_server
 from apollonius.web.site import LEARNERS, PAGE, READS, YOU, choose, write_site
+from tests.arenas.test_file import write as write_map
+from tests.documents import REPOSITORY
 
 
 @contextmanager
 def serving(folder, port=None):
     with make_server(folder, port) as server:
-        thread = threading.Thread(target=server.serve_forever)
+        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
         thread.start()
         try:
             yield server
@@ -45,11 +45,11 @@ def serving(folder, port=None):
             thread.join()
 
 
-@pytest.fixture
-def server(tmp_path):
-    (tmp_path / "secret.txt").write_text("not for the page")
-    folder = tmp_path / "site"
+@pytest.fixture(scope="module")
+def server(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("host") / "site"
     (folder / "agents").mkdir(parents=True)
+    (folder.parent / "secret.txt").write_text("not for the page")
     (folder / "index.html").write_text("<p>page</p>")
     (folder / "rules.js").write_text("export {}")
     with serving(folder) as server:
@@ -68,6 +68,12 @@ def get(server, path, method="GET", **headers):
     return answer, body
 
 
+def published(folder, choice=None):
+    """Write the page into a folder, and return its catalogue."""
+    write_site(folder, choice)
+    return json.loads((folder / "catalogue.json").read_text())
+
+
 def test_serves_its_files(server):
     answer, body = get(server, "/")
     assert (answer.status, body) == (200, b"<p>page</p>")
@@ -77,15 +83,9 @@ def test_serves_its_files(server):
 
 
 def test_serves_nothing_above_its_folder_and_no_listing(server, capsys):
-    outside = [
-        "/../secret.txt",
-        "/%2e%2e/secret.txt",
-        "/agents/../../secret.txt",
-        "//../secret.txt",
-        "/..%2fsecret.txt",
-    ]
-    for path in [*outside, "/agents/", "/%00", "/a%00b.js", "/" + "a" * 5000]:
-        answer, body = get(server, path)
+    outside = ["../secret.txt", "%2e%2e/secret.txt", "agents/../../secret.txt", "/../secret.txt", "..%2fsecret.txt"]
+    for path in [*outside, "agents/", "%00", "a%00b.js", "a" * 5000]:
+        answer, body = get(server, f"/{path}")
         assert answer.status == 404, path
         assert b"not for the page" not in body
     assert not capsys.readouterr().err
@@ -149,11 +149,8 @@ def test_a_browser_is_opened_unless_told_otherwise(monkeypatch):
 
 
 def test_the_site_is_whole(tmp_path):
-    write_site(tmp_path)
-    catalogue = json.loads((tmp_path / "catalogue.json").read_text())
-    assert catalogue["games"] == {
-        name: to_dict(find_game(name)) for name in game_names() if name not in ("lidar", "blind")
-    }
+    catalogue = published(tmp_path)
+    assert catalogue["games"] == {name: to_dict(find_game(name)) for name in set(game_names()) - {"lidar", "blind"}}
     read = [name for name in zoo_names() if load_header(ZOO / f"{name}.safetensors").observation in READS]
     learners = {path.stem: path for path in LEARNERS.iterdir()}
     assert len(learners) == 5
@@ -200,23 +197,16 @@ def test_a_game_of_teams_is_a_game_of_two_by_another_name(tmp_path):
     with pytest.raises(InvalidInput, match=r"mates_collide = True .* false in the page"):
         choose(Role.EVADER, None, str(tmp_path / "bodies.toml"), 0)
     (tmp_path / "pack.toml").write_text("pursuers = 4\n")
-    choice = choose(Role.PURSUER, None, str(tmp_path / "pack.toml"), 0)
-    write_site(tmp_path / "site", choice)
-    catalogue = json.loads((tmp_path / "site" / "catalogue.json").read_text())
+    catalogue = published(tmp_path / "site", choose(Role.PURSUER, None, str(tmp_path / "pack.toml"), 0))
     assert catalogue["chosen"]["game"] == "pack"
     assert len(catalogue["games"]["pack"]["teams"]["pursuers"]) == 3
 
 
 def test_a_game_on_a_map_is_served_with_its_field(tmp_path):
-    Image.fromarray(np.full((20, 30), 254, np.uint8)).save(tmp_path / "floor.pgm")
-    floor = (
-        "image: floor.pgm\nresolution: 0.5\norigin: [-1, 2, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
-    )
-    (tmp_path / "floor.yaml").write_text(floor)
+    write_map(tmp_path, np.full((20, 30), 254, np.uint8))
     (tmp_path / "hall.toml").write_text('[arena]\nmap = "floor.yaml"\n')
     choice = choose(Role.EVADER, None, str(tmp_path / "hall.toml"), 0)
-    write_site(tmp_path / "site", choice)
-    catalogue = json.loads((tmp_path / "site" / "catalogue.json").read_text())
+    catalogue = published(tmp_path / "site", choice)
     occupancy, served = choice.games["hall"].arena.map, catalogue["maps"].pop("hall")
     field = np.frombuffer((tmp_path / "site" / served.pop("field")).read_bytes(), "<f4")
     np.testing.assert_array_equal(field.reshape(served["rows"], served["columns"]), occupancy.field)
@@ -241,8 +231,7 @@ def test_an_agent_from_a_run_is_served_too(tmp_path):
     shutil.copyfile(ZOO / "P_random.safetensors", path)
     choice = choose(Role.EVADER, f"shielded:{path}", "paper", 0)
     assert choice.pursuer == "shielded:P_pool of first"
-    write_site(tmp_path / "site", choice)
-    catalogue = json.loads((tmp_path / "site" / "catalogue.json").read_text())
+    catalogue = published(tmp_path / "site", choice)
     assert "P_pool of first" in catalogue["agents"]["pursuer"]
     assert (tmp_path / "site" / catalogue["files"]["P_pool of first"]).read_bytes() == path.read_bytes()
 
@@ -287,5 +276,5 @@ def test_the_command_writes_a_site_once(tmp_path, capsys):
 def test_the_page_is_up_to_date():
     """In a process of its own, where types are not checked while programs run: that takes a hundred times as long."""
     command = [sys.executable, "-m", "website.compiled", "--check"]
-    checked = subprocess.run(command, cwd=Path(__file__).parents[2], capture_output=True, text=True)
+    checked = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True)
     assert checked.returncode == 0, checked.stderr
