@@ -37,8 +37,9 @@ class Block:
         return f"{name_of(self.document)}:{self.line}"
 
     def commands(self) -> list[list[str]]:
-        """The words of each command of a `sh` block, comments and the environment's folder left out."""
-        lines = self.code.replace("\\\n", " ").replace(".venv/bin/", "").splitlines()
+        """The words of each command, which only `sh` has, without comments and the environment's folder."""
+        text = self.code if self.language == "sh" else ""
+        lines = text.replace("\\\n", " ").replace(".venv/bin/", "").splitlines()
         return [words for line in lines if (words := shlex.split(line, comments=True))]
 
 

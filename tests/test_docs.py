@@ -24,7 +24,7 @@ from apollonius.game.presets import TEAM
 from apollonius.io.limits import GAME_FILES
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import load_config
-from tests.documents import ALL, DOCUMENTS, LANGUAGES, PAGES, REPOSITORY, asides, name_of
+from tests.documents import ALL, DOCUMENTS, LANGUAGES, PAGES, REPOSITORY, asides, blocks, name_of
 from tests.learn.tiny import RUN
 
 DOCS = REPOSITORY / "docs"
@@ -40,44 +40,27 @@ class Parsed(Exception):
 _parse_args = argparse.ArgumentParser.parse_args
 
 
-def stop_after_parsing(patch):
-    """Programs go no further than their arguments."""
-
-    def stop(parser, arguments=None):
-        raise Parsed(_parse_args(parser, arguments))
-
-    patch.setattr(argparse.ArgumentParser, "parse_args", stop)
-    patch.setattr(values, "_is", lambda question: True)  # the files that a document names are not here
-    patch.setattr(values, "_unwritable", lambda path, folder: None)
+def stop(parser, arguments=None):
+    raise Parsed(_parse_args(parser, arguments))
 
 
-@pytest.fixture
-def only_parse(monkeypatch):
-    stop_after_parsing(monkeypatch)
-
-
-def asked(words, monkeypatch):
-    """The options of a command that a document gives; None for a program that is not ours."""
+def asked(words):
+    """The options of a command that a document gives, which goes no further; {} for a program that is not ours."""
     match [PLACEHOLDERS.get(word, word) for word in words]:
-        case ["source", "activate"]:
-            return None
         case ["make", target]:
             assert re.search(rf"^{target}:", (REPOSITORY / "Makefile").read_text(), re.MULTILINE)
-            return None
+            return {}
         case ["python3", "-m", "pip", "install", *where, "rosbags"]:
             assert all((REPOSITORY / folder / "setup.py").exists() for folder in where)
-            return None
+            return {}
         case ["pip", "install", what] | ["pip", "install", "-e", what]:
             project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
             extra = re.fullmatch(r"\.\[(.*)\]", what)
             assert extra is None or set(extra[1].split(",")) <= set(project["optional-dependencies"])
-            return None
-        case ["uvx", "--from", what, "apollonius", *arguments]:
-            assert what == "."
-            program = main
-        case ["gcc" | "python3", *_]:
-            return None  # the tests of exported files and of the ROS node run these
-        case ["apollonius", *arguments]:
+            return {}
+        case ["source", "activate"] | ["gcc" | "python3", *_]:
+            return {}  # the tests of exported files and of the ROS node run these
+        case ["uvx", "--from", ".", "apollonius", *arguments] | ["apollonius", *arguments]:
             program = main
         case ["python", "-m", module, *arguments]:
             program = importlib.import_module(module).main
@@ -85,15 +68,19 @@ def asked(words, monkeypatch):
             program = runpy.run_path(str(REPOSITORY / script))["main"]
         case _:
             pytest.fail("a command of an unknown kind: say here how it is checked")
-    monkeypatch.setattr("sys.argv", [words[0], *arguments])
-    with pytest.raises(Parsed) as parsed:
-        program(*([arguments] if program is main else []))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(argparse.ArgumentParser, "parse_args", stop)
+        patch.setattr(values, "_is", lambda question: True)  # the files that a document names are not here
+        patch.setattr(values, "_unwritable", lambda path, folder: None)
+        patch.setattr("sys.argv", [words[0], *arguments])
+        with pytest.raises(Parsed) as parsed:
+            program(*([arguments] if program is main else []))
     return vars(parsed.value.args[0])
 
 
-def check_command(words, monkeypatch):
+def check_command(words):
     """A command that a document gives can be given; the players and games in it exist."""
-    options = asked(words, monkeypatch) or {}
+    options = asked(words)
     for player in (options.get(name) for name in ("pursuer", "evader", "pursuers", "evaders", "agent", "against")):
         for name in [player] if isinstance(player, str) else player or []:
             bare = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
@@ -107,23 +94,17 @@ def check_command(words, monkeypatch):
     assert game is None or game in known or is_scenario(game) or game.endswith(GAME_FILES)
 
 
-@pytest.mark.parametrize("block", ALL, ids=str)
-def test_every_block_says_what_it_is(block):
-    assert block.language in LANGUAGES
+def test_every_block_says_what_it_is():
+    assert {block.language for block in ALL} <= set(LANGUAGES)
 
 
-@pytest.mark.usefixtures("only_parse")
-@pytest.mark.parametrize("block", [block for block in ALL if block.language == "sh"], ids=str)
-def test_every_command_can_be_given(block, monkeypatch):
-    for words in block.commands():
-        check_command(words, monkeypatch)
-
-
-@pytest.mark.usefixtures("only_parse")
 @pytest.mark.parametrize("document", DOCUMENTS, ids=name_of)
-def test_every_command_in_the_text_can_be_given(document, monkeypatch):
+def test_every_command_can_be_given(document):
     for words in asides(document):
-        check_command(words, monkeypatch)
+        check_command(words)
+    for block in blocks(document):
+        for words in block.commands():
+            check_command(words)
 
 
 @pytest.mark.parametrize("block", [block for block in ALL if block.language == "toml"], ids=str)
@@ -158,19 +139,8 @@ def test_every_link_leads_somewhere(document):
 FEWER = {r"^([\w.]+=[\d.]+:[\d.]+):\d+$": r"\1:2", r"^0-9$": "0-1", r"^(dqn\.\w+=[^,]+),.*$": r"\1"}
 """Values of a sweep, and the fewer that a walk takes."""
 GRIDS = {"game": "5x5x3x8", "safety": "21x21x5x16", "reach": "21x21x9x16"}
-ELSEWHERE = {
-    "make": "the workflow calls its targets",
-    "pip": "a test changes no installation",
-    "source": "a test is in its environment",
-    "gcc": "tests/export compiles what is exported",
-    "python3": "tests/ros2 runs the node",
-    "python": "tests/reproduce",
-    "reproduce": "tests/reproduce/test_reproduce.py",
-    "exploit": "tests/exploit/test_attackers.py",
-    "simulate": "tests/simulate and tests/cli/test_cli.py",
-    "replay": "tests/ros2 and tests/export/test_player.py",
-}
-"""Commands that a walk leaves out, and where they are run."""
+ELSEWHERE = {"make", "pip", "source", "gcc", "python3", "python", "reproduce", "exploit", "simulate", "replay"}
+"""Commands that a walk leaves out: the tests of their rooms run them, and a test changes no installation."""
 
 
 def with_less(words, options):
@@ -179,10 +149,8 @@ def with_less(words, options):
     what = rest[0] if program == "apollonius" else program
     if what in ELSEWHERE or (what == "play" and not options["site"]) or "runs/speeds" in words:
         return None
-    if "onnx" in words and not find_spec("jax2onnx"):
-        return None
-    if "sac" in words:
-        return None  # whose usual networks are large: tests/learn trains it
+    if "sac" in words or ("onnx" in words and not find_spec("jax2onnx")):
+        return None  # the usual networks of SAC are large: tests/learn trains it
     # Where games are recorded, those that are named later must be among them.
     changes = {"--games": "8"} if "games" in options and what != "show" and not options.get("record") else {}
     if what == "train":
@@ -204,17 +172,6 @@ def with_less(words, options):
         else:
             rest += [option, value]
     return rest
-
-
-def shortened(block, monkeypatch):
-    """Yield the arguments of each command of a block with less work, and its options as they stand there."""
-    for words in block.commands() if block.language == "sh" else ():
-        with monkeypatch.context() as patch:
-            stop_after_parsing(patch)
-            options = asked(words, patch) or {}
-        arguments = with_less(words, options)
-        if arguments is not None:
-            yield arguments, options
 
 
 WALKED = (
@@ -245,10 +202,9 @@ def test_a_reader_who_follows_a_document_gets_to_its_end(name, tmp_path, monkeyp
     monkeypatch.setattr("apollonius.evaluate.pairings.JUDGED_GAMES", 8)  # of each training
     Path("tiny.toml").write_text(tomli_w.dumps(to_dict(RUN)))
     names = {}
-    for block in (block for block in ALL if name_of(block.document) == name):
-        solves = re.search(
-            r"solve_|solve game|regret|learn", block.code
-        )  # which takes longer to run than to compile well
+    for block in blocks(REPOSITORY / name):
+        # What takes longer to run than to compile well.
+        solves = re.search(r"solve_|solve game|regret|learn", block.code)
         jax.config.update("jax_disable_most_optimizations", not solves)
         with jax.numpy_dtype_promotion("standard"):  # which optax needs
             if named := re.match(r"# (\S+\.toml)\n", block.code):
@@ -258,9 +214,11 @@ def test_a_reader_who_follows_a_document_gets_to_its_end(name, tmp_path, monkeyp
                 for much, less in LESS.items():
                     code = code.replace(much, less)
                 exec(code, names)
-            for arguments, options in shortened(block, monkeypatch):
-                assert main(arguments) == 0, arguments
-                for option in ("out", "plot", "site"):
+            for words in block.commands():
+                options = asked(words)
+                arguments = with_less(words, options)
+                assert arguments is None or main(arguments) == 0, arguments
+                for option in ("out", "plot", "site") if arguments else ():
                     assert not options.get(option) or Path(options[option]).exists(), arguments
     jax.config.update("jax_disable_most_optimizations", True)
 
@@ -270,6 +228,6 @@ def test_a_reader_who_follows_a_document_gets_to_its_end(name, tmp_path, monkeyp
 def test_python_in_a_guide_runs(name):
     pytest.importorskip("pettingzoo")
     names = {}
-    for block in ALL:
-        if name_of(block.document) == f"docs/how-to/{name}.md" and block.language == "python":
+    for block in blocks(DOCS / "how-to" / f"{name}.md"):
+        if block.language == "python":
             exec(block.code, names)
