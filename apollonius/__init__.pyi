@@ -41,11 +41,11 @@ from apollonius.play.replay import save_replay as save_replay
 from apollonius.play.rollout import collect as collect
 from apollonius.solve.joint import make_duel as make_duel
 from apollonius.solve.joint import solve_duel as solve_duel
+from apollonius.solve.motion import make_zero_sum_game as make_zero_sum_game
 from apollonius.solve.players import SaddlePolicy as SaddlePolicy
 from apollonius.solve.reach import solve_reach as solve_reach
 from apollonius.solve.safety import solve_safety as solve_safety
 from apollonius.solve.solving import joint_grid as joint_grid
 from apollonius.solve.solving import reference_grid as reference_grid
 from apollonius.solve.store import load_solution as load_solution
-from apollonius.solve.zero_sum_game import make_zero_sum_game as make_zero_sum_game
 from apollonius.version import __version__ as __version__

@@ -33,10 +33,9 @@ from apollonius.play.random_bits import fold_in
 from apollonius.play.rollout import Games, begin, collect
 from apollonius.solve.grid import lanes_of
 from apollonius.solve.joint import make_duel, value_before_move
-from apollonius.solve.motion import motion_of
+from apollonius.solve.motion import make_zero_sum_game, motion_of
 from apollonius.solve.solving import joint_grids, reference_grid
 from apollonius.solve.transition_map import make_side
-from apollonius.solve.zero_sum_game import make_zero_sum_game
 
 STEPS, START_ROWS = 250, 16
 Stepped = tuple[Games, tuple[Array, ...]]

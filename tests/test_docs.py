@@ -15,8 +15,7 @@ import tomli_w
 from apollonius.agents.built_in import PLAYERS
 from apollonius.agents.names import SEARCHING, SHIELDED
 from apollonius.agents.trained import zoo_names
-from apollonius.arenas.file import find_game, game_names
-from apollonius.arenas.record import to_dict
+from apollonius.arenas.file import find_game, game_names, to_dict
 from apollonius.arenas.suite import SUITES, is_scenario, suite_names
 from apollonius.cli import values
 from apollonius.cli.main import main
@@ -199,7 +198,7 @@ def test_a_reader_who_follows_a_document_gets_to_its_end(name, tmp_path, monkeyp
     """All its commands with less training, fewer games and coarser grids, its Python as it stands, in one folder."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)  # what is exported to it is imported
-    monkeypatch.setattr("apollonius.evaluate.pairings.JUDGED_GAMES", 8)  # of each training
+    monkeypatch.setattr("apollonius.evaluate.tournament.JUDGED_GAMES", 8)  # of each training
     Path("tiny.toml").write_text(tomli_w.dumps(to_dict(RUN)))
     names = {}
     for block in blocks(REPOSITORY / name):

@@ -19,8 +19,7 @@ from apollonius.agents.shield import Shielded, shielded
 from apollonius.agents.store import describe, load_agent, save_agent
 from apollonius.agents.trained import Greedy, learned_elsewhere
 from apollonius.arenas.charting import charted
-from apollonius.arenas.file import find_game
-from apollonius.arenas.record import from_dict, to_dict
+from apollonius.arenas.file import find_game, from_dict, to_dict
 from apollonius.arenas.survey import survey
 from apollonius.catalogue import find_player, find_pool
 from apollonius.export.c import Compiled, header

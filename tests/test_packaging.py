@@ -16,7 +16,7 @@ import pytest
 import tomli_w
 from packaging.requirements import Requirement
 
-from apollonius.arenas.record import to_dict
+from apollonius.arenas.file import to_dict
 from apollonius.version import __version__
 from tests.learn.tiny import RUN
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from apollonius.agents.store import describe, save_agent
-from apollonius.arenas.record import to_dict
+from apollonius.arenas.file import to_dict
 from apollonius.game.types import BySide, Role
 from apollonius.learn.config import FIXED_TARGET, PRESETS
 from apollonius.learn.folder import create_run, load_checkpoint

@@ -11,7 +11,7 @@ import jax
 import numpy as np
 
 from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH, Network, QNetwork, make_actor, make_network
-from apollonius.arenas.record import from_dict
+from apollonius.arenas.file import from_dict
 from apollonius.game.types import NUM_ACTIONS, Role
 from apollonius.game.validation import require_single_precision
 from apollonius.io.arrays import named_leaves, opened, read_header, read_tree, write_arrays

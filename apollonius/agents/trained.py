@@ -15,7 +15,7 @@ from apollonius.agents.names import AGENTS, FROM_ZOO, ZOO, agents_folders, zoo_n
 from apollonius.agents.network import GaussianActor, Network, QNetwork, inferred
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractContinuous, AbstractPolicy, Memory
 from apollonius.agents.store import Agent, load_agent, load_header
-from apollonius.arenas.record import from_dict, to_dict
+from apollonius.arenas.file import from_dict, to_dict
 from apollonius.game.game import Game
 from apollonius.game.types import BySide, Role, Scalar
 from apollonius.io.errors import InvalidInput

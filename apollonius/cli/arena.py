@@ -49,8 +49,7 @@ def run_list(options: argparse.Namespace) -> int:
 
 def run_check(options: argparse.Namespace) -> int:
     """Survey the arena; exit status 1 where something is wrong with it."""
-    from apollonius.arenas.file import game_in_one_arena, save_game
-    from apollonius.arenas.record import to_dict
+    from apollonius.arenas.file import game_in_one_arena, save_game, to_dict
     from apollonius.arenas.survey import missed_passage, survey
 
     out: Path | None = options.out
@@ -86,10 +85,9 @@ def run_check(options: argparse.Namespace) -> int:
 
 def run_random(options: argparse.Namespace) -> int:
     """Write a game like another, in an arena drawn at random."""
-    from apollonius.arenas.file import find_game, save_game
+    from apollonius.arenas.file import find_game, save_game, to_dict
     from apollonius.arenas.map_file import save_map
     from apollonius.arenas.random_arena import in_random_arena
-    from apollonius.arenas.record import to_dict
 
     cells = [options.out.with_suffix(suffix) for suffix in (".yaml", ".pgm")] if options.kind == "caves" else []
     for path in (options.out, *cells):

@@ -114,7 +114,7 @@ def run_solve(options: argparse.Namespace) -> int:
 
 def _requested_problem(options: argparse.Namespace, game: "Game") -> "Problem":
     from apollonius import Role, joint_grid, reference_grid
-    from apollonius.arenas.record import to_dict
+    from apollonius.arenas.file import to_dict
     from apollonius.solve.grid import make_grid
     from apollonius.solve.store import Problem
 

@@ -17,8 +17,7 @@ from apollonius.agents.entrant import Entrant, EntrantProcess, process_of
 from apollonius.agents.kind import Named
 from apollonius.agents.names import SEARCHING, SHIELDED, ZOO
 from apollonius.arenas.charting import charted
-from apollonius.arenas.file import find_game
-from apollonius.arenas.record import to_dict
+from apollonius.arenas.file import find_game, to_dict
 from apollonius.arenas.suite import each_alone, suite_entries
 from apollonius.catalogue import find_player
 from apollonius.evaluate.match import Match, begin

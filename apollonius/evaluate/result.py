@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from apollonius.arenas.record import from_dict
+from apollonius.arenas.file import from_dict
 from apollonius.evaluate.statistics import mean_interval, wilson_interval
 from apollonius.game.outcome import PURSUER_WINS, evader_winning, names_of, require_counts
 from apollonius.game.scenario import Scenario

@@ -14,12 +14,11 @@ from apollonius.game.outcome import evader_wins, pursuer_wins
 from apollonius.game.types import BySide, Role, one_each
 from apollonius.play.playout import Report, silent
 from apollonius.solve.grid import make_grid
-from apollonius.solve.motion import motion_of
+from apollonius.solve.motion import motion_of, payoff_of
 from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.reach import Reach
 from apollonius.solve.solving import zero_sum_game_of
 from apollonius.solve.store import Solution
-from apollonius.solve.zero_sum_game import payoff_of
 
 STARTS = 20_000
 """Starts over which shares and times are taken."""

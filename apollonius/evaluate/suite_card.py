@@ -13,7 +13,7 @@ from typing import Literal
 
 from apollonius.agents.entrant import process_of
 from apollonius.agents.kind import Named
-from apollonius.arenas.record import from_dict
+from apollonius.arenas.file import from_dict
 from apollonius.evaluate.benchmark import ROUNDS, Benchmark, Round, Score, file_of
 from apollonius.game.types import Role
 from apollonius.io.cache import environment

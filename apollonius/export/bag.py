@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from apollonius.arenas.record import from_dict
+from apollonius.arenas.file import from_dict
 from apollonius.export.parity import TOLERANCE
 from apollonius.export.player import find_exportable
 from apollonius.game.game import Game

@@ -17,7 +17,7 @@ from apollonius.agents.names import SEARCHING, SHIELDED
 from apollonius.agents.policy import AbstractPolicy, Memory
 from apollonius.agents.trained import find_trained
 from apollonius.arenas.charting import charted
-from apollonius.arenas.record import from_dict
+from apollonius.arenas.file import from_dict
 from apollonius.catalogue import find_player
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game

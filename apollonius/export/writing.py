@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from apollonius.agents.names import SHIELDED
-from apollonius.arenas.record import to_dict
+from apollonius.arenas.file import to_dict
 from apollonius.export.c import Compiled, Program, files, header, source
 from apollonius.export.parity import Decide, cases_of, compare, microseconds
 from apollonius.export.player import LARGEST, Player

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Int
 
 from apollonius.game.polygon import Edge, Edges, Polygon
 from apollonius.game.types import Real, Scalar
@@ -18,6 +18,9 @@ _ROUNDING = 1e-3
 """Addition to a reach [m], many times the rounding of single precision."""
 _FAR = 1e6
 """Coordinates of what is far from everywhere [m]."""
+
+_edges_of = Kept(Edges.of)
+_clearances = Kept(jax.vmap(jax.vmap(Polygon.clearance, (None, 0, None)), (None, None, 0)))
 
 
 class Surroundings(eqx.Module):
@@ -59,17 +62,5 @@ def surroundings(
     most = max(1, max(map(len, numbers)))
     filled = np.array([[*some, *[first] * (most - len(some))] for some in numbers], np.int32)
     within = jnp.asarray(filled.reshape(rows, columns, most))
-    edges = jax.tree.map(lambda leaf: leaf[: first + 1], _edges_of((*polygons, nowhere)))
+    edges = jax.tree.map(lambda leaf: leaf[: first + 1], _edges_of((*polygons, nowhere)).edges)
     return Surroundings(edges, within, *map(jnp.float32, (x_min, y_min, cell)))
-
-
-@Kept
-def _edges_of(polygons: tuple[Polygon, ...]) -> Edge:
-    return Edges.of(polygons).edges
-
-
-@Kept
-def _clearances(
-    polygon: Polygon, x: Float[Array, " columns"], y: Float[Array, " rows"]
-) -> Float[Array, "rows columns"]:
-    return jax.vmap(lambda y: jax.vmap(lambda x: polygon.clearance(x, y))(x))(y)

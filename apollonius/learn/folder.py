@@ -14,7 +14,7 @@ import numpy as np
 import tomli_w
 from safetensors.numpy import save
 
-from apollonius.arenas.record import from_dict, to_dict
+from apollonius.arenas.file import from_dict, to_dict
 from apollonius.game.outcome import PURSUER_WINS, names_of, require_counts
 from apollonius.io.arrays import named_leaves, opened, read_tree
 from apollonius.io.document import parse_json, parse_toml, read_bytes, to_json, write_atomically

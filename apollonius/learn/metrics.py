@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from apollonius.arenas.record import from_dict, to_dict
+from apollonius.arenas.file import from_dict, to_dict
 from apollonius.game.outcome import counts_by_name, require_counts
 from apollonius.io.document import parse_json, read_bytes, to_json
 from apollonius.io.errors import TRACKERS, InvalidInput, require, require_within

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from apollonius.arenas.record import from_dict
+from apollonius.arenas.file import from_dict
 from apollonius.io.document import parse_json, read_bytes, to_json, write_atomically
 from apollonius.io.errors import InvalidInput
 from apollonius.learn.folder import Evaluation, held, load_config

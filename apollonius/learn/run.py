@@ -20,7 +20,7 @@ from apollonius.agents.pool import Pool, solo
 from apollonius.agents.store import describe, save_agent
 from apollonius.agents.trained import greedy, load_network
 from apollonius.arenas.charting import charted
-from apollonius.arenas.record import to_dict
+from apollonius.arenas.file import to_dict
 from apollonius.catalogue import find_pool
 from apollonius.game.game import sample_starts
 from apollonius.game.outcome import counts_by_name

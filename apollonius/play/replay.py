@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Float32, Int, PRNGKeyArray, Shaped
 
 from apollonius.agents.pool import Pool
-from apollonius.arenas.record import from_dict, to_dict
+from apollonius.arenas.file import from_dict, to_dict
 from apollonius.game.dynamics import stack_actions
 from apollonius.game.game import Game
 from apollonius.game.judge import statuses_along

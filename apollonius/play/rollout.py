@@ -168,7 +168,8 @@ def decide(
     read, rows = seen
     robots = side.episode_return[0].size
     memory = jax.tree.map(lambda leaf: jnp.swapaxes(leaf, 0, 1).reshape(-1, *leaf.shape[2:]), side.memory)
-    given, member = (rows, memory, bits_of_team(bits, robots)), jnp.tile(side.member, robots)
+    each_its_own = jnp.concatenate([bits, *(mixed(bits, jnp.uint32(mate)) for mate in range(1, robots))])
+    given, member = (rows, memory, each_its_own), jnp.tile(side.member, robots)
     if isinstance(players, Pool) or robots == 1:
         actions, after = players.act(member, read, *given)
         actions = tuple(jnp.split(actions, robots))
@@ -178,11 +179,6 @@ def decide(
         actions = tuple(action for action, _ in acted)
         after = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *(memory for _, memory in acted))
     return actions, jax.tree.map(lambda leaf: jnp.swapaxes(leaf.reshape(robots, -1, *leaf.shape[1:]), 0, 1), after)
-
-
-def bits_of_team(bits: UInt32[Array, " games"], robots: int) -> UInt32[Array, " rows"]:
-    """Return random bits for each robot of a team in many games, from those of its side: the first robot's."""
-    return jnp.concatenate([bits, *(mixed(bits, jnp.uint32(number)) for number in range(1, robots))])
 
 
 def collect(

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from apollonius.arenas.record import from_dict
+from apollonius.arenas.file import from_dict
 from apollonius.io.document import parse_toml, read_bytes
 from apollonius.io.errors import require, require_positive
 

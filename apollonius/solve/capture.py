@@ -11,9 +11,8 @@ from apollonius.game.outcome import come_within
 from apollonius.game.types import NUM_ACTIONS, RobotState, Role, Scalar
 from apollonius.io.limits import JOINT_HOLD
 from apollonius.solve.grid import lanes_of
-from apollonius.solve.motion import NEVER, ends
+from apollonius.solve.motion import NEVER, ZeroSumGame, ends
 from apollonius.solve.transition_map import Side
-from apollonius.solve.zero_sum_game import ZeroSumGame
 
 Decided = UInt16[Array, "tiles first lanes"]
 """Nine bits, the first action's lowest, that say which actions decide the game; above them, in how many steps."""

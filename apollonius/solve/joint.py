@@ -34,9 +34,8 @@ from apollonius.io.errors import require
 from apollonius.io.limits import require_memory
 from apollonius.solve.capture import Decided, decisive
 from apollonius.solve.grid import FEWER_NODES, Grid, Report, Solved, iterate, lanes_of
-from apollonius.solve.motion import discount_after
+from apollonius.solve.motion import LOSE, WIN, ZeroSumGame, discount_after
 from apollonius.solve.transition_map import Side, make_side
-from apollonius.solve.zero_sum_game import LOSE, WIN, ZeroSumGame
 
 JointTable = Float[Array, "tiles moving lanes"]
 """By the node of the robot that moves and that of the one that waits, which is `tile * lanes + lane`."""

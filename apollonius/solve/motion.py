@@ -1,15 +1,17 @@
-"""A robot between two decisions: it holds an action for some steps of the game."""
+"""What happens while actions are held: by one robot alone, and by the two of a game, of whose end one has the value."""
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, UInt8
+from jaxtyping import Array, Bool, Float, Int, UInt8
 
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
-from apollonius.game.types import NUM_ACTIONS, Action, Real, RobotState, Role, Scalar
-from apollonius.io.limits import HOLD
+from apollonius.game.outcome import come_within, decide, evader_wins, pursuer_wins
+from apollonius.game.types import NUM_ACTIONS, Action, BySide, Outcome, Real, RobotState, Role, Scalar
+from apollonius.io.limits import HOLD, JOINT_HOLD
+from apollonius.solve.grid import Grid
 
 HORIZON = 20.0
 """Time scale [s] of the discount of later outcomes, exp(-t / HORIZON); it tells much longer times apart less well."""
@@ -89,3 +91,100 @@ def motion_of(game: Game, role: Role, steps: int) -> Motion:
     game.require_one_arena("a table")
     game.require_two("a table")
     return Motion(game.body(role), game.arena, game.dt, steps)
+
+
+WIN, LOSE = 1.0, -1.0
+"""Values of winning and losing at once; later they are discounted by `discount_after`."""
+
+
+class Alone(eqx.Module):
+    """A step of one robot, judged without the other one: whether it touches an obstacle, leaves the walls, or comes
+    into a territory, if it has one to come to.
+    """
+
+    before: RobotState
+    after: RobotState
+    hit: Bool[Array, "*batch"]
+    out: Bool[Array, "*batch"]
+    arrives: Bool[Array, "*batch"] | None
+
+
+def first_events(
+    game: Game, pursuer: RobotState, evader: RobotState
+) -> tuple[Int[Array, "m n games"], Float[Array, "m n games"]]:
+    """Return how the rules end several games along each pair of courses, and after how many seconds.
+
+    Courses have leaves `[steps + 1, m, games]` and `[steps + 1, n, games]`. A robot alone is judged once for each
+    course, only captures for every pair.
+    """
+    alone = _steps_alone(game, Role.PURSUER, pursuer), _steps_alone(game, Role.EVADER, evader)
+
+    def together(pursuer: Alone, evader: Alone) -> Int[Array, ""]:
+        moves = (pursuer.before, pursuer.after), (evader.before, evader.after)
+        return decide(
+            captured=come_within(*moves, game.capture_distance),
+            pursuer_hit=pursuer.hit,
+            pursuer_out=pursuer.out,
+            evader_hit=evader.hit,
+            evader_out=evader.out,
+            out_of_time=jnp.zeros((), bool),
+            territory_reached=evader.arrives,
+        )
+
+    # Games last: that is the axis along which the processor takes several at a time.
+    in_games = jax.vmap(together)
+    of_pairs = jax.vmap(jax.vmap(in_games, (None, 0)), (0, None))
+
+    def one_step(
+        so_far: tuple[Int[Array, "m n games"], Int[Array, "m n games"]], taken: tuple[Alone, Alone]
+    ) -> tuple[tuple[Int[Array, "m n games"], Int[Array, "m n games"]], None]:
+        outcome, steps = so_far
+        ongoing = outcome == Outcome.ONGOING
+        return (jnp.where(ongoing, of_pairs(*taken), outcome), steps + ongoing.astype(jnp.int32)), None
+
+    pairs = (pursuer.x.shape[1], *evader.x.shape[1:])
+    nothing = jnp.full(pairs, Outcome.ONGOING), jnp.zeros(pairs, jnp.int32)
+    (outcome, steps), _ = jax.lax.scan(one_step, nothing, alone, unroll=UNROLL)
+    return outcome, steps.astype(jnp.float32) * game.dt
+
+
+def _steps_alone(game: Game, role: Role, courses: RobotState) -> Alone:
+    body, arena = game.body(role), game.arena
+
+    def judged(before: RobotState, after: RobotState) -> Alone:
+        arrives = arena.reaches_territory(before, after) if arena.territory and role == Role.EVADER else None
+        hit, out = arena.hits_obstacle(before, after, body.radius), arena.is_out_of_range(after, body.radius)
+        return Alone(before, after, hit, out, arrives)
+
+    return jax.vmap(jax.vmap(jax.vmap(judged)))(*ends(courses))
+
+
+class ZeroSumGame(eqx.Module):
+    """The two-robot game, from one side, with the motion and the grid of its robot and then of the other's."""
+
+    game: Game
+    motions: tuple[Motion, Motion]
+    grids: tuple[Grid, Grid]
+    role: Role = eqx.field(static=True)
+
+    @property
+    def capture(self) -> float:
+        """Value to this side of a capture at once."""
+        return WIN if self.role == Role.PURSUER else LOSE
+
+    def pair(self, own: RobotState, other: RobotState) -> BySide[RobotState]:
+        """Return the pursuer's state and the evader's."""
+        return BySide.of(self.role, own, other)
+
+
+def payoff_of(role: Role, outcome: Int[Array, "*batch"], seconds: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+    """Return the value to one side of an outcome after some seconds."""
+    won, lost = BySide.of(role, pursuer_wins(outcome), evader_wins(outcome, time_limit_wins=False))
+    return discount_after(seconds) * jnp.where(won, WIN, jnp.where(lost, LOSE, 0.0))
+
+
+def make_zero_sum_game(game: Game, grids: tuple[Grid, Grid], hold: int, role: Role) -> ZeroSumGame:
+    """Return the two-robot game from one side; raises InvalidInput unless actions are held for 1 to 127 steps."""
+    JOINT_HOLD.require("hold", hold)
+    motions = motion_of(game, role, hold), motion_of(game, role.other, hold)
+    return ZeroSumGame(game, motions, (grids[role], grids[role.other]), role)

@@ -19,8 +19,7 @@ from apollonius.game.types import NUM_ACTIONS, Action, Actions, BySide, GameStat
 from apollonius.observe.observation import perceive
 from apollonius.observe.view import View
 from apollonius.solve.joint import interpolate
-from apollonius.solve.motion import discount_after, every_hold, last
-from apollonius.solve.zero_sum_game import ZeroSumGame, first_events, payoff_of
+from apollonius.solve.motion import ZeroSumGame, discount_after, every_hold, first_events, last, payoff_of
 
 
 class AbstractSearch(AbstractActionValuePolicy):

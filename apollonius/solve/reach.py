@@ -26,9 +26,8 @@ from apollonius.io.errors import require
 from apollonius.io.limits import require_memory
 from apollonius.observe.view import View
 from apollonius.solve.grid import FEWER_NODES, Grid, Report, Solved, iterate
-from apollonius.solve.motion import HORIZON, Motion, discount_after, every_hold, last, motion_of
+from apollonius.solve.motion import HORIZON, Motion, discount_after, every_hold, first_events, last, motion_of
 from apollonius.solve.transition_map import Side, make_side
-from apollonius.solve.zero_sum_game import first_events
 
 BYTES_PER_NODE = 4 * (9 + 6) + 9
 """The clearances of nine actions and whether they suffice, the table before and after a sweep, padded, and captures."""

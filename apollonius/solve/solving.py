@@ -8,18 +8,18 @@ from pathlib import Path
 import jax.numpy as jnp
 
 from apollonius.agents.kind import AbstractKind, Named
-from apollonius.arenas.record import from_dict, to_dict
+from apollonius.arenas.file import from_dict, to_dict
 from apollonius.game.game import Game
 from apollonius.game.types import ROLES, BySide, Role
 from apollonius.io.cache import cached, entry
 from apollonius.io.errors import InvalidInput, require
 from apollonius.solve.grid import Grid, Report, Sweep, make_grid
 from apollonius.solve.joint import make_duel, solve_duel
+from apollonius.solve.motion import ZeroSumGame, make_zero_sum_game
 from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.reach import solve_reach
 from apollonius.solve.safety import solve_safety
 from apollonius.solve.store import Problem, Solution, is_solution, load_solution, save_solution
-from apollonius.solve.zero_sum_game import ZeroSumGame, make_zero_sum_game
 
 SPACING = 0.2
 """Distance between neighbours along x and y [m], where that takes no more than `MOST` nodes."""

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Shaped
 
-from apollonius.arenas.record import from_dict
+from apollonius.arenas.file import from_dict
 from apollonius.game.validation import MAX_SIZE
 from apollonius.io.arrays import kinds_in, opened, read_header, require_finite, write_arrays
 from apollonius.io.errors import InvalidInput, require

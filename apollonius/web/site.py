@@ -11,8 +11,7 @@ from apollonius.agents.built_in import BY_CHART, PLAYERS, BuiltIn
 from apollonius.agents.names import SEARCHING
 from apollonius.agents.store import load_header
 from apollonius.agents.trained import ANY, ZOO, find_trained, zoo_names
-from apollonius.arenas.file import find_game, game_in_one_arena, game_names, split_team
-from apollonius.arenas.record import to_dict
+from apollonius.arenas.file import find_game, game_in_one_arena, game_names, split_team, to_dict
 from apollonius.catalogue import SHIELDED, find_player
 from apollonius.game.arena import Disc
 from apollonius.game.game import Game

@@ -19,7 +19,7 @@ from apollonius.agents.policy import AbstractContinuous, AbstractPolicy
 from apollonius.agents.pool import Apart, solo, stack
 from apollonius.agents.store import describe, load_agent, save_agent
 from apollonius.agents.trained import EpsilonGreedy, Greedy, SquashedGaussian, exploring, greedy, normal_pair
-from apollonius.arenas.record import to_dict
+from apollonius.arenas.file import to_dict
 from apollonius.catalogue import find_pool
 from apollonius.cli.main import main
 from apollonius.game.game import sample_starts

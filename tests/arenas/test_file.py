@@ -9,9 +9,8 @@ import pytest
 import tomli_w
 from PIL import Image
 
-from apollonius.arenas.file import find_game, load_game, save_game
+from apollonius.arenas.file import find_game, from_dict, load_game, save_game, to_dict
 from apollonius.arenas.map_file import load_map
-from apollonius.arenas.record import from_dict, to_dict
 from apollonius.cli.main import main
 from apollonius.game.arena import Disc
 from apollonius.game.dynamics import Unicycle

@@ -13,9 +13,8 @@ import tomli_w
 from matplotlib.figure import Figure
 
 from apollonius.arenas.charting import charted
-from apollonius.arenas.file import GALLERY, about_game, find_game, game_names
+from apollonius.arenas.file import GALLERY, about_game, find_game, game_names, to_dict
 from apollonius.arenas.free_space import _hexagons, free_space, largest_part, tile
-from apollonius.arenas.record import to_dict
 from apollonius.arenas.survey import missed_passage, survey
 from apollonius.catalogue import find_player
 from apollonius.cli.main import main

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from apollonius.arenas import suite
-from apollonius.arenas.file import find_game, game_names, load_game
+from apollonius.arenas.file import find_game, from_dict, game_names, load_game, to_dict
 from apollonius.arenas.names import KINDS
 from apollonius.arenas.random_arena import random_arena, random_map
-from apollonius.arenas.record import from_dict, to_dict
 from apollonius.arenas.suite import (
     OTHERS,
     PAPERS_OWN,

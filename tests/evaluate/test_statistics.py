@@ -16,7 +16,6 @@ from apollonius.cli.terminal import advice_table
 from apollonius.evaluate import tournament
 from apollonius.evaluate.claims import TABLE_2, TABLE_3, Claim
 from apollonius.evaluate.match import begin, play_match
-from apollonius.evaluate.pairings import last_agents, pairings
 from apollonius.evaluate.solved import measure_card
 from apollonius.evaluate.statistics import (
     mean_band,
@@ -26,13 +25,14 @@ from apollonius.evaluate.statistics import (
     wilson_interval,
 )
 from apollonius.evaluate.suite_card import load_card
+from apollonius.evaluate.tournament import last_agents, pairings
 from apollonius.game.arena import Arena
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 from apollonius.solve.grid import make_grid
 from apollonius.solve.joint import make_duel, solve_duel
+from apollonius.solve.motion import make_zero_sum_game
 from apollonius.solve.players import SaddlePolicy
-from apollonius.solve.zero_sum_game import make_zero_sum_game
 from tests.acting import a_match
 from tests.documents import REPOSITORY
 from tests.solve.small import BODY, SMALL

@@ -13,7 +13,7 @@ import pytest
 from scipy import stats
 
 from apollonius.arenas.charting import charted
-from apollonius.arenas.record import to_dict
+from apollonius.arenas.file import to_dict
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch

@@ -9,8 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.arenas.file import find_game, load_game
-from apollonius.arenas.record import from_dict, to_dict
+from apollonius.arenas.file import find_game, from_dict, load_game, to_dict
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch

@@ -21,9 +21,8 @@ from safetensors.numpy import load, save
 
 from apollonius.agents.network import make_network
 from apollonius.agents.store import describe, load_agent, save_agent
-from apollonius.arenas.file import load_game, save_game
+from apollonius.arenas.file import load_game, save_game, to_dict
 from apollonius.arenas.map_file import load_map
-from apollonius.arenas.record import to_dict
 from apollonius.evaluate.result import MatchResult
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.polygon import Polygon

@@ -8,7 +8,7 @@ from dataclasses import asdict, replace
 import jax.numpy as jnp
 import pytest
 
-from apollonius.arenas.record import to_dict
+from apollonius.arenas.file import to_dict
 from apollonius.arenas.suite import find_scenario
 from apollonius.game.game import Game
 from apollonius.game.presets import in_teams, make_game
@@ -119,7 +119,7 @@ def test_a_config_comes_back_from_its_file(config, tmp_path):
 
 def test_every_example_of_a_training_is_one(monkeypatch):
     few = find_scenario("suite-v1/discs-00,discs-01")
-    monkeypatch.setattr("apollonius.arenas.record.find_scenario", lambda name: few)  # hundreds take their time
+    monkeypatch.setattr("apollonius.arenas.file.find_scenario", lambda name: few)  # hundreds take their time
     for name in ("prioritised", "robust", "team", "optimal_evader", "optimal_pursuer"):
         assert load_config(REPOSITORY / "examples" / f"{name}.toml") != RunConfig()
     tasks = load_config(REPOSITORY / "examples" / "pursuer_first.toml").distillation.tasks

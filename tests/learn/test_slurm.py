@@ -15,7 +15,7 @@ import jax
 import pytest
 import tomli_w
 
-from apollonius.arenas.record import to_dict
+from apollonius.arenas.file import to_dict
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.starts import Starts
 from tests.learn import tiny

@@ -21,9 +21,8 @@ from apollonius.io.errors import InvalidInput
 from apollonius.observe.view import look
 from apollonius.solve.grid import lanes_of, make_grid
 from apollonius.solve.joint import interpolate, make_duel, solve_duel, value_before_move
-from apollonius.solve.motion import HORIZON, motion_of
+from apollonius.solve.motion import HORIZON, first_events, make_zero_sum_game, motion_of, payoff_of
 from apollonius.solve.players import RolloutSearch, SaddlePolicy
-from apollonius.solve.zero_sum_game import first_events, make_zero_sum_game, payoff_of
 from tests.acting import act
 from tests.oracle import numpy_duel as oracle
 from tests.oracle import numpy_teams

@@ -10,7 +10,7 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 
 from apollonius.agents.shield import Shielded
-from apollonius.arenas.record import to_dict
+from apollonius.arenas.file import to_dict
 from apollonius.catalogue import find_player
 from apollonius.evaluate.solved import about
 from apollonius.game.arena import Arena

@@ -14,8 +14,7 @@ from apollonius.game.starts import Starts
 from apollonius.game.types import Role
 from apollonius.solve.grid import make_grid
 from apollonius.solve.joint import make_duel, solve_duel, value_before_move
-from apollonius.solve.motion import HORIZON
-from apollonius.solve.zero_sum_game import make_zero_sum_game
+from apollonius.solve.motion import HORIZON, make_zero_sum_game
 from tests.oracle.numpy_air3d import Cars, least_distance
 from tests.solve.small import as_matrix
 

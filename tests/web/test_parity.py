@@ -18,8 +18,7 @@ from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.shield import MARGIN, brakes
 from apollonius.agents.store import describe, save_agent
 from apollonius.arenas.charting import charted
-from apollonius.arenas.file import find_game, game_names, load_game
-from apollonius.arenas.record import to_dict
+from apollonius.arenas.file import find_game, game_names, load_game, to_dict
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game

@@ -20,8 +20,7 @@ import pytest
 from apollonius.agents.network import make_network
 from apollonius.agents.store import describe, load_header, save_agent
 from apollonius.agents.trained import ZOO, zoo_names
-from apollonius.arenas.file import find_game, game_names
-from apollonius.arenas.record import to_dict
+from apollonius.arenas.file import find_game, game_names, to_dict
 from apollonius.cli.main import main
 from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput

@@ -8,8 +8,7 @@ import zlib
 import numpy as np
 import pytest
 
-from apollonius.arenas.file import load_game
-from apollonius.arenas.record import to_dict
+from apollonius.arenas.file import load_game, to_dict
 from apollonius.play.replay import load_replay
 from tests.web.browser import needs_chromium, playwright
 

@@ -1,7 +1,7 @@
 // What a game consists of: sides, robots, actions, outcomes, as in the package.
 //
 // A robot is {x [m], y [m], v [m/s], heading [rad, in (-pi, pi]], status}; a state is {pursuer, evader, steps}, a list of
-// robots for either side; a game is what `apollonius.arenas.record.to_dict` writes, a map with its field (`files.js`).
+// robots for either side; a game is what `apollonius.arenas.file.to_dict` writes, a map with its field (`files.js`).
 // {role, number} names a robot of a game: its side, and its place there.
 
 export const PURSUER = "pursuer";

@@ -1,5 +1,5 @@
 // Games from elsewhere, a JSON file or a link: what is left out has its default, and what cannot be played is refused with the
-// value, the bound and the remedy, as `arenas/record.py` and `game/validation.py` do.
+// value, the bound and the remedy, as `arenas/file.py` and `game/validation.py` do.
 
 import { BODY } from "./calls.js";
 import { hasMeetingEdges } from "./plan.js";

@@ -16,7 +16,7 @@ const nameOf = (players) => [...new Set(players.map(({ name }) => name))].join("
 
 export class Match {
   /**
-   * @param game rules, as `apollonius.arenas.record.to_dict` writes them, a map with its field
+   * @param game rules, as `apollonius.arenas.file.to_dict` writes them, a map with its field
    * @param players {pursuer, evader}, lists of who plays each robot: {name, act(game, state, who, states) -> action}
    * @param seed of the starts
    */
