@@ -5,12 +5,12 @@ from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, UInt32
+from jaxtyping import Array, Float, Int
 
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy, Memory
 from apollonius.game.dynamics import wrap_angle
 from apollonius.game.game import Game
-from apollonius.game.types import NUM_ACTIONS, Real, RobotState, Role, Scalar
+from apollonius.game.types import NUM_ACTIONS, Bits, Real, RobotState, Role, Scalar
 from apollonius.io.errors import require
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.paper import PAPER
@@ -32,13 +32,11 @@ class AbstractBlind(AbstractPolicy):
 class Still(AbstractBlind):
     """Brakes straight ahead and then stays: the stationary evader of stage 1 (Algorithm 1)."""
 
-    def __call__(
-        self, seen: Float[Array, " size"], memory: Memory, bits: UInt32[Array, ""]
-    ) -> tuple[Int[Array, ""], Memory]:
+    def __call__(self, seen: Float[Array, " size"], memory: Memory, bits: Bits) -> tuple[Int[Array, ""], Memory]:
         return jnp.full((), BRAKE_STRAIGHT, jnp.int32), memory
 
 
-def uniform_action(bits: UInt32[Array, ""]) -> Int[Array, ""]:
+def uniform_action(bits: Bits) -> Int[Array, ""]:
     """Return one of the 9 actions from the upper half of random bits, uniform to 1.5e-5."""
     return (((bits >> 16) * NUM_ACTIONS) >> 16).astype(jnp.int32)
 
@@ -46,9 +44,7 @@ def uniform_action(bits: UInt32[Array, ""]) -> Int[Array, ""]:
 class Uniform(AbstractBlind):
     """Each of the 9 actions with equal probability at every step (section V-B of the paper)."""
 
-    def __call__(
-        self, seen: Float[Array, " size"], memory: Memory, bits: UInt32[Array, ""]
-    ) -> tuple[Int[Array, ""], Memory]:
+    def __call__(self, seen: Float[Array, " size"], memory: Memory, bits: Bits) -> tuple[Int[Array, ""], Memory]:
         return uniform_action(bits), memory
 
 

@@ -14,13 +14,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, UInt32
+from jaxtyping import Array, Float, Int
 
 from apollonius.agents import entrant_process
 from apollonius.agents.classical import BRAKE_STRAIGHT
 from apollonius.agents.entrant_process import STATE
 from apollonius.agents.policy import AbstractPolicy
-from apollonius.game.types import NUM_ACTIONS, Action
+from apollonius.game.types import NUM_ACTIONS, Action, Bits
 from apollonius.io.document import read_bytes, to_json
 from apollonius.io.errors import InvalidInput, require, shown
 from apollonius.io.limits import ENTRANTS
@@ -165,7 +165,7 @@ class Entrant(AbstractPolicy):
     def memory(self) -> Int[Array, ""]:
         return jnp.zeros((), jnp.int32)
 
-    def __call__(self, seen: View, memory: Int[Array, ""], bits: UInt32[Array, ""]) -> tuple[Action, Int[Array, ""]]:
+    def __call__(self, seen: View, memory: Int[Array, ""], bits: Bits) -> tuple[Action, Int[Array, ""]]:
         process = self.process
         numbers = _state(seen) if process.observation == STATE else OBSERVATIONS[process.observation](seen)
         kind = ((), jnp.int32) if process.is_discrete else ((2,), jnp.float32)

@@ -5,11 +5,11 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, UInt32
+from jaxtyping import Array
 
 from apollonius.agents.batching import batched_by, spread, where_needed
 from apollonius.agents.policy import AbstractPolicy, AbstractWrapper, Memory
-from apollonius.game.types import Action
+from apollonius.game.types import Action, Bits
 from apollonius.observe.observation import Whole
 
 _DECIDE = 16
@@ -31,7 +31,7 @@ class Holding(AbstractWrapper):
         action = jnp.zeros(2) if self.continuous else jnp.int32(0)
         return {"own": self.policy.memory, "action": action, "left": jnp.int32(0)}
 
-    def __call__(self, seen: Any, memory: Memory, bits: UInt32[Array, ""]) -> tuple[Action, Memory]:
+    def __call__(self, seen: Any, memory: Memory, bits: Bits) -> tuple[Action, Memory]:
         action, own = _decided(self.policy, seen, memory, bits)
         left = jnp.where(memory["left"] == 0, self.steps, memory["left"]) - 1
         return action, {"own": own, "action": action, "left": left}
@@ -52,7 +52,7 @@ def _decided_together(
 
 
 @batched_by(_decided_together)
-def _decided(policy: AbstractPolicy, seen: Any, memory: Memory, bits: UInt32[Array, ""]) -> tuple[Action, Memory]:
+def _decided(policy: AbstractPolicy, seen: Any, memory: Memory, bits: Bits) -> tuple[Action, Memory]:
     """Return the action that is held, decided now if that is due, and the memory of the player that decides."""
     held = memory["action"], memory["own"]
     return jax.lax.cond(memory["left"] == 0, lambda: policy(seen, memory["own"], bits), lambda: held)

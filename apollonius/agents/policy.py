@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree, UInt32
 
 from apollonius.game.dynamics import action_levels
-from apollonius.game.types import NUM_ACTIONS, Action, Scalar
+from apollonius.game.types import NUM_ACTIONS, Action, Bits, Scalar
 from apollonius.observe.observation import WHOLE, Whole
 
 Memory = PyTree[Array]
@@ -48,14 +48,14 @@ class AbstractPolicy(eqx.Module):
         return ()
 
     @abstractmethod
-    def __call__(self, seen: Any, memory: Memory, bits: UInt32[Array, ""]) -> tuple[Action, Memory]:
+    def __call__(self, seen: Any, memory: Memory, bits: Bits) -> tuple[Action, Memory]:
         """Choose the action for what its `observation` makes of the view; always of the same kind.
 
         The memory is what it returned in the step before, in a game's first step its own. There are 32 random bits for
         every step instead of a key, since splitting keys for thousands of games costs more than the games themselves.
         """
 
-    def weigh(self, seen: Any, memory: Memory, bits: UInt32[Array, ""]) -> tuple[Any, Memory]:
+    def weigh(self, seen: Any, memory: Memory, bits: Bits) -> tuple[Any, Memory]:
         """Return all that `choose` needs before it is known which actions are allowed: here the player's own action."""
         return self(seen, memory, bits)
 
@@ -71,11 +71,11 @@ class AbstractActionValuePolicy(AbstractPolicy):
     def values(self, seen: Any) -> Float[Array, "9"]:
         """Return the values of the nine actions for what is seen: the higher the better."""
 
-    def __call__(self, seen: Any, memory: Memory, bits: UInt32[Array, ""]) -> tuple[Int[Array, ""], Memory]:
+    def __call__(self, seen: Any, memory: Memory, bits: Bits) -> tuple[Int[Array, ""], Memory]:
         values, memory = self.weigh(seen, memory, bits)
         return jnp.argmax(values).astype(jnp.int32), memory
 
-    def weigh(self, seen: Any, memory: Memory, bits: UInt32[Array, ""]) -> tuple[Float[Array, "9"], Memory]:
+    def weigh(self, seen: Any, memory: Memory, bits: Bits) -> tuple[Float[Array, "9"], Memory]:
         """Return the values of the nine actions."""
         return self.values(seen), memory
 

@@ -2,14 +2,14 @@
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, UInt32
+from jaxtyping import Array, Float, Int
 
 from apollonius.agents.classical import AbstractSteering, direction, separation
 from apollonius.agents.guidance import arc_speed
 from apollonius.agents.policy import AbstractActionValuePolicy, Memory, mixed
 from apollonius.game.chart import COARSE, Chart
 from apollonius.game.sensing import Sensors
-from apollonius.game.types import RobotState, Scalar
+from apollonius.game.types import Bits, Flag, RobotState, Scalar
 from apollonius.observe.belief import prospects, visible
 from apollonius.observe.view import View
 
@@ -76,7 +76,7 @@ class Search(AbstractWayfinder):
         """The coarse cell that it drives to; -1 for none."""
         return jnp.full((), -1, jnp.int32)
 
-    def weigh(self, seen: View, memory: Int[Array, ""], bits: UInt32[Array, ""]) -> tuple[Float[Array, "9"], Memory]:
+    def weigh(self, seen: View, memory: Int[Array, ""], bits: Bits) -> tuple[Float[Array, "9"], Memory]:
         words = mixed(bits, jnp.arange(1, COARSE**2 + 1, dtype=jnp.uint32))
         shares = (words >> 8).astype(jnp.float32) / 2**24
         return (self.values(seen), memory) if seen.belief is None else self.look_on(seen, memory, shares)
@@ -115,9 +115,7 @@ class Searching(AbstractActionValuePolicy):
     def values(self, seen: View) -> Float[Array, "9"]:
         return self.policy.values(self.policy.observation(seen))
 
-    def weigh(
-        self, seen: View, memory: tuple[Memory, Memory], bits: UInt32[Array, ""]
-    ) -> tuple[Float[Array, "9"], Memory]:
+    def weigh(self, seen: View, memory: tuple[Memory, Memory], bits: Bits) -> tuple[Float[Array, "9"], Memory]:
         own, own_memory = self.policy.weigh(self.policy.observation(seen), memory[0], bits)
         search, place = self.search.weigh(seen, memory[1], bits)
         return jnp.where(is_found(seen), own, search), (own_memory, place)
@@ -144,7 +142,7 @@ class Hide(AbstractWayfinder):
         return heading, jnp.minimum(speed, stopping)
 
 
-def is_found(seen: View) -> Bool[Array, ""]:
+def is_found(seen: View) -> Flag:
     """Return whether the opponent was seen so lately that it is driven to."""
     return jnp.asarray(seen.opponent.age) < _RECENT
 

@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.core import Tracer
-from jaxtyping import Array, Bool, Float, Int, UInt32
+from jaxtyping import Array, Float, Int
 
 from apollonius.agents.batching import batched_by, spread
 from apollonius.agents.policy import AbstractPolicy, AbstractWrapper, Memory
@@ -17,7 +17,7 @@ from apollonius.game.dynamics import Unicycle, action_levels, unit_vector
 from apollonius.game.game import Game
 from apollonius.game.nearby import Surroundings, surroundings
 from apollonius.game.polygon import Edges
-from apollonius.game.types import NUM_ACTIONS, Action, Actions, Real, RobotState, Role, Scalar
+from apollonius.game.types import NUM_ACTIONS, Action, Actions, Bits, Flag, Real, RobotState, Role, Scalar
 from apollonius.io.errors import require
 from apollonius.observe.view import View
 
@@ -64,7 +64,7 @@ class Backup(eqx.Module):
         return jnp.minimum(step, jnp.max(self._clearances(after, near)))
 
     @jax.jit
-    def surely_stops(self, robot: RobotState, action: Action) -> Bool[Array, ""]:
+    def surely_stops(self, robot: RobotState, action: Action) -> Flag:
         """Return whether more than `MARGIN` is left if it brakes straight ahead after one step of an action.
 
         That path is one segment, so this takes little arithmetic; rounding gets another `MARGIN`.
@@ -124,7 +124,7 @@ class Shielded(AbstractWrapper):
 
     backup: Backup
 
-    def __call__(self, seen: View, memory: Memory, bits: UInt32[Array, ""]) -> tuple[Action, Memory]:
+    def __call__(self, seen: View, memory: Memory, bits: Bits) -> tuple[Action, Memory]:
         weighed, memory = self.policy.weigh(self.policy.observation(seen), memory, bits)
         return _held_back(self, seen, weighed), memory
 
@@ -161,7 +161,7 @@ class _Search(eqx.Module):
     action: Action
     number: Int[Array, ""]
     clearances: Float[Array, "9"]
-    open: Bool[Array, ""]
+    open: Flag
 
 
 def _held_back_together(size: int, batched: Any, player: Shielded, seen: View, weighed: Any) -> Actions:

@@ -7,7 +7,7 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, UInt32
+from jaxtyping import Array, Float, Int
 
 from apollonius.agents.classical import uniform_action
 from apollonius.agents.kind import AbstractKind, Named, unknown
@@ -17,7 +17,7 @@ from apollonius.agents.policy import AbstractActionValuePolicy, AbstractContinuo
 from apollonius.agents.store import Agent, load_agent, load_header
 from apollonius.arenas.file import from_dict, to_dict
 from apollonius.game.game import Game
-from apollonius.game.types import BySide, Role, Scalar
+from apollonius.game.types import Bits, BySide, Role, Scalar
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.registry import find_observation
@@ -52,9 +52,7 @@ class EpsilonGreedy(AbstractByNetwork):
     network: QNetwork
     epsilon: Scalar
 
-    def __call__(
-        self, seen: Float[Array, " size"], memory: Memory, bits: UInt32[Array, ""]
-    ) -> tuple[Int[Array, ""], Memory]:
+    def __call__(self, seen: Float[Array, " size"], memory: Memory, bits: Bits) -> tuple[Int[Array, ""], Memory]:
         best = jnp.argmax(inferred(self.network, seen)).astype(jnp.int32)
         explore = (bits & 0xFFFF).astype(jnp.float32) < self.epsilon * 65536
         return jnp.where(explore, uniform_action(bits), best), memory
@@ -65,9 +63,7 @@ class SquashedMean(AbstractByNetwork, AbstractContinuous):
 
     network: GaussianActor
 
-    def __call__(
-        self, seen: Float[Array, " size"], memory: Memory, bits: UInt32[Array, ""]
-    ) -> tuple[Float[Array, "2"], Memory]:
+    def __call__(self, seen: Float[Array, " size"], memory: Memory, bits: Bits) -> tuple[Float[Array, "2"], Memory]:
         return jnp.tanh(self.network(seen)[0]), memory
 
 
@@ -77,14 +73,12 @@ class SquashedGaussian(AbstractByNetwork, AbstractContinuous):
     network: GaussianActor
     spread: Scalar
 
-    def __call__(
-        self, seen: Float[Array, " size"], memory: Memory, bits: UInt32[Array, ""]
-    ) -> tuple[Float[Array, "2"], Memory]:
+    def __call__(self, seen: Float[Array, " size"], memory: Memory, bits: Bits) -> tuple[Float[Array, "2"], Memory]:
         mean, deviation = inferred(self.network, seen)
         return jnp.tanh(mean + self.spread * deviation * normal_pair(bits)), memory
 
 
-def normal_pair(bits: UInt32[Array, ""]) -> Float[Array, "2"]:
+def normal_pair(bits: Bits) -> Float[Array, "2"]:
     """Return two independent standard normal numbers from the halves of random bits (Box and Muller, 1958).
 
     The upper half says how far, the lower half where to; none is beyond 4.9.

@@ -14,7 +14,7 @@ from apollonius.game.arena import Arena
 from apollonius.game.chart import COARSE, COARSE_BITS, NO_PATH, SIDE, Chart, entries
 from apollonius.game.game import Game
 from apollonius.game.obstacle import between_nodes, bilinear
-from apollonius.game.types import Scalar
+from apollonius.game.types import Flag, Scalar
 from apollonius.io.cache import Memory
 from apollonius.io.kept import Kept
 
@@ -95,12 +95,10 @@ def paths(
     return lengths, _visible(field, is_linked.reshape(COARSE**2))
 
 
-def _is_clear(
-    field: _Field, x: Scalar, y: Scalar, to_x: Scalar, to_y: Scalar, radius: Scalar | float
-) -> Bool[Array, ""]:
+def _is_clear(field: _Field, x: Scalar, y: Scalar, to_x: Scalar, to_y: Scalar, radius: Scalar | float) -> Flag:
     """Return whether a body fits all along a line between two points in cells."""
 
-    def look(number: Int[Array, ""], clear: Bool[Array, ""]) -> Bool[Array, ""]:
+    def look(number: Int[Array, ""], clear: Flag) -> Flag:
         share = number / (_LOOKS - 1)
         here = x + share * (to_x - x), y + share * (to_y - y)
         across, upwards = (between_nodes(place, SIDE + 1) for place in here)
@@ -205,7 +203,7 @@ def _visible(field: _Field, is_linked: Bool[Array, " coarse"]) -> UInt16[Array, 
 def _spread(nearest: _Cells, may: Bool[Array, "rows columns"]) -> _Cells:
     """Return coarse cells where the cells that may and have none, -1, take that of a neighbour which has one."""
 
-    def widened(carry: tuple[_Cells, Bool[Array, ""]]) -> tuple[_Cells, Bool[Array, ""]]:
+    def widened(carry: tuple[_Cells, Flag]) -> tuple[_Cells, Flag]:
         cells, _ = carry
         wide = jnp.pad(cells, 1, constant_values=-1)
         across, along = jnp.maximum(wide[1:-1, 2:], wide[1:-1, :-2]), jnp.maximum(wide[2:, 1:-1], wide[:-2, 1:-1])

@@ -9,13 +9,13 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, UInt32
+from jaxtyping import Array, Bool, Float, Int
 
 from apollonius.agents.policy import AbstractPolicy, Memory
 from apollonius.agents.pool import Pool
 from apollonius.game.game import Game
 from apollonius.game.sensing import DriveStates
-from apollonius.game.types import ROLES, Action, BySide, GameState, Role
+from apollonius.game.types import ROLES, Action, Bits, BySide, GameState, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.tracking import Track
@@ -70,7 +70,7 @@ class Outside(AbstractPolicy):
     def memory(self) -> Memory:
         return self.first
 
-    def __call__(self, seen: Float[Array, " size"], memory: Memory, bits: UInt32[Array, ""]) -> tuple[Action, Memory]:
+    def __call__(self, seen: Float[Array, " size"], memory: Memory, bits: Bits) -> tuple[Action, Memory]:
         return memory, memory
 
 
@@ -144,7 +144,7 @@ class Batch:
     num_envs: int
     next_step: bool
 
-    def sample_starts(self, bits: UInt32[Array, ""]) -> UnderWay:
+    def sample_starts(self, bits: Bits) -> UnderWay:
         keys = jax.random.split(jax.random.key(bits), SPARE * self.num_envs)
         starts: GameState = jax.lax.map(self.game.reset, keys, batch_size=_TOGETHER)
         games, drawn = begun(self.game, self.players, starts), jax.random.bits(keys[0], (len(keys),), jnp.uint32)
@@ -155,7 +155,7 @@ class Batch:
 
     def step(
         self, now: UnderWay, ended: Bool[Array, " games"], starts: UnderWay, used: Int[Array, ""],
-        actions: Int[Array, "games *robots"] | Float[Array, "games *robots 2"], bits: UInt32[Array, ""],
+        actions: Int[Array, "games *robots"] | Float[Array, "games *robots 2"], bits: Bits,
     ) -> tuple[UnderWay, Result]:  # fmt: skip
         """Return every game after a step, and its result; of games that have `ended` a new one begins instead."""
         several = len(self.game.bodies[self.role]) > 1

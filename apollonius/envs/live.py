@@ -18,7 +18,7 @@ from apollonius.arenas.file import as_game
 from apollonius.catalogue import find_player
 from apollonius.envs.batch import Compiled, Outside, begun, carried, require_unforked, resumed
 from apollonius.game.game import Game
-from apollonius.game.types import NUM_ACTIONS, ROLES, BySide, GameState, Outcome, RobotStatus, Role
+from apollonius.game.types import NUM_ACTIONS, ROLES, Bits, BySide, GameState, Outcome, RobotStatus, Role
 from apollonius.io.errors import require
 from apollonius.observe.registry import find_observation
 from apollonius.play.replay import as_state
@@ -177,7 +177,7 @@ class LiveGame:
         return np.array(self._canvas.picture()) if self._canvas else None
 
 
-def _begin(game: Game, players: BySide[Pool], bits: UInt32[Array, ""]) -> tuple[Float[Array, " _"], tuple[Array, ...]]:
+def _begin(game: Game, players: BySide[Pool], bits: Bits) -> tuple[Float[Array, " _"], tuple[Array, ...]]:
     """Return a game's numbers, and what it carries."""
     games = begun(game, players, jax.tree.map(lambda leaf: leaf[None], game.reset(jax.random.key(bits))))
     tracks, nothing = games.sides.map(lambda side: side.track), jnp.zeros(())
@@ -187,7 +187,7 @@ def _begin(game: Game, players: BySide[Pool], bits: UInt32[Array, ""]) -> tuple[
     return _packed(games.state, rewards, [nothing] * 3, observations), carried(games, players)
 
 
-def _bits_of(players: BySide[Pool], bits: UInt32[Array, ""]) -> UInt32[Array, "2 1"]:
+def _bits_of(players: BySide[Pool], bits: Bits) -> UInt32[Array, "2 1"]:
     """Return random bits of each side, those given for a player inside."""
     outside = [isinstance(pool.members, Outside) for pool in players]
     sides = [mixed(bits, jnp.uint32(1 + number)) if out else bits for number, out in enumerate(outside)]
@@ -196,7 +196,7 @@ def _bits_of(players: BySide[Pool], bits: UInt32[Array, ""]) -> UInt32[Array, "2
 
 def _step(
     game: Game, players: BySide[Pool], shape: tuple[int, ...], numbers: Float[Array, " numbers"],
-    given: Int[Array, " given"] | Float[Array, " given"], bits: UInt32[Array, ""], leaves: Sequence[Array],
+    given: Int[Array, " given"] | Float[Array, " given"], bits: Bits, leaves: Sequence[Array],
 ) -> tuple[Float[Array, " numbers"], tuple[Array, ...]]:  # fmt: skip
     counts = game.bodies.map(len)
     rows = numbers[: _COLUMNS * sum(counts)].reshape(-1, _COLUMNS)

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import jax
 import numpy as np
-from jaxtyping import Array, Float, PRNGKeyArray, UInt32
+from jaxtyping import Array, Float, PRNGKeyArray
 
 from apollonius.agents.kind import Named
 from apollonius.agents.pool import Pool, solo
@@ -16,7 +16,7 @@ from apollonius.catalogue import find_player
 from apollonius.evaluate.result import MatchResult, count_by_arena, count_by_detour, count_robots, count_sightings
 from apollonius.game.game import Game, distance, sample_starts
 from apollonius.game.outcome import PURSUER_WINS, counts_by_name, evader_winning
-from apollonius.game.types import ROLES, BySide, GameState, Outcome, Scalar
+from apollonius.game.types import ROLES, Bits, BySide, GameState, Outcome, Scalar
 from apollonius.io.errors import require
 from apollonius.io.kept import Kept
 from apollonius.io.limits import GAMES, SEED
@@ -72,7 +72,7 @@ class Match:
 
 
 @Kept
-def keys_of(seed: UInt32[Array, ""]) -> tuple[PRNGKeyArray, PRNGKeyArray]:
+def keys_of(seed: Bits) -> tuple[PRNGKeyArray, PRNGKeyArray]:
     start_key, play_key = jax.random.split(jax.random.key(seed))
     return start_key, play_key
 

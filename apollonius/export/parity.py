@@ -18,7 +18,7 @@ from apollonius.agents.shield import MARGIN, Shielded
 from apollonius.export.player import LARGEST, Player, known_state
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.sensing import sense
-from apollonius.game.types import ROLES, BySide, GameState, Role
+from apollonius.game.types import ROLES, Bits, BySide, GameState, Role
 from apollonius.observe.tracking import Track, delayed
 from apollonius.observe.view import look
 from apollonius.play.rollout import Games, SideState, begin, collect
@@ -85,7 +85,7 @@ def cases_of(player: Player, count: int, seed: int = 0) -> Cases:
 def as_given(game: Game, tracks: Track, states: GameState, role: Role, bits: UInt32[Array, " cases"]) -> GameState:
     """Return the states as a robot with sensors is given them: opponents that it does not see now are far away."""
 
-    def given(track: Track, state: GameState, bits: UInt32[Array, ""]) -> GameState:
+    def given(track: Track, state: GameState, bits: Bits) -> GameState:
         sensors = game.sensors and game.sensors[role]
         assert sensors is not None, "it tracks by them"
         now = sense(sensors, game.arena, state, role, bits)

@@ -9,7 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Float32, UInt32
+from jaxtyping import Array, Bool, Float, Float32
 
 from apollonius.agents.built_in import PLAYERS
 from apollonius.agents.classical import BRAKE_STRAIGHT
@@ -22,7 +22,7 @@ from apollonius.catalogue import find_player
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.sensing import Percept, Sensing
-from apollonius.game.types import BySide, GameState, RobotState, RobotStatus, Role
+from apollonius.game.types import Bits, BySide, GameState, RobotState, RobotStatus, Role
 from apollonius.io.errors import require
 from apollonius.observe.tracking import Track, believed, delayed, learn
 from apollonius.observe.tracking import begin as known_first
@@ -93,7 +93,7 @@ def _decide(role: Role, sides: BySide[int]) -> Callable[..., dict[str, Any]]:
         state: Float[Array, "robots 4"],
         active: Bool[Array, " robots"] | None,
         memory: Memory,
-        bits: UInt32[Array, ""],
+        bits: Bits,
     ) -> dict[str, Any]:
         policy = transposed(player)
         known, track, own = known_state(game, role, sides, state, active, memory)

@@ -4,13 +4,12 @@ import functools
 from dataclasses import fields
 
 import jax.numpy as jnp
-from jaxtyping import Array, Bool
 
 from apollonius.game.chart import Chart
 from apollonius.game.obstacle import AbstractObstacle, Walls, closest_approach_squared
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Edges, Polygon
-from apollonius.game.types import Real, RobotState, Scalar
+from apollonius.game.types import Flag, Real, RobotState, Scalar
 from apollonius.io.errors import require
 
 MOST_POLYGONS = 200
@@ -36,7 +35,7 @@ class Disc(AbstractObstacle):
         """Return the least clearance [m] on the segment between two states."""
         return jnp.sqrt(self._approach(before, after)) - self.radius
 
-    def is_hit(self, before: RobotState, after: RobotState, radius: Real) -> Bool[Array, ""]:
+    def is_hit(self, before: RobotState, after: RobotState, radius: Real) -> Flag:
         """Return whether a body of this radius [m] touches it anywhere along the segment between two states."""
         return self._approach(before, after) < (self.radius + radius) ** 2
 
@@ -124,22 +123,22 @@ class Arena(Walls):
     def _to_walls(self, x: Scalar, y: Scalar) -> Scalar:
         return jnp.minimum(jnp.minimum(x - self.x_min, self.x_max - x), jnp.minimum(y - self.y_min, self.y_max - y))
 
-    def hits_obstacle(self, before: RobotState, after: RobotState, radius: Real) -> Bool[Array, ""]:
+    def hits_obstacle(self, before: RobotState, after: RobotState, radius: Real) -> Flag:
         """Return whether a body of this radius [m] touches an obstacle anywhere along a straight step."""
         hits = [one.is_hit(before, after, radius) for one in self._merged]
         return functools.reduce(jnp.logical_or, hits, jnp.zeros((), bool))
 
-    def hides(self, here: RobotState, there: RobotState) -> Bool[Array, ""]:
+    def hides(self, here: RobotState, there: RobotState) -> Flag:
         """Return whether an obstacle is in the line of sight between two robots' centres."""
         hidden = [one.hides(here, there) for one in self._merged]
         return functools.reduce(jnp.logical_or, hidden, jnp.zeros((), bool))
 
-    def reaches_territory(self, before: RobotState, after: RobotState) -> Bool[Array, ""]:
+    def reaches_territory(self, before: RobotState, after: RobotState) -> Flag:
         """Return whether a robot's centre enters the territory anywhere along the segment between two states."""
         assert self.territory is not None, "callers look first"
         return self.territory.is_hit(before, after, 0.0)
 
-    def is_out_of_range(self, after: RobotState, radius: Real) -> Bool[Array, ""]:
+    def is_out_of_range(self, after: RobotState, radius: Real) -> Flag:
         """Return whether a body of this radius [m] reaches beyond a wall (Eq. 2).
 
         The walls bound a convex region, so a segment that starts inside leaves it only if its end does.

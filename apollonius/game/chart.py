@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, UInt16, UInt32
 
 from apollonius.game.obstacle import between_nodes, bilinear
-from apollonius.game.types import Scalar
+from apollonius.game.types import Flag, Scalar
 from apollonius.io.kept import Kept
 
 SIDE = 192
@@ -125,7 +125,7 @@ class Chart(eqx.Module):
         lengths = self.lengths[self.member, starts[:, None], ends[None, :]].astype(jnp.float32)
         return jnp.sum(start_weights[:, None] * lengths * end_weights[None, :]) / 100
 
-    def is_seen(self, x: Scalar, y: Scalar, dx: Scalar, dy: Scalar, distance: Scalar) -> Bool[Array, ""]:
+    def is_seen(self, x: Scalar, y: Scalar, dx: Scalar, dy: Scalar, distance: Scalar) -> Flag:
         """Return whether a point sees the one that is (dx, dy) and so a distance away [m]."""
         far = jnp.maximum(distance, 1e-6)
         return self.range(x, y, dx / far, dy / far) >= jnp.minimum(distance, FARTHEST)

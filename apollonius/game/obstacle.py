@@ -5,9 +5,9 @@ from collections.abc import Callable
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Int
+from jaxtyping import Array, Int
 
-from apollonius.game.types import Real, RobotState, Scalar
+from apollonius.game.types import Flag, Real, RobotState, Scalar
 
 
 def closest_approach_squared(px: Scalar, py: Scalar, dx: Real, dy: Real) -> Scalar:
@@ -70,11 +70,11 @@ class AbstractObstacle(eqx.Module):
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
         """Return the least clearance [m] on the segment between two states; too short rather than too long."""
 
-    def is_hit(self, before: RobotState, after: RobotState, radius: Real) -> Bool[Array, ""]:
+    def is_hit(self, before: RobotState, after: RobotState, radius: Real) -> Flag:
         """Return whether a body of this radius [m] touches it anywhere along the segment between two states."""
         return self.clearance_along(before, after) < radius
 
-    def hides(self, here: RobotState, there: RobotState) -> Bool[Array, ""]:
+    def hides(self, here: RobotState, there: RobotState) -> Flag:
         """Return whether it is in the line of sight between two robots' centres."""
         return self.is_hit(here, there, 0.0)
 

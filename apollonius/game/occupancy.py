@@ -7,12 +7,12 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from apollonius.game.obstacle import AbstractObstacle, Walls, between_nodes, bilinear
-from apollonius.game.types import Real, RobotState, Scalar
+from apollonius.game.types import Flag, Real, RobotState, Scalar
 from apollonius.io.errors import require
 
 _ROUNDING = 0.15
 """What bilinear interpolation can add to a distance, in cells: 0.146, near a lone corner of an occupied cell."""
-_Walk = tuple[Scalar, Scalar, Scalar, Scalar, Bool[Array, ""]]
+_Walk = tuple[Scalar, Scalar, Scalar, Scalar, Flag]
 """Row and column of a cell, shares of a segment up to the next ones, and whether the cell is occupied."""
 _PARTS = 4
 """Parts of a step at whose ends the field is looked up."""
@@ -80,7 +80,7 @@ class OccupancyMap(AbstractObstacle):
         apart = jnp.hypot(after.x - before.x, after.y - before.y) / _PARTS
         return jnp.minimum(jnp.min(there), jnp.min(there[1:] + there[:-1] - apart) / 2)
 
-    def hides(self, here: RobotState, there: RobotState) -> Bool[Array, ""]:
+    def hides(self, here: RobotState, there: RobotState) -> Flag:
         """Return whether the segment between two robots' centres meets an occupied cell.
 
         The cells that it crosses are looked at one by one (Amanatides and Woo, "A fast voxel traversal algorithm for
@@ -97,7 +97,7 @@ class OccupancyMap(AbstractObstacle):
 
         (column, next_x, slope_x), (row, next_y, slope_y) = axis(start_x, along_x), axis(start_y, along_y)
 
-        def is_occupied(row: Scalar, column: Scalar) -> Bool[Array, ""]:
+        def is_occupied(row: Scalar, column: Scalar) -> Flag:
             low = jnp.clip(row, 0, rows - 2.0).astype(jnp.int32)
             left = jnp.clip(column, 0, columns - 2.0).astype(jnp.int32)
             corners = [self._at(low + up, left + right) for up in (0, 1) for right in (0, 1)]
@@ -112,7 +112,7 @@ class OccupancyMap(AbstractObstacle):
             next_x, next_y = jnp.where(across, next_x + slope_x, next_x), jnp.where(across, next_y, next_y + slope_y)
             return row, column, next_x, next_y, (reached < 1) & is_occupied(row, column)
 
-        def goes_on(walk: _Walk) -> Bool[Array, ""]:
+        def goes_on(walk: _Walk) -> Flag:
             return ~walk[4] & (jnp.minimum(walk[2], walk[3]) < 1)
 
         return jax.lax.while_loop(goes_on, one_cell, (row, column, next_x, next_y, is_occupied(row, column)))[4]

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Int
 
 from apollonius.game.obstacle import closest_approach_squared
-from apollonius.game.types import Outcome, Real, RobotState
+from apollonius.game.types import Flag, Outcome, Real, RobotState
 from apollonius.io.errors import require
 from apollonius.io.limits import MOST_COUNTED
 
@@ -21,9 +21,7 @@ PURSUER_FAILS = (Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE)
 """The pursuer failed alone."""
 
 
-def come_within(
-    one: tuple[RobotState, RobotState], other: tuple[RobotState, RobotState], distance: Real
-) -> Bool[Array, ""]:
+def come_within(one: tuple[RobotState, RobotState], other: tuple[RobotState, RobotState], distance: Real) -> Flag:
     """Return whether two robots' centres come closer than a distance [m] anywhere along a step, in which both move
     along their segments at the same time.
     """
@@ -38,13 +36,13 @@ def come_within(
 
 def decide(
     *,
-    captured: Bool[Array, ""],
-    pursuer_hit: Bool[Array, ""],
-    pursuer_out: Bool[Array, ""],
-    evader_hit: Bool[Array, ""],
-    evader_out: Bool[Array, ""],
-    out_of_time: Bool[Array, ""],
-    territory_reached: Bool[Array, ""] | None = None,
+    captured: Flag,
+    pursuer_hit: Flag,
+    pursuer_out: Flag,
+    evader_hit: Flag,
+    evader_out: Flag,
+    out_of_time: Flag,
+    territory_reached: Flag | None = None,
 ) -> Int[Array, ""]:
     """Return the one outcome of a step with several events.
 

@@ -7,10 +7,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from apollonius.game.obstacle import AbstractObstacle, Corners, Walls, closest_approach_squared
-from apollonius.game.types import Real, RobotState, Scalar
+from apollonius.game.types import Flag, Real, RobotState, Scalar
 from apollonius.io.errors import require
 
 T = TypeVar("T")
@@ -83,7 +83,7 @@ class Edge(eqx.Module):
         crosses = (begins_above != ends_above) & ((self.left(x, y) > 0) == ends_above)
         return jnp.where(crosses, jnp.where(ends_above, self.turn, -self.turn), 0)
 
-    def is_crossed(self, before: RobotState, after: RobotState) -> Bool[Array, ""]:
+    def is_crossed(self, before: RobotState, after: RobotState) -> Flag:
         """Return whether the ends of the edge, and those of a step, lie on different sides of the other."""
         dx, dy = after.x - before.x, after.y - before.y
         x, y = self.x - before.x, self.y - before.y

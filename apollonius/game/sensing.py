@@ -10,12 +10,12 @@ from dataclasses import fields, replace
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, UInt32
+from jaxtyping import Array, Float
 
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle, wrap_angle
 from apollonius.game.fusion_barrier import fusion_barrier
-from apollonius.game.types import Action, BySide, GameState, Real, RobotState, Role, Scalar
+from apollonius.game.types import Action, Bits, BySide, Flag, GameState, Real, RobotState, Role, Scalar
 from apollonius.io.errors import require
 
 MOST_DELAY = MOST_LAG = 10
@@ -44,7 +44,7 @@ class Noise(eqx.Module):
         """Return the largest error of a position [m]."""
         return jnp.asarray(self.position, jnp.float32) * BOUND * 2**0.5
 
-    def added(self, robots: Sequence[RobotState], bits: UInt32[Array, ""], use: int) -> tuple[RobotState, ...]:
+    def added(self, robots: Sequence[RobotState], bits: Bits, use: int) -> tuple[RobotState, ...]:
         """Return robots with errors from random bits, folded with the number of their use."""
         key = jax.random.fold_in(jax.random.key(bits), use)
         errors = jnp.clip(jax.random.normal(key, (len(robots), 4)), -BOUND, BOUND)
@@ -97,7 +97,7 @@ class Sensors(eqx.Module):
                 require(size >= 0, f"{name}.{noise}.{error.name}", size, "0 or more")
 
     @fusion_barrier
-    def reaches(self, arena: Arena, robot: RobotState, other: RobotState) -> Bool[Array, ""]:
+    def reaches(self, arena: Arena, robot: RobotState, other: RobotState) -> Flag:
         """Return whether a robot has another one's centre in sight."""
         dx, dy = other.x - robot.x, other.y - robot.y
         seen = jnp.ones((), bool)
@@ -125,11 +125,11 @@ class Percept(eqx.Module):
 
     own: tuple[RobotState, ...]
     opponents: tuple[RobotState, ...]
-    seen: tuple[Bool[Array, ""], ...]
-    looked: Bool[Array, ""]
+    seen: tuple[Flag, ...]
+    looked: Flag
 
 
-def sense(sensors: Sensors, arena: Arena, state: GameState, role: Role, bits: UInt32[Array, ""]) -> Percept:
+def sense(sensors: Sensors, arena: Arena, state: GameState, role: Role, bits: Bits) -> Percept:
     """Return what the robots of one side see of the other in a state, by random bits of this side in this step."""
     ours, theirs = state.robots[role], state.robots[role.other]
     looked = jnp.ones((), bool)
@@ -137,7 +137,7 @@ def sense(sensors: Sensors, arena: Arena, state: GameState, role: Role, bits: UI
         key = jax.random.fold_in(jax.random.key(bits), _DROPPED)
         looked = jax.random.uniform(key) >= sensors.drop_out
 
-    def is_seen(other: RobotState, there: Bool[Array, ""]) -> Bool[Array, ""]:
+    def is_seen(other: RobotState, there: Flag) -> Flag:
         looks = zip(ours, state.active[role], strict=True)
         some = [active & sensors.reaches(arena, robot, other) for robot, active in looks]
         return looked & there & functools.reduce(operator.or_, some)

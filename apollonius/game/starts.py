@@ -8,11 +8,11 @@ from typing import Literal
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, PRNGKeyArray
+from jaxtyping import Array, Float, PRNGKeyArray
 
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.types import ROLES, BySide, GameState, Real, RobotState, Role
+from apollonius.game.types import ROLES, BySide, Flag, GameState, Real, RobotState, Role
 from apollonius.io.errors import require
 
 _Placed = tuple[Role, Unicycle, RobotState]
@@ -67,7 +67,7 @@ class Starts(eqx.Module):
             rows = zip(places.reshape(-1, 2), speeds, headings, strict=True)
             return [(*one, RobotState(*place, *rest)) for one, (place, *rest) in zip(new, rows, strict=True)]
 
-        def fit(places: Float[Array, " size"]) -> Bool[Array, ""]:
+        def fit(places: Float[Array, " size"]) -> Flag:
             nothing = jnp.zeros(len(new))
             everyone = [*placed, *robots(places, nothing, nothing)]
             count = len(placed)
@@ -78,7 +78,7 @@ class Starts(eqx.Module):
         headings = jax.random.uniform(heading_key, (len(new),), minval=-jnp.pi, maxval=jnp.pi)
         return robots(places, self._speeds(speed_key, [body for _, body in new]), headings)
 
-    def fits(self, arena: Arena, one: _Placed, others: Sequence[_Placed]) -> Bool[Array, ""]:
+    def fits(self, arena: Arena, one: _Placed, others: Sequence[_Placed]) -> Flag:
         """Return whether a robot is far enough from obstacles, from the others and, an evader, from a territory."""
         role, body, here = one
         found = arena.clearance(here.x, here.y) >= self.clearance + body.radius
@@ -98,7 +98,7 @@ class Starts(eqx.Module):
 
 
 def _draw_until(
-    fits: Callable[[Float[Array, " size"]], Bool[Array, ""]], key: PRNGKeyArray, arena: Arena, robots: int
+    fits: Callable[[Float[Array, " size"]], Flag], key: PRNGKeyArray, arena: Arena, robots: int
 ) -> Float[Array, " size"]:
     """Draw x and y of some robots uniformly in an arena until they fit. The key is consumed."""
     low = jnp.array([arena.x_min, arena.y_min] * robots, jnp.float32)

@@ -8,10 +8,10 @@ from typing import Any, TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Int
+from jaxtyping import Array, Int
 
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.types import RobotState, Scalar
+from apollonius.game.types import Flag, RobotState, Scalar
 
 T = TypeVar("T")
 Body = Unicycle
@@ -26,9 +26,7 @@ class Teams(eqx.Module):
     mates_collide: bool = eqx.field(static=True, default=False)
 
 
-def nearest(
-    here: RobotState, robots: Sequence[RobotState], active: Sequence[Bool[Array, ""] | bool], values: Sequence[T]
-) -> T:
+def nearest(here: RobotState, robots: Sequence[RobotState], active: Sequence[Flag | bool], values: Sequence[T]) -> T:
     """Return the value of the active robot nearest to one: of two equally near the first one's, without any the first.
 
     Each of the robots, one at least, has a value, pytrees of one structure.
@@ -42,7 +40,7 @@ def nearest(
 
 
 def by_distance(
-    here: RobotState, robots: Sequence[RobotState], active: Sequence[Bool[Array, ""] | bool], values: Sequence[T]
+    here: RobotState, robots: Sequence[RobotState], active: Sequence[Flag | bool], values: Sequence[T]
 ) -> list[T]:
     """Return all values, those of active robots first, from the nearest to the farthest; arguments as of `nearest`."""
     away = [
@@ -69,7 +67,7 @@ def by_distance(
     return [at(wanted) for wanted in range(len(away))]
 
 
-def _choose(first: Bool[Array, ""], one: T, other: T) -> T:
+def _choose(first: Flag, one: T, other: T) -> T:
     def choose(one: Any, other: Any) -> Any:
         return one if one is other else jnp.where(first, one, other)
 

@@ -6,7 +6,7 @@ from typing import Generic, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, UInt32
 
 from apollonius.io.errors import require
 
@@ -16,6 +16,12 @@ U = TypeVar("U")
 
 Scalar = Float[Array, ""]
 """A traced real number; its unit is in the docstring of its owner."""
+
+Flag = Bool[Array, ""]
+"""A traced truth value."""
+
+Bits = UInt32[Array, ""]
+"""Random bits, 32 as one number."""
 
 Real = float | int | Array
 """A parameter of the rules: a Python float, or an array where a caller sweeps it with `vmap`."""
@@ -150,7 +156,7 @@ class GameState(eqx.Module):
         return cls(robots, steps, status=None if is_of_two else robots.map(lambda side: (active,) * len(side)))
 
     @property
-    def active(self) -> BySide[tuple[Bool[Array, ""], ...]]:
+    def active(self) -> BySide[tuple[Flag, ...]]:
         """Return whether each robot is in play."""
         if self.status is None:
             return self.robots.map(lambda side: tuple(jnp.ones(robot.x.shape, bool) for robot in side))
@@ -180,8 +186,8 @@ class Timestep(eqx.Module):
     state: GameState
     outcome: Int[Array, ""]
     rewards: BySide[tuple[Scalar, ...]]
-    terminated: Bool[Array, ""]
-    truncated: Bool[Array, ""]
+    terminated: Flag
+    truncated: Flag
 
     @property
     def reward(self) -> BySide[Scalar]:

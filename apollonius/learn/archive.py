@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from apollonius.agents.network import Network
 from apollonius.game.outcome import pursuer_wins
-from apollonius.game.types import Role
+from apollonius.game.types import Flag, Role
 from apollonius.learn.opponents import SCHEMES, OpponentConfig
 
 FORGETTING = 0.5
@@ -50,7 +50,7 @@ def init(network: Network, config: OpponentConfig) -> Archive:
     )
 
 
-def enter(archive: Archive, network: Network, due: Bool[Array, ""]) -> Archive:
+def enter(archive: Archive, network: Network, due: Flag) -> Archive:
     """Return the archive with one more version, where that is due and it is not full."""
     versions = archive.games.shape[0]
     index = jnp.where(due, archive.count, versions)  # writing there, beyond the last one, does nothing

@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool, Float, Int, UInt32
 from apollonius.game.chart import COARSE, STEPS, Chart
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.sensing import BOUND, Noise, Percept, Sensors
-from apollonius.game.types import Real, RobotState, Scalar
+from apollonius.game.types import Flag, Real, RobotState, Scalar
 
 Cells = Bool[Array, "rows columns"]
 Unseen = Float[Array, "rows columns"]
@@ -95,9 +95,7 @@ def moved(chart: Chart, belief: Belief, reach: Scalar, time: Real) -> Belief:
     return Belief(credit, jnp.minimum(belief.unseen + time, NEVER))
 
 
-def looked(
-    chart: Chart, sensors: Sensors, belief: Belief, percept: Percept, active: Sequence[Bool[Array, ""]]
-) -> Belief:
+def looked(chart: Chart, sensors: Sensors, belief: Belief, percept: Percept, active: Sequence[Flag]) -> Belief:
     """Return the belief without the cells that a side's robots see, none of which holds an opponent.
 
     A cell is seen where its middle is, and those of the cells beside it to which a robot could go; also those in which

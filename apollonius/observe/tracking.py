@@ -7,11 +7,11 @@ from dataclasses import replace
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, UInt32
+from jaxtyping import Array, Float, Int
 
 from apollonius.game.game import Game
 from apollonius.game.sensing import MOST_DELAY, Percept, Sensors, sense
-from apollonius.game.types import BySide, GameState, Real, RobotState, Role, Scalar, Sight
+from apollonius.game.types import Bits, BySide, GameState, Real, RobotState, Role, Scalar, Sight
 from apollonius.observe import belief
 from apollonius.observe.belief import NEVER, Belief
 
@@ -63,9 +63,7 @@ def begin(game: Game, state: GameState, role: Role, believes: bool = True) -> Tr
     return Track(own, unseen, (jnp.float32(NEVER),) * len(unseen), late, anywhere, sightings)
 
 
-def update(
-    game: Game, role: Role, track: Track | None, state: GameState, bits: UInt32[Array, ""]
-) -> tuple[Track | None, GameState]:
+def update(game: Game, role: Role, track: Track | None, state: GameState, bits: Bits) -> tuple[Track | None, GameState]:
     """Return what one side knows after it has looked at a state, by random bits of this side in this step, and the
     state as it knows it.
     """

@@ -6,7 +6,7 @@ from typing import TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from apollonius.game.arena import Arena
 from apollonius.game.chart import Chart
@@ -14,7 +14,7 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.game import Game
 from apollonius.game.teams import Teams, nearest
-from apollonius.game.types import BySide, GameState, Real, RobotState, Role, Scalar
+from apollonius.game.types import BySide, Flag, GameState, Real, RobotState, Role, Scalar
 from apollonius.io.errors import InvalidInput
 
 T = TypeVar("T")
@@ -25,7 +25,7 @@ class Robot(eqx.Module):
 
     body: Unicycle
     state: RobotState
-    active: Bool[Array, ""] | bool = True
+    active: Flag | bool = True
     age: Real = 0.0
 
 

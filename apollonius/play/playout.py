@@ -16,11 +16,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Int, PRNGKeyArray
+from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.agents.pool import Pool
 from apollonius.game.game import Game
-from apollonius.game.types import BySide, GameState
+from apollonius.game.types import BySide, Flag, GameState
 from apollonius.io.kept import Kept
 from apollonius.io.workers import available_cores
 from apollonius.observe.tracking import Sightings
@@ -181,7 +181,7 @@ def _advance(
     first: Int[Array, ""],
     count: Int[Array, ""],
     steps: Int[Array, ""],
-    more: Bool[Array, ""],
+    more: Flag,
 ) -> tuple[_Slots, Int[Array, ""], _Ended]:
     """Play some steps of the games under way, at most `steps`; `count` waiting games, from the number `first`, begin
     in empty slots. Where `more` will wait when these have begun, it ends early rather than leave slots empty.

@@ -17,7 +17,7 @@ from apollonius.agents.policy import Memory, mixed
 from apollonius.agents.pool import AbstractPlayers, Pool, Read
 from apollonius.game.game import Game
 from apollonius.game.sensing import DriveStates, drive_of, respond
-from apollonius.game.types import ROLES, Action, Actions, BySide, GameState, Role, Timestep
+from apollonius.game.types import ROLES, Action, Actions, BySide, Flag, GameState, Role, Timestep
 from apollonius.observe import tracking
 from apollonius.observe.observation import WHOLE, perceive
 from apollonius.observe.tracking import Sightings, Track, update
@@ -208,6 +208,6 @@ def collect(
     return jax.lax.scan(one_step, games, jnp.arange(steps))
 
 
-def reset_where_done(over: Bool[Array, ""], new: Any, old: Any) -> Any:
+def reset_where_done(over: Flag, new: Any, old: Any) -> Any:
     """Return the new state of a game that is over, else the old one."""
     return jax.tree.map(lambda new, old: jnp.where(over, new, old), new, old)

@@ -15,7 +15,7 @@ from apollonius.agents.batching import batched_by, spread
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy, Memory
 from apollonius.agents.pool import act_in_rows
 from apollonius.game.game import Game
-from apollonius.game.types import NUM_ACTIONS, Action, Actions, BySide, GameState, Outcome, RobotState, Role
+from apollonius.game.types import NUM_ACTIONS, Action, Actions, Bits, BySide, GameState, Outcome, RobotState, Role
 from apollonius.observe.observation import perceive
 from apollonius.observe.view import View
 from apollonius.solve.joint import interpolate
@@ -30,7 +30,7 @@ class AbstractSearch(AbstractActionValuePolicy):
     def values(self, seen: View) -> Float[Array, "9"]:
         return self.weigh(seen, (), jnp.zeros((), jnp.uint32))[0]
 
-    def weigh(self, seen: View, memory: Memory, bits: UInt32[Array, ""]) -> tuple[Float[Array, "9"], Memory]:
+    def weigh(self, seen: View, memory: Memory, bits: Bits) -> tuple[Float[Array, "9"], Memory]:
         """Return the values against an opponent that acts by chance, as by these bits."""
         return _values_in_one(self, seen.own.state, seen.opponent.state, bits), memory
 
@@ -52,9 +52,7 @@ def _values_in_many(size: int, batched: Any, player: AbstractSearch, *seen: Any)
 
 
 @batched_by(_values_in_many)
-def _values_in_one(
-    player: AbstractSearch, own: RobotState, other: RobotState, bits: UInt32[Array, ""]
-) -> Float[Array, "9"]:
+def _values_in_one(player: AbstractSearch, own: RobotState, other: RobotState, bits: Bits) -> Float[Array, "9"]:
     """Return the values of the nine actions in one game; a batch of games is looked at together."""
     alone = jax.tree.map(lambda leaf: leaf[None], (own, other, bits))
     return player.action_values(*alone)[:, 0]

@@ -20,7 +20,7 @@ from apollonius.arenas.free_space import FreeSpace, Tiling
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.sensing import Sensors
-from apollonius.game.types import RobotState
+from apollonius.game.types import Flag, RobotState
 from apollonius.solve.enough import Adjacency, Enough, Reading, how_many
 
 SIZES = (100, 150, 200, 250)
@@ -62,7 +62,7 @@ def sights(arena: Arena, sensors: Sensors, places: Float[np.ndarray, "nodes 2"])
     """Return which nodes a robot at each node has in sight."""
     x, y = jnp.asarray(places.T, jnp.float32)
 
-    def sees(here: Int[Array, ""], there: Int[Array, ""]) -> Bool[Array, ""]:
+    def sees(here: Int[Array, ""], there: Int[Array, ""]) -> Flag:
         zero = jnp.zeros(())
         return sensors.reaches(arena, *(RobotState(x[node], y[node], zero, zero) for node in (here, there)))
 
