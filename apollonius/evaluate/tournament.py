@@ -202,8 +202,11 @@ def pairings(agents: Mapping[str, Path]) -> list[tuple[str, str]]:
 def last_matches(run: Path, game: Game, games: int, seed: int) -> dict[tuple[str, str], Match]:
     """Return the matches of a run's last agents, by the names that they have in it."""
     agents = last_agents(run)
-    files = {pair: [str(agents.get(name, name)) for name in pair] for pair in pairings(agents)}
-    return {pair: Match.of_names(game, *names, games, seed) for pair, names in files.items()}
+
+    def file(name: str) -> str:
+        return str(agents.get(name, name))
+
+    return {pair: Match.of_names(game, file(pair[0]), file(pair[1]), games, seed) for pair in pairings(agents)}
 
 
 def evaluate_run(
