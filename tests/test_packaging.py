@@ -85,7 +85,7 @@ def test_without_extras_it_plays_and_has_its_page_and_its_templates(wheel, tmp_p
     where = "import apollonius, importlib.util as u; print(apollonius.__file__, u.find_spec('matplotlib'))"
     assert run(bin_ / "python", "-c", where, cwd=tmp_path).startswith(f"{tmp_path / 'plain'}/lib")
     assert run(bin_ / "python", "-c", where, cwd=tmp_path).endswith(" None\n")
-    arguments = ("evaluate", "P_pool", "E_scratch", "--game", "office", "--games", "20", "--json")
+    arguments = ("evaluate", "P_optimal", "E_scratch", "--game", "office", "--games", "20", "--json")
     assert sum(json.loads(run(bin_ / "apollonius", *arguments, cwd=tmp_path))["outcomes"].values()) == 20
     run(bin_ / "apollonius", "play", "--site", "site", cwd=tmp_path)
     assert {"index.html", "compiled.js", "style.css"} <= {path.name for path in (tmp_path / "site").iterdir()}

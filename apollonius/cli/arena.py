@@ -106,15 +106,13 @@ def run_random(options: argparse.Namespace) -> int:
 
 ZOO = {
     "pursuer": "learned from three teachers in 416 arenas, plays in any, alone or in a team",
-    "P_optimal": "learned from P_hunter, hard to exploit", "P_hunter": "learned from five evaders",
-    "P_prioritised": "learned from its earlier selves", "P_pool": "learned from three evaders",
+    "P_optimal": "learned from a hunter to keep clear, hard to exploit",
     "P_robust": "learned with slow, noisy robots", "P_smooth": "steers without steps",
     "P_curriculum": "of the paper: self-play after P_stage1", "P_scratch": "of the paper: self-play alone",
     "P_random": "of the paper: learned from a random evader", "P_stage1": "of the paper: standing targets only",
     "evader": "learned from two teachers in 416 arenas, plays in any", "E_optimal": "learned from the solved game",
-    "E_prioritised": "learned from its earlier selves", "E_robust": "learned with slow, noisy robots",
-    "E_smooth": "steers without steps", "E_curriculum": "of the paper: self-play after P_stage1",
-    "E_scratch": "of the paper: self-play alone",
+    "E_smooth": "steers without steps",
+    "E_curriculum": "of the paper: self-play after P_stage1", "E_scratch": "of the paper: self-play alone",
 }  # fmt: skip
 """Agents that ship with the package, in a few words."""
 OTHERS = {

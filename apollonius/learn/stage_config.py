@@ -100,7 +100,7 @@ class DistillationConfig(StageConfig):
     """The side that learns."""
     teacher: str = TABLE
     """Source of the action values: `table`, the player by the game solved for that side, or an agent trained by DQN."""
-    opponents: tuple[str, ...] = (TABLE, "random", "P_prioritised", "P_pool", "intercept")
+    opponents: tuple[str, ...] = (TABLE, "random", "P_optimal", "P_curriculum", "intercept")
     """Its opponents, each in an equal part of the games: `table` is the other side's."""
     near_sighted: int = 192
     """Games against an attacker that knows the student and looks one hold of ten steps ahead."""

@@ -176,9 +176,9 @@ def test_players_with_charts_are_warned_of_it_and_others_are_not():
 
 def test_arenas_that_are_wrong_and_agents_that_have_not_learned_there_are_told_of_in_a_line_each():
     closed = floor(0.55, radius=0.3)
-    agents = [find_player(name, Role.PURSUER, closed) for name in ("P_pool", "P_stage1", "pure-pursuit")]
+    agents = [find_player(name, Role.PURSUER, closed) for name in ("P_optimal", "P_stage1", "pure-pursuit")]
     learned, *wrong = warned(closed, agents)
-    assert learned == "P_pool, P_stage1 have learned in another arena; pursuer plays in any"
+    assert learned == "P_optimal, P_stage1 have learned in another arena; pursuer plays in any"
     assert [line.split(" falls into 2 parts")[0] for line in wrong] == [
         "floor.toml: the pursuer's free space",
         "floor.toml: the evader's free space",
@@ -199,7 +199,7 @@ def test_arenas_that_are_wrong_and_agents_that_have_not_learned_there_are_told_o
         ("solve", "solve safety"),
         ("show", "slice P_stage1 --opponent 5 5"),
         ("show", "play"),
-        ("export", "export P_pool --to c --out P_pool.c --game paper"),
+        ("export", "export P_optimal --to c --out P_optimal.c --game paper"),
     ],
 )
 def test_every_command_about_one_arena_warns_before_it_works(file, words, tmp_path, monkeypatch):

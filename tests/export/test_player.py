@@ -138,7 +138,7 @@ def test_players_decide_as_the_packages(game, name, language):
     assert (total["states"], total["errors"]) == (states, 0)
 
 
-@pytest.mark.parametrize("name", ["P_pool", pytest.param("shielded:search", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["P_optimal", pytest.param("shielded:search", marks=pytest.mark.slow)])
 def test_with_sensors_it_knows_what_the_packages_player_knows_in_the_same_game(name):
     """Only what is seen is given to it; its memory is what it returned last."""
     player = exportable("lidar", name)
@@ -298,7 +298,7 @@ def test_what_cannot_be_exported_is_refused_in_one_line(words, tmp_path, monkeyp
 @needs_gcc
 def test_whole_games_in_c_end_as_the_packages_and_a_shield_holds_in_them():
     games = int(os.environ.get("GAMES", "300"))
-    pursuer, evader = exportable("paper", "shielded:P_pool"), exportable("paper", "E_optimal")
+    pursuer, evader = exportable("paper", "shielded:P_optimal"), exportable("paper", "E_optimal")
 
     def play(pursuer_policy, evader_policy, game, start):
         """Return how a whole game ends, and after how many steps."""

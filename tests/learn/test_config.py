@@ -120,7 +120,7 @@ def test_a_config_comes_back_from_its_file(config, tmp_path):
 def test_every_example_of_a_training_is_one(monkeypatch):
     few = find_scenario("suite-v1/discs-00,discs-01")
     monkeypatch.setattr("apollonius.arenas.file.find_scenario", lambda name: few)  # hundreds take their time
-    for name in ("prioritised", "robust", "team", "optimal_evader", "optimal_pursuer"):
+    for name in ("hunter", "robust", "team", "optimal_evader", "optimal_pursuer"):
         assert load_config(REPOSITORY / "examples" / f"{name}.toml") != RunConfig()
     tasks = load_config(REPOSITORY / "examples" / "pursuer_first.toml").distillation.tasks
     assert make_game("paper") in [task.game for task in tasks], "with its discs"

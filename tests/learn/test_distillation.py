@@ -162,8 +162,8 @@ def test_a_run_leaves_an_agent_that_has_learned_what_the_table_says(uninterrupte
 
 
 SEEING = replace(
-    STAGE, role="pursuer", teacher="P_pool", opponents=("still", "flee"), near_sighted=0, far_sighted=0, clearance=0.0,
-    informed=0.35, evaluations=1,
+    STAGE, role="pursuer", teacher="P_optimal", opponents=("still", "flee"), near_sighted=0, far_sighted=0,
+    clearance=0.0, informed=0.35, evaluations=1,
 )  # fmt: skip
 SHORT_SIGHTED = replace(GAME, sensors=Sensing(pursuer=Sensors(range=1.5)))
 
@@ -239,7 +239,7 @@ def test_the_robots_of_a_team_learn_while_they_are_in_play():
 
 @pytest.mark.slow
 def test_a_run_with_sensors_and_further_tasks_learns(tmp_path):
-    team = Task(make_game("team-2v1"), "P_pool")
+    team = Task(make_game("team-2v1"), "P_optimal")
     longer = replace(SEEING, updates=24, env_steps=163_840, tasks=(FURTHER, team))
     wider = replace(FITTING, width=64, depth=2)
     run = replace(RUN, game=SHORT_SIGHTED, dqn=wider, distillation=longer)

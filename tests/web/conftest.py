@@ -23,7 +23,7 @@ def address(tmp_path_factory):
     floor = OccupancyMap(field, -1.0, 2.0, 0.1, str(folder / "floor.yaml"), "0" * 64)
     games = {"hall": Game(arena=Arena(-1.0, 11.0, 2.0, 10.0, map=floor))}
     spiral = {"spiral": Path(__file__).with_name("spiral.wasm")}
-    chosen = Choice("shielded:P_pool", "you", difficulty="sharp", agents=spiral, games=games)
+    chosen = Choice("shielded:P_optimal", "you", difficulty="sharp", agents=spiral, games=games)
     write_site(folder / "site", chosen)
     with serving(folder / "site") as server:
         yield f"http://localhost:{server.server_port}/"

@@ -183,7 +183,7 @@ def test_a_person_meets_the_best_unless_told_otherwise():
     assert choose(Role.PURSUER, None, "maze", 3).evader == "shielded:evader"
     assert choose(Role.PURSUER, "random", "robot", 0).evader == "random"
     assert choose(Role.EVADER, None, "paper", 0).level == 1
-    asked = choose(Role.EVADER, "P_pool", "paper", 0)
+    asked = choose(Role.EVADER, "P_optimal", "paper", 0)
     assert (asked.level, asked.difficulty) == (None, "sharp")
 
 
