@@ -17,11 +17,13 @@ from apollonius.observe.observation import WHOLE, Whole
 
 Read = Callable[[Any], Any]
 """From a row of a batch to what players read."""
+RowBits = UInt32[Array, " rows"]
+"""Random bits for each row of a batch."""
+Acted = tuple[Actions, Memory]
+"""The action and the next memory in each row of a batch."""
 
 
-def act_in_rows(
-    policy: AbstractPolicy, read: Read, rows: Any, memory: Memory, bits: UInt32[Array, " rows"]
-) -> tuple[Actions, Memory]:
+def act_in_rows(policy: AbstractPolicy, read: Read, rows: Any, memory: Memory, bits: RowBits) -> Acted:
     """Return one player's action and next memory in each row of a batch."""
     return jax.vmap(lambda row, memory, bits: policy(read(row), memory, bits))(rows, memory, bits)
 
@@ -49,9 +51,7 @@ class AbstractPlayers(eqx.Module):
         """Return the member that each game meets, from the upper half of random bits."""
 
     @abstractmethod
-    def act(
-        self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: UInt32[Array, " rows"]
-    ) -> tuple[Actions, Memory]:
+    def act(self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: RowBits) -> Acted:
         """Return each row's action and next memory, by its member; `read` makes of a row what players read."""
 
 
@@ -89,14 +89,12 @@ class Pool(AbstractPlayers):
             return jnp.zeros(bits.shape, jnp.int32)
         return (((bits >> 16) * self.size) >> 16).astype(jnp.int32)
 
-    def act(
-        self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: UInt32[Array, " rows"]
-    ) -> tuple[Actions, Memory]:
+    def act(self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: RowBits) -> Acted:
         bits = bits if self.bits is None else self.bits
         if self.size == 1:
             return act_in_rows(self._first, read, rows, memory, bits)
 
-        def of_member(policy: AbstractPolicy) -> tuple[Actions, Memory]:
+        def of_member(policy: AbstractPolicy) -> Acted:
             return act_in_rows(policy, read, rows, memory, bits)
 
         def theirs(everyone: Array) -> Array:
@@ -132,9 +130,7 @@ class Assigned(AbstractPlayers):
         game = jnp.arange(bits.shape[0]) - self.first
         return jnp.where((game >= 0) & (game < self.count * self.games), game // self.games + 1, 0).astype(jnp.int32)
 
-    def act(
-        self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: UInt32[Array, " rows"]
-    ) -> tuple[Actions, Memory]:
+    def act(self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: RowBits) -> Acted:
         end, given = self.first + self.count * self.games, (rows, memory, bits if self.bits is None else self.bits)
         assigned = jax.tree.map(
             lambda leaf: leaf[self.first : end].reshape(self.count, self.games, *leaf.shape[1:]), given
@@ -168,9 +164,7 @@ class Apart(AbstractPlayers):
     def sample(self, bits: UInt32[Array, " games"]) -> Int[Array, " games"]:
         return jnp.concatenate([jnp.full(games, number, jnp.int32) for number, games in enumerate(self.games)])
 
-    def act(
-        self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: UInt32[Array, " rows"]
-    ) -> tuple[Actions, Memory]:
+    def act(self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: RowBits) -> Acted:
         actions, after = [], []
         for number, policy in enumerate(self.policies):
             own = slice(first := sum(self.games[:number]), first + self.games[number])

@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, Shaped
 
-from apollonius.game.types import Action, Real, RobotState, Scalar
+from apollonius.game.types import Action, Controls, Real, RobotState, Scalar
 from apollonius.io.errors import require
 
 MAX_TURN = 2.0
@@ -97,7 +97,7 @@ class Unicycle(eqx.Module):
         ):
             require(holds, f"{name}.{field}", getattr(self, field), bound)
 
-    def controls(self, action: Action) -> tuple[Scalar, Scalar]:
+    def controls(self, action: Action) -> Controls:
         """Return an action's acceleration u1 [m/s^2] and turn rate u2 [rad/s] (Eq. 4, 5)."""
         level_u1, level_u2 = action_levels(action)
         return level_u1 * self.u1_max, level_u2 * self.u2_max

@@ -26,6 +26,7 @@ from apollonius.game.types import (
     Action,
     Bits,
     BySide,
+    Controls,
     GameState,
     Outcome,
     Real,
@@ -169,14 +170,14 @@ class Game(eqx.Module):
         """Let all robots hold their actions, of a team a list or tuple, for `dt`, and judge the step."""
         bodies, asked = self.at(state).bodies, BySide(pursuer_action, evader_action)
 
-        def controls(role: Role) -> tuple[tuple[Scalar, Scalar], ...]:
+        def controls(role: Role) -> tuple[Controls, ...]:
             actions = asked[role]
             several = (actions,) if isinstance(actions, jax.Array | np.ndarray) else actions
             return tuple(body.controls(action) for body, action in zip(bodies[role], several, strict=True))
 
         return self.step_controls(state, ROLES.map(controls))
 
-    def step_controls(self, state: GameState, controls: BySide[tuple[tuple[Scalar, Scalar], ...]]) -> Timestep:
+    def step_controls(self, state: GameState, controls: BySide[tuple[Controls, ...]]) -> Timestep:
         """Let all active robots hold their controls (u1 [m/s^2], u2 [rad/s]) for `dt`, and judge the step."""
         game = self.at(state)
 

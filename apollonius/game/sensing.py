@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle, wrap_angle
 from apollonius.game.fusion_barrier import fusion_barrier
-from apollonius.game.types import Action, Bits, BySide, Flag, GameState, Real, RobotState, Role, Scalar
+from apollonius.game.types import Action, Bits, BySide, Controls, Flag, GameState, Real, RobotState, Role, Scalar
 from apollonius.io.errors import require
 
 MOST_DELAY = MOST_LAG = 10
@@ -173,9 +173,7 @@ class Drive(eqx.Module):
         pending = None if self.lag is None else jnp.zeros((MOST_LAG, 2))
         return DriveState(pending, None if self.turn_time is None else jnp.zeros(()))
 
-    def respond(
-        self, state: "DriveState", body: Unicycle, action: Action, dt: Real
-    ) -> tuple[tuple[Scalar, Scalar], "DriveState"]:
+    def respond(self, state: "DriveState", body: Unicycle, action: Action, dt: Real) -> tuple[Controls, "DriveState"]:
         """Return the controls u1 [m/s^2] and u2 [rad/s] that the robot holds in this step, and the drive after it.
 
         A turn rate that changes at a constant rate until it is reached turns the robot by its mean over the step.
@@ -220,7 +218,7 @@ def drive_of(drives: Drives | None, role: Role) -> Drive:
 
 def respond(
     drive: Drive, states: DriveStates, bodies: Sequence[Unicycle], actions: Sequence[Action], dt: Real
-) -> tuple[tuple[tuple[Scalar, Scalar], ...], DriveStates]:
+) -> tuple[tuple[Controls, ...], DriveStates]:
     """Return the controls that robots with such a drive hold in this step, and their drives after it."""
     made = [drive.respond(*robot, dt) for robot in zip(states, bodies, actions, strict=True)]
     return tuple(controls for controls, _ in made), tuple(after for _, after in made)

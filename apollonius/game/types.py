@@ -34,6 +34,9 @@ Action = Int[Array, ""] | Float[Array, "2"]
 shares of its largest acceleration and of its largest turn rate. Number type and shape say which before anything runs;
 each player always does the one or always the other, and both kinds may meet."""
 
+Controls = tuple[Scalar, Scalar]
+"""Acceleration u1 [m/s^2] and turn rate u2 [rad/s] of a robot in a step."""
+
 Actions = Int[Array, " games"] | Float[Array, "games 2"]
 """Actions of one side of a batch of games."""
 

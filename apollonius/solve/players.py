@@ -13,13 +13,16 @@ from jaxtyping import Array, Float, Int, Shaped, UInt32
 
 from apollonius.agents.batching import batched_by, spread
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy, Memory
-from apollonius.agents.pool import act_in_rows
+from apollonius.agents.pool import Acted, RowBits, act_in_rows
 from apollonius.game.game import Game
 from apollonius.game.types import NUM_ACTIONS, Action, Actions, Bits, BySide, GameState, Outcome, RobotState, Role
 from apollonius.observe.observation import perceive
 from apollonius.observe.view import View
 from apollonius.solve.joint import interpolate
 from apollonius.solve.motion import ZeroSumGame, discount_after, every_hold, first_events, last, payoff_of
+
+Values = Float[Array, "9 games"]
+"""The values of the nine actions in several games."""
 
 
 class AbstractSearch(AbstractActionValuePolicy):
@@ -41,9 +44,7 @@ class AbstractSearch(AbstractActionValuePolicy):
         return jnp.max(self.action_values(own, other, jnp.zeros(own.x.shape, jnp.uint32)), axis=0)
 
     @abstractmethod
-    def action_values(
-        self, own: RobotState, other: RobotState, bits: UInt32[Array, " games"]
-    ) -> Float[Array, "9 games"]:
+    def action_values(self, own: RobotState, other: RobotState, bits: UInt32[Array, " games"]) -> Values:
         """Return the values of the nine actions in several games, against chance by these bits."""
 
 
@@ -63,9 +64,7 @@ class SaddlePolicy(AbstractSearch):
 
     table: Shaped[Array, "tiles moving lanes"]
 
-    def action_values(
-        self, own: RobotState, other: RobotState, bits: UInt32[Array, " games"]
-    ) -> Float[Array, "9 games"]:
+    def action_values(self, own: RobotState, other: RobotState, bits: UInt32[Array, " games"]) -> Values:
         """Return the value of each action against the answer that is worst for it.
 
         An answer counts by the rules where it ends the game within the hold, and by the table otherwise.
@@ -98,9 +97,7 @@ class RolloutSearch(AbstractSearch):
     holds: int = eqx.field(static=True, default=1)
     width: int = eqx.field(static=True, default=NUM_ACTIONS)
 
-    def action_values(
-        self, own: RobotState, other: RobotState, bits: UInt32[Array, " games"]
-    ) -> Float[Array, "9 games"]:
+    def action_values(self, own: RobotState, other: RobotState, bits: UInt32[Array, " games"]) -> Values:
         """Return the value of each action as the beginning of the best plan; -inf where no such plan was extended."""
         robots = jax.tree.map(lambda leaf: leaf[:, None], self.zero_sum_game.pair(own, other))
         states = jax.vmap(jax.vmap(GameState.of_two))(*robots, steps=jnp.zeros(robots.pursuer.x.shape, jnp.int32))
@@ -148,9 +145,7 @@ class RolloutSearch(AbstractSearch):
         return jnp.where(plans.outcome == Outcome.ONGOING, discount_after(seconds) * later, ended)
 
 
-def act_in(
-    policy: AbstractPolicy, game: Game, states: GameState, role: Role, memory: Memory, bits: UInt32[Array, " rows"]
-) -> tuple[Actions, Memory]:
+def act_in(policy: AbstractPolicy, game: Game, states: GameState, role: Role, memory: Memory, bits: RowBits) -> Acted:
     """Return a player's actions in a batch of states, and its memories after them."""
     read, rows = perceive(policy.observation, game, states, role)
     return act_in_rows(policy, read, rows, memory, bits)
