@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import jax
+import numpy as np
 import pytest
 import tomli_w
 
@@ -28,23 +29,22 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import EXTRAS, InvalidInput
 from apollonius.play.replay import load_replay
+from apollonius.solve.store import load_solution
 from tests.acting import a_match
 from tests.documents import REPOSITORY
 from tests.learn.tiny import RUN
 
 
-@pytest.fixture(autouse=True)
-def promotion_as_optax_needs_it():
-    with jax.numpy_dtype_promotion("standard"):
-        yield
-
-
 @pytest.fixture
-def tiny(tmp_path):
-    """A config file of a training that takes seconds, of robots that can stop: no start at rest is lost."""
+def tiny():
+    """A config file of a training that takes seconds, of robots that can stop: no start at rest is lost.
+
+    With the promotion that optax needs.
+    """
     game = replace(RUN.game, pursuer=Unicycle(), evader=Unicycle())
-    Path("tiny.toml").write_text(tomli_w.dumps(to_dict(replace(RUN, game=game))))
-    return "tiny.toml"
+    Path("tiny.toml").write_text(tomli_w.dumps(to_dict(replace(RUN, game=game, seed=5))))
+    with jax.numpy_dtype_promotion("standard"):
+        yield "tiny.toml"
 
 
 def run_main(*arguments):
@@ -366,11 +366,10 @@ def test_train_makes_a_run_and_judges_it_and_force_replaces_it(tiny, capsys, mon
     assert left == {"config.toml", "notes.txt"}
 
 
-def test_seed_0_is_a_seed_and_a_run_that_is_stopped_says_how_to_go_on(capsys, monkeypatch):
+def test_seed_0_is_a_seed_and_a_run_that_is_stopped_says_how_to_go_on(tiny, capsys, monkeypatch):
     monkeypatch.setattr("apollonius.learn.run.Run.execute", lambda run: False)
-    Path("five.toml").write_text(tomli_w.dumps(to_dict(replace(RUN, seed=5))))
     for asked, seed in (([], 5), (["--seed", "0"], 0)):
-        assert main(["train", "--config", "five.toml", *asked, "--out", f"run-{seed}"]) == 130
+        assert main(["train", "--config", tiny, *asked, "--out", f"run-{seed}"]) == 130
         assert f"\nseed = {seed}\n" in "\n" + Path(f"run-{seed}/config.toml").read_text()
         assert capsys.readouterr().err.splitlines()[-1] == f"stopped; go on with: apollonius resume run-{seed}"
 
@@ -425,3 +424,72 @@ def test_a_full_disk_ends_the_training_in_one_line(tiny, capsys, monkeypatch):
         "then go on with: apollonius resume run"
     )
     assert not list(Path("run").rglob("*.tmp"))
+
+
+COARSER = ("--grid", "9x9x3x8")
+GRID = ("--grid", "4x4x2x4", "--hold", "10")
+"""All too coarse for anything but the commands themselves."""
+
+
+@pytest.fixture(scope="module")
+def tables(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("tables")
+    paths = {role: folder / f"{role}.safetensors" for role in ("pursuer", "evader")}
+    for role, path in paths.items():
+        assert run_main("solve", "game", "--role", role, *GRID, "--out", str(path)) == 0
+    return {role: str(path) for role, path in paths.items()}
+
+
+def run_json(capsys, *arguments):
+    capsys.readouterr()
+    assert run_main(*arguments, "--json") == 0
+    return json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.slow
+def test_a_card_is_measured(capsys, tables):
+    files = ("--tables", tables["evader"], tables["pursuer"])
+    card = run_json(capsys, "regret", "random", *files, "--role", "evader", "--games", "12")
+    assert (card["agent"], card["role"], card["games"]) == ("random", "evader", 12)
+    assert card["gap"] == pytest.approx(card["promised"] - card["payoff"], abs=1e-6)
+    twice = ("--tables", tables["evader"], tables["evader"])
+    assert_refused(capsys, "regret", "random", *twice, naming=("--tables", "a pursuer's and an evader's"))
+    assert_refused(capsys, "regret", "random", *files, "--grid", "4x4x2x4", naming=("--grid", "--tables"))
+    assert run_main("regret", "still", *files, "--role", "evader", "--games", "5") == 0
+    assert "gap to what its own table promises" in capsys.readouterr().out
+
+
+def test_reach_is_solved_once_and_then_loaded(capsys, monkeypatch):
+    arguments = ("solve", "reach", *COARSER, "--out", "tables/six.safetensors", "--target", "6")
+    monkeypatch.setattr("apollonius.evaluate.solved.STARTS", 500)
+    first = run_json(capsys, *arguments, "2")
+    assert first["starts with a capture"] > 0.2
+    assert first["median time to capture [s]"] > 3
+    with monkeypatch.context() as patch:
+        patch.setattr("apollonius.solve.solving.solve_reach", None)
+        assert run_json(capsys, *arguments, "2") == first
+    assert_refused(capsys, *arguments, "3", naming=("tables/six.safetensors", "another problem", "--force"))
+    assert_refused(capsys, *arguments, "3", "--whole-cells", naming=("whole_cells = True", "all but game"))
+    Path("t.safetensors").write_text("mine")
+    safety = ("solve", "safety", *COARSER, "--out", "t.safetensors")
+    assert_refused(capsys, *safety, naming=("t.safetensors", "not a whole"))
+    assert run_main(*arguments, "3", "--force") == 0
+    assert load_solution(Path("tables/six.safetensors")).problem.target == [6.0, 3.0]
+
+
+def test_one_obstacle_needs_two(capsys):
+    facts = run_json(capsys, "pursuers", "one-large")
+    assert (facts["pursuers"], facts["agree"], facts["islands"]) == (2, True, 1)
+    assert [graph["islands_seen"] for graph in facts["graphs"]] == [1, 1, 1]
+    assert [round(graph["turned_degrees"]) for graph in facts["graphs"]] == [30, 0, 30]
+    seen = run_json(capsys, "pursuers", "one-large", "--to-see")
+    assert (seen["pursuers"], seen["agree"]) == (2, True)
+    assert np.shape(seen["strategy"]) == (seen["graphs"][-1]["turns"] + 1, 2, 2)
+
+
+def test_an_arena_without_obstacles_needs_one(capsys):
+    Path("empty.toml").write_text("[arena]\ndiscs = []\n")
+    assert run_main("pursuers", "empty.toml") == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == "empty.toml: 1 pursuer is enough, for idealised robots on this graph"
+    assert len(said) == 6

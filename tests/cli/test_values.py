@@ -10,8 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from apollonius.cli import display as module
-from apollonius.cli import values
+from apollonius.cli import display, values
 from apollonius.cli.display import Display
 from apollonius.cli.main import build_parser
 from apollonius.cli.terminal import bar
@@ -33,13 +32,14 @@ SENSIBLE = {
 """The odd values that make sense to each type of argument."""
 
 
-def parsers(parser, path=()):
-    nested = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
-    if not nested:
-        yield " ".join(path), parser
-    for action in nested:
-        for name, inner in action.choices.items():
-            yield from parsers(inner, (*path, name))
+def arguments(parser):
+    """All arguments of all commands."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for command in action.choices.values():
+                yield from arguments(command)
+        else:
+            yield action
 
 
 @pytest.fixture(autouse=True)
@@ -52,11 +52,10 @@ def test_a_bar_is_as_long_as_its_share_to_an_eighth_of_a_letter():
 
 
 def test_every_argument_that_takes_a_value_has_a_type_from_here_or_choices():
-    for command, parser in parsers(build_parser()):
-        for action in parser._actions:
-            if action.nargs != 0 and not action.choices:
-                kind = getattr(action.type, "func", action.type)
-                assert getattr(kind, "__module__", None) == values.__name__, (command, action.dest)
+    for action in arguments(build_parser()):
+        if action.nargs != 0 and not action.choices:
+            kind = getattr(action.type, "func", action.type)
+            assert getattr(kind, "__module__", None) == values.__name__, action
 
 
 @pytest.mark.parametrize("parse", SENSIBLE, ids=lambda parse: getattr(parse, "func", parse).__name__)
@@ -98,19 +97,14 @@ def test_the_memory_of_a_container_counts(tmp_path, monkeypatch):
 
 def test_a_place_that_cannot_be_written_to_is_refused_at_once():
     Path("file").write_text("")
-    for parse, text in (
-        (values.new_folder, "file"),
-        (values.new_folder, "file/deeper"),
-        (values.new_file(".png"), "file/a.png"),
-        (values.new_file(".png"), "/proc/a.png"),
-        (values.new_file(".png"), f"{'long' * 100}.png/a.png"),
-        (values.new_file(".png"), "\0.png"),
-    ):
+    png = values.new_file(".png")
+    inside = (values.new_folder, "file"), (values.new_folder, "file/deeper"), (png, "file/a.png")
+    for parse, text in (*inside, (png, "/proc/a.png"), (png, f"{'long' * 100}.png/a.png"), (png, "\0.png")):
         with pytest.raises(argparse.ArgumentTypeError, match="it must be"):
             parse(text)
     Path("folder.png").mkdir()
     with pytest.raises(argparse.ArgumentTypeError, match="something else has that name"):
-        values.new_file(".png")("folder.png")
+        png("folder.png")
     assert values.new_file(".png", ".gif")("new/deeper/a.gif") == Path("new/deeper/a.gif")
     with pytest.raises(InvalidInput, match=r"--out = file/deeper .* can be written to"):
         values.require_writable("--out", Path("file/deeper"))
@@ -166,14 +160,14 @@ def test_a_value_is_shown_on_one_short_line():
 
 
 def test_in_a_pipe_lines_come_with_the_first_report(monkeypatch, capsys):
-    monkeypatch.setattr(module, "_LINE_SECONDS", 0.05)
-    with Display("evaluate") as display:
-        display.begin("playing 8 games", compiles=True)
+    monkeypatch.setattr(display, "_LINE_SECONDS", 0.05)
+    with Display("evaluate") as live:
+        live.begin("playing 8 games", compiles=True)
         time.sleep(0.2)
         assert capsys.readouterr().err == "", "a refusal would be the only line"
-        display.tell("P against E: 50.0%")
-        display.report(2, 8)
-        display.note({"loss": "0.5"})
+        live.tell("P against E: 50.0%")
+        live.report(2, 8)
+        live.note({"loss": "0.5"})
         time.sleep(0.2)
         first, *_, last = capsys.readouterr().err.splitlines()
     assert first == "P against E: 50.0%"

@@ -1,39 +1,51 @@
-"""The interfaces of Gymnasium and PettingZoo: no complaint from their checkers, games by the rules."""
+"""The interfaces of Gymnasium and PettingZoo, of one game and of many: their checkers do not complain; games go by the
+rules."""
 
 import copy
 import pickle
+from dataclasses import replace
+from functools import partial
 
 import gymnasium
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, seed_test
 from pettingzoo.utils.conversions import parallel_to_aec
 
 import apollonius
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import as_game
+from apollonius.catalogue import find_player
 from apollonius.envs.gymnasium import OneSide
 from apollonius.envs.live import as_actions
 from apollonius.envs.vector import ManyGames
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
-from apollonius.game.types import Role
+from apollonius.game.sensing import Drive, Drives, Sensing, Sensors
+from apollonius.game.starts import Starts
+from apollonius.game.types import GameState, Outcome, RobotState, RobotStatus, Role
 from apollonius.io.errors import InvalidInput
+from apollonius.io.limits import PARALLEL_GAMES
+from apollonius.observe.registry import find_observation
+from apollonius.observe.view import look
 from apollonius.show.palette import EVADER, PURSUER
-from tests.acting import observe
+from tests.acting import act, observe
+
+GAMES = 64
 
 
-@pytest.mark.parametrize(
-    ("name", "options"), [("Pursuit", {"observation": "paper"}), ("Evasion", {"actions": "continuous"})]
-)
-def test_gymnasiums_checker_has_no_complaint(name, options):
+@pytest.mark.parametrize(("name", "actions"), [("Pursuit", "discrete"), ("Evasion", "continuous")])
+def test_gymnasiums_checker_has_no_complaint(name, actions):
     """Warnings are errors here. The module before the name needs no import."""
-    env = gymnasium.make(f"apollonius.envs.gymnasium:apollonius/{name}-v0", opponent="random", **options)
+    made = f"apollonius.envs.gymnasium:apollonius/{name}-v0"
+    env = gymnasium.make(made, opponent="random", observation="paper", actions=actions)
     shares = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
-    assert env.action_space == (shares if options.get("actions") else gymnasium.spaces.Discrete(9))
+    assert env.action_space == (gymnasium.spaces.Discrete(9) if actions == "discrete" else shares)
     check_env(env.unwrapped)
 
 
@@ -47,7 +59,7 @@ def test_an_observation_that_reads_a_chart_is_that_of_the_charted_game():
 
 
 def test_one_robot_acts_against_a_team_and_a_team_is_for_pettingzoo():
-    env = OneSide(Role.EVADER, opponent="pure-pursuit", game="team-2v1")
+    env = OneSide(Role.EVADER, opponent="pure-pursuit", game="team-2v1", observation="paper")
     env.reset(seed=0)
     over, total = False, 0.0
     while not over:
@@ -81,17 +93,12 @@ def test_the_picture_shows_the_robots_where_they_are_and_the_trail_behind_the_on
     assert len(pixels_of(PURSUER)) == len(before[0]), "no trail of the last game"
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("observation", "eyes"), ("opponent", "nobody"), ("actions", "analogue"), ("render_mode", "human"),
-    ],
-)  # fmt: skip
-def test_unknown_options_are_refused(name, value):
+def test_unknown_options_are_refused():
     with pytest.raises(InvalidInput, match="game = 3"):
         as_game(3)
-    with pytest.raises(InvalidInput, match=value if name == "opponent" else f"{name} = {value}"):
-        OneSide(Role.PURSUER, **{name: value})
+    for name, value in (("observation", "eyes"), ("opponent", "nobody"), ("actions", "some"), ("render_mode", "me")):
+        with pytest.raises(InvalidInput, match=value if name == "opponent" else f"{name} = {value}"):
+            OneSide(Role.PURSUER, **{name: value})
 
 
 @pytest.mark.parametrize("kind", ["discrete", "continuous"])
@@ -110,10 +117,7 @@ def test_a_forked_process_is_refused_with_the_remedy(monkeypatch):
             begin()
 
 
-AGENTS = {"pursuer_0": Role.PURSUER, "evader_0": Role.EVADER}
-PAPER = make_game("paper")
-SHORT = Game(arena=PAPER.arena, max_steps=3)
-STAY = dict.fromkeys(AGENTS, 4)
+SHORT = replace(make_game("paper"), max_steps=3)
 
 
 @pytest.fixture(scope="module")
@@ -123,40 +127,33 @@ def env():
 
 @pytest.fixture(scope="module")
 def team():
-    return apollonius.parallel_env("team-3v2", render_mode="rgb_array")
+    return apollonius.parallel_env("team-3v2", observation="paper", render_mode="rgb_array")
 
 
-@pytest.mark.parametrize("players", ["env", "team"])
-def test_pettingzoos_tests_have_no_complaint(players, request):
+def test_pettingzoos_tests_have_no_complaint(env, team):
     """Warnings are errors here. A copy has the compilation of what it is a copy of."""
-    env = request.getfixturevalue(players)
-    parallel_api_test(env, num_cycles=25)
-    parallel_seed_test(lambda: copy.deepcopy(env), num_cycles=10)
-    api_test(parallel_to_aec(copy.deepcopy(env)), num_cycles=25)
-    seed_test(lambda: parallel_to_aec(copy.deepcopy(env)), num_cycles=10)
+    for one in (env, team):
+        parallel_api_test(one, num_cycles=25)
+        parallel_seed_test(partial(copy.deepcopy, one), num_cycles=10)
+        api_test(parallel_to_aec(copy.deepcopy(one)), num_cycles=25)
+        seed_test(lambda one=one: parallel_to_aec(copy.deepcopy(one)), num_cycles=10)
 
 
-def test_parts_of_the_largest_controls_move_the_robot_by_these_parts():
-    env = apollonius.parallel_env(actions="continuous", observation="paper")
-    env.reset(seed=0)
-    for _ in range(4):
-        seen, *_ = env.step({"pursuer_0": np.float32([0.5, 0.0]), "evader_0": np.float32([0.25, 1.0])})
-    speeds = [seen[agent][2] for agent in AGENTS]
-    assert speeds == pytest.approx([2 * 4 * 0.1 * part * 0.3 / 1.2 - 1 for part in (0.5, 0.25)], abs=1e-5)
-
-
-def test_the_time_limit_truncates_and_does_not_terminate():
-    env = apollonius.parallel_env(SHORT, observation="paper")
+def test_the_time_limit_truncates_and_parts_of_the_largest_controls_move_a_robot_by_these_parts():
+    env = apollonius.parallel_env(SHORT, observation="paper", actions="continuous")
+    actions = {"pursuer_0": np.float32([0.5, 0.0]), "evader_0": np.float32([0.25, 1.0])}
     with pytest.raises(gymnasium.error.ResetNeeded):
-        env.step(STAY)
+        env.step(actions)
     env.reset(seed=0)
     for left in (2, 1, 0):
-        _, _, terminations, truncations, infos = env.step(STAY)
+        seen, _, terminations, truncations, infos = env.step(actions)
         assert set(terminations.values()) == {False}
         assert set(truncations.values()) == {left == 0}
     assert infos["pursuer_0"]["outcome"] == "no_result"
+    speeds = [seen[agent][2] for agent in actions]
+    assert speeds == pytest.approx([2 * 3 * 0.1 * part * 0.3 / 1.2 - 1 for part in (0.5, 0.25)], abs=1e-5)
     with pytest.raises(gymnasium.error.ResetNeeded):
-        env.step(STAY)
+        env.step(actions)
 
 
 def test_bad_input_is_refused(env):
@@ -194,15 +191,6 @@ def test_agents_leave_when_they_are_out_and_the_game_goes_on(team):
     assert (env.render() != first).any()
 
 
-MAKE = {
-    "both sides": lambda: apollonius.parallel_env(render_mode="rgb_array"),
-    "one side, shielded opponent, continuous": lambda: OneSide(
-        Role.EVADER, opponent="shielded:random", game="territory", actions="continuous"
-    ),
-    "many games": lambda: ManyGames(Role.PURSUER, 16, autoreset_mode="NextStep"),
-}
-
-
 def follow(env, first_turn, turns):
     """What an environment tells for some turns of random actions, begun anew after an end."""
     told = []
@@ -220,9 +208,20 @@ def follow(env, first_turn, turns):
     return told, env.render() if env.render_mode else None
 
 
-@pytest.mark.parametrize("name", [pytest.param(one, marks=pytest.mark.slow) if "," in one else one for one in MAKE])
-def test_a_copy_goes_on_alike(name):
-    env = MAKE[name]()
+SHIELDED = partial(OneSide, Role.EVADER, opponent="shielded:random", game="territory", actions="continuous")
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        partial(apollonius.parallel_env, observation="paper", render_mode="rgb_array"),
+        partial(ManyGames, Role.PURSUER, 16, observation="paper", autoreset_mode="NextStep"),
+        pytest.param(SHIELDED, marks=pytest.mark.slow),
+    ],
+    ids=["both sides", "many games", "one side"],
+)
+def test_a_copy_goes_on_alike(make):
+    env = make()
     untouched = pickle.loads(pickle.dumps(env))
     env.reset(seed=7)
     until_here = follow(env, 0, 25)
@@ -230,3 +229,204 @@ def test_a_copy_goes_on_alike(name):
     np.testing.assert_equal(follow(copied, 25, 40), follow(env, 25, 40))
     untouched.reset(seed=7)
     np.testing.assert_equal(follow(untouched, 0, 25), until_here)
+
+
+MODES = [AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP]
+
+
+class OneStart(Starts):
+    """Every game begins with the pursuer in front of a wall, so that whoever draws it, draws the same."""
+
+    def sample(self, key, arena, bodies):
+        places = [RobotState(*(jnp.float32(number) for number in place)) for place in ((0.2, 5, 0, 3.1), (7, 7, 0, 0))]
+        return GameState.of_two(*places, jnp.int32(0))
+
+
+OPTIONS = {"opponent": "still", "observation": "paper"}
+WALL = OPTIONS | {"game": Game(arena=make_game("paper").arena, max_steps=13, starts=OneStart())}
+
+
+def same(ours, theirs):
+    for one, other in zip(ours, theirs, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-5)
+
+
+@pytest.fixture(scope="module")
+def one_by_one():
+    return [OneSide(Role.PURSUER, **WALL) for _ in range(3)]
+
+
+def test_a_robot_with_sensors_sees_late_and_one_with_a_drive_moves_late_in_every_interface():
+    """The evader flees the same way in all, as it sees everything."""
+    late = replace(WALL["game"], drives=Drives(pursuer=Drive(lag=3)))
+    delayed = replace(late, sensors=Sensing(pursuer=Sensors(delay=2)))
+    seen = []
+    for game in (delayed, late):
+        options = WALL | {"opponent": "flee", "game": game}
+        many, one = ManyGames(Role.PURSUER, 2, **options), OneSide(Role.PURSUER, **options)
+        both = [(many.reset(seed=0)[0][1], one.reset(seed=0)[0])]
+        both += [(many.step(np.full(2, 7))[0][1], one.step(7)[0]) for _ in range(10)]
+        np.testing.assert_allclose(*zip(*both, strict=True), atol=1e-5)
+        seen.append(np.array(both)[:, 0])
+    (now, then), still = seen, np.abs(seen[0][:, 2] - seen[0][0, 2]) < 1e-6
+    np.testing.assert_array_equal(still, np.arange(11) < 4)
+    np.testing.assert_allclose(now[:, :4], then[:, :4], atol=1e-5)
+    np.testing.assert_allclose(now[2:, 4:], then[:-2, 4:], atol=1e-5)
+    assert np.abs(now[:, 4:6] - then[:, 4:6]).max() > 0.01
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_every_step_tells_what_gymnasiums_own_vector_tells(mode, one_by_one):
+    ours = ManyGames(Role.PURSUER, 3, autoreset_mode=mode.value, **WALL)
+    theirs = SyncVectorEnv([lambda env=env: env for env in one_by_one], autoreset_mode=mode)
+    assert ours.metadata["autoreset_mode"] == theirs.metadata["autoreset_mode"] == mode
+    same(ours.reset(seed=0)[:1], theirs.reset(seed=0)[:1])
+    rng, terminations, truncations = np.random.default_rng(0), 0, 0
+    for _ in range(120):
+        actions = rng.choice([5, 7, 7, 8], 3)
+        *told, infos = ours.step(actions)
+        *expected, their_infos = theirs.step(actions)
+        same(told, expected)
+        over = told[2] | told[3]
+        terminations, truncations = terminations + told[2].sum(), truncations + told[3].sum()
+        if mode == AutoresetMode.NEXT_STEP:
+            assert (infos["_outcome"] == their_infos["_outcome"]).all()
+            assert names(infos["outcome"]).tolist() == their_infos["outcome"].tolist()
+            continue
+        assert ("final_obs" in infos) == ("final_obs" in their_infos) == over.any()
+        if over.any():
+            assert (infos["_final_obs"] == their_infos["_final_obs"]).all()
+            assert (infos["_final_info"] == their_infos["_final_info"]).all()
+            same(infos["final_obs"][over], their_infos["final_obs"][over])
+            found, wanted = names(infos["final_info"]["outcome"]), their_infos["final_info"]["outcome"]
+            assert found[over].tolist() == wanted[over].tolist()
+    assert terminations > 3
+    assert truncations > 3
+
+
+def names(outcomes):
+    return np.array([Outcome(outcome).name.lower() for outcome in outcomes], object)
+
+
+@pytest.fixture(scope="module")
+def many():
+    return ManyGames(Role.EVADER, GAMES, opponent="still")
+
+
+@pytest.fixture(scope="module")
+def course(many):
+    """What 250 steps of speeding up told, seeded: `(observation before, actions, what the step returned)`."""
+    rng, steps = np.random.default_rng(0), []
+    seen, _ = many.reset(seed=3)
+    for _ in range(250):
+        actions = rng.integers(6, 9, size=GAMES)
+        told = many.step(actions)
+        steps.append((seen, actions, told, np.copy(told[0])))
+        seen = told[0]
+    return steps
+
+
+def test_an_ended_game_begins_again_in_the_same_step_from_a_start_of_its_own(course):
+    starts = []
+    for _, _, (now, _, terminated, truncated, infos), kept in course:
+        assert (now == kept).all(), "what was returned stays as it was"
+        if (over := terminated | truncated).any():
+            assert (infos["final_obs"][~over] == now[~over]).all()
+            assert (infos["final_obs"][over] != now[over]).any(axis=1).all()
+            assert (now[over, 2] == -1).all()  # at rest
+            starts.append(now[over])
+    starts = np.concatenate(starts)
+    assert len(starts) > 3 * GAMES  # more than one pile of them
+    assert len(np.unique(starts, axis=0)) == len(starts)
+
+
+def test_bad_input_to_many_games_is_refused(many):
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        ManyGames(Role.PURSUER, 2).step(np.zeros(2, int))
+    many.reset()
+    with pytest.raises(InvalidInput, match=r"shape of actions = \(3,\) .* \(64,\)"):
+        many.step(np.zeros(3, int))
+    with pytest.raises(InvalidInput, match=r"actions = 0 to 9 .* from 0 to 8"):
+        many.step(np.r_[np.zeros(GAMES - 1, int), 9])
+    with pytest.raises(InvalidInput, match="seed = "):
+        many.reset(seed=[1, 2])
+    with pytest.raises(InvalidInput, match="num_envs = 0"):
+        ManyGames(Role.PURSUER, 0)
+    with pytest.raises(InvalidInput, match=r"NextStep, SameStep|SameStep, NextStep"):
+        ManyGames(Role.PURSUER, autoreset_mode="Disabled")
+    for games in (2**40, True, 2.5, "many", None):
+        with pytest.raises(InvalidInput, match="num_envs"):
+            PARALLEL_GAMES.require("num_envs", games)
+
+
+@pytest.mark.slow
+def test_an_opponent_that_reads_a_chart_is_given_it():
+    """The environment's own observation reads none."""
+    env = ManyGames(Role.PURSUER, 4, opponent="evader", observation="paper")
+    env.reset(seed=0)
+    assert env.observation_space.contains(env.step(np.full(4, 4))[0])
+
+
+TEAM = make_game("team-2v2")
+
+
+def test_every_game_of_teams_goes_as_the_rules_say():
+    """Each robot's reward is its own, the game's is their mean, and evaders answer each for itself."""
+    flee, reads = find_player("flee", Role.EVADER, TEAM).policy, find_observation("paper")
+    make = {"num_envs": 32, "vectorization_mode": "vector_entry_point", "game": TEAM, "opponent": "flee"}
+    env = gymnasium.make_vec("apollonius.envs.gymnasium:apollonius/Pursuit-v0", observation="paper", **make)
+    assert env.single_action_space == gymnasium.spaces.MultiDiscrete([9, 9])
+    own, rng = env.unwrapped, np.random.default_rng(0)
+    seen, _ = env.reset(seed=3)
+    assert env.observation_space.contains(seen)
+
+    @jax.jit
+    @jax.vmap
+    def follow(state, actions):
+        evaders = [act(flee, look(TEAM, state, Role.EVADER, number), jnp.uint32(0)) for number in range(2)]
+        after = TEAM.step(state, list(actions), evaders)
+        return after, [reads(look(TEAM, after.state, Role.PURSUER, number)) for number in range(2)]
+
+    outcomes, lost = set(), set()
+    for _ in range(120):
+        state, actions = own._now.state, rng.integers(5, 9, size=(32, 2))
+        seen, reward, terminated, truncated, infos = env.step(actions)
+        assert env.observation_space.contains(seen)
+        after, should_see = follow(state, actions)
+        rewards = np.stack(after.rewards.pursuer, axis=1)
+        np.testing.assert_allclose(infos["rewards"], rewards, atol=1e-4)
+        np.testing.assert_allclose(reward, rewards.mean(axis=1), atol=1e-4)
+        np.testing.assert_array_equal(infos["status"], np.stack(after.state.status.pursuer, axis=1))
+        np.testing.assert_array_equal(terminated, after.terminated)
+        np.testing.assert_array_equal(truncated, after.truncated)
+        np.testing.assert_allclose(infos.get("final_obs", seen), np.stack(should_see, axis=1), atol=1e-5)
+        if "final_info" in infos:
+            np.testing.assert_array_equal(infos["final_info"]["outcome"], after.outcome)
+        outcomes |= set(np.asarray(after.outcome).tolist())
+        lost |= set(infos["status"].ravel().tolist())
+    assert {Outcome.ONGOING, Outcome.PURSUER_OUT_OF_RANGE, Outcome.EVADER_OUT_OF_RANGE} <= outcomes
+    assert {RobotStatus.HIT_OBSTACLE, RobotStatus.OUT_OF_RANGE} <= lost
+
+
+def test_a_team_with_continuous_actions_drives_each_robot_by_its_own():
+    env = ManyGames(Role.PURSUER, 2, game="team-2v1", actions="continuous", **OPTIONS)
+    env.reset(seed=0)
+    seen, *_ = env.step(np.float32([[[1, 0], [0.5, 0]], [[0, 0], [0.25, 0]]]))
+    np.testing.assert_allclose((seen[..., 2] + 1) * 0.6, [[0.03, 0.015], [0, 0.0075]], atol=1e-6)
+    with pytest.raises(InvalidInput, match=r"shape of actions"):
+        env.step(np.zeros((2, 2), np.float32))
+
+
+def test_one_evader_acts_against_a_team_without_an_axis_of_robots():
+    env = ManyGames(Role.EVADER, 8, "pure-pursuit", "team-2v1", "paper", autoreset_mode="NextStep")
+    assert env.reset(seed=2)[0].ndim == 2
+    ended, caught = np.zeros(8, bool), 0
+    for _ in range(100):
+        _, rewards, terminated, truncated, infos = env.step(np.full(8, 4))
+        assert rewards.shape == (8,)
+        assert infos["rewards"].shape == (8, 1)
+        assert (infos["rewards"][ended] == 0).all(), "the step that begins a game again"
+        assert (infos["status"][ended] == RobotStatus.ACTIVE).all()
+        caught += int((infos["status"] == RobotStatus.CAPTURED).sum())
+        ended = terminated | truncated
+    assert caught > 0

@@ -1,25 +1,44 @@
-"""A match: counts, rates and pairing."""
+"""Matches: counts, rates and pairing; everyone meets everyone; ratings find known strengths; numbers are varied."""
 
 import json
 from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
+from scipy.special import expit
 
 from apollonius.agents.classical import Still, Uniform
-from apollonius.cli.terminal import match_table
+from apollonius.agents.shield import BRAKING
+from apollonius.catalogue import find_player
+from apollonius.cli.main import main
+from apollonius.cli.terminal import match_table, tournament_table, varied_table
 from apollonius.evaluate import match
-from apollonius.evaluate.match import Match, count, play_games, play_match, record_game
+from apollonius.evaluate.match import Match, MatchResult, count, play_games, play_match, play_matches, record_game
 from apollonius.evaluate.result import count_robots, read_result
 from apollonius.evaluate.statistics import wilson_interval
+from apollonius.evaluate.tournament import MEAN, SCALE, play_tournament, rate
+from apollonius.evaluate.vary import Variation, alike, numbers_of, play_varied, varied_matches, with_numbers
+from apollonius.game import game as starts
+from apollonius.game.arena import Arena
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game
+from apollonius.game.outcome import counts_by_name
+from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.sensing import Sensing, Sensors
-from apollonius.game.types import BySide, Outcome, RobotState
+from apollonius.game.teams import Teams
+from apollonius.game.types import BySide, Outcome, RobotState, Role
 from apollonius.io.errors import InvalidInput
+from apollonius.io.workers import WORKERS
 from apollonius.play import playout
 from apollonius.play.playout import Results
+from apollonius.show import matches as pictures
 from tests.acting import a_match, identical
 
 GAMES = 200
@@ -94,18 +113,6 @@ def test_matches_that_cannot_be_played_are_refused(games, seed, named):
         a_match(PAPER, Still(), Still(), games, seed)
 
 
-UNLIKE = """
-max_steps = 400
-evaders = 2
-[[pursuers]]
-v_max = 1.6
-u1_max = 0.3
-[[pursuers]]
-v_max = 0.8
-radius = 0.25
-"""
-
-
 def test_robots_are_counted_by_their_status():
     counts = count_robots(BySide((jnp.array([0, 2, 3]), jnp.array([0, 0, 2])), (jnp.array([1, 1, 4]),)))
     assert counts == {
@@ -115,11 +122,11 @@ def test_robots_are_counted_by_their_status():
 
 
 @pytest.mark.slow
-def test_shields_hold_back_robots_of_unlike_limits_each_by_its_own(tmp_path):
+def test_shields_hold_back_robots_of_unlike_limits_each_by_its_own():
     """At random robots crash, as the evaders do, who have no shield."""
-    path = tmp_path / "unlike.toml"
-    path.write_text(UNLIKE)
-    result = play_match(Match.of_names(str(path), "shielded:random", "random", games=40))
+    teams = Teams((Unicycle(v_max=0.8, radius=0.25),), (Unicycle(),))
+    game = replace(make_game("paper"), max_steps=400, pursuer=Unicycle(v_max=1.6, u1_max=0.3), teams=teams)
+    result = play_match(Match.of_names(game, "shielded:random", "random", games=40))
     assert result.to_dict()["robots"]["pursuers"] == {"active": 80, "captured": 0, "hit_obstacle": 0, "out_of_range": 0}
     assert result.robots["evaders"]["hit_obstacle"] + result.robots["evaders"]["out_of_range"] > 20
 
@@ -150,3 +157,213 @@ def test_a_match_says_how_well_a_side_saw():
     blind = replace(game, sensors=Sensing(pursuer=Sensors(range=0.0)))
     sight = play_match(replace(played, game=blind)).sight["pursuer"]
     assert (sight.games, sight.first_steps, sight.share) == (0, None, 0.0)
+
+
+@pytest.fixture
+def played(monkeypatch):
+    """The matches from here on, in a list; each pursuer wins more than the one before it, against every evader."""
+    matches = []
+
+    def play(match, report):
+        wins = 5 + 20 * ["random", "pure-pursuit"].index(match.players.pursuer.name) + len(match.players.evader.name)
+        report(match.games, match.games)
+        matches.append(match)
+        return MatchResult(counts_by_name([0, wins, 0, 0, 40 - wins, 0, 0, 0, 0]), 9.0, 4.0)
+
+    monkeypatch.setattr("apollonius.evaluate.tournament.play_matches", partial(play_matches, play=play))
+    return matches
+
+
+@pytest.fixture
+def players():
+    pursuers = [find_player(name, Role.PURSUER, PAPER) for name in ("random", "pure-pursuit")]
+    return pursuers, [find_player(name, Role.EVADER, PAPER) for name in ("still", "flee")]
+
+
+@pytest.fixture
+def tournament(players, played):
+    return play_tournament(PAPER, BySide(*players), games=40, seed=3)
+
+
+def test_every_cell_is_the_match_of_its_two_players_on_the_same_starts(players, played):
+    reported = []
+    some = BySide(players[0], players[1][:1])
+    found = play_tournament(PAPER, some, 40, 3, lambda *numbers: reported.append(numbers))
+    pairs = [BySide(pursuer, players[1][0]) for pursuer in players[0]]
+    assert played == [Match(PAPER, pair, 40, 3) for pair in pairs]
+    assert found.win_rates.tolist() == [[10 / 40], [30 / 40]]
+    assert reported == [(40, 80), (80, 80)]
+
+
+def test_the_table_has_a_row_for_each_pursuer_and_the_means(tournament):
+    lines, rates = tournament_table(tournament, "rest").splitlines(), tournament.win_rates
+    cells = [line.split() for line in lines]
+    assert cells[0] == ["pursuer", "\\", "evader", "still", "flee", "mean"]
+    assert cells[2] == ["pure-pursuit", *[f"{rate:.1%}" for rate in (*rates[1], rates[1].mean())]]
+    assert cells[3] == ["mean", *[f"{rate:.1%}" for rate in (*rates.mean(axis=0), rates.mean())]]
+    intervals = [match.pursuer_win_interval for row in tournament.matches for match in row]
+    assert f"within {50 * max(high - low for low, high in intervals):.1f} points" in lines[4]
+    assert lines[6].startswith(f"  pursuers pure-pursuit {tournament.ratings.pursuer.points[1]:.0f} ± ")
+
+
+def test_as_data_it_is_json_with_every_count(tournament):
+    data = json.loads(json.dumps(tournament.to_dict()))
+    assert [(match["pursuer"], match["evader"]) for match in data["matches"]][2] == ("pure-pursuit", "still")
+    assert all(sum(match["outcomes"].values()) == 40 for match in data["matches"])
+    elo = data["ratings"]["pursuers"]
+    assert elo["pure-pursuit"]["low"] > elo["random"]["elo"]
+    assert elo["random"]["low"] < elo["random"]["elo"] < elo["random"]["high"]
+
+
+def test_a_side_without_players_or_with_one_twice_is_refused(players):
+    pursuers, evaders = players
+    with pytest.raises(InvalidInput, match="evaders = none"):
+        play_tournament(PAPER, BySide(pursuers, []), games=1, seed=0)
+    with pytest.raises(InvalidInput, match=r"pursuers = random, random .* each once"):
+        play_tournament(PAPER, BySide(pursuers[:1] * 2, evaders), games=1, seed=0)
+
+
+def test_matches_as_jobs_come_to_the_same_and_are_drawn(tmp_path, monkeypatch, capsys):
+    """Here one after the other in this process; as JSON but for players' names nothing differs."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(WORKERS, "processes", lambda jobs, logs: ((job, job.run()) for job in jobs))
+    arguments = ["tournament", "--pursuers", "random", "pure-pursuit", "--evaders", "still", "--games", "3"]
+    assert main([*arguments, "--json"]) == main([*arguments, "--json", "--on", "processes"]) == 0
+    alone, as_jobs = (json.loads(line) for line in capsys.readouterr().out.splitlines())
+    assert as_jobs == alone
+    assert not list(tmp_path.iterdir())
+    assert main([*arguments, "--plot", "new/all.png"]) == 0
+    assert Path("new/all.png").read_bytes().startswith(b"\x89PNG")
+    table, said = capsys.readouterr()
+    assert table.startswith("pursuer \\ evader ")
+    wrote, then = said.splitlines()[-2:]
+    assert wrote.startswith("wrote new/all.png (")
+    assert then == "next: apollonius show pure-pursuit still --out best.gif"
+
+
+def test_one_match_is_rated_by_its_odds():
+    """With half a win added to either side: 75.5 of 101 games."""
+    pursuer, evader = rate(np.array([[75.0]]), 100)
+    assert pursuer.points[0] - evader.points[0] == pytest.approx(SCALE * np.log(75.5 / 25.5), abs=1e-3)
+    assert pursuer.points[0] + evader.points[0] == pytest.approx(2 * MEAN)
+    # Wald's interval of the log-odds; either player has half of the difference.
+    assert 2 * pursuer.reach[0] == pytest.approx(1.96 * SCALE * np.sqrt(1 / 75.5 + 1 / 25.5), rel=1e-3)
+
+
+def test_known_strengths_are_found_and_intervals_cover_them():
+    rng = np.random.default_rng(0)
+    pursuers, evaders = rng.normal(size=6), rng.normal(size=5)
+    mean = np.concatenate([pursuers, evaders]).mean()
+    chance = expit(pursuers[:, None] - evaders[None, :])
+    covered = []
+    for _ in range(40):
+        ratings = rate(rng.binomial(200, chance).astype(float), 200)
+        for found, true in zip(ratings, (pursuers, evaders), strict=True):
+            covered.extend(np.abs(found.points - MEAN - SCALE * (true - mean)) < found.reach)
+    assert 0.92 < np.mean(covered) < 0.98
+
+
+NAMES = BySide("pure-pursuit", "still")
+SPEEDS = Variation("pursuer.v_max", (0.2, 1.2, 2.4))
+RADII = Variation("arena.discs.0.radius", (0.5, 0.7))
+
+
+@pytest.fixture(scope="module")
+def found():
+    told, matches = [], varied_matches(PAPER, NAMES, (SPEEDS, RADII), 60, 3)
+    made = play_varied(matches, (SPEEDS, RADII), lambda *numbers: told.append(numbers))
+    assert told == sorted(told)
+    assert told[-1] == (360, 360)
+    return made
+
+
+def test_each_is_the_match_of_evaluate_and_a_faster_pursuer_wins_more(found):
+    assert found.results[2] == play_match(Match.of_names(PAPER, *NAMES, 60, 3))
+    slower = replace(PAPER, pursuer=replace(PAPER.pursuer, v_max=0.2))
+    assert found.results[0] == play_match(Match.of_names(slower, *NAMES, 60, 3))
+    assert found.win_rates.shape == (3, 2)
+    assert found.win_rates[0, 0] < found.win_rates[2, 0]
+
+
+def test_as_text_and_as_data_each_result_is_beside_its_values(found):
+    heading, _, header, *rows = varied_table(found).splitlines()
+    assert "60 games, starts: rest" in heading
+    assert header.split() == ["pursuer.v_max", "\\", "arena.discs.0.radius", "0.5", "0.7"]
+    low, high = found.results[2].pursuer_win_interval
+    shown = f"{100 * found.results[2].pursuer_win_rate:.1f} [{100 * low:.0f}, {100 * high:.0f}]"
+    assert rows[1].split(maxsplit=1)[0] == "1.2"
+    assert rows[1].split(maxsplit=1)[1].startswith(shown)
+    data = json.loads(json.dumps(found.to_dict()))["matches"]
+    assert [one["pursuer.v_max"] for one in data] == [speed for speed in SPEEDS.values for _ in RADII.values]
+    assert [one["outcomes"] for one in data] == [one.outcomes for one in found.results]
+
+
+def test_a_map_has_every_rate_and_a_curve_too(found, tmp_path, monkeypatch):
+    drawn: list[Figure] = []
+    save = Figure.savefig
+    monkeypatch.setattr(Figure, "savefig", lambda self, *given, **kw: (drawn.append(self), save(self, *given, **kw)))
+    pictures.draw_varied(found, tmp_path / "map.png")
+    one = replace(found, variations=(SPEEDS,), results=found.results[::2])
+    pictures.draw_varied(one, tmp_path / "curve.png")
+    heat, curve = (figure.axes[0] for figure in drawn)
+    assert heat.collections[0].get_array().tolist() == (100 * found.win_rates.T).tolist()
+    assert (heat.collections[0].get_clim(), heat.collections[1].levels.tolist()) == ((0, 100), [50])
+    assert curve.lines[0].get_ydata().tolist() == pytest.approx(100 * found.win_rates[:, 0])
+    assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_one_compilation_serves_all_values():
+    game = replace(PAPER, max_steps=20)
+
+    def play(*variations):
+        play_varied(varied_matches(game, NAMES, variations, 5), variations)
+
+    play(Variation("pursuer.v_max", (1.8,)))
+    compiled = playout._advance._cache_size(), starts._draw_block._cache_size()
+    play(SPEEDS, RADII)
+    play(Variation("max_steps", (10.0, 20.0)))
+    assert (playout._advance._cache_size(), starts._draw_block._cache_size()) == compiled
+
+
+def test_only_the_named_numbers_change():
+    other = with_numbers(PAPER, {"evader.u2_max": 0.4, "max_steps": 70.0})
+    assert other == replace(PAPER, evader=replace(PAPER.evader, u2_max=0.4), max_steps=70)
+    assert numbers_of(other) == numbers_of(PAPER) | {"evader.u2_max": 0.4, "max_steps": 70}
+
+
+@pytest.mark.parametrize(
+    ("numbers", "named"),
+    [
+        ({"pursuer.vmax": 1.0}, r"no number 'pursuer\.vmax': did you mean 'pursuer\.v_max'\?"),
+        ({"pursuer.v_max": float("nan")}, r"pursuer\.v_max = nan"),
+        ({"pursuer.u2_max": 24.0}, r"with pursuer\.u2_max = 24: pursuer\.u2_max = 24"),
+        ({"max_steps": 10.5}, r"max_steps = 10\.5"),
+        ({"capture_distance": 2.0}, r"with capture_distance = 2: starts\.separation"),
+    ],
+)
+def test_numbers_that_cannot_be_are_refused(numbers, named):
+    with pytest.raises(InvalidInput, match=named):
+        with_numbers(PAPER, numbers)
+
+
+CORNERS = ((0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.0, 0.5))
+SQUARES = [Polygon(tuple((x + i, y + j) for i, j in CORNERS)) for x, y in ((3.0, 3.0), (6.0, 3.0), (3.0, 6.0))]
+AMONG_SQUARES = Game(arena=Arena(polygons=tuple(SQUARES)))
+
+
+def test_shields_get_one_structure_and_leave_as_much_room_as_before():
+    games = [replace(AMONG_SQUARES, pursuer=Unicycle(v_max=v_max)) for v_max in (0.6, 1.8)]
+    before: list[Any] = [find_player("shielded:random", Role.PURSUER, game).policy for game in games]
+    after: list[Any] = alike(before)
+    shapes = [jax.tree.map(jnp.shape, policy) for policy in after]
+    assert jax.tree.structure(after[0]) == jax.tree.structure(after[1])
+    assert shapes[0] == shapes[1] != jax.tree.map(jnp.shape, before[0])
+    x, y, heading = np.random.default_rng(0).uniform((1, 1, -3), (9, 9, 3), (200, 3)).astype(np.float32).T
+    robots = RobotState(x, y, np.full(200, 0.6, np.float32), heading)
+    clearances = jax.jit(
+        jax.vmap(lambda backup, robot: backup._clearances(robot, backup._near(robot)), in_axes=(None, 0))
+    )
+    for old, new in zip(before, after, strict=True):
+        found = np.asarray(clearances(old.backup, robots))
+        assert found.shape == (200, len(BRAKING))
+        np.testing.assert_allclose(clearances(new.backup, robots), found, atol=1e-5)

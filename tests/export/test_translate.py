@@ -27,32 +27,18 @@ def anything_goes():
 def real(x, y):
     """Operations on real numbers, `[4]` each; `y` is positive."""
     z = x * y - x / y + (x - y)
+    i32, u16, even = jnp.int32, jnp.uint16, lax.RoundingMethod.TO_NEAREST_EVEN
     return {
         "power": [x**2, x**3, x**-3, x**7, jnp.power(y, x), jnp.sqrt(y), lax.rsqrt(y), lax.cbrt(x), lax.square(x)],
         "exp": [jnp.exp(x), jnp.exp2(x), jnp.expm1(x), jnp.log(y), jnp.log1p(y), lax.logistic(x)],
         "angles": [jnp.sin(x), jnp.cos(x), jnp.tan(x), jnp.arctan(x), jnp.arctan2(x, y), jnp.tanh(x)],
         "more": [jnp.arcsin(x / 9), jnp.arccos(x / 9), jnp.sinh(x), jnp.cosh(x)],
-        "whole": [
-            jnp.floor(x),
-            jnp.ceil(x),
-            lax.round(x, lax.RoundingMethod.TO_NEAREST_EVEN),
-            lax.round(x),
-            lax.sign(x),
-        ],
+        "whole": [jnp.floor(x), jnp.ceil(x), lax.round(x, even), lax.round(x), lax.sign(x)],
         "order": [jnp.maximum(x, y), jnp.minimum(x, jnp.nan), abs(x), -x, lax.rem(x, y), jnp.clip(x, -1.0, 1.0)],
         "truth": [x < y, x <= y, x > y, x >= y, x == x, x != y, jnp.isfinite(x / 0), ~(x < 0), (x < 0) ^ (y > 1)],
-        "kinds": [
-            (100 * x).astype(jnp.int32),
-            x.astype(bool),
-            (x * 1e12).astype(jnp.int32),
-            (9 * y).astype(jnp.uint16),
-        ],
+        "kinds": [(100 * x).astype(i32), x.astype(bool), (x * 1e12).astype(i32), (9 * y).astype(u16)],
         "bits": [lax.bitcast_convert_type(x, jnp.uint32), lax.bitcast_convert_type(z.view(jnp.int32), jnp.float32)],
-        "chosen": [
-            jnp.where(x < 0, x, y),
-            lax.select_n((y > 1).astype(jnp.int32) + (x > 0), x, y, z),
-            jnp.where(True, x, y),
-        ],
+        "chosen": [jnp.where(x < 0, x, y), lax.select_n((y > 1).astype(i32) + (x > 0), x, y, z), jnp.where(True, x, y)],
     }
 
 
@@ -68,26 +54,18 @@ def whole(i, n):
 
 def arrays(a, k):
     """Arrays `[3, 4]` seen otherwise, joined, folded and multiplied; `k` is an index that may be out of bounds."""
-    row, tall = a[1], a.T.reshape(2, 6)
+    row, tall, places = a[1], a.T.reshape(2, 6), (jnp.array([2, 0]), jnp.array([1, 3]))
     return {
         "views": [a.T, a[::2, 1:3], a[::-1], a.reshape(4, 3), a[None], jnp.broadcast_to(row, (2, 4)), a[:, :1] + a[:1]],
-        "joined": [
-            jnp.concatenate([a, -a], 1),
-            jnp.stack([row, 2 * row], 1),
-            jnp.pad(a, ((1, 0), (0, 2)), constant_values=7),
-        ],
+        "joined": [jnp.concatenate([a, -a], 1), jnp.stack([row, 2 * row], 1)],
+        "padded": jnp.pad(a, ((1, 0), (0, 2)), constant_values=7),
         "folded": [a.sum(), a.sum(0), a.max(1), a.min((0, 1)), a.prod(0), (a > 0).any(), (a > 0).all(1)],
         "where": [jnp.argmax(a, 1), jnp.argmin(a[0]), jnp.argmax(a > 99)],
         "running": [jnp.cumsum(a, 1), jnp.cumprod(a, 0), lax.cummax(a, 1), lax.cummin(a, 0, reverse=True)],
         "products": [a @ row, row @ a.T, a @ a.T, jnp.einsum("ij,ik->ijk", a, tall.reshape(3, 4)), row @ row],
         "batch": [jnp.einsum("bij,bjk->bik", jnp.stack([a, -a]), jnp.stack([a.T, a.T + 1]))],
         "nulls": [jnp.maximum(row, 0) @ jnp.tile(a.T, (1, 5))],
-        "indexed": [
-            a[k],
-            a.at[k].get(mode="fill"),
-            a.at[:, k].get(mode="clip"),
-            a[jnp.array([2, 0]), jnp.array([1, 3])],
-        ],
+        "indexed": [a[k], a.at[k].get(mode="fill"), a.at[:, k].get(mode="clip"), a[places]],
         "whole": [jnp.arange(3).at[k].get(mode="fill"), jnp.arange(3, dtype=jnp.uint8).at[k].get(mode="fill")],
         "written": [
             a.at[k].set(7.0),

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from apollonius.catalogue import find_player
 from apollonius.evaluate.match import Match, play_games, record_game
 from apollonius.game.presets import make_game
-from apollonius.game.types import BySide, Outcome, Role
+from apollonius.game.types import Outcome
 from apollonius.play.replay import save_replay
 
 FOLDER = Path(__file__).parent
@@ -31,8 +30,7 @@ GAMES = 2000
 def record(name, starts, pursuer_name, evader_name, max_steps):
     game = make_game(name)
     game = replace(game, starts=replace(game.starts, speed=starts), max_steps=max_steps)
-    pursuer, evader = find_player(pursuer_name, Role.PURSUER, game), find_player(evader_name, Role.EVADER, game)
-    match = Match(game, BySide(pursuer, evader), GAMES)
+    match = Match.of_names(game, pursuer_name, evader_name, GAMES)
     ended = np.asarray(play_games(match).outcome)
     for outcome in Outcome:
         path = FOLDER / f"{name}-{outcome.name.lower()}.json"
