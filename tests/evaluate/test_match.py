@@ -4,7 +4,6 @@ import json
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -353,17 +352,19 @@ AMONG_SQUARES = Game(arena=Arena(polygons=tuple(SQUARES)))
 
 def test_shields_get_one_structure_and_leave_as_much_room_as_before():
     games = [replace(AMONG_SQUARES, pursuer=Unicycle(v_max=v_max)) for v_max in (0.6, 1.8)]
-    before: list[Any] = [find_player("shielded:random", Role.PURSUER, game).policy for game in games]
-    after: list[Any] = alike(before)
+    before = [find_player("shielded:random", Role.PURSUER, game).policy for game in games]
+    after = alike(before)
     shapes = [jax.tree.map(jnp.shape, policy) for policy in after]
     assert jax.tree.structure(after[0]) == jax.tree.structure(after[1])
     assert shapes[0] == shapes[1] != jax.tree.map(jnp.shape, before[0])
-    x, y, heading = np.random.default_rng(0).uniform((1, 1, -3), (9, 9, 3), (200, 3)).astype(np.float32).T
-    robots = RobotState(x, y, np.full(200, 0.6, np.float32), heading)
-    clearances = jax.jit(
-        jax.vmap(lambda backup, robot: backup._clearances(robot, backup._near(robot)), in_axes=(None, 0))
-    )
+    places = np.random.default_rng(0).uniform((1, 1, -3), (9, 9, 3), (200, 3)).astype(np.float32).T
+
+    def clearances(backup, x, y, heading):
+        robot = RobotState(x, y, jnp.float32(0.6), heading)
+        return backup._clearances(robot, backup._near(robot))
+
+    measured = jax.jit(jax.vmap(clearances, in_axes=(None, 0, 0, 0)))
     for old, new in zip(before, after, strict=True):
-        found = np.asarray(clearances(old.backup, robots))
+        found = np.asarray(measured(old.backup, *places))
         assert found.shape == (200, len(BRAKING))
-        np.testing.assert_allclose(clearances(new.backup, robots), found, atol=1e-5)
+        np.testing.assert_allclose(measured(new.backup, *places), found, atol=1e-5)

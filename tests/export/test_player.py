@@ -49,10 +49,9 @@ ALL += [
 DRAWN = 200
 
 
-def exportable(game, name, side=None):
-    game = find_game(game) if isinstance(game, str) else game
-    either = name.removeprefix("shielded:") == "random"
-    return find_exportable(name, side_of(name, side or ("evader" if either else None)), game)
+def exportable(game, name):
+    side = "evader" if name.removeprefix("shielded:") == "random" else None
+    return find_exportable(name, side_of(name, side), find_game(game) if isinstance(game, str) else game)
 
 
 def games_of(name):

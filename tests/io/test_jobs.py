@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-from dataclasses import replace
 from unittest.mock import MagicMock
 
 import pytest
@@ -66,7 +65,7 @@ def one_core(monkeypatch):
 
 @pytest.mark.usefixtures("one_core")
 def test_every_job_has_a_process_of_its_own_and_one_that_fails_is_named_at_the_end(tmp_path):
-    told, failing = [], replace(jobs_of(refuse, tmp_path)[2], name="bad job")
+    told, failing = [], Job("bad job", refuse, (tmp_path / "bad job",))
     with pytest.raises(InvalidInput, match=r"1 of 2 failed \(bad job\)"):
         run_jobs([failing, *jobs_of(write_down, tmp_path, 1)], told.append)
     assert told == ["failed: bad job (this cannot be)", "done: job 0"]
@@ -79,10 +78,9 @@ def test_every_job_has_a_process_of_its_own_and_one_that_fails_is_named_at_the_e
 @pytest.mark.usefixtures("one_core")
 @pytest.mark.parametrize("work", [stop, interrupt_all, be_ended_by_ctrl_c])
 def test_after_a_job_that_was_stopped_none_begins(tmp_path, work):
-    told = []
-    stopped = [replace(job, name="first") for job in jobs_of(work, tmp_path, 1)]
+    told, first = [], Job("first", work, (tmp_path / "first",))
     with pytest.raises(KeyboardInterrupt):
-        run_jobs([*stopped, *jobs_of(write_down, tmp_path)], told.append)
+        run_jobs([first, *jobs_of(write_down, tmp_path)], told.append)
     assert not list(tmp_path.iterdir())
     assert told == ["stopped: first"]
 
@@ -161,12 +159,10 @@ COMMAND = "import sys; from apollonius.__main__ import main; print('begun', flus
 """A program hears from its first tenth of a second on, which a busy machine makes longer: so it has begun then."""
 
 
-def interrupted(code, *arguments, after=0.0, folder=None):
+def interrupted(code, *arguments, after):
     """Status, output and errors of a program that gets a Ctrl-C some seconds after its first line of output."""
-    with subprocess.Popen(
-        [sys.executable, "-c", code, *map(str, arguments)],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder,
-    ) as process:  # fmt: skip
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen([sys.executable, "-c", code, *arguments], **pipes) as process:
         try:
             assert process.stdout.readline() == "begun\n"
             with pytest.raises(subprocess.TimeoutExpired):
@@ -213,10 +209,9 @@ def test_a_program_that_cannot_hear_is_ended_and_says_how_to_go_on():
     deaf = """
 import hashlib
 from apollonius.io import interrupts
-from apollonius.io.interrupts import go_on, listen
 interrupts.PATIENCE = 0.3
-listen()
-go_on("go on with: patience")
+interrupts.listen()
+interrupts.go_on("go on with: patience")
 print("begun", flush=True)
 hashlib.pbkdf2_hmac("sha256", b"", b"", 10**9)
 """

@@ -7,6 +7,7 @@ import math
 import os
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import ClassVar
@@ -89,14 +90,11 @@ def answer(*controls):
     return lambda pilot: setattr(pilot.player, "decide", lambda states, active, bits: ([4], controls))
 
 
-def own(**changes):
-    return lambda pilot: vars(pilot.robots[0]).update(changes)
+def robot(place, **changes):
+    return lambda pilot: vars(pilot.robots[place]).update(changes)
 
 
-def other(**changes):
-    return lambda pilot: vars(pilot.robots[1]).update(changes)
-
-
+own, other = partial(robot, 0), partial(robot, 1)
 TROUBLES = {
     "own never seen": own(state=None),
     "opponent never seen": other(state=None),
@@ -155,9 +153,9 @@ def test_a_game_begins_where_the_referee_says_so_and_ends_with_its_time(pilot):
 
 
 def test_a_mate_or_opponent_out_of_play_need_not_be_seen(pilot):
-    robot = type(pilot.robots[0])
+    kind = type(pilot.robots[0])
     pilot.player.facts |= {"mates": 1, "opponents": 2}
-    mate, gone = robot("mate", OWN, 10.0), robot("gone", None, in_play=False)
+    mate, gone = kind("mate", OWN, 10.0), kind("gone", None, in_play=False)
     pilot.robots = [pilot.robots[0], mate, pilot.robots[1], gone]
     assert pilot.command(10.0).trouble == ""
     assert pilot.player.asked == [([OWN, OWN, OPPONENT, (0.0,) * 4], [True, True, True, False])]
@@ -230,11 +228,6 @@ class Node:
         return {name: SimpleNamespace(value=value) for name, value in self.given.items()}
 
 
-def message(**values):
-    """A message of ROS with these fields, and any other that is asked for."""
-    return MagicMock(**values)
-
-
 def parameters(name):
     """The parameters that ROS gives to the node of a name: those of all and its own."""
     sections = yaml.safe_load((PACKAGE / "config" / "params.yaml").read_text())
@@ -245,12 +238,12 @@ def parameters(name):
 def made_node(monkeypatch):
     """Make the package's node with parameters."""
     kinds = {
-        one: type(one, (), {"__new__": lambda cls, **values: message(**values), "WARN": b"\1", "OK": b"\0"})
+        one: type(one, (), {"__new__": lambda cls, **values: MagicMock(**values), "WARN": b"\1", "OK": b"\0"})
         for one in ("Twist", "TwistStamped", "String", "Bool", "Odometry", "DiagnosticArray", "DiagnosticStatus")
     }
     packages = ["diagnostic_msgs", "geometry_msgs", "nav_msgs", "std_msgs"]
     modules = dict.fromkeys(["rclpy", "rclpy.qos", "rclpy.signals", "rclpy.serialization", *packages], MagicMock())
-    modules |= {f"{name}.msg": SimpleNamespace(**kinds, KeyValue=message) for name in packages}
+    modules |= {f"{name}.msg": SimpleNamespace(**kinds, KeyValue=MagicMock) for name in packages}
     for name, module in (modules | {"rclpy.node": SimpleNamespace(Node=Node)}).items():
         monkeypatch.setitem(sys.modules, name, module)
     module = importlib.import_module("apollonius_ros.node")
@@ -273,7 +266,7 @@ def odometry(x, y, v, heading, stamp, frame="map"):
         "pose.pose.orientation.w": math.cos(heading / 2), "pose.pose.orientation.x": 0.0,
         "pose.pose.orientation.y": 0.0, "pose.pose.orientation.z": math.sin(heading / 2),
     }  # fmt: skip
-    return message(**fields)
+    return MagicMock(**fields)
 
 
 def listeners(node):
