@@ -35,10 +35,8 @@ hypothesis.settings.register_profile("apollonius", deadline=None, derandomize=Tr
 hypothesis.settings.load_profile("apollonius")
 
 
-@pytest.fixture(scope="session")
-def held_memory():
-    """What this process held when it last forgot its compilations."""
-    return {"bytes": resident()}
+HELD = {"bytes": 0}
+"""What this process held when it last forgot its compilations."""
 
 
 def resident() -> int:
@@ -56,17 +54,17 @@ def charts_are_kept():
 
 
 @pytest.fixture(scope="module", autouse=True)
-def forget_compilations(held_memory):
+def forget_compilations():
     """A process that keeps the compilations of a thousand tests comes to the end of its maps or of the memory."""
     yield
     maps = Path("/proc/self/maps")
     many = not maps.exists() or maps.read_bytes().count(b"\n") > MOST_MAPS
-    if many or resident() - held_memory["bytes"] > MOST_GROWTH:
+    if many or resident() - HELD["bytes"] > MOST_GROWTH:
         jax.clear_caches()
         for one in [one for one in gc.get_objects() if type(one) is Kept]:
             one.found.clear()
         gc.collect()
-        held_memory["bytes"] = resident()
+        HELD["bytes"] = resident()
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -130,28 +128,15 @@ def pytest_collection_modifyitems(items):
 
 RUNNING = ("test_attackers.py", "test_joint.py")
 """Files whose programs solve games, and run for longer than it takes to compile them well."""
-
-
-@pytest.fixture(scope="module", autouse=True)
-def optimised_where_that_pays(request):
-    """Comes before the fixtures of the module, which solve; what is quick runs for less than it takes to compile."""
-    if request.path.name not in RUNNING or request.config.option.markexpr == "not slow":
-        yield
-    else:
-        jax.config.update("jax_disable_most_optimizations", False)
-        yield
-        jax.config.update("jax_disable_most_optimizations", True)
-
-
 TRAINING = ("exploit", "learn", "reproduce")
-"""Folders whose tests train."""
+"""Folders whose tests train: Adam in optax raises a float to an integer power."""
 
 
 @pytest.fixture(scope="module", autouse=True)
-def promotion_as_optax_needs_it(request):
-    """Adam in optax raises a float to an integer power."""
-    if request.path.parent.name not in TRAINING:
+def compiled_and_promoted_as_needed(request):
+    """Comes before the fixtures of the module; what is quick runs for less than it takes to compile."""
+    runs_long = request.path.name in RUNNING and request.config.option.markexpr != "not slow"
+    jax.config.update("jax_disable_most_optimizations", not runs_long)
+    with jax.numpy_dtype_promotion("standard" if request.path.parent.name in TRAINING else "strict"):
         yield
-    else:
-        with jax.numpy_dtype_promotion("standard"):
-            yield
+    jax.config.update("jax_disable_most_optimizations", True)

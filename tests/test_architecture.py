@@ -4,14 +4,14 @@ import ast
 import graphlib
 import re
 from collections import Counter
-from pathlib import Path
 
 import pytest
 
+from tests.documents import REPOSITORY
 from website.house import imported, room_of, rooms, sources, table
 
-REPOSITORY = Path(__file__).parents[1]
 HOUSE = (REPOSITORY / "docs" / "concepts" / "architecture.md").read_text()
+FILES = sources()
 LONGEST_FILE = 250
 FLAG = re.compile(r"""["'](--[a-z][a-z-]*)""")
 NAMELESS = {"utils", "common", "helpers"}
@@ -33,15 +33,13 @@ def violations(module, source):
 
 
 def test_the_house_is_in_order():
-    files = sources()
-    assert {"apollonius", "apollonius.play.rollout", "apollonius.game.arena"} <= set(files)
-    assert [found for module, source in files.items() for found in violations(module, source)] == []
+    assert {"apollonius", "apollonius.play.rollout", "apollonius.game.arena"} <= set(FILES)
+    assert [found for module, source in FILES.items() for found in violations(module, source)] == []
 
 
 def test_the_document_has_the_rooms_and_the_arrows_that_there_are():
-    files = sources()
-    assert table(rooms(files)) in HOUSE, "python -m website.house draws the table"
-    assert sum(count > 1 for count in Counter(map(room_of, files)).values()) <= 18
+    assert table(rooms(FILES)) in HOUSE, "python -m website.house draws the table"
+    assert sum(count > 1 for count in Counter(map(room_of, FILES)).values()) <= 18
 
 
 @pytest.mark.parametrize(
@@ -70,13 +68,12 @@ def at_once(source, modules):
 
 
 def test_no_file_is_in_a_circle():
-    files = sources()
-    needs = {module: at_once(source, set(files)) & set(files) - {module} for module, source in files.items()}
+    needs = {module: at_once(source, set(FILES)) & set(FILES) - {module} for module, source in FILES.items()}
     graphlib.TopologicalSorter(needs).prepare()
 
 
 @pytest.mark.parametrize("room", ["game", "arenas"])
 def test_no_file_of_a_room_is_in_a_circle_wherever_its_imports_stand(room):
-    files = {module: source for module, source in sources().items() if room_of(module) == room}
+    files = {module: source for module, source in FILES.items() if room_of(module) == room}
     needs = {module: imported(ast.parse(text), files) & set(files) - {module} for module, text in files.items()}
     graphlib.TopologicalSorter(needs).prepare()

@@ -44,10 +44,11 @@ from tests.acting import act, act_in_rows, robot
 from tests.bearing import BEARING
 from tests.capsule import Capsule
 from tests.car import Car
+from tests.documents import REPOSITORY
 from tests.export.test_translate import needs_gcc
 from tests.learn.test_opponents import archive_of
 
-DOCUMENT = Path(__file__).parents[1] / "docs" / "how-to" / "extend.md"
+DOCUMENT = (REPOSITORY / "docs" / "how-to" / "extend.md").read_text()
 
 
 class WithCapsules(Arena):
@@ -68,8 +69,8 @@ WALL = Capsule(3.0, 5.0, 7.0, 6.0, 0.3)
 
 
 def test_the_document_shows_the_observation_and_names_the_others():
-    assert inspect.getsource(bearing) in DOCUMENT.read_text()
-    assert all(f"tests/{name}.py" in DOCUMENT.read_text() for name in ("capsule", "car"))
+    assert inspect.getsource(bearing) in DOCUMENT
+    assert all(f"tests/{name}.py" in DOCUMENT for name in ("capsule", "car"))
 
 
 def test_a_new_obstacle_is_as_far_away_as_its_points():
@@ -138,7 +139,7 @@ def test_a_new_observation_is_read_by_networks_in_games_and_from_files(tmp_path,
 
 def test_a_new_scheme_is_read_from_configs_and_draws_opponents(monkeypatch):
     line = '"recent": lambda lost: 2.0 ** jnp.arange(len(lost), dtype=jnp.float32),'
-    assert line in DOCUMENT.read_text()
+    assert line in DOCUMENT
     recent = eval(f"{{{line}}}", {"jnp": jnp})["recent"]
     monkeypatch.setitem(opponents.SCHEMES, "recent", recent)
     config = from_dict(opponents.OpponentConfig, {"scheme": "recent", "versions": 4, "slots": 7000}, "a config")
@@ -199,14 +200,10 @@ def test_an_agent_of_a_run_is_called_after_it_and_found_by_that_name(pursuer, tm
         found = find_player(name, Role.PURSUER, PAPER)
         assert found.name == "demo/P_stage1"
         assert found.header == pursuer.header
-    shielded = find_player("shielded:demo/P_stage1", Role.PURSUER, PAPER)
-    assert shielded.name == "shielded:demo/P_stage1"
-    assert find_player("P_stage1", Role.PURSUER, PAPER).name == "P_stage1"
-    assert find_player("zoo/P_stage1", Role.PURSUER, PAPER).name == "zoo/P_stage1"
-    assert eqx.tree_equal(
-        find_player("zoo/P_stage1", Role.PURSUER, PAPER).policy,
-        find_player("P_stage1", Role.PURSUER, PAPER).policy,
-    )
+    names = ["shielded:demo/P_stage1", "P_stage1", "zoo/P_stage1"]
+    _, bare, of_zoo = others = [find_player(name, Role.PURSUER, PAPER) for name in names]
+    assert [one.name for one in others] == names
+    assert eqx.tree_equal(of_zoo.policy, bare.policy)
     with pytest.raises(InvalidInput, match="'demo/P_stage2': choose one of"):
         find_player("demo/P_stage2", Role.PURSUER, PAPER)
 
@@ -234,10 +231,9 @@ def test_a_new_kind_is_known_everywhere_once_it_is_registered(monkeypatch):
 
 def test_a_pool_has_trained_agents_random_and_still_side_by_side(pursuer, tmp_path):
     other = describe(make_network("encoded", 4, 2, jax.random.key(1)), Role.PURSUER, {}, {})
-    files = []
-    for index, agent in enumerate((pursuer, other)):
-        files.append(str(tmp_path / f"{index}.safetensors"))
-        save_agent(agent, tmp_path / f"{index}.safetensors")
+    files = [str(tmp_path / f"{index}.safetensors") for index in range(2)]
+    for file, agent in zip(files, (pursuer, other), strict=True):
+        save_agent(agent, Path(file))
     pool = find_pool([files[0], "random", files[1], "still"], Role.PURSUER, PAPER)
     assert pool.size == 4
     observation = jnp.tile(jnp.linspace(-1, 1, 17), (2000, 1))
@@ -257,10 +253,7 @@ def test_players_that_do_not_go_together_make_no_pool(names):
 
 
 def test_it_is_known_who_has_learned_in_another_arena_only():
-    paper, maze = PAPER, find_game("maze")
-    optimal = find_player("P_optimal", Role.PURSUER, PAPER)
-    assert not learned_elsewhere(optimal, paper)
-    assert not learned_elsewhere(optimal, charted(paper))
-    assert learned_elsewhere(optimal, maze)
-    assert not learned_elsewhere(find_player("pursuer", Role.PURSUER, maze), maze)
-    assert not learned_elsewhere(find_player("still", Role.PURSUER, PAPER), maze)
+    maze, charts = find_game("maze"), charted(PAPER)
+    asked = [("P_optimal", one) for one in (PAPER, charts, maze)] + [("pursuer", maze), ("still", maze)]
+    found = [learned_elsewhere(find_player(name, Role.PURSUER, game), game) for name, game in asked]
+    assert found == [False, False, True, False, False]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex, to_rgba
 from matplotlib.figure import Figure
-from PIL import Image, ImageColor, ImageDraw
+from PIL import Image, ImageColor, ImageDraw, ImageSequence
 
 from apollonius.agents.network import make_network
 from apollonius.agents.trained import Greedy
@@ -86,12 +86,9 @@ def test_every_state_is_a_frame_with_both_robots_their_trails_and_the_reach_of_a
     for picture, (x, y, _, _, to_x, to_y, *_) in zip(pictures, replay.states, strict=True):
         signs = (x - 0.11, y + 0.11), (x + 0.18, y), (x + 0.11, y + 0.11), (to_x, to_y - 0.1), (to_x, to_y + 0.26)
         assert [colour_at(picture, *at) for at in signs] == [RED, RED, WHITE, BLUE, BLUE]
-    turned = np.where(np.arange(8) == 3, np.float32(np.pi / 4), replay.states)
-    picture, signs = (
-        next(frames(replace(replay, states=turned))),
-        [(-0.155, 0), (0, -0.155), (0.127, 0.127), (0, 0.155)],
-    )
-    assert [colour_at(picture, 2 + x, 5 + y) for x, y in signs] == [RED, RED, RED, WHITE]
+    turned = next(frames(replace(replay, states=np.where(np.arange(8) == 3, np.float32(np.pi / 4), replay.states))))
+    signs = (-0.155, 0), (0, -0.155), (0.127, 0.127), (0, 0.155)
+    assert [colour_at(turned, 2 + x, 5 + y) for x, y in signs] == [RED, RED, RED, WHITE]
     around = [(2 + np.cos(angle), 5 + np.sin(angle)) for angle in np.arange(0.05, 6.3, 0.01)]
     trails = [[(2 + part, 5), (8, 6 + part)] for part in np.linspace(0.1, 1.5)]
     for picture, points, least, most in (
@@ -108,6 +105,7 @@ def test_fog_is_what_a_side_believed_while_the_game_was_played(words_of):
     game = charted(replace(find_game("lidar"), max_steps=40))
     match = Match.of_names(game, "pure-pursuit", "flee", 3, seed=5)
     (starts, key), number = begin(match), jnp.array([2])
+    first = jax.tree.map(lambda leaf: leaf[2:], starts)
 
     def step(games, _):
         """Return the games after a step, their states before it, the actions, and what was believed in it."""
@@ -119,12 +117,11 @@ def test_fog_is_what_a_side_believed_while_the_game_was_played(words_of):
         return games, (jnp.stack(jax.tree.leaves(before.robots)), actions, believed)
 
     @jax.jit
-    def course(starts):
-        first = jax.tree.map(lambda leaf: leaf[2:], starts)
+    def course(first):
         games = rollout.begin(game, first, match.pools, random_bits_of(key, number, -1 + 0 * number))
         return jax.lax.scan(step, games, length=40)[1]
 
-    rows, actions, believed = map(np.asarray, course(starts))
+    rows, actions, believed = map(np.asarray, course(first))
     bare = replace(game, arena=replace(game.arena, chart=None))
     replay = Replay(bare, "pure-pursuit", "flee", 5, 3, 2, rows, actions[:-1], Outcome.NO_RESULT)
     _, shaded = fog(replay)
@@ -163,16 +160,6 @@ def test_a_frame_says_who_plays_the_time_the_distance_and_at_the_end_the_outcome
     assert len(name) < 60
 
 
-def durations(path):
-    with Image.open(path) as picture:
-        found = []
-        for frame in range(picture.n_frames):
-            picture.seek(frame)
-            picture.load()
-            found.append(picture.info["duration"])
-        return found, picture.convert("RGB")
-
-
 @pytest.mark.parametrize(
     ("name", "speed", "count", "seconds"),
     [
@@ -185,7 +172,9 @@ def durations(path):
 def test_an_animation_takes_as_long_as_it_should(replay, tmp_path, name, speed, count, seconds):
     """Steps are left out where browsers would refuse to show them so quickly; the last one is there."""
     save_animation(replay, tmp_path / name, speed)
-    shown, last = durations(tmp_path / name)
+    with Image.open(tmp_path / name) as picture:
+        pictures = ImageSequence.all_frames(picture)
+    shown, last = [picture.info["duration"] for picture in pictures], pictures[-1].convert("RGB")
     assert last.size == (SIZE + 2 * MARGIN, SIZE + 3 * LINE + 2 * MARGIN)
     assert len(shown) == count
     assert min(shown) >= 20
@@ -240,13 +229,12 @@ def test_obstacles_and_the_territory_are_drawn_where_they_are(axes):
         away = np.hypot(*(patch.get_xy() - (disc.x, disc.y)).T)
         np.testing.assert_allclose(away, disc.radius, rtol=1e-5)
     np.testing.assert_array_equal(polygon.get_xy(), [*corners, corners[0]])
-    assert [(patch.get_fill(), patch.get_linewidth()) for patch in axes.patches[-3:]] == [(True, 0)] + [
-        (False, 1.4)
-    ] * 2
+    looks = [(patch.get_fill(), patch.get_linewidth()) for patch in axes.patches[-3:]]
+    assert looks == [(True, 0), (False, 1.4), (False, 1.4)]
     assert to_hex(ring.get_edgecolor()) == palette.EVADER
     assert axes.get_aspect() == 1.0
-    for (low, high), (least, most) in zip((axes.get_xlim(), axes.get_ylim()), ((0, 10), (0, 10)), strict=True):
-        assert low < least < most < high
+    for low, high in (axes.get_xlim(), axes.get_ylim()):
+        assert low < 0 < 10 < high
 
 
 def test_seeds_have_a_mean_and_a_band_over_what_all_cover_and_a_lone_seed_none(axes):
@@ -300,10 +288,8 @@ def test_strips_have_a_dot_for_each_pair_of_trainings_and_an_interval_beside_the
     assert [y.tolist() for _, y, _ in dots] == [[50, 60], [25, 30], [90]]
     assert [list(x) for x, _, _ in dots] == [[-0.15] * 2, [0.15] * 2, [1.0]]
     assert dots[0][2] != dots[1][2]
-    assert [path.vertices[:, 1].tolist() for bars in axes.collections for path in bars.get_paths()] == [
-        [20, 70],
-        [80, 100],
-    ]
+    intervals = [path.vertices[:, 1].tolist() for bars in axes.collections for path in bars.get_paths()]
+    assert intervals == [[20, 70], [80, 100]]
     assert [label.get_text() for label in axes.get_xticklabels()] == ["a", "b"]
 
 

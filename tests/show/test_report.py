@@ -37,15 +37,10 @@ class Document:
 
 
 @pytest.fixture(scope="module", autouse=True)
-def few():
+def page(demo):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(report_module, "GAMES", GAMES)
-        yield
-
-
-@pytest.fixture(scope="module")
-def page(demo):
-    return report_of(demo)
+        yield report_of(demo)
 
 
 @pytest.fixture(scope="module")

@@ -45,13 +45,7 @@ const matchOf = ({ game: rules, seed, ...sides }) => {
 };
 
 /** What comes of a question, or the complaint. */
-const tried = (work) => {
-  try {
-    return { answer: work() };
-  } catch (error) {
-    return { complaint: error.message };
-  }
-};
+const tried = (work) => work.then((answer) => ({ answer }), ({ message }) => ({ complaint: message }));
 
 const answers = {
   /** States, outcomes and statuses of a game by its actions. */
@@ -133,9 +127,9 @@ const answers = {
     }
     return lost;
   },
-  read: (texts) => texts.map((text) => tried(() => file.readGame(text))),
+  read: (texts) => Promise.all(texts.map((text) => tried(Promise.resolve(text).then(file.readGame)))),
   survey: (texts) => texts.map((text) => survey(file.readGame(text))),
-  links: (fragments) => Promise.all(fragments.map((fragment) => file.fromFragment("#game=", fragment).then((answer) => ({ answer }), ({ message }) => ({ complaint: message })))),
+  links: (fragments) => Promise.all(fragments.map((fragment) => tried(file.fromFragment("#game=", fragment)))),
   /** What is played again from the links of games of some sizes, in fog where it is asked for, and what was played. */
   shared: (sizes) => Promise.all(sizes.map(async ([pursuers, evaders, isFoggy]) => {
     const rules = game.inTeams(file.gameFrom({ max_steps: 9 }), pursuers, evaders);

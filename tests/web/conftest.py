@@ -2,14 +2,12 @@
 
 from pathlib import Path
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.game.arena import Arena
-from apollonius.game.game import Game
-from apollonius.game.occupancy import OccupancyMap, distance_field
+from apollonius.arenas.file import find_game
 from apollonius.web.site import Choice, write_site
+from tests.arenas.test_file import write
 from tests.web.test_server import serving
 
 
@@ -17,11 +15,11 @@ from tests.web.test_server import serving
 def address(tmp_path_factory):
     """Of the page, with a game on a map, and a player of a user's own."""
     folder = tmp_path_factory.mktemp("page")
-    occupied = np.zeros((80, 120), bool)
-    occupied[30:34, :90] = True
-    field = jnp.asarray(distance_field(occupied, 0.1))
-    floor = OccupancyMap(field, -1.0, 2.0, 0.1, str(folder / "floor.yaml"), "0" * 64)
-    games = {"hall": Game(arena=Arena(-1.0, 11.0, 2.0, 10.0, map=floor))}
+    pixels = np.full((80, 120), 254)
+    pixels[46:50, :90] = 0
+    write(folder, pixels, resolution="0.1")
+    (folder / "hall.toml").write_text('[arena]\nmap = "floor.yaml"\n')
+    games = {"hall": find_game(str(folder / "hall.toml"))}
     spiral = {"spiral": Path(__file__).with_name("spiral.wasm")}
     chosen = Choice("shielded:P_optimal", "you", difficulty="sharp", agents=spiral, games=games)
     write_site(folder / "site", chosen)

@@ -255,10 +255,8 @@ def within(page, size, names):
     page.set_viewport_size({"width": size[0], "height": size[1]})
     boxes = {name: page.locator(name).bounding_box() for name in [*names, ".arena"]}
     for name, box in boxes.items():
-        assert box["x"] >= 0, name
-        assert box["y"] >= 0, name
-        assert box["x"] + box["width"] <= size[0] + 0.5, name
-        assert box["y"] + box["height"] <= size[1] + 0.5, name
+        assert 0 <= box["x"] <= size[0] + 0.5 - box["width"], name
+        assert 0 <= box["y"] <= size[1] + 0.5 - box["height"], name
     for (name, one), (rival, two) in itertools.combinations(boxes.items(), 2):
         beside = one["x"] + one["width"] <= two["x"] + 0.5 or two["x"] + two["width"] <= one["x"] + 0.5
         above = one["y"] + one["height"] <= two["y"] + 0.5 or two["y"] + two["height"] <= one["y"] + 0.5

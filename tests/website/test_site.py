@@ -24,17 +24,12 @@ def site(tmp_path_factory):
     return folder
 
 
-class Silent(SimpleHTTPRequestHandler):
-    def log_message(self, format, *args):
-        pass
-
-
 @pytest.fixture(scope="module", params=["file", "http"])
 def address(request, site):
     if request.param == "file":
         yield site.as_uri()
         return
-    handler = partial(Silent, directory=site.parents[1])
+    handler = partial(SimpleHTTPRequestHandler, directory=site.parents[1])
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         yield f"http://127.0.0.1:{server.server_port}/below/site"
