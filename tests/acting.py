@@ -54,6 +54,12 @@ def a_match(game, pursuer, evader, games, seed=0, **which):
     return Match(game, BySide(Named("pursuer", pursuer), Named("evader", evader)), games, seed, **which)
 
 
+@jax.jit
+def clearances(one, x, y):
+    """Return the clearances of points in an arena, or from whatever else has them."""
+    return jax.vmap(lambda x, y: one.clearance(x, y))(x, y)
+
+
 def identical(one, other):
     """Return whether two pytrees of arrays are the same to the bit."""
     return jax.tree.all(jax.tree.map(np.array_equal, one, other))

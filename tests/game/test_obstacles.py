@@ -10,54 +10,50 @@ import pytest
 
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.game import Game
+from apollonius.game.nearby import surroundings
 from apollonius.game.obstacle import between_nodes
 from apollonius.game.occupancy import OccupancyMap, distance_field
-from apollonius.game.polygon import Polygon
+from apollonius.game.polygon import Edges, Polygon
 from apollonius.io.errors import InvalidInput
-from tests.acting import robot
-from tests.oracle.numpy_game import gaps
+from tests.acting import clearances, robot
+from tests.oracle.numpy_game import gaps, meets
 
-SQUARE = ((1.0, 1.0), (3.0, 1.0), (3.0, 3.0), (1.0, 3.0))
 STAR = ((5.0, 1.0), (6.0, 4.0), (9.0, 5.0), (6.0, 6.0), (5.0, 9.0), (4.0, 6.0), (1.0, 5.0), (4.0, 4.0))
 HALL = ((2.0, 2.0), (8.0, 2.0), (8.0, 8.0), (2.0, 8.0), (2.0, 5.5), (3.0, 5.5), (3.0, 7.0), (7.0, 7.0), (7.0, 3.0),
         (3.0, 3.0), (3.0, 4.5), (2.0, 4.5))  # fmt: skip
 """A room with walls of 1 m and a door of 1 m in the west."""
-clearances = jax.jit(jax.vmap(lambda polygon, x, y: polygon.clearance(x, y), in_axes=(None, 0, 0)))
-along = jax.jit(jax.vmap(lambda polygon, *ends: polygon.clearance_along(*ends), in_axes=(None, 0, 0)))
+ARENA = Arena(-1.0, 11.0, 0.0, 10.5, discs=(Disc(0.0, 1.0, 0.25), Disc(9.0, 8.5, 0.7)), polygons=(Polygon(HALL),))
+WIDE = Arena(-99.0, 99.0, -99.0, 99.0)
+along = jax.jit(jax.vmap(lambda one, *ends: one.clearance_along(*ends), in_axes=(None, 0, 0)))
+hidden = jax.jit(jax.vmap(lambda one, *ends: one.hides(*ends), in_axes=(None, 0, 0)))
 
 
 def robots(points):
     return jax.vmap(lambda place: robot(*place))(jnp.asarray(points))
 
 
-@pytest.mark.parametrize("vertices", [STAR, STAR[::-1]])
-def test_a_polygons_clearance_is_the_distance_to_its_boundary(vertices):
-    from matplotlib.path import Path
-
-    corners = np.asarray(vertices)
-    share = np.linspace(0, 1, 1000, endpoint=False)[:, None, None]
-    boundary = (corners + share * (np.roll(corners, -1, axis=0) - corners)).reshape(-1, 2)
-    points = np.random.default_rng(0).uniform(0, 10, (300, 2)).astype(np.float32)
-    distance = np.linalg.norm(points[:, None] - boundary, axis=-1).min(axis=1)
-    inside = Path(corners).contains_points(points)
-    assert 5 < inside.sum() < 295
-    np.testing.assert_allclose(
-        clearances(Polygon(vertices), *points.T), np.where(inside, -distance, distance), atol=1e-2
-    )
-
-
-def test_contact_along_a_step_is_that_of_the_oracle():
+@pytest.mark.parametrize(
+    ("one", "arena"),
+    [(ARENA, ARENA), *((star, replace(WIDE, polygons=(star,))) for star in (Polygon(STAR), Polygon(STAR[::-1])))],
+    ids=["arena", "star", "star the other way round"],
+)
+def test_clearance_contact_along_a_step_and_what_is_hidden_are_those_of_the_oracle(one, arena):
+    """Of what touches the inside only that it does."""
     rng = np.random.default_rng(1)
-    before = rng.uniform(0, 10, (150, 2)).astype(np.float32)
-    after = (before + rng.normal(0, 1.0, (150, 2))).astype(np.float32)
-    arena = Arena(polygons=(Polygon(HALL),))
-    ours = np.asarray(along(Polygon(HALL), robots(before), robots(after)))
-    theirs = np.array([gaps(arena, 0.0, (*one, 0, 0), (*two, 0, 0))[0] for one, two in zip(before, after, strict=True)])
-    clear_cut = np.abs(theirs) > 1e-4
-    np.testing.assert_array_equal((ours < 0)[clear_cut], (theirs < 0)[clear_cut])
-    outside = theirs > 1e-4
-    assert 20 < outside.sum() < 145
-    np.testing.assert_allclose(ours[outside], theirs[outside], atol=1e-4)
+    before = rng.uniform((-1, 0), (11, 10), (200, 2)).astype(np.float32)
+    after = (before + rng.normal(0, 1.0, (200, 2))).astype(np.float32)
+    there = np.array([gaps(arena, 0.0, place, place) for place in before.tolist()])
+    assert 9 < (there < 0).any(axis=1).sum() < 190
+    np.testing.assert_allclose(clearances(one, *before.T), there.min(axis=1), atol=1e-5)
+    steps = np.array([gaps(arena, 0.0, *ends) for ends in zip(before.tolist(), after.tolist(), strict=True)])
+    least = np.minimum(steps.min(axis=1), there[:, 1])
+    ours = np.asarray(along(one, robots(before), robots(after)))
+    clear_cut = (np.abs(steps) > 1e-4).all(axis=1)
+    np.testing.assert_array_equal((ours < 0)[clear_cut], (least < 0)[clear_cut])
+    outside = least > 1e-4
+    assert 20 < outside.sum() < 180
+    np.testing.assert_allclose(ours[outside], least[outside], atol=1e-5)
+    np.testing.assert_array_equal(hidden(one, robots(before), robots(after))[clear_cut], steps[clear_cut, 0] < 0)
 
 
 @pytest.mark.parametrize(
@@ -78,29 +74,45 @@ def test_the_edges_of_a_playable_polygon_meet_nowhere_but_at_the_corners_that_th
         Polygon(tuple((float(x), float(y)) for x, y in corners)).check("polygon", Arena())
 
 
+REACH = 1.5
+INDEXED = (
+    Polygon(HALL),
+    Polygon(((10.8, -3.0), (12.0, -2.8), (11.1, -2.7), (11.0, -1.8))),  # with a dent
+    Polygon(((10.7, 10.5), (10.7, 11.8), (12.4, 11.8), (12.4, 10.5))),  # clockwise
+    Polygon(((-1.6, 10.8), (-1.5, 10.8), (-1.55, 10.9))),
+)
+"""Nowhere are two of these in reach."""
+
+
+@pytest.mark.parametrize("length", [0.0, 0.7])
+def test_what_is_near_is_as_far_away_as_among_all_polygons_up_to_the_reach(length):
+    """From points, and from segments, among them those that are nearest to a polygon at neither of their ends."""
+    index, everything = surroundings(INDEXED, REACH, -3.0, 13.0, -4.0, 12.0), Edges.of(INDEXED)
+    assert index.within.shape == (64, 64, len(HALL))
+    rng = np.random.default_rng(5)
+    starts, angle = rng.uniform((-2, -3), (12, 11), (6000, 2)), rng.uniform(-np.pi, np.pi, 6000)
+    ends = robots(starts), robots(starts + length * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+    one = lambda before, after: index.near(before.x, before.y).clearance_along(before, after)  # noqa: E731
+    near, every = np.asarray(jax.jit(jax.vmap(one))(*ends)), np.asarray(along(everything, *ends))
+    within = every <= REACH - length
+    at_ends = np.minimum(*(clearances(everything, end.x, end.y) for end in ends))
+    assert length == 0 or (within & (every < at_ends - 0.01 * length)).sum() > 15
+    assert (every < 0).sum() > 50
+    assert 500 < within.sum() < 5900
+    np.testing.assert_allclose(near[within], every[within], atol=3e-5)
+    assert (near[~within] > REACH - length).all()
+    assert (near[every > 2 * REACH] > 1e5).any(), "where none is in reach"
+
+
 def test_a_game_can_be_made_while_a_function_is_traced():
     """Numbers that are swept are not known then, and are left unchecked."""
-    game = Game(arena=Arena(polygons=(Polygon(SQUARE),)))
+    game = Game(arena=Arena(polygons=(Polygon(STAR),)))
     swept = jax.jit(jax.vmap(lambda dt: 3.0 * replace(game, dt=dt).dt))(jnp.asarray([0.5, 0.25]))
     assert swept.tolist() == [1.5, 0.75]
 
 
-ARENA = Arena(-1.0, 3.0, 0.0, 2.0, discs=(Disc(0.0, 1.0, 0.25), Disc(2.0, 0.5, 0.3)))
+BOX = Arena(-1.0, 3.0, 0.0, 2.0)
 leaves = jax.jit(Arena.is_out_of_range)
-
-
-def test_clearance_is_the_distance_to_the_nearest_boundary_point():
-    angles = np.linspace(0, 2 * np.pi, 4000, endpoint=False)
-    rims = [(disc.x + disc.radius * np.cos(angles), disc.y + disc.radius * np.sin(angles)) for disc in ARENA.discs]
-    along_x, along_y = np.linspace(-1, 3, 4000), np.linspace(0, 2, 4000)
-    walls = [(along_x, 0 * along_x), (along_x, 0 * along_x + 2), (0 * along_y - 1, along_y), (0 * along_y + 3, along_y)]
-    boundary = np.concatenate([np.stack(curve, axis=-1) for curve in (*rims, *walls)])
-
-    points = np.random.default_rng(0).uniform((-1, 0), (3, 2), (200, 2)).astype(np.float32)
-    to_boundary = np.linalg.norm(points[:, None] - boundary, axis=-1).min(axis=1)
-    inside = np.any([np.hypot(*(points - (disc.x, disc.y)).T) < disc.radius for disc in ARENA.discs], axis=0)
-    assert 10 < inside.sum() < 100
-    np.testing.assert_allclose(clearances(ARENA, *points.T), np.where(inside, -to_boundary, to_boundary), atol=1e-3)
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.25])
@@ -109,8 +121,8 @@ def test_clearance_is_the_distance_to_the_nearest_boundary_point():
 )
 def test_a_wall_may_be_touched_but_not_passed(wall, outwards, radius):
     touching = np.subtract(wall, np.multiply(radius, outwards))
-    assert not leaves(ARENA, robot(*touching), radius)
-    assert leaves(ARENA, robot(*(touching + np.multiply(1e-6, outwards))), radius)
+    assert not leaves(BOX, robot(*touching), radius)
+    assert leaves(BOX, robot(*(touching + np.multiply(1e-6, outwards))), radius)
 
 
 CELL = 0.25
@@ -143,6 +155,17 @@ def test_a_clearance_is_at_most_the_distance_and_little_less():
     assert short.min() > -1e-3
     assert short.max() < 0.86
     assert short.min() < 0.02
+
+
+def test_cells_hide_what_they_hide_as_squares():
+    world = map_of(np.random.default_rng(2).random((24, 30)) < 0.08)
+    ends = np.random.default_rng(1).uniform((0, 0), (30, 24), (800, 2))
+    ends = np.stack([ends, np.clip(ends + np.random.default_rng(3).uniform(-16, 16, ends.shape), 0, (30, 24))])
+    squares = [((x, y), (x + 1, y), (x + 1, y + 1), (x, y + 1)) for y, x in np.argwhere(world.occupied()).tolist()]
+    expected = [any(meets(square, *pair) for square in squares) for pair in np.moveaxis(ends, 0, 1).tolist()]
+    assert 40 < sum(expected) < 760
+    found = hidden(world, *(robots(places * CELL + (-1, 2)) for places in ends))
+    np.testing.assert_array_equal(found, expected)
 
 
 @pytest.mark.parametrize(

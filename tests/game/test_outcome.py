@@ -1,6 +1,5 @@
 """Where games begin, which of several events counts, who has won (Table 1 of the paper), what it pays, in any arena."""
 
-import functools
 import itertools
 import math
 from dataclasses import replace
@@ -24,20 +23,20 @@ from apollonius.game.presets import in_arenas, make_game, paper
 from apollonius.game.reward import Reward
 from apollonius.game.starts import Starts
 from apollonius.game.teams import Teams
-from apollonius.game.types import BySide, GameState, Outcome, RobotState, Role
+from apollonius.game.types import BySide, GameState, Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.solve.motion import motion_of
-from tests.acting import robot
+from tests.acting import clearances, robot
 from tests.oracle.numpy_game import judge
 
 EVENTS = ("captured", "pursuer_hit", "pursuer_out", "evader_hit", "evader_out", "territory_reached", "out_of_time")
-COMBINATIONS = [dict(zip(EVENTS, flags, strict=True)) for flags in itertools.product((False, True), repeat=len(EVENTS))]
 
 
 def test_of_every_combination_of_events_that_counts_which_counts_for_the_oracle():
-    columns = {event: jnp.asarray([flags[event] for flags in COMBINATIONS]) for event in EVENTS}
-    decided = jax.vmap(lambda flags: decide(**flags))(columns)
-    for flags, outcome in zip(COMBINATIONS, decided, strict=True):
+    combinations = list(itertools.product((False, True), repeat=len(EVENTS)))
+    decided = jax.vmap(lambda row: decide(**dict(zip(EVENTS, row, strict=True))))(jnp.asarray(combinations))
+    for row, outcome in zip(combinations, decided, strict=True):
+        flags = dict(zip(EVENTS, row, strict=True))
         fates = [
             "HIT_OBSTACLE" if flags[f"{side}_hit"] else "OUT_OF_RANGE" if flags[f"{side}_out"] else None
             for side in ("pursuer", "evader")
@@ -64,25 +63,21 @@ def test_a_territory_that_was_never_reached_is_no_outcome_to_report():
 
 
 def test_capture_needs_less_than_the_capture_distance():
-    pursuer, evader = (RobotState(*jnp.asarray([x, 0, 0, 0], jnp.float32)) for x in (0, 0.25))
-    assert not come_within((pursuer, pursuer), (evader, evader), 0.25)
-    assert come_within((pursuer, pursuer), (evader, evader), 0.2500001)
+    pursuer, evader = (robot(0, 0),) * 2, (robot(0.25, 0),) * 2
+    assert not come_within(pursuer, evader, 0.25)
+    assert come_within(pursuer, evader, 0.2500001)
 
 
-def test_paper_is_table_1():
-    game = paper()
-    for body in (game.pursuer, game.evader):
-        assert (body.v_min, body.v_max, body.u1_max, body.u2_max, body.radius) == (0, 1.2, 0.3, 0.8, 0)
-    assert (game.arena.x_min, game.arena.x_max, game.arena.y_min, game.arena.y_max) == (0, 10, 0, 10)
-    assert (game.capture_distance, game.dt, game.max_steps) == (0.3, 0.1, 1000)
-    assert (game.reward.capture, game.reward.failure, game.reward.progress, game.reward.profile) == (10, 10, 3, "paper")
-
-
-def test_the_robots_of_the_robot_game_have_bodies_that_do_not_meet_before_the_capture():
-    game = make_game("robot")
-    assert game.pursuer == game.evader == Unicycle(radius=0.2)
-    assert game.capture_distance > game.pursuer.radius + game.evader.radius
-    assert replace(game, pursuer=Unicycle(), evader=Unicycle(), capture_distance=0.3) == make_game("paper")
+def test_paper_is_table_1_and_robots_have_bodies_that_do_not_meet_before_the_capture():
+    point, body = Unicycle(0.0, 1.2, 0.3, 0.8, 0.0), Unicycle(0.0, 1.2, 0.3, 0.8, 0.2)
+    game = Game(
+        point, point, Arena(0.0, 10.0, 0.0, 10.0, paper().arena.discs), capture_distance=0.3, dt=0.1, max_steps=1000,
+        reward=Reward("paper", capture=10.0, failure=10.0, progress=3.0),
+    )  # fmt: skip
+    assert paper() == make_game("paper") == game
+    robots = make_game("robot")
+    assert robots == replace(game, pursuer=body, evader=body, capture_distance=robots.capture_distance)
+    assert robots.capture_distance > 2 * body.radius
 
 
 ARENA = Arena(discs=(Disc(5.0, 5.0, 1.0),))
@@ -118,16 +113,14 @@ def test_what_is_asked_for_is_enough_and_less_is_not(short):
 
 
 def test_pairs_are_uniform_over_all_pairs_that_fit():
-    """The distribution of pairs that a simple rejection in NumPy leaves: compared by place and by distance."""
+    """As what a simple rejection in NumPy leaves."""
     apart = sample(Starts(clearance=0.3, separation=5.0), jax.random.key(1))
     places = np.random.default_rng(0).uniform(0, 10, (200_000, 2, 2))
     to_wall = np.minimum(places, 10 - places).min(axis=-1)
     room = np.minimum(to_wall, np.linalg.norm(places - 5, axis=-1) - 1)
     fits = (room >= [0.4, 0.7]).all(axis=-1) & (np.linalg.norm(places[:, 0] - places[:, 1], axis=-1) >= 5)
     expected = places[fits]
-    ours = np.moveaxis(
-        np.array([[apart.pursuer.x, apart.pursuer.y], [apart.evader.x, apart.evader.y]]), -1, 0
-    )  # [draws, robot, axis], as `expected`
+    ours = np.array([[one.x, one.y] for one in (apart.pursuer, apart.evader)]).transpose(2, 0, 1)
     for measure in (
         lambda pairs: pairs[:, 0, 0],
         lambda pairs: pairs[:, 1, 1],
@@ -145,19 +138,13 @@ def test_headings_are_uniform_and_speeds_too_or_at_rest_the_slowest_forwards(spe
         assert is_uniform(drawn.v, low, high) if speed == "moving" else np.all(drawn.v == np.float32(slowest))
 
 
-STAY = 4
-"""Neither faster nor slower, nor any turn."""
 LINE, PATHS = Reward(), Reward(along_paths=True)
 
 
-def wall_to(top):
-    return Arena(0.0, 8.0, 0.0, 8.0, polygons=(Polygon(((4.0, 0.0), (4.2, 0.0), (4.2, top), (4.0, top))),))
-
-
-@functools.cache
 def divided(top):
-    """A game in that arena, with its chart."""
-    return charted(Game(arena=wall_to(top), reward=PATHS))
+    """A game in an arena with a wall up to there."""
+    wall = Polygon(((4.0, 0.0), (4.2, 0.0), (4.2, top), (4.0, top)))
+    return charted(Game(arena=Arena(0.0, 8.0, 0.0, 8.0, polygons=(wall,)), reward=PATHS))
 
 
 step = jax.jit(Game.step)
@@ -166,8 +153,8 @@ step = jax.jit(Game.step)
 def pay(game, pursuers, evader):
     """Both sides' rewards for a step in which nobody steers."""
     state = GameState.at_start(BySide(tuple(pursuers), (evader,)))
-    actions = [jnp.asarray(STAY)] * len(pursuers)
-    rewards = step(game, state, actions, [jnp.asarray(STAY)]).rewards
+    stay = jnp.asarray(4)
+    rewards = step(game, state, [stay] * len(pursuers), [stay]).rewards
     return float(rewards.pursuer[0]), float(rewards.evader[0])
 
 
@@ -185,10 +172,7 @@ def test_driving_round_a_wall_pays_and_the_straight_line_does_not():
 
 @pytest.mark.parametrize(
     ("top", "pursuer", "evader"),
-    [
-        (6.0, (1.0, 3.0, 1.2, 0.7), (3.0, 2.0, 0.9, 2.0)),
-        (8.0, (3.0, 3.0, 1.2, 0.3), (5.0, 2.0, 0.9, 2.0)),
-    ],
+    [(6.0, (1.0, 3.0, 1.2, 0.7), (3.0, 2.0, 0.9, 2.0)), (8.0, (3.0, 3.0, 1.2, 0.3), (5.0, 2.0, 0.9, 2.0))],
     ids=["in sight", "without a way"],
 )
 def test_in_sight_and_where_there_is_no_way_it_is_the_straight_line(top, pursuer, evader):
@@ -205,11 +189,12 @@ def test_of_a_team_the_one_with_the_shortest_way_is_paid_for():
 
 
 def test_a_game_without_charts_is_refused_in_one_line():
-    game = Game(arena=wall_to(6.0), reward=PATHS)
+    game = divided(6.0)
+    game = replace(game, arena=replace(game.arena, chart=None))
     with pytest.raises(InvalidInput, match=r"reward\.along_paths") as refusal:
         pay(game, [robot(3.0, 3.0)], robot(5.0, 3.0))
     assert "\n" not in str(refusal.value)
-    assert charted(game, False) == divided(6.0), "whoever plays draws them, as the reward reads them"
+    assert charted(game, False) == divided(6.0), "the reward reads them"
     assert charted(replace(game, reward=LINE), False).arena.chart is None
 
 
@@ -238,32 +223,32 @@ TRIANGLE = Polygon(((2, 0.5), (4, 0.5), (3, 2)))
 WIDE = Arena(-1.0, 5.0, 0.0, 4.0, discs=(Disc(1.0, 1.0, 0.3), Disc(3.0, 3.0, 0.3)), polygons=(TRIANGLE,))
 GAME = Game(AGILE, AGILE, NARROW, max_steps=60)
 BOTH = in_arenas(GAME, [NARROW, WIDE])
-reset_many = jax.jit(reset_batch, static_argnames="games")
 
 
 @jax.jit
 def held(game, states):
-    """Outcomes of 30 steps straight ahead."""
+    """Outcomes of 30 steps straight ahead; in one arena, wherever they are, alone."""
     ahead = jnp.int32(7)
 
     def step(state, _):
         after = game.step(state, ahead, ahead)
         return after.state, after.outcome
 
-    return jax.vmap(lambda state: jax.lax.scan(step, state, length=30)[1])(states)
+    place = states.place if game.scenario else None
+    return jax.vmap(lambda state, place: jax.lax.scan(step, replace(state, place=place), length=30)[1])(states, place)
 
 
 def test_games_in_two_arenas_go_as_each_goes_alone_from_starts_in_either():
-    starts = reset_many(BOTH, jax.random.key(0), 400)
+    starts = jax.jit(reset_batch, static_argnames="games")(BOTH, jax.random.key(0), 400)
     place = np.asarray(starts.place)
     assert 0.4 < place.mean() < 0.6
     assert np.asarray(starts.pursuer.x)[place == 1].min() < -0.3  # only one arena reaches so far
-    together, anywhere = np.asarray(held(BOTH, starts)), jax.vmap(lambda state: replace(state, place=None))(starts)
+    together = np.asarray(held(BOTH, starts))
     for number, arena in enumerate((NARROW, WIDE)):
         here = place == number
-        clearances = jax.vmap(arena.clearance)(starts.pursuer.x, starts.pursuer.y)[here]
-        assert clearances.min() >= GAME.starts.clearance - 1e-5
-        alone = np.asarray(held(replace(GAME, arena=BOTH.scenario.arena(jnp.int32(number))), anywhere))
+        assert clearances(arena, starts.pursuer.x, starts.pursuer.y)[here].min() >= GAME.starts.clearance - 1e-5
+        game = replace(GAME, arena=BOTH.scenario.arena(jnp.int32(number)))
+        alone = np.asarray(held(game, starts))
         np.testing.assert_array_equal(together[here], alone[here])
         assert len(set(alone[here].ravel())) > 4
 

@@ -22,13 +22,10 @@ from apollonius.game.starts import Starts
 from apollonius.game.teams import Teams
 from apollonius.game.types import NUM_ACTIONS, ROLES, BySide, GameState, Outcome, RobotState, RobotStatus
 from apollonius.io.errors import InvalidInput
-from tests.acting import state_of
+from tests.acting import clearances, state_of
 from tests.oracle import numpy_teams
 
-CLEAR_CUT = 1e-4
-"""Contacts closer to their threshold than this [m] may be decided either way in float32."""
 TEAMS = 3, 2
-"""Pursuers and evaders of the games of teams."""
 
 
 def in_sides(values, sizes):
@@ -95,19 +92,11 @@ def stepped(games, places, statuses, steps, actions, sizes):
     return jax.vmap(jax.vmap(one, (None, 0, 0, 0, 0)))(games, places, statuses, steps, actions)
 
 
-def slow(*values):
-    return pytest.param(*values, marks=pytest.mark.slow)
+MANY = [pytest.param(TEAMS, profile, 100, marks=pytest.mark.slow) for profile in ("paper", "zero-sum")]
 
 
 @pytest.mark.parametrize(
-    ("sizes", "profile", "count"),
-    [
-        ((1, 1), "paper", 30),
-        ((1, 1), "zero-sum", 30),
-        (TEAMS, "paper", 10),
-        slow(TEAMS, "paper", 100),
-        slow(TEAMS, "zero-sum", 100),
-    ],
+    ("sizes", "profile", "count"), [((1, 1), "paper", 30), ((1, 1), "zero-sum", 30), (TEAMS, "paper", 10), *MANY]
 )
 def test_a_step_is_what_the_numpy_twin_says(sizes, profile, count):
     """Many transitions in each of many arenas; with the paper's rewards mates can collide."""
@@ -121,19 +110,15 @@ def test_a_step_is_what_the_numpy_twin_says(sizes, profile, count):
     leaves = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(leaf) for leaf in leaves]), *games)
     ours = stepped(leaves, *map(jnp.asarray, (places, statuses, steps, actions)), sizes)
 
-    bodies = [[body for side in game.bodies for body in side] for game in games]
     twins = []
-    for game, many, *columns in zip(
-        games, bodies, places.tolist(), statuses.tolist(), steps.tolist(), actions.tolist(), strict=True
-    ):
+    for game, *columns in zip(games, *(one.tolist() for one in (places, statuses, steps, actions)), strict=True):
+        bodies = [body for side in game.bodies for body in side]
         for place, status, played, action in zip(*columns, strict=True):
-            both = [
-                {"body": body, "place": tuple(here), "status": RobotStatus(now).name}
-                for body, here, now in zip(many, place, status, strict=True)
-            ]
+            rows = zip(bodies, place, status, strict=True)
+            both = [{"body": body, "place": tuple(here), "status": RobotStatus(now).name} for body, here, now in rows]
             sides = *in_sides(both, sizes), played, *in_sides(action, sizes)
             twins.append(numpy_teams.step(game, *sides, mates_collide=profile == "paper"))
-    clear_cut = np.array([twin.margin > CLEAR_CUT for twin in twins])
+    clear_cut = np.array([twin.margin > 1e-4 for twin in twins])  # closer to a threshold float32 may decide either way
     assert clear_cut.mean() > 0.99
 
     def same(values, expected, atol=0.0):
@@ -163,21 +148,14 @@ def test_a_step_is_what_the_numpy_twin_says(sizes, profile, count):
             assert np.all((robot.heading > -np.float32(np.pi)) & (robot.heading <= np.float32(np.pi)))
 
 
-def play(game, state, steps=1, action=4):
-    hold = [jnp.asarray(action)] * len(state.robots.pursuer), [jnp.asarray(action)] * len(state.robots.evader)
-    for _ in range(steps):
-        after = Game.step(game, state, *hold)
-        state = after.state
-    return after
-
-
-OPEN = in_teams(Game(), 2, 2)
-ON = [0, 0]
+def play(game, state):
+    """A step in which nobody steers."""
+    return game.step(state, *([jnp.asarray(4)] * len(side) for side in state.robots))
 
 
 def test_a_last_capture_counts_even_if_no_pursuer_is_left_and_costs_the_one_that_fails_nothing():
     state = state_of([(9.95, 5, 1.2, 0), (5, 1, 0, 0)], [(9.9, 5, 0, 0), (1, 9, 0, 0)], ([0, 2], [0, 1]))
-    after = play(OPEN, state)
+    after = play(in_teams(Game(), 2, 2), state)
     assert Outcome(int(after.outcome)) == Outcome.CAPTURED
     assert int(after.state.status.pursuer[0]) == RobotStatus.OUT_OF_RANGE
     assert [float(one) for one in after.rewards.pursuer] == [10, 0]
@@ -187,7 +165,7 @@ def test_a_last_capture_counts_even_if_no_pursuer_is_left_and_costs_the_one_that
 def test_mates_collide_only_where_a_game_asks_for_it(collide, status):
     body = Unicycle(radius=0.2)
     game = in_teams(Game(body, body), 2, 1, mates_collide=collide)
-    after = play(game, state_of([(2, 2, 0, 0), (2.3, 2, 0, 0)], [(8, 8, 0, 0)], (ON, [0])))
+    after = play(game, state_of([(2, 2, 0, 0), (2.3, 2, 0, 0)], [(8, 8, 0, 0)], ([0, 0], [0])))
     assert [RobotStatus(int(one)) for one in after.state.status.pursuer] == [status] * 2
     assert Outcome(int(after.outcome)) == (Outcome.PURSUER_HIT_OBSTACLE if collide else Outcome.ONGOING)
 
@@ -199,7 +177,7 @@ def test_mates_start_apart_in_free_space_and_opponents_further():
     starts = jax.jit(reset_batch, static_argnames="games")(game, jax.random.key(0), 200)
     robots = [(role, *one) for role in ROLES for one in zip(starts.robots[role], game.bodies[role], strict=True)]
     for role, robot, own in robots:
-        assert jax.vmap(game.arena.clearance)(robot.x, robot.y).min() >= 0.3 + own.radius - 1e-5
+        assert clearances(game.arena, robot.x, robot.y).min() >= 0.3 + own.radius - 1e-5
         for other_role, other, its in robots:
             if other is not robot:
                 apart = np.hypot(np.asarray(robot.x) - other.x, np.asarray(robot.y) - other.y)
@@ -207,11 +185,7 @@ def test_mates_start_apart_in_free_space_and_opponents_further():
     assert (np.array([np.asarray(one) for side in starts.status for one in side]) == 0).all()
 
 
-def test_of_alike_teams_a_game_of_two_is_left():
-    assert make_game("team-3v1").duel("a table") == paper()
-
-
-def test_a_file_says_how_many_robots_each_side_has_and_their_limits(tmp_path):
+def test_a_file_says_how_many_robots_each_side_has_and_their_limits_and_of_alike_ones_a_duel_is_left(tmp_path):
     path = tmp_path / "game.toml"
     path.write_text("evaders = 2\n[evader]\nv_max = 1.0\n[[pursuers]]\nv_max = 1.1\n[[pursuers]]\nv_max = 0.8\n")
     game = load_game(path)
@@ -222,6 +196,7 @@ def test_a_file_says_how_many_robots_each_side_has_and_their_limits(tmp_path):
     with pytest.raises(InvalidInput, match="pursuers = 0 is not possible"):
         load_game(path)
     assert find_game("team-2v1/office") == in_teams(find_game("office"), 2, 1)
+    assert make_game("team-3v1").duel("a table") == paper()
 
 
 NAN, INF = math.nan, math.inf

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from tests.oracle.numpy_game import LEVELS
+from tests.oracle.numpy_game import LEVELS, move
 
 
 @dataclass(frozen=True)
@@ -59,18 +59,7 @@ def least_distance(cars, size, places, headings, seconds):
 def moved(cars, state, pursuing, evading, dt):
     """Where the evader sees the pursuer after both have driven an arc."""
     x, y, psi = state
-    forward, aside = arc(cars.pursuer, psi, pursuing * cars.turn * dt, dt)
-    own_forward, own_aside = arc(cars.evader, 0.0, evading * cars.turn * dt, dt)
-    x, y = x + forward - own_forward, y + aside - own_aside
-    cos, sin = math.cos(evading * cars.turn * dt), math.sin(evading * cars.turn * dt)
-    return cos * x + sin * y, cos * y - sin * x
-
-
-def arc(speed, heading, turn, dt):
-    """How far a car comes along x and y while it turns at a constant rate."""
-    if turn == 0:
-        return speed * dt * math.cos(heading), speed * dt * math.sin(heading)
-    radius = speed * dt / turn
-    return radius * (math.sin(heading + turn) - math.sin(heading)), radius * (
-        math.cos(heading) - math.cos(heading + turn)
-    )
+    x, y, *_ = move(None, (x, y, cars.pursuer, psi), (0, pursuing * cars.turn), dt)
+    own_x, own_y, _, turned = move(None, (0.0, 0.0, cars.evader, 0.0), (0, evading * cars.turn), dt)
+    cos, sin = math.cos(turned), math.sin(turned)
+    return cos * (x - own_x) + sin * (y - own_y), cos * (y - own_y) - sin * (x - own_x)

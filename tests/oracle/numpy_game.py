@@ -13,8 +13,7 @@ def move(body, robot, inputs, dt):
     """The arc of a constant turn, travelled at the exact mean of a speed that ramps until it meets its limit."""
     x, y, v, heading = robot
     u1, u2 = inputs
-    limit = body.v_max if u1 > 0 else body.v_min
-    ramp_time = dt if u1 == 0 else min(dt, (limit - v) / u1)
+    ramp_time = dt if u1 == 0 else min(dt, ((body.v_max if u1 > 0 else body.v_min) - v) / u1)
     v_after = v + u1 * ramp_time
     travelled = (v + v_after) / 2 * ramp_time + v_after * (dt - ramp_time)
 
@@ -71,22 +70,22 @@ def gaps(arena, radius, before, after):
 
 def polygon_pass(vertices, before, after):
     """Least distance of a straight step from a polygon; where it touches the inside, minus some depth of it."""
-    least = math.inf
-    for start, end in zip(vertices, vertices[1:] + vertices[:1], strict=True):
-        least = min(least, closest_pass(before, after, start, start))
-        least = min(least, *(closest_pass(start, end, place, place) for place in (before, after)))
-        if intersect(before, after, start, end):
-            least = 0.0
-    if least > 0 and not winds_around(vertices, before):
-        return least
+    if not meets(vertices, before, after):
+        ends = [closest_pass(*edge, place, place) for edge in edges(vertices) for place in (before, after)]
+        return min(ends + [closest_pass(before, after, corner, corner) for corner in vertices])
     shares = [step / 200 for step in range(201)]
     places = [[b + share * (a - b) for b, a in zip(before[:2], after[:2], strict=True)] for share in shares]
-    depths = [distance_to_edges(vertices, place) for place in places if winds_around(vertices, place)]
-    return -max(depths) if depths else least - 1e-3 * (least == 0)
+    inside = [place for place in places if winds_around(vertices, place)]
+    return -max([min(closest_pass(*edge, place, place) for edge in edges(vertices)) for place in inside], default=1e-3)
 
 
-def distance_to_edges(vertices, place):
-    return min(closest_pass(a, b, place, place) for a, b in zip(vertices, vertices[1:] + vertices[:1], strict=True))
+def edges(vertices):
+    return list(zip(vertices, vertices[1:] + vertices[:1], strict=True))
+
+
+def meets(vertices, before, after):
+    """Whether a straight step begins in a polygon or crosses one of its edges."""
+    return winds_around(vertices, before) or any(intersect(before, after, *edge) for edge in edges(vertices))
 
 
 def intersect(a, b, c, d):
@@ -104,8 +103,8 @@ def intersect(a, b, c, d):
 def winds_around(vertices, place):
     """Whether the angles under which a place sees the edges add up to a whole turn."""
     total = 0.0
-    for a, b in zip(vertices, vertices[1:] + vertices[:1], strict=True):
-        before, after = (math.atan2(y - place[1], x - place[0]) for x, y in (a, b))
+    for edge in edges(vertices):
+        before, after = (math.atan2(y - place[1], x - place[0]) for x, y in edge)
         total += wrapped(after - before)
     return abs(total) > math.pi
 

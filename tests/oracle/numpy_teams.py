@@ -44,12 +44,11 @@ def step(game, pursuers, evaders, steps, pursuer_actions, evader_actions, mates_
     fate = {}
     for number in playing:
         fate[number] = "ACTIVE"
-        mates = [other for other in playing if other != number and sides[other] == sides[number]]
-        if mates_collide:
-            for other in mates:
-                if below(pass_of(number, other) - before[number]["body"].radius - before[other]["body"].radius):
-                    fate[number] = "HIT_MATE"
         radius = before[number]["body"].radius
+        for other in playing if mates_collide else ():
+            is_mate = other != number and sides[other] == sides[number]
+            if is_mate and below(pass_of(number, other) - radius - before[other]["body"].radius):
+                fate[number] = "HIT_MATE"
         to_obstacle, to_wall = alone.gaps(game.arena, radius, before[number]["place"], after[number]["place"])
         if below(to_wall):
             fate[number] = "OUT_OF_RANGE"
@@ -69,9 +68,8 @@ def step(game, pursuers, evaders, steps, pursuer_actions, evader_actions, mates_
     if game.arena.territory:
         goal = game.arena.territory
         for number in left("evader"):
-            centre = (goal.x, goal.y)
             ends = before[number]["place"], after[number]["place"]
-            reached |= below(alone.closest_pass(*ends, centre, centre) - goal.radius)
+            reached |= below(alone.closest_pass(*ends, (goal.x, goal.y), (goal.x, goal.y)) - goal.radius)
 
     def lost_by(side):
         """What put out the last of a side that nobody is left of, as the game's outcome says it."""

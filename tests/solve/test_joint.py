@@ -24,7 +24,7 @@ from apollonius.solve.joint import interpolate, make_duel, solve_duel, value_bef
 from apollonius.solve.motion import HORIZON, first_events, make_zero_sum_game, motion_of, payoff_of
 from apollonius.solve.players import RolloutSearch, SaddlePolicy
 from tests.acting import act
-from tests.oracle import numpy_duel as oracle
+from tests.oracle import numpy_solver as oracle
 from tests.oracle import numpy_teams
 from tests.solve.small import BODY, CRAMPED, FEW, FEWER, HOLD, MOVING, SMALL, as_matrix
 
