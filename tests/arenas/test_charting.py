@@ -14,6 +14,7 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import in_arenas
+from tests.acting import clearances
 
 WALL = Polygon(((4.0, 0.0), (4.2, 0.0), (4.2, 6.0), (4.0, 6.0)))
 """Across an arena of 8 by 8 m, with a door of 2 m at its top."""
@@ -25,16 +26,6 @@ def chart_of(arena, **changes):
     return charted(replace(Game(arena=arena), **changes)).arena.chart
 
 
-@pytest.fixture(scope="module")
-def room():
-    return chart_of(ROOM)
-
-
-@pytest.fixture(scope="module")
-def wide():
-    return chart_of(OPEN)
-
-
 def made(field):
     """A chart with this field, whose lower left corner is (3, -2), with cells of 0.1 m."""
     blank = jnp.zeros((1, 1, 1), jnp.uint16)
@@ -42,20 +33,18 @@ def made(field):
     return Chart(corners, blank, blank, jnp.array([3.0]), jnp.array([-2.0]), jnp.array([SIDE / 10]))
 
 
-def points(arena, count, seed=0):
-    rng = np.random.default_rng(seed)
-    x = rng.uniform(arena.x_min, arena.x_max, count).astype(np.float32)
-    y = rng.uniform(arena.y_min, arena.y_max, count).astype(np.float32)
-    return x, y
+def points(arena, count):
+    low, high = (arena.x_min, arena.y_min), (arena.x_max, arena.y_max)
+    return np.random.default_rng(0).uniform(low, high, (count, 2)).astype(np.float32).T
 
 
-@pytest.mark.parametrize(("name", "arena"), [("room", ROOM), ("wide", OPEN)])
-def test_room_is_the_clearance_to_within_half_a_cell(name, arena, request):
-    chart, (x, y) = request.getfixturevalue(name), points(arena, 3000)
-    found, known = (np.asarray(jax.jit(jax.vmap(one.clearance))(x, y)) for one in (chart, arena))
+@pytest.mark.parametrize("arena", [ROOM, OPEN], ids=["room", "open"])
+def test_room_is_the_clearance_to_within_half_a_cell(arena):
+    chart = chart_of(arena)
+    away = np.abs(np.subtract(*(clearances(one, *points(arena, 3000)) for one in (chart, arena))))
     cell = float(chart.side[0]) / SIDE
-    assert np.max(np.abs(found - known)) < 0.75 * cell
-    assert np.mean(np.abs(found - known)) < 0.05 * cell
+    assert np.max(away) < 0.75 * cell
+    assert np.mean(away) < 0.05 * cell
 
 
 @pytest.mark.parametrize(("along", "known"), [(0.03, 0.03), (19.15, 19.15), (19.2, 19.2), (25.0, 19.2), (-1.0, 0.0)])
@@ -66,38 +55,34 @@ def test_room_between_the_corners_is_linear_up_to_the_edge_and_constant_beyond(a
     assert float(upwards.clearance(jnp.float32(7.0), jnp.float32(along - 2))) == pytest.approx(known, abs=1e-4)
 
 
-def test_a_ray_ends_where_the_first_thing_is(wide):
+def test_a_ray_ends_where_the_first_thing_is():
     """From (0, 4) the disc is 1.3 m ahead, the walls are 1, 2 and 2 m away, and sideways past the disc 5 m."""
     rays = [(0.0, 4.0, 1.0, 0.0), (0.0, 4.0, -1.0, 0.0), (0.0, 4.0, 0.0, 1.0), (0.0, 5.4, 1.0, 0.0)]
-    found = jax.jit(jax.vmap(wide.range))(*jnp.asarray(rays, jnp.float32).T)
+    found = jax.jit(jax.vmap(chart_of(OPEN).range))(*jnp.asarray(rays, jnp.float32).T)
     np.testing.assert_allclose(found[:3], [1.3, 1.0, 2.0], atol=0.02)
     assert 2.0 < float(found[3]) <= 5.02, "past the disc the steps get short"
 
 
 @jax.jit
-def way_between(chart, start, end):
+def path_length(chart, start, end):
+    start, end = jnp.asarray((start, end), jnp.float32)
     return chart.path_length(chart.cell_weights(*start), chart.cell_weights(*end))
 
 
-def path_length(chart, start, end):
-    return float(way_between(chart, *(jnp.asarray(place, jnp.float32) for place in (start, end))))
-
-
-def test_ways_lead_through_the_door(room):
+def test_ways_lead_through_the_door():
     """Beside the wall, a metre from it on either side and 5 m below the door's middle: round the wall's end."""
+    room = chart_of(ROOM)
     assert path_length(room, (1.0, 1.0), (1.0, 7.0)) == pytest.approx(6.0, rel=0.05)
     assert path_length(room, (6.0, 1.0), (7.5, 1.0)) == pytest.approx(1.5, abs=0.15)
     around = np.hypot(1.0, 5.0) + 0.2 + np.hypot(1.0, 5.0)
-    assert path_length(room, (3.0, 1.0), (5.2, 1.0)) == pytest.approx(around, rel=0.05)
-    assert path_length(room, (5.2, 1.0), (3.0, 1.0)) == pytest.approx(
-        path_length(room, (3.0, 1.0), (5.2, 1.0)), rel=1e-3
-    )
+    there, back = path_length(room, (3.0, 1.0), (5.2, 1.0)), path_length(room, (5.2, 1.0), (3.0, 1.0))
+    assert there == pytest.approx(around, rel=0.05)
+    assert back == pytest.approx(float(there), rel=1e-3)
     middle = [(cell + 0.5) * 8.0 / COARSE for cell in (10, 3)]
     ends = room.cell_weights(*map(jnp.float32, (5.2, 1.7)))
     from_cell = float(room.path_length_from(jnp.asarray(3 * COARSE + 10), ends))
-    assert from_cell == pytest.approx(path_length(room, middle, (5.2, 1.7)), rel=1e-3)
-    next_to = path_length(room, (3.9, 3.0), (4.3, 3.0))
-    assert next_to == pytest.approx(6.3, rel=0.1), "a few centimetres from the wall nothing is seen through it"
+    assert from_cell == pytest.approx(float(path_length(room, middle, (5.2, 1.7))), rel=1e-3)
+    assert path_length(room, (3.9, 3.0), (4.3, 3.0)) == pytest.approx(6.3, rel=0.1), "nothing is seen through the wall"
 
 
 def test_in_an_empty_square_stops_are_as_far_apart_as_points():
@@ -131,16 +116,14 @@ def test_a_body_that_does_not_fit_through_has_no_way():
     assert path_length(stout, (3.0, 1.0), (5.2, 1.0)) == pytest.approx(NO_PATH / 100, rel=1e-3)
 
 
-def test_stops_count_as_much_as_they_are_near_and_sum_up_to_one(wide):
+def test_stops_count_as_much_as_they_are_near_and_sum_up_to_one():
     x, y = points(OPEN, 500)
-    cells, weights = map(np.asarray, jax.jit(jax.vmap(wide.cell_weights))(x, y))
+    cells, weights = map(np.asarray, jax.jit(jax.vmap(chart_of(OPEN).cell_weights))(x, y))
     np.testing.assert_allclose(np.sum(weights, axis=1), 1.0, atol=1e-5)
-    free = np.asarray(jax.jit(jax.vmap(OPEN.clearance))(x, y)) > 0.1
-    pitch = 6.0 / COARSE
-    middle_x = (cells % COARSE + 0.5) * pitch - 1.0
-    middle_y = (cells // COARSE + 0.5) * pitch + 2.0
-    np.testing.assert_allclose(np.sum(weights * middle_x, axis=1)[free], x[free], atol=0.02)
-    np.testing.assert_allclose(np.sum(weights * middle_y, axis=1)[free], y[free], atol=0.02)
+    free = np.asarray(clearances(OPEN, x, y)) > 0.1
+    for place, cell, low in ((x, cells % COARSE, -1.0), (y, cells // COARSE, 2.0)):
+        middle = (cell + 0.5) * 6.0 / COARSE + low
+        np.testing.assert_allclose(np.sum(weights * middle, axis=1)[free], place[free], atol=0.02)
 
 
 def test_links_lead_between_cells_of_the_field_that_are_side_by_side():
@@ -168,10 +151,7 @@ def test_links_lead_between_cells_of_the_field_that_are_side_by_side():
 def test_each_of_several_arenas_has_its_own_chart():
     together = charted(in_arenas(Game(), [ROOM, OPEN]))
     for number, arena in enumerate((ROOM, OPEN)):
-        chart = together.scenario.arena(jnp.asarray(number)).chart
-        alone = chart_of(arena)
-        x, y = points(arena, 200)
-        mine, its = (jax.jit(jax.vmap(one.clearance))(x, y) for one in (chart, alone))
-        np.testing.assert_allclose(mine, its, atol=1e-5)
+        chart, alone = together.scenario.arena(jnp.asarray(number)).chart, chart_of(arena)
+        np.testing.assert_allclose(*(clearances(one, *points(arena, 200)) for one in (chart, alone)), atol=1e-5)
         lengths = [np.asarray(one.lengths[member]) for one, member in ((chart, number), (alone, 0))]
         assert np.mean(lengths[0] != lengths[1]) < 1e-3

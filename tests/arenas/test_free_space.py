@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -30,19 +31,13 @@ from apollonius.game.types import Role
 from apollonius.show.arena import KINDS, kinds_of_places, save_plan
 from apollonius.solve.enough import core
 
-SQUARE = Polygon(((1.0, 1.0), (2.0, 1.0), (2.0, 2.0), (1.0, 2.0)))
-DISCS = Disc(7.0, 7.0, 1.0), Disc(7.0, 4.7, 1.0), Disc(10.0, 2.0, 1.0)
-"""Two with 0.3 m between them, one that stands against a wall."""
-
-
-def game(radius):
-    return Game(
-        arena=Arena(discs=DISCS, polygons=(SQUARE,)), pursuer=Unicycle(radius=radius), evader=Unicycle(radius=0.05)
-    )
-
 
 def test_islands_are_obstacles_with_free_space_around_them_for_the_larger_robot():
-    narrow, wide = free_space(game(0.2)), free_space(game(0.0))
+    """A square, and discs, of which two have 0.3 m between them, and one stands against a wall."""
+    square = Polygon(((1.0, 1.0), (2.0, 1.0), (2.0, 2.0), (1.0, 2.0)))
+    discs = Disc(7.0, 7.0, 1.0), Disc(7.0, 4.7, 1.0), Disc(10.0, 2.0, 1.0)
+    evader, arena = Unicycle(radius=0.05), Arena(discs=discs, polygons=(square,))
+    narrow, wide = (free_space(Game(Unicycle(radius=radius), evader, arena)) for radius in (0.2, 0.0))
     assert (narrow.islands, wide.islands) == (2, 3)
     assert wide.area > narrow.area
 
@@ -88,14 +83,10 @@ def test_a_place_is_in_the_hexagon_whose_middle_is_nearest():
     assert len(pairs) == len(set(nearest)) == len({number for _, number in pairs}) > 40
 
 
-def tiled(free, spacing, angle):
-    return tile(largest_part(free, 0.0, 0.0, 1.0), spacing, angle)
-
-
 @pytest.mark.parametrize(("spacing", "angle"), [(7.0, 0.3), (25.0, 0.0), (11.0, np.pi / 6)])
 @pytest.mark.parametrize("free", [BENT, SPIRAL], ids=["bent room", "spiral"])
 def test_without_islands_one_pursuer_is_enough_whatever_the_cells(free, spacing, angle):
-    tiling = tiled(free, spacing, angle)
+    tiling = tile(largest_part(free, 0.0, 0.0, 1.0), spacing, angle)
     assert tiling.holes == 0
     assert len(core(tiling.adjacency)) == 1
 
@@ -103,25 +94,11 @@ def test_without_islands_one_pursuer_is_enough_whatever_the_cells(free, spacing,
 @pytest.mark.parametrize("angle", [0.0, np.pi / 6])
 @pytest.mark.parametrize("spacing", [6.0, 12.0])
 def test_the_core_round_an_island_is_a_cycle(spacing, angle):
-    tiling = tiled(ANNULUS, spacing, angle)
+    tiling = tile(largest_part(ANNULUS, 0.0, 0.0, 1.0), spacing, angle)
     kept = core(tiling.adjacency)
     assert tiling.holes == 1
     assert len(kept) >= 2 * np.pi * 25 / spacing
     assert (tiling.adjacency[np.ix_(kept, kept)].sum(axis=1) == 2).all()
-
-
-def test_a_thin_wall_through_a_cell_parts_it():
-    free = ROOM.copy()
-    free[:, 60] = False
-    free[:3, 60] = True
-    tiling = tiled(free, 40.0, 0.0)
-    assert tiling.holes == 0
-    across = [
-        (tiling.places[i], tiling.places[j])
-        for i, j in np.argwhere(np.triu(tiling.adjacency))
-        if (tiling.places[i][0] < 60) != (tiling.places[j][0] < 60)
-    ]
-    assert all(min(one[1], other[1]) < 40 for one, other in across)
 
 
 AT = 9.8
@@ -134,12 +111,6 @@ def floor(width, radius=0.2, second=0.0):
     ends = ((0.0, 7.0 - width / 2), (7.0 + width / 2, 14.0 - second))
     wall = tuple(Polygon(((AT, low), (AT + 0.15, low), (AT + 0.15, high), (AT, high))) for low, high in ends)
     return Game(pursuer=body, evader=body, capture_distance=0.6, arena=Arena(x_max=20.0, y_max=14.0, polygons=wall))
-
-
-def warned(game, players=(), name="floor.toml"):
-    lines = []
-    warn(argparse.Namespace(game=name, display=SimpleNamespace(tell=lines.append)), game, players)
-    return lines
 
 
 def test_a_door_that_the_chart_does_not_have_is_found_with_the_way_round():
@@ -167,6 +138,12 @@ def test_the_check_of_an_arena_says_what_its_chart_resolves(tmp_path, monkeypatc
     assert note.endswith("know no other way. This arena's chart resolves 1.00 m, so widen it to that.")
 
 
+def warned(game, players=(), name="floor.toml"):
+    lines = []
+    warn(argparse.Namespace(game=name, display=SimpleNamespace(tell=lines.append)), game, players)
+    return lines
+
+
 def test_players_with_charts_are_warned_of_it_and_others_are_not():
     game = floor(0.55)
     assert warned(game, [find_player("still", Role.EVADER, game)]) == []
@@ -179,29 +156,23 @@ def test_arenas_that_are_wrong_and_agents_that_have_not_learned_there_are_told_o
     agents = [find_player(name, Role.PURSUER, closed) for name in ("P_optimal", "P_stage1", "pure-pursuit")]
     learned, *wrong = warned(closed, agents)
     assert learned == "P_optimal, P_stage1 have learned in another arena; pursuer plays in any"
-    assert [line.split(" falls into 2 parts")[0] for line in wrong] == [
-        "floor.toml: the pursuer's free space",
-        "floor.toml: the evader's free space",
-    ]
+    parted = [line.partition(" falls into 2 parts")[0] for line in wrong]
+    assert parted == [f"floor.toml: the {side}'s free space" for side in ("pursuer", "evader")]
     assert warned(closed, name="office") == []
 
 
-@pytest.mark.parametrize(
-    ("file", "words"),
-    [
-        ("options", "evaluate still still"),
-        ("options", "show still still"),
-        ("options", "simulate still still"),
-        ("judge", "tournament --pursuers still --evaders still"),
-        ("exploit", "regret still"),
-        ("exploit", "exploit pursuer still"),
-        ("solve", "pursuers paper"),
-        ("solve", "solve safety"),
-        ("show", "slice P_stage1 --opponent 5 5"),
-        ("show", "play"),
-        ("export", "export P_optimal --to c --out P_optimal.c --game paper"),
-    ],
-)
+WARNING = {
+    "options": ["evaluate still still", "show still still", "simulate still still"],
+    "judge": ["tournament --pursuers still --evaders still"],
+    "exploit": ["regret still", "exploit pursuer still"],
+    "solve": ["pursuers paper", "solve safety"],
+    "show": ["slice P_stage1 --opponent 5 5", "play"],
+    "export": ["export P_optimal --to c --out P_optimal.c --game paper"],
+}
+"""Commands by the file of the command line that warns."""
+
+
+@pytest.mark.parametrize(("file", "words"), [(file, words) for file in WARNING for words in WARNING[file]])
 def test_every_command_about_one_arena_warns_before_it_works(file, words, tmp_path, monkeypatch):
     class Warned(Exception):
         pass
@@ -215,10 +186,8 @@ def test_every_command_about_one_arena_warns_before_it_works(file, words, tmp_pa
         main(words.split())
 
 
-WALL = tuple(Disc(5.0, y / 2, 0.4) for y in range(21))
-"""Discs across the whole arena, from wall to wall."""
-GATE = tuple(disc for disc in WALL if disc.y != 5.0)
-"""The same with a gate of 2 (0.5 - 0.4) = 0.2 m in the middle."""
+GATE = tuple(Disc(5.0, y / 2, 0.4) for y in range(21) if y != 10)
+"""Discs from wall to wall with a gate of 2 (0.5 - 0.4) = 0.2 m in the middle."""
 
 
 def test_pockets_and_gates_of_polygons_are_found():
@@ -232,22 +201,22 @@ def test_pockets_and_gates_of_polygons_are_found():
     assert found.blocked.mean() == pytest.approx((2 * 0.4 * 4.9 + 2 - 0.4 * 1.8 + np.pi - 0.1) / 100, rel=0.05)
 
 
+def ring(radius):
+    angles = np.linspace(0, 2 * np.pi, 24, endpoint=False).tolist()
+    return tuple(Disc(5 + 2 * math.cos(angle), 5 + 2 * math.sin(angle), radius) for angle in angles)
+
+
 def test_a_territory_that_cannot_be_reached_is_found():
-    ring = tuple(Disc(5 + 2 * float(np.cos(a)), 5 + 2 * float(np.sin(a)), 0.3) for a in np.linspace(0, 2 * np.pi, 25))
     for goal, lines in ((Disc(5.0, 5.0, 0.5), 1), (Disc(1.0, 1.0, 0.5), 0)):
-        game = Game(arena=Arena(discs=ring, territory=goal), starts=Starts(clearance=1.75, separation=1.8))
-        found = survey(game)
-        assert sum("cannot come into arena.territory" in line for line in found.wrong) == lines
+        arena, starts = Arena(discs=ring(0.3), territory=goal), Starts(clearance=1.75, separation=1.8)
+        wrong = survey(Game(arena=arena, starts=starts)).wrong
+        assert sum("cannot come into arena.territory" in line for line in wrong) == lines
 
 
 def test_a_haven_of_the_evader_is_found():
     """A ring with a gate for the evader alone: the pursuer never starts within, nor comes close enough."""
-    angles = np.linspace(0, 2 * np.pi, 24, endpoint=False)
-    ring = tuple(Disc(5 + 2 * float(np.cos(a)), 5 + 2 * float(np.sin(a)), 0.2) for a in angles)
-    game = Game(
-        pursuer=Unicycle(radius=0.5), evader=Unicycle(radius=0.02), arena=Arena(discs=ring), capture_distance=0.52,
-        starts=Starts(clearance=1.4),
-    )  # fmt: skip
+    pursuer, evader = Unicycle(radius=0.5), Unicycle(radius=0.02)
+    game = Game(pursuer, evader, Arena(discs=ring(0.2)), capture_distance=0.52, starts=Starts(clearance=1.4))
     found = survey(game)
     assert any("the evader is safe on" in line for line in found.wrong)
     assert found.haven[250, 250]
@@ -295,7 +264,7 @@ def test_the_command_says_what_is_wrong(tmp_path, capsys):
     assert "ends in one of .png, .json" in capsys.readouterr().err
 
 
-FILES = [name for name in game_names() if name not in PRESETS]
+FILES = game_names()[len(PRESETS) :]
 
 
 def test_there_are_an_office_a_warehouse_and_a_maze_beside_the_presets():
@@ -308,8 +277,7 @@ def test_there_are_an_office_a_warehouse_and_a_maze_beside_the_presets():
 def test_each_is_sound_and_its_starts_have_room(name):
     game = find_game(name)
     found = survey(game)
-    assert found.wrong == ()
-    assert found.notes == ()
+    assert (found.wrong, found.notes) == ((), ())
     assert [parts.max() for parts in found.parts] == [1, 1]
     assert not found.haven.any()
     if name in FILES:

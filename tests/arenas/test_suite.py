@@ -10,21 +10,10 @@ import numpy as np
 import pytest
 
 from apollonius.arenas import suite
+from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game, from_dict, game_names, load_game, to_dict
 from apollonius.arenas.names import KINDS
 from apollonius.arenas.random_arena import random_arena, random_map
-from apollonius.arenas.suite import (
-    OTHERS,
-    PAPERS_OWN,
-    SUITES,
-    digest,
-    draw_robot_kinds,
-    each_alone,
-    find_scenario,
-    suite_arena,
-    suite_entries,
-    suite_names,
-)
 from apollonius.arenas.survey import survey
 from apollonius.cli.main import main
 from apollonius.evaluate.match import Match, play_match
@@ -37,66 +26,93 @@ from apollonius.game.starts import Starts
 from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.play.playout import Results
+from tests.acting import clearances
 
 NAME = "suite-v1"
-ENTRIES = {entry.name: entry for entry in suite_entries(NAME)}
-TRAIN = {"discs": 64, "blocks": 64, "rooms": 64, "maze": 64}
-HELD_OUT = {"racks": 60, "caves": 60}
+ENTRIES = {entry.name: entry for entry in suite.suite_entries(NAME)}
 GALLERY = ("blocks", "courtyard", "maze", "office", "warehouse")
+PARTS = {
+    ("suite-v1", "train"): {"discs": 64, "blocks": 64, "rooms": 64, "maze": 64},
+    ("suite-v1", "held-out"): {"racks": 60, "caves": 60, "gallery": 5},
+    ("suite-v2", "train"): {"discs": 8, "blocks": 16, "rooms": 24, "maze": 32, "labyrinth": 80},
+    ("suite-v2", "held-out"): {"racks": 8, "caves": 8, "fences": 48, "floors": 32, "gallery": 5},
+}
 
 
 def test_training_and_judging_have_no_kind_of_arenas_in_common():
-    detours = {"discs": 8, "blocks": 16, "rooms": 24, "maze": 32, "labyrinth": 80}
-    held_out = {"racks": 8, "caves": 8, "fences": 48, "floors": 32}
-    for suite_name, *known in ((NAME, TRAIN, HELD_OUT), ("suite-v2", detours, held_out)):
-        kinds = [Counter(entry.kind for entry in suite_entries(suite_name, part)) for part in ("train", "held-out")]
-        assert kinds == [known[0], known[1] | {"gallery": 5}]
-    assert len(ENTRIES) == len(suite_names(NAME)) == 256 + 125
-    assert suite_names(NAME, "held-out")[-5:] == GALLERY
+    assert {part: Counter(entry.kind for entry in suite.suite_entries(*part)) for part in PARTS} == PARTS
+    assert len(ENTRIES) == len(suite.suite_names(NAME)) == 256 + 125
+    assert suite.suite_names(NAME, "held-out")[-5:] == GALLERY
     assert set(GALLERY) <= set(game_names())
 
 
-@pytest.mark.parametrize("suite", SUITES)
-def test_each_comes_out_as_it_was_published(suite):
+@pytest.mark.parametrize("name", suite.SUITES)
+def test_each_comes_out_as_it_was_published(name):
     """Every fourth of a kind, but fewer caves, which take their time."""
-    kinds = {entry.kind for entry in suite_entries(suite)}
-    for kind in kinds:
-        for entry in [entry for entry in suite_entries(suite) if entry.kind == kind][:: 30 if kind == "caves" else 4]:
-            assert digest(suite_arena(suite, entry.name)) == entry.sha256
+    for kind in {entry.kind for entry in suite.suite_entries(name)}:
+        entries = [entry for entry in suite.suite_entries(name) if entry.kind == kind]
+        for entry in entries[:: 30 if kind == "caves" else 4]:
+            assert suite.digest(suite.suite_arena(name, entry.name)) == entry.sha256
 
 
 def test_a_digest_is_of_the_numbers_to_a_micrometre_and_of_nothing_else():
     arena = Arena(discs=(Disc(3.0, 0.0, 0.5),))
-    assert digest(arena) == digest(Arena(discs=(Disc(3.0, -1e-9, 0.5 + 1e-9),)))
+    assert suite.digest(arena) == suite.digest(Arena(discs=(Disc(3.0, -1e-9, 0.5 + 1e-9),)))
     others = [
         Arena(discs=(Disc(3.0, 0.0, 0.500001),)),
         Arena(x_max=9.0, discs=arena.discs),
         Arena(),
-        replace(arena, map=suite_arena(NAME, "caves-00").map),
+        replace(arena, map=suite.suite_arena(NAME, "caves-00").map),
     ]
-    assert len({digest(one) for one in [arena, *others]}) == 5
+    assert len({suite.digest(one) for one in [arena, *others]}) == 5
 
 
 def test_an_arena_that_comes_out_otherwise_is_refused(monkeypatch):
     entries = (replace(ENTRIES["discs-00"], sha256="0" * 64),)
     monkeypatch.setattr(suite, "_published", lambda suite: entries)
     with pytest.raises(InvalidInput, match=r"SHA-256 of suite-v1/discs-00 = b73cd2122739... .* 000000000000... as pub"):
-        suite_arena(NAME, "discs-00")
+        suite.suite_arena(NAME, "discs-00")
     assert main(["evaluate", "still", "still", "--game", "suite-v1/discs-00"]) == 2
+
+
+def drawn(kind="discs", seed=0, **numbers):
+    return random_arena(kind, seed, **numbers)
 
 
 @pytest.mark.parametrize(
     ("act", "said"),
     [
-        (lambda: suite_arena("suite-v0", "discs-00"), "suite = suite-v0 .* one of suite-v1"),
-        (lambda: suite_names(NAME, "test"), "part = test .* one of train, held-out"),
-        (lambda: suite_arena(NAME, "racks-99"), "arena of suite-v1 = racks-99 .* one of discs-00"),
+        (lambda: suite.suite_arena("suite-v0", "discs-00"), "suite = suite-v0 .* one of suite-v1"),
+        (lambda: suite.suite_names(NAME, "test"), "part = test .* one of train, held-out"),
+        (lambda: suite.suite_arena(NAME, "racks-99"), "arena of suite-v1 = racks-99 .* one of discs-00"),
         (lambda: find_game("suite-v1/"), "no game is called 'suite-v1/': choose .* as 'suite-v1/racks-07'"),
         (lambda: find_game("suite-v1/none"), "arena of suite-v1 = none"),
+        (lambda: drawn(gap=4.0), "5 discs find no room: after .* ask for a smaller gap"),
+        (lambda: drawn(gap=-1.0), "gap = -1"),
+        (lambda: drawn(width=3.0), "width, height = .* at least 3.6 m"),
+        (lambda: drawn(seed=-1), "seed = -1"),
+        (lambda: drawn(kind="swamps"), "kind = swamps .* one of discs, blocks"),
+        (lambda: drawn(kind="maze", width=2.0), "width, height = .* two corridors"),
+        (lambda: drawn(kind="racks", height=2.0), "width, height = .* an aisle on either side"),
+        (lambda: drawn(kind="blocks", gap=4.7), "width, height = .* a block with a gap"),
+        (lambda: drawn(kind="rooms", gap=9.0), "width, height = .* two rooms"),
+        (lambda: drawn(kind="rooms", gap=1e-3, width=90.0), "gap = 0.001 .* at most 200 polygons"),
+        (lambda: drawn(kind="maze", width=60.0, height=60.0), "gap = 1.0 .* wider, or the arena smaller"),
+        (lambda: drawn(kind="caves", width=3.9), "width, height = .* at least 4 m each, 4 gaps"),
+        (lambda: drawn(kind="caves", gap=0.07), "gap = 0.07 .* at least 0.08 m, as a cave has 1,000 cells"),
+        (lambda: drawn(gap=0.0), "gap = 0.0 .* more than 0"),
+        (lambda: drawn(kind="rooms", width=1e6), "width, height = .* at most 100 m"),
+        (lambda: random_map("caves"), "must be as in 'caves seed=0"),
+        (lambda: random_map("discs seed=0 gap=1.0 width=10.0 height=10.0"), "of a kind that draws cells"),
+        (lambda: random_map("swamps seed=0 gap=1.0 width=10.0 height=10.0"), "must be as in 'caves seed=0"),
+        (lambda: random_map("caves seed=0 gap=1e999 width=10.0 height=10.0"), "gap = inf"),
+        (lambda: random_map("caves seed=0 gap=1..0 width=10.0 height=10.0"), "must be as in 'caves seed=0"),
+        (lambda: random_map("caves seed=9999999999 gap=1.0 width=10.0 height=10.0"), "seed = 9999999999"),
+        (lambda: random_map("caves seed=0 gap=1.0 width=1e9 height=10.0"), "width, height = "),
     ],
-    ids=range(5),
+    ids=range(27),
 )
-def test_what_is_not_in_it_is_refused(act, said):
+def test_what_is_not_in_a_suite_or_cannot_be_drawn_is_refused(act, said):
     with pytest.raises(InvalidInput, match=said):
         act()
 
@@ -111,21 +127,19 @@ def three():
 
 def test_a_list_of_arenas_is_a_game_in_each_of_them(three):
     assert three.scenario.count == three.scenario.size == 3
-    for number, alone in enumerate(each_alone(three)):
-        name = THREE.split("/")[1].split(",")[number]
-        arena = suite_arena("suite-v1", name)
+    names = THREE.removeprefix("suite-v1/").split(",")
+    for number, (name, alone) in enumerate(zip(names, suite.each_alone(three), strict=True)):
+        arena, padded = suite.suite_arena(NAME, name), three.scenario.arena(jnp.asarray(number))
         assert to_dict(alone.arena) == to_dict(arena)
         x, y = np.random.default_rng(0).uniform(0, [[arena.x_max], [arena.y_max]], (2, 300)).astype(np.float32)
-        padded = three.scenario.arena(jnp.asarray(number))
-        found, known = (np.asarray(jax.jit(jax.vmap(one.clearance))(x, y)) for one in (padded, arena))
-        np.testing.assert_allclose(found, known, atol=1e-5)
+        np.testing.assert_allclose(clearances(padded, x, y), clearances(arena, x, y), atol=1e-5)
 
 
 def test_a_record_names_it(three):
     record = to_dict(three)
     assert record["scenario"] == THREE
     again = from_dict(Game, json.loads(json.dumps(record)), "a record")
-    assert again.scenario is find_scenario(THREE)
+    assert again.scenario is suite.find_scenario(THREE)
     with pytest.raises(InvalidInput, match=r"scenario = suite-v1/nothing .* one of suite-v1/train, suite-v1/held-out"):
         from_dict(Game, record | {"scenario": "suite-v1/nothing"}, "a record")
     with pytest.raises(InvalidInput, match="arena of suite-v1 = no-such"):
@@ -133,30 +147,26 @@ def test_a_record_names_it(three):
 
 
 def test_robots_of_many_makes_are_around_the_papers():
-    found = draw_robot_kinds()
-    assert len(found) == PAPERS_OWN + OTHERS
+    found, stout = suite.draw_robot_kinds(), suite.draw_robot_kinds("suite-v2")
+    own = suite.PAPERS_OWN
+    assert len(found) == own + suite.OTHERS
     for role in Role:
-        bodies = found.every(role)
-        for body in bodies[:PAPERS_OWN]:
-            assert (body.v_max, body.u1_max, body.u2_max, body.radius) == pytest.approx((1.2, 0.3, 0.8, 0.0))
-        numbers = np.array([(body.v_max, body.u1_max, body.u2_max, body.radius) for body in bodies[PAPERS_OWN:]])
-        np.testing.assert_allclose(numbers.min(axis=0), [0.6, 0.15, 0.4, 0], atol=0.1)
-        np.testing.assert_allclose(numbers.max(axis=0), [2, 1.2, 2, 0.25], atol=0.4)
-    stout = draw_robot_kinds("suite-v2")
-    for role in Role:
+        numbers = np.array([(body.v_max, body.u1_max, body.u2_max, body.radius) for body in found.every(role)])
+        np.testing.assert_allclose(numbers[:own], [(1.2, 0.3, 0.8, 0.0)] * own, rtol=1e-6)
+        np.testing.assert_allclose(numbers[own:].min(axis=0), [0.6, 0.15, 0.4, 0], atol=0.1)
+        np.testing.assert_allclose(numbers[own:].max(axis=0), [2, 1.2, 2, 0.25], atol=0.4)
         radii = np.array([body.radius for body in stout.every(role)])
-        assert radii.max() > 0.27
-        assert (radii <= 0.3).all()
-        assert np.mean(radii > 0) == 1 - PAPERS_OWN / 2 / len(stout)
+        assert 0.27 < radii.max() <= 0.3
+        assert np.mean(radii > 0) == 1 - own / 2 / len(stout)
     gaps = np.asarray(found.capture_distance - found.pursuer.radius - found.evader.radius)
-    assert gaps.min() >= 0.2 - 1e-5
-    assert gaps.max() <= 0.4 + 1e-5
+    assert 0.2 - 1e-5 <= gaps.min() <= gaps.max() <= 0.4 + 1e-5
 
 
 def test_each_game_has_the_robots_of_its_make():
     """Two arenas, three kinds of robots: who is fast is where the state says."""
-    some = jax.tree.map(lambda leaf: leaf[PAPERS_OWN - 1 : PAPERS_OWN + 2], draw_robot_kinds())
-    game = in_arenas(Game(), [suite_arena("suite-v1", name) for name in ("discs-01", "discs-03")])
+    own = suite.PAPERS_OWN
+    some = jax.tree.map(lambda leaf: leaf[own - 1 : own + 2], suite.draw_robot_kinds())
+    game = in_arenas(Game(), [suite.suite_arena("suite-v1", name) for name in ("discs-01", "discs-03")])
     game = replace(game, scenario=replace(game.scenario, kinds=some))
     assert game.scenario.size == 6
     states = jax.jit(reset_batch, static_argnames="games")(game, jax.random.key(0), 64)
@@ -175,7 +185,7 @@ def test_each_game_has_the_robots_of_its_make():
 def test_matches_take_turns_between_arenas_and_makes(three):
     starts = sample_starts(three, jax.random.key(0), 7)
     assert np.asarray(starts.place).tolist() == [0, 1, 2, 0, 1, 2, 0]
-    with_kinds = replace(three.scenario, kinds=draw_robot_kinds())
+    with_kinds = replace(three.scenario, kinds=suite.draw_robot_kinds())
     places = with_kinds.place_of(np.arange(3 * 64))
     assert sorted(places) == list(range(3 * 64)), "every arena with every make once"
 
@@ -192,9 +202,8 @@ def test_wins_are_counted_by_arenas(three):
 
 
 def test_a_match_in_arenas_with_charts_tells_of_long_ways():
-    game = replace(find_game("suite-v2/fences-03,labyrinth-03"), max_steps=1)
-    match = Match.of_names(game, "still", "hide", 40)
-    result = play_match(match)
+    game = charted(replace(find_game("suite-v2/fences-03,labyrinth-03"), max_steps=1))
+    result = play_match(Match.of_names(game, "still", "still", 40))
     assert list(result.detours) == ["below 1.5", "1.5 to 2.5", "above 2.5"]
     wins, games = np.sum(list(result.detours.values()), axis=0)
     assert (wins, games) == (0, 40), "all have a way, and nobody is caught in one step"
@@ -209,45 +218,16 @@ def test_a_match_in_arenas_with_charts_tells_of_long_ways():
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_robot_just_thinner_than_the_gap_reaches_everything(kind, seed):
     width, height = ((10.0, 10.0), (14.0, 8.0), (9.0, 16.0), (6.0, 6.0))[seed]
-    body = Unicycle(radius=0.47)
-    arena = random_arena(kind, seed, gap=1.0, width=width, height=height)
-    game = Game(pursuer=body, evader=body, arena=arena, capture_distance=1.0, starts=Starts(clearance=0.1))
-    game.check()
+    body, arena = Unicycle(radius=0.47), random_arena(kind, seed, gap=1.0, width=width, height=height)
     assert len(arena.obstacles) >= 1
-    found = survey(game)
+    found = survey(Game(body, body, arena, capture_distance=1.0, starts=Starts(clearance=0.1)))
     assert [parts.max() for parts in found.parts] == [1, 1]
     assert found.wrong == ()
 
 
-@pytest.mark.parametrize(
-    ("numbers", "said"),
-    [
-        ({"gap": 4.0}, "5 discs find no room: after .* ask for a smaller gap"),
-        ({"gap": -1.0}, "gap = -1"),
-        ({"width": 3.0}, "width, height = .* at least 3.6 m"),
-        ({"seed": -1}, "seed = -1"),
-        ({"kind": "swamps"}, "kind = swamps .* one of discs, blocks"),
-        ({"kind": "maze", "width": 2.0}, "width, height = .* two corridors"),
-        ({"kind": "racks", "height": 2.0}, "width, height = .* an aisle on either side"),
-        ({"kind": "blocks", "gap": 4.7}, "width, height = .* a block with a gap"),
-        ({"kind": "rooms", "gap": 9.0}, "width, height = .* two rooms"),
-        ({"kind": "rooms", "gap": 1e-3, "width": 90.0}, "gap = 0.001 .* at most 200 polygons"),
-        ({"kind": "maze", "width": 60.0, "height": 60.0}, "gap = 1.0 .* wider, or the arena smaller"),
-        ({"kind": "caves", "width": 3.9}, "width, height = .* at least 4 m each, 4 gaps"),
-        ({"kind": "caves", "gap": 0.07}, "gap = 0.07 .* at least 0.08 m, as a cave has 1,000 cells"),
-        ({"gap": 0.0}, "gap = 0.0 .* more than 0"),
-        ({"kind": "rooms", "width": 1e6}, "width, height = .* at most 100 m"),
-    ],
-)
-def test_the_impossible_is_refused(numbers, said):
-    with pytest.raises(InvalidInput, match=said):
-        random_arena(**{"kind": "discs", "seed": 0} | numbers)
-
-
 def test_the_command_writes_a_game_that_is_sound(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    write = ["arena", "random", "--seed", "2", "--size", "12", "7"]
-    write += ["--game", "robot", "--out", "mine.toml"]
+    write = ["arena", "random", "--seed", "2", "--size", "12", "7", "--game", "robot", "--out", "mine.toml"]
     assert main(write) == 0
     game = load_game(tmp_path / "mine.toml")
     assert game.arena == random_arena("discs", 2, width=12.0, height=7.0)
@@ -274,23 +254,6 @@ def test_a_record_says_how_a_cave_was_drawn():
     record["arena"]["map"]["sha256"] = "0" * 64
     with pytest.raises(InvalidInput, match="which this version draws otherwise"):
         from_dict(Game, record, "the record")
-
-
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [
-        ("caves", "must be as in 'caves seed=0"),
-        ("discs seed=0 gap=1.0 width=10.0 height=10.0", "of a kind that draws cells"),
-        ("swamps seed=0 gap=1.0 width=10.0 height=10.0", "must be as in 'caves seed=0"),
-        ("caves seed=0 gap=1e999 width=10.0 height=10.0", "gap = inf"),
-        ("caves seed=0 gap=1..0 width=10.0 height=10.0", "must be as in 'caves seed=0"),
-        ("caves seed=9999999999 gap=1.0 width=10.0 height=10.0", "seed = 9999999999"),
-        ("caves seed=0 gap=1.0 width=1e9 height=10.0", "width, height = "),
-    ],
-)
-def test_a_name_that_draws_no_map_is_refused(name, said):
-    with pytest.raises(InvalidInput, match=said):
-        random_map(name)
 
 
 def test_the_command_writes_the_game_and_its_map(tmp_path, monkeypatch, capsys):
