@@ -1,11 +1,8 @@
 """What a robot sees (Eq. 6, 7), in its own frame, and of teams, number by number."""
 
-import functools
 import math
-from dataclasses import replace
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -13,16 +10,16 @@ from apollonius.arenas.charting import charted
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
-from apollonius.game.polygon import Polygon
 from apollonius.game.presets import in_teams
 from apollonius.game.teams import Teams
-from apollonius.game.types import BySide, GameState, RobotState, RobotStatus, Role
+from apollonius.game.types import RobotStatus, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.egocentric import AHEAD, COURSES, EGOCENTRIC, MATES, NEAR, OF_A_ROBOT, OPPONENTS, RAYS, TEAM
 from apollonius.observe.observation import perceive
 from apollonius.observe.view import look
 from tests.acting import observe as observe_one
 from tests.acting import state, state_of
+from tests.arenas.test_charting import ROOM
 
 OPEN = Game(
     pursuer=Unicycle(v_min=-0.5, v_max=1.5, u1_max=0.5, radius=0.1),
@@ -35,22 +32,19 @@ observe = jax.jit(observe_one, static_argnames=("role", "name"))
 PURSUER, EVADER = (2.0, 1.0, 1.0, math.pi / 2), (4.0, 0.0, 1.0, 0.0)
 
 
-def test_paper_scales_positions_and_speeds_to_their_limits_and_headings_by_pi():
-    own, opponent = [-0.5, 0.5, 0.5, 0.5], [0.0, 0.0, 0.0, 0.0]
-    seen = observe(OPEN, state(PURSUER, EVADER), Role.PURSUER, "paper")
-    np.testing.assert_allclose(seen, own + opponent, atol=1e-6)
-    seen = observe(OPEN, state(PURSUER, EVADER), Role.EVADER, "paper")
-    np.testing.assert_allclose(seen, opponent + own, atol=1e-6)
+@pytest.mark.parametrize(("role", "order"), [(Role.PURSUER, 1), (Role.EVADER, -1)])
+def test_paper_scales_positions_and_speeds_to_their_limits_and_headings_by_pi(role, order):
+    pursuer, evader = [-0.5, 0.5, 0.5, 0.5], [0.0, 0.0, 0.0, 0.0]
+    expected = np.concatenate([pursuer, evader][::order])
+    np.testing.assert_allclose(observe(OPEN, state(PURSUER, EVADER), role, "paper"), expected, atol=1e-6)
 
 
 def test_encoded_number_by_number():
     """The pursuer looks up: the evader is 1 m behind and 2 m to its right, and it would stop on the wall."""
-    seen = observe(OPEN, state(PURSUER, EVADER), Role.PURSUER, "encoded")
     own, opponent = [-0.5, 0.5, 0.5, 0, 1], [0, 0, 0, 1, 0]
-    relative = [-1 / 8, -2 / 8, math.sqrt(5) / 8]
-    own_clearances = [1.0 - 0.1, 0.0 - 0.1]
-    opponent_clearances = [1.0, 1.0]
-    np.testing.assert_allclose(seen, own + opponent + relative + own_clearances + opponent_clearances, atol=1e-6)
+    relative, own_clearances, opponents = [-1 / 8, -2 / 8, math.sqrt(5) / 8], [1.0 - 0.1, 0.0 - 0.1], [1.0, 1.0]
+    expected = own + opponent + relative + own_clearances + opponents
+    np.testing.assert_allclose(observe(OPEN, state(PURSUER, EVADER), Role.PURSUER, "encoded"), expected, atol=1e-6)
 
 
 def test_encoded_warns_of_a_disc_in_the_braking_distance():
@@ -59,21 +53,12 @@ def test_encoded_warns_of_a_disc_in_the_braking_distance():
     np.testing.assert_allclose(seen[13:15], [1.0, -0.5], atol=1e-6)
 
 
-SLOW = Unicycle(v_max=0.6, u1_max=0.6, u2_max=1.6, radius=0.15)
-WALL = Polygon(((4.0, 0.0), (4.2, 0.0), (4.2, 6.0), (4.0, 6.0)))
+def divided(**changes):
+    return charted(Game(arena=ROOM, **changes))
 
 
-DIVIDED = Arena(0.0, 8.0, 0.0, 8.0, polygons=(WALL,))
-
-
-@functools.cache
 def of_slow():
-    return charted(Game(pursuer=SLOW, arena=DIVIDED, capture_distance=0.6))
-
-
-@functools.cache
-def of_teams():
-    return in_teams(charted(Game(arena=DIVIDED)), 5, 2)
+    return divided(pursuer=Unicycle(v_max=0.6, u1_max=0.6, u2_max=1.6, radius=0.15), capture_distance=0.6)
 
 
 @jax.jit
@@ -123,16 +108,12 @@ def test_ways_say_where_to_go_and_who_is_first():
 
 
 def test_without_a_chart_it_says_what_is_missing():
-    bare = replace(of_slow(), arena=replace(of_slow().arena, chart=None))
+    bare = Game(arena=ROOM)
     with pytest.raises(InvalidInput, match="a player that reads an arena's chart"):
         EGOCENTRIC(look(bare, state((2.0, 4.0, 0.6, 0.0), (5.0, 4.0, 1.2, 0.0)), Role.EVADER))
 
 
 FIRST = EGOCENTRIC.size
-
-
-OUT = (1.0, 1.0, 0.0, 0.0, 1)
-"""A robot that fills up a team, out of play."""
 
 
 @jax.jit
@@ -143,19 +124,15 @@ def look_together(game, states):
 def together(pursuers, evaders, out=()):
     """What each pursuer sees, of rows of (x, y, v, heading); those with these numbers, pursuers first, are out.
 
-    All teams are filled up to the same size, so that few programs are compiled.
+    All teams are filled up to the same size with robots that are out, so that few programs are compiled.
     """
-    plays = [number not in out for number in range(len(pursuers) + len(evaders))]
-
-    def filled(side, plays, size):
-        rows = [(*one, 0 if in_play else 1) for one, in_play in zip(side, plays, strict=True)]
-        return jnp.asarray(rows + [OUT] * (size - len(rows)), jnp.float32)
-
-    sides = BySide(filled(pursuers, plays[: len(pursuers)], 5), filled(evaders, plays[len(pursuers) :], 2))
-    robots = sides.map(lambda side: tuple(RobotState(*row[:4]) for row in side))
-    status = sides.map(lambda side: tuple(jnp.where(row[4] > 0, RobotStatus.HIT_OBSTACLE, 0) for row in side))
-    states = jax.tree.map(lambda leaf: leaf[None], GameState(robots, jnp.asarray(0), status=status))
-    return np.asarray(look_together(of_teams(), states))[: len(pursuers)]
+    places, statuses = [], []
+    for side, first, size in ((pursuers, 0, 5), (evaders, len(pursuers), 2)):
+        places.append([*side, *[(1.0, 1.0)] * (size - len(side))])
+        plays = [number < len(side) and first + number not in out for number in range(size)]
+        statuses.append([RobotStatus.ACTIVE if one else RobotStatus.HIT_OBSTACLE for one in plays])
+    states = jax.tree.map(lambda leaf: leaf[None], state_of(*places, statuses))
+    return np.asarray(look_together(in_teams(divided(), 5, 2), states))[: len(pursuers)]
 
 
 def slots(numbers):
@@ -170,9 +147,7 @@ PREY, OTHER = (6.0, 7.0, 0.5, 0.0), (7.0, 1.0, 1.0, 1.0)
 def test_it_begins_with_egocentric_and_alone_is_nothing_else():
     numbers = together([ME], [PREY])
     assert numbers.shape == (1, TEAM.size)
-    me, prey = (RobotState(*jnp.asarray(one, jnp.float32)) for one in (ME, PREY))
-    view = look(replace(of_teams(), teams=None), GameState.of_two(me, prey, jnp.asarray(0)), Role.PURSUER)
-    np.testing.assert_allclose(numbers[0, :FIRST], jax.jit(EGOCENTRIC)(view), atol=1e-6)
+    np.testing.assert_allclose(numbers[0, :FIRST], look_by_chart(divided(), state(ME, PREY)), atol=1e-6)
     assert not numbers[:, FIRST:].any()
 
 
@@ -184,9 +159,8 @@ def test_a_mate_number_by_number():
     assert not none.any()
     turned = math.atan2(-1.0, -4.0) - math.atan2(-3.0, -4.0)
     over = math.hypot(4.0, 1.0)
-    np.testing.assert_allclose(mate[:4], [0.0, 1.0, 1 / 3, math.log(3) / 2], atol=1e-5)
-    np.testing.assert_allclose(mate[4:6], [0.0, 1.0], atol=1e-5)
-    np.testing.assert_allclose(mate[6:8], [math.cos(turned), math.sin(turned)], atol=1e-5)
+    exact = [0.0, 1.0, 1 / 3, math.log(3) / 2, 0.0, 1.0, math.cos(turned), math.sin(turned)]
+    np.testing.assert_allclose(mate[:8], exact, atol=1e-5)
     np.testing.assert_allclose(mate[8:11], [math.log(3) / 2, 1 / (1 + over), math.log1p(over) / 2], rtol=0.05)
     assert mate[11] > 0.6, "both come from the same side"
 
@@ -203,14 +177,12 @@ def test_robots_come_by_distance_whatever_their_numbers():
     ours, again = (together(*both) for both in (robots, others))
     np.testing.assert_allclose(ours[[0, 2, 1]], again, atol=1e-6)
     np.testing.assert_array_equal(slots(ours[0])[:, 0], [1, 1, 0, 1, 0])
-    np.testing.assert_allclose(slots(ours[0])[0, 3], 1 / 3, atol=1e-5)
-    np.testing.assert_allclose(slots(ours[0])[1, 3], 1 / (1 + math.hypot(1, 3)), atol=1e-5)
+    np.testing.assert_allclose(slots(ours[0])[:2, 3], [1 / 3, 1 / (1 + math.hypot(1, 3))], atol=1e-5)
 
 
 def test_who_is_out_is_not_seen():
-    some = together([ME, MATE, THIRD], [PREY, OTHER], out=(1, 4))[0]
-    same = together([ME, THIRD], [PREY])[0]
-    np.testing.assert_allclose(some, same, atol=1e-6)
+    some, same = together([ME, MATE, THIRD], [PREY, OTHER], out=(1, 4)), together([ME, THIRD], [PREY])
+    np.testing.assert_allclose(some[0], same[0], atol=1e-6)
 
 
 def test_of_many_mates_the_nearest_are_seen():

@@ -22,7 +22,7 @@ from apollonius.game.types import ROLES, BySide, Role
 from apollonius.observe import belief, tracking
 from apollonius.observe.observation import WHOLE, perceive
 from apollonius.play.rollout import begin, collect, reset_where_done, step_games
-from tests.acting import robot
+from tests.acting import identical, robot
 
 LIDAR = Sensors(line_of_sight=True, range=4.0)
 ROUGH = Sensors(
@@ -37,9 +37,9 @@ def sensing(name, sensors, pursuers=1, evaders=1):
     return charted(replace(in_teams(find_game(name), pursuers, evaders), sensors=Sensing(sensors, sensors)))
 
 
-def holds(chart, cells, place):
-    """Whether a belief holds the cell of a place."""
-    return cells.ravel()[chart.nearest_cell(place.x, place.y)] >= 0
+def cell(x, y):
+    """The cell of a place in an arena of 10 by 10 m."""
+    return int(y / 10 * COARSE), int(x / 10 * COARSE)
 
 
 class Wanders(AbstractPolicy):
@@ -53,28 +53,21 @@ class Wanders(AbstractPolicy):
 def played(game, players, key, games, steps):
     """Games that begin again when they end: by step whether the beliefs hold the truth in all, and their shares."""
     start_key, key = jax.random.split(key)
+    holds = jax.vmap(lambda cells, place: cells.ravel()[game.arena.chart.nearest_cell(place.x, place.y)] >= 0)
     starts = reset_batch(game, start_key, games)
     first = begin(game, starts, players, jnp.zeros((2, games), jnp.uint32))
 
     def one(games_, key):
         bits = jax.random.bits(key, (2, games))
         after, transition = step_games(game, players, games_, bits, observes=False)
-        known = ROLES.map(
-            lambda role: jax.vmap(lambda track, state: tracking.believed(game, track, state, role))(
-                after.sides[role].track, games_.state
-            )
-        )
+        truths, shares = [], []
+        for role in ROLES:
+            believed = jax.vmap(lambda track, state, role=role: tracking.believed(game, track, state, role))
+            held = believed(after.sides[role].track, games_.state).sight.belief
+            for opponent, active in zip(games_.state.robots[role.other], games_.state.active[role.other], strict=True):
+                truths.append(jnp.all(holds(held, opponent) | ~active))
+            shares.append(jnp.mean((held >= 0).astype(jnp.float32)))
         fresh = begin(game, starts, players, bits)
-        held = known.map(lambda state: state.sight.belief)
-        truths = ROLES.map(
-            lambda role: [
-                jnp.all(jax.vmap(functools.partial(holds, game.arena.chart))(held[role], opponent) | ~active)
-                for opponent, active in zip(
-                    games_.state.robots[role.other], games_.state.active[role.other], strict=True
-                )
-            ]
-        )
-        shares = held.map(lambda cells: jnp.mean((cells >= 0).astype(jnp.float32)))
         return jax.vmap(reset_where_done)(transition.ended, fresh, after), (truths, shares)
 
     return jax.lax.scan(one, first, jax.random.split(key, steps))[1]
@@ -95,7 +88,7 @@ def test_a_belief_never_loses_the_truth(name, sensors, evader, size, games, step
     flees = Wanders() if evader == "random" else find_player(evader, Role.EVADER, game).policy
     players = BySide(solo(find_player("intercept", Role.PURSUER, game).policy), solo(flees))
     truths, shares = played(game, players, jax.random.key(0), games, steps)
-    assert all(bool(jnp.all(truth)) for side in truths for truth in side)
+    assert all(bool(jnp.all(truth)) for truth in truths)
     assert max(float(jnp.mean(share)) for share in shares) < 0.95 * float(jnp.mean(game.arena.chart.links > 0))
 
 
@@ -104,8 +97,7 @@ def test_a_belief_spreads_as_fast_as_an_opponent_at_most_by_a_cell():
     chart = charted(find_game("one-large")).arena.chart
     cell, reach = 10 / COARSE, 0.12
     start = belief.Belief(belief.at(chart, robot(1.5, 1.5), jnp.float32(0.0)), jnp.zeros((COARSE, COARSE)))
-    moved = jax.jit(belief.moved)
-    after = start
+    after, moved = start, jax.jit(belief.moved)
     for _ in range(20):
         after = moved(chart, after, jnp.float32(reach), 0.1)
     middles = (np.arange(COARSE) + 0.5) * cell
@@ -122,14 +114,12 @@ def test_cells_that_are_seen_are_cleared_and_those_behind_a_disc_are_not():
     game = sensing("one-large", LIDAR)
     chart, here = game.arena.chart, robot(3.0, 5.0, 0.0, 0.0)
     seen = np.asarray(belief.visible(chart, LIDAR, here))
-    look = lambda x, y: seen[int(y / 10 * COARSE), int(x / 10 * COARSE)]  # noqa: E731
-    assert look(3.0, 5.0)
-    assert look(3.0, 8.5)
-    assert not look(3.0, 9.5)  # out of range
-    assert not look(6.5, 5.0)  # behind the disc
+    assert [seen[cell(*at)] for at in ((3.0, 5.0), (3.0, 8.5))] == [True, True]
+    assert not seen[cell(3.0, 9.5)], "out of range"
+    assert not seen[cell(6.5, 5.0)], "behind the disc"
     assert not np.asarray(belief.visible(chart, replace(LIDAR, range=0.0), here)).any()
     upwards = np.asarray(belief.visible(chart, replace(LIDAR, field_of_view=1.0), robot(3.0, 5.0, 0.0, np.pi / 2)))
-    assert upwards[int(0.7 * COARSE), int(0.3 * COARSE)]
+    assert upwards[cell(3.0, 7.0)]
     assert not upwards[: int(0.5 * COARSE)].any()
     assert not np.any(upwards & ~seen)
 
@@ -145,9 +135,8 @@ def test_the_ray_nearest_to_a_direction_is_the_one_whose_course_is_most_like_it(
 
 def test_sightings_are_remembered_with_their_age_and_delay():
     """An opponent that is hidden stays where it was seen last; with a delay all comes that much later."""
-    for delay in (None, 2):
+    for delay, late in ((None, 0), (2, 2)):
         game = replace(find_game("one-large"), sensors=Sensing(pursuer=Sensors(line_of_sight=True, delay=delay)))
-        late = delay or 0
         state = game.reset(jax.random.key(0))
         pursuer, ages, places = robot(2.0, 5.0), [], []
         track = tracking.begin(game, state, Role.PURSUER)
@@ -181,10 +170,8 @@ def test_times_since_cells_were_seen_and_sightings_are_counted():
     left, right = robot(2.0, 5.0), robot(8.0, 5.0)
     track, known = looking(game, [left] * 3 + [right] * 4, robot(8.0, 7.0))
     times = np.asarray(track.belief.unseen)
-    at = lambda x, y: times[int(y / 10 * COARSE), int(x / 10 * COARSE)]  # noqa: E731
-    assert at(2.0, 6.0) == pytest.approx(0.4)  # seen last in the third of seven steps
-    assert at(8.0, 6.0) == 0.0
-    assert at(5.0, 9.8) == pytest.approx(belief.NEVER)
+    expected = {(2.0, 6.0): 0.4, (8.0, 6.0): 0.0, (5.0, 9.8): belief.NEVER}  # first: in the third of seven steps
+    assert [times[cell(*at)] for at in expected] == pytest.approx(list(expected.values()))
     assert (int(track.sightings.first), int(track.sightings.steps)) == (3, 4)
     possible = np.asarray(known.sight.belief) >= 0
     assert possible.sum() == 1, "of an evader in sight the place is known"
@@ -222,24 +209,18 @@ def test_nothing_of_an_unseen_opponent_reaches_a_player():
         view, rows = perceive(WHOLE, game, jax.tree.map(lambda leaf: leaf[None], known), Role.PURSUER)
         return jax.vmap(view)(rows)
 
-    for one, other in zip(*map(jax.tree.leaves, map(seen, (4.8, 5.2))), strict=True):
-        np.testing.assert_array_equal(one, other)
+    assert identical(seen(4.8), seen(5.2))
 
 
 def test_with_sensors_that_limit_nothing_games_are_the_same_to_the_bit():
     """All players see, and do, what they do in the game without them."""
-    game = find_game("paper")
+    game = find_game("one-large")
     limitless = replace(game, sensors=Sensing(Sensors(), Sensors(line_of_sight=False, range=50.0, delay=0)))
-    results = []
+    first, results = reset_batch(game, jax.random.key(1), 16), []
+    starts = jax.tree.map(lambda leaf: leaf[None], first)
     for rules in (game, limitless):
-        players = BySide(
-            *(
-                solo(find_player(name, role, rules).policy)
-                for name, role in zip(("pure-pursuit", "random"), ROLES, strict=True)
-            )
-        )
-        starts = jax.tree.map(lambda leaf: leaf[None], reset_batch(game, jax.random.key(1), 16))
-        games = begin(rules, jax.tree.map(lambda leaf: leaf[0], starts), players, jnp.zeros((2, 16), jnp.uint32))
+        named = zip(("pure-pursuit", "random"), ROLES, strict=True)
+        players = BySide(*(solo(find_player(name, role, rules).policy) for name, role in named))
+        games = begin(rules, first, players, jnp.zeros((2, 16), jnp.uint32))
         results.append(jax.jit(collect, static_argnums=5)(rules, players, games, starts, jax.random.key(2), 60)[1])
-    for one, other in zip(*map(jax.tree.leaves, results), strict=True):
-        np.testing.assert_array_equal(one, other)
+    assert identical(*results)
