@@ -17,7 +17,7 @@ COMPILED = PAGE / "compiled.js"
 def _layouts(programs: Iterable[Program]) -> dict[str, Any]:
     """Return the layout of arguments in memory, the longest of each name, and the arguments and results of functions.
 
-    A record has a length and leaves, each with its kind, size and offset.
+    A record has a length and leaves, each with its kind, size and offset; a number has no place in memory.
     """
 
     def layout(record: Record) -> tuple[int, list[Any]]:
@@ -28,7 +28,8 @@ def _layouts(programs: Iterable[Program]) -> dict[str, Any]:
     functions: dict[str, Any] = {}
     for program in programs:
         for record in program.arguments:
-            given[record.name] = max(given.get(record.name, (0, [])), layout(record))
+            if not record.lone or record.leaves[0].size > 1:
+                given[record.name] = max(given.get(record.name, (0, [])), layout(record))
         results = {record.name: layout(record) for record in program.results}
         functions[program.name] = [[record.name for record in program.arguments], results]
     return {"given": given, "functions": functions}

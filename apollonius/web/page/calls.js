@@ -2,7 +2,7 @@
 //
 // What was written to their memory last stays there, so that an arena or a chart is copied once and not for every call.
 
-import { ACTIONS, EVADER, OUTCOMES, PURSUER, ROLES, STATUSES, actionLevels, bodiesOf, isActive, other } from "./game.js";
+import { ACTIONS, EVADER, OUTCOMES, PURSUER, ROLES, STATUSES, actionLevels, bodiesOf, bySide, isActive, other } from "./game.js";
 import { addresses, given, kept, ownProgram, run } from "./programs.js";
 
 export const MOST_ROBOTS = given.robots().status.length / 2; // of a side
@@ -100,12 +100,9 @@ export function step(game, state, actions) {
   const found = run.step(game.capture_distance, game.dt, game.max_steps - state.steps);
   const { x, y, v, heading } = found.states();
   const [status, [outcome]] = [found.status(), found.outcome()];
-  const after = (role, side) => state[role].map((_, index) => {
-    const at = side * MOST_ROBOTS + index;
-    return { x: x[at], y: y[at], v: v[at], heading: heading[at], status: STATUSES[status[at]] };
-  });
-  const [pursuer, evader] = ROLES.map(after);
-  return { state: { pursuer, evader, steps: state.steps + 1 }, outcome: OUTCOMES[outcome] };
+  const robot = (at) => ({ x: x[at], y: y[at], v: v[at], heading: heading[at], status: STATUSES[status[at]] });
+  const after = bySide((role, side) => state[role].map((_, index) => robot(side * MOST_ROBOTS + index)));
+  return { state: { ...after, steps: state.steps + 1 }, outcome: OUTCOMES[outcome] };
 }
 
 /** Distance [m] from a point to the nearest wall or obstacle; negative outside the walls or inside an obstacle. */

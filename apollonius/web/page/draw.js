@@ -1,6 +1,6 @@
 // A match under way on a canvas, from above: the arena, trails, robots. Lengths are in metres, y points up.
 
-import { PURSUER, ROLES, bodyOf, isActive, robotOf, robotsOf, wrapAngle } from "./game.js";
+import { PURSUER, ROLES, bodyOf, bySide, isActive, robotOf, robotsOf, wrapAngle } from "./game.js";
 
 const ROBOT = 0.16; // least radius that a robot is drawn with [m]
 const SMALLEST = 0.018; // least radius, as a share of the arena, so that robots are found in large arenas
@@ -26,8 +26,7 @@ export function stateAt(states, number) {
     heading: start.heading + share * wrapAngle(end.heading - start.heading),
     status: start.status,
   });
-  const side = (role) => before[role].map((start, number) => robot(start, after[role][number]));
-  return { ...after, ...Object.fromEntries(ROLES.map((role) => [role, side(role)])) };
+  return { ...after, ...bySide((role) => before[role].map((start, number) => robot(start, after[role][number]))) };
 }
 
 /** Return the `scale` of a canvas that shows an arena, in pixels per metre, and the pixel of the origin. */

@@ -2,15 +2,14 @@
 
 import { CELLS, search } from "./calls.js";
 import { circle, picture } from "./draw.js";
-import { EVADER, PURSUER, other } from "./game.js";
+import { PURSUER, bySide, other } from "./game.js";
 
 const FOG = 0.3; // how opaque it is
 const RING = 0.32; // around where a robot was seen last [m]
-const LINE_OF_SIGHT = { line_of_sight: true };
-const memories = { [PURSUER]: new WeakMap(), [EVADER]: new WeakMap() }; // by a state of a game: what the side's robot knows then
+const memories = bySide(() => new WeakMap()); // by a state of a game: what the side's robot knows then
 
 /** Return a game of two robots in fog. */
-export const inFog = (game) => ({ ...game, sensors: { pursuer: LINE_OF_SIGHT, evader: LINE_OF_SIGHT } });
+export const inFog = (game) => ({ ...game, sensors: bySide(() => ({ line_of_sight: true })) });
 
 /** Return whether a side sees no further than obstacles let it. */
 export const isFoggy = (game, role) => Boolean(game.sensors?.[role]);

@@ -26,6 +26,9 @@ export const clip = (value, low, high) => Math.min(Math.max(value, low), high);
 
 export const other = (role) => (role === PURSUER ? EVADER : PURSUER);
 
+/** Return {pursuer, evader}: what a function makes of either role and its number. */
+export const bySide = (make) => ({ pursuer: make(PURSUER, 0), evader: make(EVADER, 1) });
+
 /** Return the same direction in (-pi, pi] [rad]. */
 export const wrapAngle = (angle) => angle - 2 * Math.PI * Math.ceil((angle - Math.PI) / (2 * Math.PI));
 

@@ -2,7 +2,7 @@
 
 import { step } from "./calls.js";
 import { asRecord } from "./files.js";
-import { EVADER, HOLD, PURSUER, ROLES, actionLevels, isActive, isContinuous } from "./game.js";
+import { EVADER, HOLD, PURSUER, actionLevels, bySide, isActive, isContinuous } from "./game.js";
 import { drawStart, makeRandom } from "./starts.js";
 
 const REPLAY_FORMAT = 1;
@@ -78,7 +78,7 @@ export class Match {
   decide() {
     const { game, state, states, players } = this;
     const act = (player, role, number) => (isActive(state[role][number]) ? player.act(game, state, { role, number }, states) : HOLD);
-    return Object.fromEntries(ROLES.map((role) => [role, players[role].map((player, number) => act(player, role, number))]));
+    return bySide((role) => players[role].map((player, number) => act(player, role, number)));
   }
 
   /** One step of `dt`: all players act, the rules judge. */

@@ -47,12 +47,8 @@ function viewsOf(leaves, at) {
 }
 
 export const given = {};
-const isNumber = (name) => {
-  const [, [[leaf, , size], ...others]] = LAYOUTS.given[name];
-  return !leaf && size === 1 && !others.length;
-};
 for (const [name, [bytes, leaves]] of Object.entries(LAYOUTS.given)) {
-  if (name in addresses || isNumber(name)) continue;
+  if (name in addresses) continue;
   addresses[name] = allocate(bytes);
   given[name] = viewsOf(leaves, addresses[name]);
 }
@@ -64,7 +60,7 @@ function bound(call, [takes, results]) {
   const found = Object.fromEntries(views);
   return (...numbers) => {
     let next = 0;
-    call(...takes.map((one) => (isNumber(one) ? numbers[next++] : addresses[one])), ...ends);
+    call(...takes.map((one) => addresses[one] ?? numbers[next++]), ...ends);
     return found.result?.() ?? found;
   };
 }

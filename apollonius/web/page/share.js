@@ -3,7 +3,7 @@
 import { MOST_ROBOTS } from "./calls.js";
 import { make } from "./files.js";
 import { inFog } from "./fog.js";
-import { HOLD, PURSUER, ROLES, countsOf, inTeams, isContinuous } from "./game.js";
+import { HOLD, ROLES, bySide, countsOf, inTeams, isContinuous } from "./game.js";
 import { asFragment, fromFragment, gameFrom } from "./gamefile.js";
 import { Match, asRow } from "./match.js";
 import { YOU, inWords } from "./words.js";
@@ -40,7 +40,12 @@ function again({ game: said, counts = [1, 1], isFoggy, start, actions, ...names 
   const rules = inTeams(gameFrom(said), ...counts);
   const game = isFoggy ? inFog(rules) : rules;
   const isAction = (one) => (isContinuous(one) ? one.length === 2 && one.every(Number.isFinite) : one >= 0 && one <= 8 && one % 1 === 0);
-  const players = Object.fromEntries(ROLES.map((role) => [role, []]));
+  const players = bySide((role, side) => {
+    const name = String(names[role]).slice(0, 60);
+    const words = name === YOU ? "a person" : inWords(name.replace(/ \(.*/, ""));
+    const act = (_game, _state, { number }, states) => actions[states.length - 1]?.[side * counts[0] + number] ?? HOLD;
+    return Array(counts[side]).fill({ name: `${name} (again)`, words, act });
+  });
   const match = new Match(game, players, 0);
   const robots = ROLES.flatMap((role) => match.start[role]);
   if (!actions.every((all) => all.length === robots.length && all.every(isAction))) throw new Error("other actions");
@@ -48,13 +53,6 @@ function again({ game: said, counts = [1, 1], isFoggy, start, actions, ...names 
   for (const [place, robot] of robots.entries()) {
     const [x, y, v, heading] = start.slice(NUMBERS * place);
     Object.assign(robot, { x, y, v, heading });
-  }
-  for (const [side, role] of ROLES.entries()) {
-    const name = String(names[role]).slice(0, 60);
-    const words = name === YOU ? "a person" : inWords(name.replace(/ \(.*/, ""));
-    const place = (number) => number + (role === PURSUER ? 0 : counts[0]);
-    const act = (_game, _state, { number }, states) => actions[states.length - 1]?.[place(number)] ?? HOLD;
-    players[role].push(...Array.from({ length: counts[side] }, () => ({ name: `${name} (again)`, words, act })));
   }
   match.next = match.again; // which has one start
   return match;
