@@ -48,24 +48,20 @@ def run_show(options: argparse.Namespace) -> int:
     display.begin("playing one game", compiles=True)
     if options.evader is None:
         replay = load_replay(Path(options.pursuer))
-        first = replay.first_difference()
-        if first is not None:
+        if (first := replay.first_difference()) is not None:
             display.tell(f"played again, this game differs from step {first} on")
-        starts = replay.game.starts.speed
     else:
         from apollonius.evaluate.match import record_game
 
-        match = requested_match(options, in_one_arena=True)
-        replay, starts = record_game(match, 0), match.game.starts.speed
+        replay = record_game(requested_match(options, in_one_arena=True), 0)
     display.begin(f"drawing {len(replay.states)} states")
     if options.out.suffix == ".json":
         save_replay(replay, options.out)
     else:
         animation.save_animation(replay, options.out, options.speed or 1.0)
     display.stop()
-    print(
-        f"{replay.pursuer} against {replay.evader}: {replay.ending()} ({len(replay.actions)} steps, starts: {starts})"
-    )
+    steps = f"{len(replay.actions)} steps, starts: {replay.game.starts.speed}"
+    print(f"{replay.pursuer} against {replay.evader}: {replay.ending()} ({steps})")
     if options.out.suffix == ".json":
         then = command("show", options.out, "--out", options.out.with_suffix(".gif"))
     elif options.evader is None:

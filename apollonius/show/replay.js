@@ -3,19 +3,12 @@
 // for each robot the first step at which it is out of play, or null.
 
 import { coloursOf, draw } from "../web/page/draw.js";
-import { countsOf } from "../web/page/game.js";
+import { fromRow } from "../web/page/game.js";
 
 /** The states of a game as the page has them. */
 export function statesOf({ game, states, until }) {
-  const [pursuers, evaders] = countsOf(game);
-  return states.map((row, steps) => {
-    const robot = (_, index) => {
-      const [x, y, v, heading] = row.slice(4 * index, 4 * index + 4);
-      return { x, y, v, heading, status: steps < (until?.[index] ?? Infinity) ? "active" : "out" };
-    };
-    const robots = Array.from({ length: pursuers + evaders }, robot);
-    return { pursuer: robots.slice(0, pursuers), evader: robots.slice(pursuers), steps };
-  });
+  const status = (steps) => (place) => (steps < (until?.[place] ?? Infinity) ? "active" : "out");
+  return states.map((row, steps) => fromRow(game, row, steps, status(steps)));
 }
 
 /**

@@ -61,6 +61,19 @@ export const robotsOf = (state, roles) => roles.flatMap((role) => state[role].ma
 /** Return the numbers of robots: [3, 1]. */
 export const countsOf = (game) => ROLES.map((role) => bodiesOf(game, role).length);
 
+/** Return a state as a row of a replay: x, y, v, heading of each pursuer, then of each evader. */
+export const asRow = ({ pursuer, evader }) => [...pursuer, ...evader].flatMap(({ x, y, v, heading }) => [x, y, v, heading]);
+
+/** Return the state of such a row, with the status of each robot by its place in it. */
+export function fromRow(game, row, steps, statusOf) {
+  const robot = (place) => {
+    const [x, y, v, heading] = row.slice(4 * place);
+    return { x, y, v, heading, status: statusOf(place) };
+  };
+  const [pursuers] = countsOf(game);
+  return { ...bySide((role, side) => bodiesOf(game, role).map((_, number) => robot(side * pursuers + number))), steps };
+}
+
 // ---- games of teams
 
 /** Return a game of two as one of teams, all robots of a side with the limits of its one robot. */

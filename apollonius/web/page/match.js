@@ -2,14 +2,11 @@
 
 import { step } from "./calls.js";
 import { asRecord } from "./files.js";
-import { EVADER, HOLD, PURSUER, actionLevels, bySide, isActive, isContinuous } from "./game.js";
+import { EVADER, HOLD, PURSUER, actionLevels, asRow, bySide, isActive, isContinuous } from "./game.js";
 import { drawStart, makeRandom } from "./starts.js";
 
 const REPLAY_FORMAT = 1;
 const REPLAY_TOLERANCE = 1e-4; // what states of the page and of the package come to differ by in a thousand steps, and some to spare
-
-/** Return a state as a row of a replay. */
-export const asRow = ({ pursuer, evader }) => [...pursuer, ...evader].flatMap(({ x, y, v, heading }) => [x, y, v, heading]);
 
 /** Return the name of a side: each of its players once, a person first. */
 const nameOf = (players) => [...new Set(players.map(({ name }) => name))].join("+");

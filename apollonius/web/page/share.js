@@ -3,15 +3,14 @@
 import { MOST_ROBOTS } from "./calls.js";
 import { make } from "./files.js";
 import { inFog } from "./fog.js";
-import { HOLD, ROLES, bySide, countsOf, inTeams, isContinuous } from "./game.js";
+import { HOLD, asRow, bySide, countsOf, fromRow, inTeams, isContinuous } from "./game.js";
 import { asFragment, fromFragment, gameFrom } from "./gamefile.js";
-import { Match, asRow } from "./match.js";
+import { Match } from "./match.js";
 import { YOU, inWords } from "./words.js";
 
 const MARK = "#replay=";
 const CARD = { width: 1200, height: 630, margin: 40 }; // [pixels], as pages that show links cut pictures
 const FILM = { side: 480, rate: 15 }; // the longer side [pixels], frames in a second
-const NUMBERS = 4; // of a robot in a row of a replay
 
 /** Return the fragment of a link to a finished game: its rules, how many play and whether in fog, its start, and what all did. */
 export async function asReplayLink(match) {
@@ -46,15 +45,12 @@ function again({ game: said, counts = [1, 1], isFoggy, start, actions, ...names 
     const act = (_game, _state, { number }, states) => actions[states.length - 1]?.[side * counts[0] + number] ?? HOLD;
     return Array(counts[side]).fill({ name: `${name} (again)`, words, act });
   });
-  const match = new Match(game, players, 0);
-  const robots = ROLES.flatMap((role) => match.start[role]);
-  if (!actions.every((all) => all.length === robots.length && all.every(isAction))) throw new Error("other actions");
-  if (start.length !== NUMBERS * robots.length || !start.every(Number.isFinite)) throw new Error("another start");
-  for (const [place, robot] of robots.entries()) {
-    const [x, y, v, heading] = start.slice(NUMBERS * place);
-    Object.assign(robot, { x, y, v, heading });
-  }
+  const robots = counts[0] + counts[1];
+  if (!actions.every((all) => all.length === robots && all.every(isAction))) throw new Error("other actions");
+  if (start.length !== 4 * robots || !start.every(Number.isFinite)) throw new Error("another start");
+  const match = Object.assign(new Match(game, players, 0), { start: fromRow(game, start, 0, () => "active") });
   match.next = match.again; // which has one start
+  match.again();
   return match;
 }
 
