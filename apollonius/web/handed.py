@@ -86,15 +86,9 @@ class Drawn(Arena):
     """An arena whose obstacles are data, with one translated function for each query however often it is called."""
 
     drawn: tuple[AbstractObstacle, ...] = ()
-
-    def clearance(self, x: Scalar, y: Scalar) -> Scalar:
-        return jax.jit(Arena.clearance)(self, x, y)
-
-    def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
-        return jax.jit(Arena.clearance_along)(self, before, after)
-
-    def hits_obstacle(self, before: RobotState, after: RobotState, radius: Real) -> Bool[Array, ""]:
-        return jax.jit(Arena.hits_obstacle)(self, before, after, radius)
+    clearance = jax.jit(Arena.clearance)
+    clearance_along = jax.jit(Arena.clearance_along)
+    hits_obstacle = jax.jit(Arena.hits_obstacle)
 
 
 class Floor(eqx.Module):

@@ -33,17 +33,7 @@ from apollonius.observe.belief import Belief
 from apollonius.observe.registry import find_observation
 from apollonius.observe.tracking import Sightings, Track
 from apollonius.observe.view import View
-from apollonius.web.functions import (
-    cell_weights,
-    chart,
-    clearance,
-    clearance_after,
-    clearance_along,
-    move,
-    network,
-    search,
-    step,
-)
+from apollonius.web import functions
 from apollonius.web.handed import Field, Floor, Known, Robots
 from apollonius.web.site import READS, ROBOTS
 
@@ -104,8 +94,9 @@ def player_program(player: AbstractPolicy) -> Program:
 
 def page_programs() -> Iterator[Program]:
     """Yield all programs of the page."""
-    yield _made(step, levels=jax.ShapeDtypeStruct((2 * ROBOTS, 2), jnp.float32))
-    for function in (move, clearance, clearance_along, clearance_after, chart, cell_weights, network, search):
+    yield _made(functions.step, levels=jax.ShapeDtypeStruct((2 * ROBOTS, 2), jnp.float32))
+    rules = functions.move, functions.clearance, functions.clearance_along, functions.clearance_after
+    for function in (*rules, functions.chart, functions.cell_weights, functions.network, functions.search):
         yield _made(function)
     for name in READS:
         yield _of_view(name, lambda seen, _, name=name: find_observation(name)(seen))
