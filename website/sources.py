@@ -8,8 +8,9 @@ from pathlib import Path
 
 from apollonius.arenas.file import about_game, game_names
 
-REPOSITORY = Path(__file__).parents[1]
 HERE = Path(__file__).parent
+REPOSITORY = HERE.parent
+DOCS = REPOSITORY / "docs"
 
 
 def _folder(name: str, pages: str) -> tuple[str, ...]:
@@ -66,9 +67,8 @@ def leaderboard() -> str:
 
 def documents() -> dict[str, Path]:
     """Return the files behind the site's pages, by the pages' names; generated pages have none."""
-    docs = REPOSITORY / "docs"
-    paths = [path for path in sorted(docs.rglob("*.md")) if path.name not in _ONLY_IN_THE_REPOSITORY]
-    files = {path.relative_to(docs).as_posix(): path for path in paths}
+    paths = [path for path in sorted(DOCS.rglob("*.md")) if path.name not in _ONLY_IN_THE_REPOSITORY]
+    files = {path.relative_to(DOCS).as_posix(): path for path in paths}
     files |= {name: REPOSITORY / file for file, name in BESIDE.items()}
     return files | {path.name: path for path in sorted((HERE / "pages").glob("*.md"))}
 
@@ -77,7 +77,7 @@ def write_sources(folder: Path) -> None:
     """Write the folder in place of an old one."""
     shutil.rmtree(folder, ignore_errors=True)
     for name in ("figures", "results"):
-        shutil.copytree(REPOSITORY / "docs" / name, folder / name, ignore=shutil.ignore_patterns("paper", "demo"))
+        shutil.copytree(DOCS / name, folder / name, ignore=shutil.ignore_patterns("paper", "demo"))
     for name, path in documents().items():
         text = path.read_text()
         if path.suffix != ".md":
@@ -129,10 +129,9 @@ def at_home(text: str, document: Path) -> str:
 
     Pages of the site alone already have its links.
     """
-    docs = REPOSITORY / "docs"
     if document.is_relative_to(HERE / "pages"):
         return text
-    here = document.parent if document.is_relative_to(docs) else docs
+    here = document.parent if document.is_relative_to(DOCS) else DOCS
 
     def rewritten(link: re.Match[str]) -> str:
         words, to = link.groups()
@@ -143,8 +142,8 @@ def at_home(text: str, document: Path) -> str:
         if target.parent == REPOSITORY and target.name in BESIDE:
             # The home page has none of the README's headings.
             anchored = mark + anchor if target.name != "README.md" else ""
-            return f"[{words}]({os.path.relpath(docs / BESIDE[target.name], here)}{anchored})"
-        if target.is_relative_to(docs) and target.is_file() and target.name not in _ONLY_IN_THE_REPOSITORY:
+            return f"[{words}]({os.path.relpath(DOCS / BESIDE[target.name], here)}{anchored})"
+        if target.is_relative_to(DOCS) and target.is_file() and target.name not in _ONLY_IN_THE_REPOSITORY:
             return f"[{words}]({os.path.relpath(target, here)}{mark}{anchor})"
         return words
 

@@ -88,7 +88,7 @@ def add_tournament(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--games", type=count(GAMES), default=1000, help="games in each match (default: %(default)s)")
     add_game_options(parser)
     parser.add_argument("--plot", type=new_file(".png"), metavar="FILE", help="draw win rates and ratings as .png")
-    add_workers(parser, "matches", None)
+    add_workers(parser, "matches")
     add_json(parser)
     parser.set_defaults(run=run_tournament)
 
@@ -129,7 +129,7 @@ def add_suite(parser: argparse.ArgumentParser) -> None:
     judged.add_argument("--side", choices=SIDES, help="of an agent from outside, or that plays either")
     judged.add_argument("--track", choices=TRACKS, default="full", help="the benchmark's part (default: %(default)s)")
     judged.add_argument("--out", type=new_file(".json"), default=Path("card.json"), help="default: card.json")
-    add_workers(judged, "rounds", None)
+    add_workers(judged, "rounds")
     judged.set_defaults(run=run_judge)
     checked = actions.add_parser("verify", help="play games of a card again, and refuse one that does not come out")
     checked.add_argument("card", type=existing_file, metavar="CARD")

@@ -43,7 +43,7 @@ def add_game_options(parser: argparse.ArgumentParser) -> None:
     add_game(parser)
 
 
-def add_workers(parser: argparse.ArgumentParser, of: str, default: str | None = "processes") -> None:
+def add_workers(parser: argparse.ArgumentParser, of: str, default: str | None = None) -> None:
     about = f"where {of} run: in processes of this machine, on slurm, or on ray (default: {default or 'here'})"
     parser.add_argument("--on", type=installed, choices=WORKERS, default=default, help=about)
 

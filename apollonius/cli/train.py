@@ -46,7 +46,7 @@ def add_train(parser: argparse.ArgumentParser) -> None:
         help="a run for each value of a field of config.toml: dqn.learning_rate=1e-4,3e-4 or FIELD=FROM:TO:COUNT; "
         "several for all combinations",
     )  # fmt: skip
-    add_workers(parser, "the runs of a sweep", None)
+    add_workers(parser, "the runs of a sweep")
     parser.add_argument("--config", type=existing_file, help="a config.toml to start from instead of a preset")
     parser.add_argument("--opponents", choices=SCHEMES, help="of both sides in self-play (default: latest, each other)")
     parser.add_argument("--out", type=new_folder, help="folder of the run or sweep (default: runs/PRESET-STAGE-SEED)")
@@ -58,7 +58,7 @@ def add_train(parser: argparse.ArgumentParser) -> None:
 
 def add_resume(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=runs_folder, metavar="DIR", help="folder of a run, or of several")
-    add_workers(parser, "the runs of a sweep", None)
+    add_workers(parser, "the runs of a sweep")
     parser.set_defaults(run=run_resume, track=None)
 
 

@@ -5,7 +5,7 @@ import { MOST_ROBOTS } from "./calls.js";
 import { drawGround, scaled } from "./draw.js";
 import { make } from "./files.js";
 import { EVADER, ROLES, countsOf, other, partsOf, teamName } from "./game.js";
-import { LEVELS, bestOf, endless, levelOf } from "./levels.js";
+import { LEVELS, bestOf, endless } from "./levels.js";
 import { ANYWHERE, DIFFICULTIES, ruleNames } from "./players.js";
 import { SHIELDED, YOU, bare, inWords } from "./words.js";
 
@@ -113,7 +113,7 @@ export class Choices {
    */
   fromAddress(query, linked = null) {
     const values = Object.fromEntries(new URLSearchParams(query));
-    const level = levelOf(values.level ?? (query || linked ? null : this.chosen.level));
+    const level = LEVELS[(values.level ?? (query || linked ? null : this.chosen.level)) - 1] ?? null;
     const [, counts] = partsOf(values.game ?? "", this.games);
     const missing = this.fill(linked ? { ...values, game: counts ? teamName(linked, counts) : linked } : values);
     if (linked && !query) this.refit(); // nobody is asked for who knows another arena only

@@ -33,9 +33,6 @@ export const LEVELS = [
 
 const ENDLESS = 600; // [s]
 
-/** The level of a number in an address, or null. */
-export const levelOf = (number) => LEVELS[Number(number) - 1] ?? null;
-
 /** The level after the one that the person of a session has won, or null. */
 export function levelWonBy({ choice, match, me }) {
   return me && choice?.level && match?.isOver && match.winner === me ? (LEVELS[choice.level.number] ?? null) : null;

@@ -104,11 +104,11 @@ function showLayers() {
 
 // ---- frames
 
-let last = null;
+let last = 0;
 
 function frame(now) {
   requestAnimationFrame(frame);
-  const passed = last === null ? 0 : (now - last) / 1000;
+  const passed = (now - last) / 1000;
   last = now;
   if (!page.match) return;
   if (page.phase === "drawing") return workshop.editor.draw(stage.colours);
