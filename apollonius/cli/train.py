@@ -104,8 +104,8 @@ def run_resume(options: argparse.Namespace) -> int:
     runs = runs_below(folder)
     if runs == [folder] and options.on is None:
         return _train_and_judge(load_config(folder / "config.toml"), folder, options)
-    over = [run for run in runs if progress_of(run).state.state == "finished" and (run / EVALUATION).is_file()]
-    return train_all([run for run in runs if run not in over], folder, options)
+    left = [run for run in runs if progress_of(run).state.state != "finished" or not (run / EVALUATION).is_file()]
+    return train_all(left, folder, options)
 
 
 def _requested_config(options: argparse.Namespace) -> "RunConfig":

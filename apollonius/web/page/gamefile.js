@@ -86,7 +86,7 @@ function filled(said, defaults, name) {
   for (const [key, usual] of Object.entries(defaults)) {
     const [value, called] = [Object.hasOwn(said, key) ? said[key] : usual, name === "game" && isTable(usual) ? key : `${name}.${key}`];
     if (usual === null || typeof usual === "number") {
-      require(Number.isFinite(value) && typeof value === "number", called, value, "a finite number");
+      require(Number.isFinite(value), called, value, "a finite number");
       require(Math.abs(value) <= MAX_SIZE || key === "max_steps", called, value, `within ${MAX_SIZE} of 0`);
     }
     if (value !== undefined) made[key] = isTable(usual) ? filled(value, usual, called) : value;
