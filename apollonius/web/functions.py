@@ -13,10 +13,11 @@ from jaxtyping import Array, Float, Int
 from apollonius.agents.searching import Search, is_found
 from apollonius.agents.shield import MARGIN
 from apollonius.arenas.charting import clearances, paths
-from apollonius.game.chart import Chart, entries
+from apollonius.game.chart import NO_PATH, Chart, entries
+from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.sensing import Sensing, Sensors
-from apollonius.game.types import GameState, RobotState, Role, Scalar
+from apollonius.game.types import GameState, RobotState, RobotStatus, Role, Scalar
 from apollonius.observe import tracking
 from apollonius.observe.belief import NEVER
 from apollonius.observe.view import look
@@ -171,7 +172,23 @@ def chart(
     return {"chart": Chart(found[None], lengths[None], visible[None], x, y, side[None], links, member)}
 
 
-def cell_weights(chart: Chart, x: Scalar, y: Scalar) -> dict[str, Array]:
-    """Return the coarse cells around a point and their weights."""
-    cells, weights = chart.cell_weights(x, y)
-    return {"cells": cells, "weights": weights}
+def leads(robots: Robots, chart: Chart, capture_distance: Scalar) -> Float[Array, " coarse"]:
+    """Return by how much an evader is earlier at each coarse cell than any pursuer's reach [s], on shortest paths at
+    full thrust; NaN where no path leads, or one side is out of play.
+    """
+
+    def time(body: Unicycle, robot: RobotState, reach: Scalar) -> Float[Array, " coarse"]:
+        cells, weights = chart.cell_weights(robot.x, robot.y)
+        lengths = weights @ (chart.lengths[chart.member, cells].astype(jnp.float32) / 100)
+        left, v, thrust = jnp.maximum(lengths - reach, 0), jnp.maximum(robot.v, 0), jnp.maximum(body.u1_max, 1e-6)
+        ramp = (body.v_max**2 - v**2) / (2 * thrust)
+        slower = (jnp.sqrt(v**2 + 2 * thrust * left) - v) / thrust
+        faster = (body.v_max - v) / thrust + (left - ramp) / body.v_max
+        return jnp.where(lengths < NO_PATH // 100, jnp.where(left < ramp, slower, faster), jnp.inf)
+
+    def first(side: slice) -> Float[Array, " coarse"]:
+        return jnp.where(jnp.any(active[side]), jnp.min(times[side], axis=0), jnp.nan)
+
+    active, reach = robots.status == RobotStatus.ACTIVE, jnp.where(jnp.arange(2 * ROBOTS) < ROBOTS, capture_distance, 0)
+    times = jnp.where(active[:, None], jax.vmap(time)(robots.bodies, robots.states, reach), jnp.inf)
+    return first(slice(ROBOTS)) - first(slice(ROBOTS, None))

@@ -96,7 +96,7 @@ def page_programs() -> Iterator[Program]:
     """Yield all programs of the page."""
     yield _made(functions.step, levels=jax.ShapeDtypeStruct((2 * ROBOTS, 2), jnp.float32))
     rules = functions.move, functions.clearance, functions.clearance_along, functions.clearance_after
-    for function in (*rules, functions.chart, functions.cell_weights, functions.network, functions.search):
+    for function in (*rules, functions.chart, functions.leads, functions.network, functions.search):
         yield _made(function)
     for name in READS:
         yield _of_view(name, lambda seen, _, name=name: find_observation(name)(seen))

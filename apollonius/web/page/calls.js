@@ -170,13 +170,14 @@ export const CLASSICAL = {
   [EVADER]: { flee: rule("flee"), "flee-aware": rule("flee_aware"), territory: rule("reach") },
 };
 
-/** The lengths of the paths [m] from a point to all cells of a game's chart, row by row from the bottom. */
-export function pathsFrom(game, { x, y }) {
+/**
+ * Which side is first at each cell of a game's chart, row by row from the bottom: seconds by which an evader is earlier than any
+ * pursuer's reach; NaN where no path leads, or one side is out of play.
+ */
+export function leads(game, state) {
   writeChart(game);
-  const { cells, weights } = run.cell_weights(x, y);
-  const [{ lengths }, count] = [given.chart(), CELLS ** 2];
-  const near = [...cells()].map((cell, index) => [lengths.subarray(count * cell, count * (cell + 1)), weights()[index] / 100]);
-  return Float32Array.from({ length: count }, (_, cell) => near.reduce((sum, [path, weight]) => sum + weight * path[cell], 0));
+  writeRobots(game, state, ROLES);
+  return run.leads(game.capture_distance);
 }
 
 /** A player of a user's own, from the bytes of its module. */

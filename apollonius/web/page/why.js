@@ -1,13 +1,12 @@
 // Why agents do what they do: layers of what can be known of a state of a game, and how they are drawn beneath and above its
 // robots. Lengths are in metres.
 
-import { CELLS, canStop, move, pathsFrom } from "./calls.js";
+import { CELLS, canStop, leads, move } from "./calls.js";
 import { circle, cross, path } from "./draw.js";
 import { drawCells, isFoggy, knowledge } from "./fog.js";
 import { ACTIONS, EVADER, PURSUER, ROLES, bodyOf, isActive, robotOf, robotsOf } from "./game.js";
 
 const HELD = 1; // for how long actions are held to show where they lead [s]
-const NO_PATH = 655; // what is at least as long is no path [m]
 const [LEAST, MOST] = [0.015, 0.11]; // radii of dots for the worst action and the best
 const CROSS = 0.06; // half of its width
 const FAINT = 0.22; // how opaque regions are
@@ -35,33 +34,6 @@ function ends(game, body, robot) {
 
 /** Which actions leave a robot room to stop: what the shield lets pass. */
 export const stoppable = (game, body, robot) => ACTIONS.map((action) => canStop(game, body, robot, action));
-
-/** The time [s] that a body takes for a path [m] at full thrust from a speed. */
-function timeFor(body, speed, length) {
-  const v = Math.max(speed, 0);
-  const thrust = Math.max(body.u1_max, 1e-6);
-  const ramp = (body.v_max ** 2 - v ** 2) / (2 * thrust); // until it is at its top speed [m]
-  if (length < ramp) return (Math.sqrt(v ** 2 + 2 * thrust * length) - v) / thrust;
-  return (body.v_max - v) / thrust + (length - ramp) / body.v_max;
-}
-
-/**
- * Which side is first at each cell of the arena's chart, row by row from the bottom: seconds by which an evader is earlier
- * than any pursuer's reach; NaN where no path leads, or one side is out of play.
- */
-function leads(game, state) {
-  const [pursuers, evaders] = ROLES.map((role) => {
-    const robots = robotsOf(state, [role]).filter((who) => isActive(robotOf(state, who)));
-    return robots.map((who) => ({ body: bodyOf(game, who), speed: robotOf(state, who).v, paths: pathsFrom(game, robotOf(state, who)) }));
-  });
-  /** The time of the first of some robots to come so near to a cell; not a number where there are none. */
-  const first = (robots, cell, reach) => {
-    return robots.reduce((least, { body, speed, paths }) => {
-      return paths[cell] < NO_PATH ? Math.min(least, timeFor(body, speed, Math.max(paths[cell] - reach, 0))) : least;
-    }, robots.length ? Infinity : Number.NaN);
-  };
-  return Float32Array.from({ length: CELLS ** 2 }, (_, cell) => first(pursuers, cell, game.capture_distance) - first(evaders, cell, 0));
-}
 
 /** Return values from 0, the worst, to 1, the best; null of none. */
 function scaled(values) {
