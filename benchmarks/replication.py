@@ -29,13 +29,13 @@ from apollonius.evaluate.match import keys_of
 from apollonius.evaluate.statistics import predict
 from apollonius.game.game import Game, sample_starts
 from apollonius.game.outcome import counts_by_name
-from apollonius.game.types import BySide, Outcome, Role
+from apollonius.game.types import BySide, Outcome, Role, choose
 from apollonius.learn.config import FIXED_TARGET, PRESETS, SELF_PLAY, STAGES
 from apollonius.learn.loop import play_and_learn
 from apollonius.learn.stage_config import Plan, SelfPlayConfig
 from apollonius.learn.train_state import TrainState, start
 from apollonius.play.random_bits import random_bits_of
-from apollonius.play.rollout import begin, reset_where_done, step_games
+from apollonius.play.rollout import begin, step_games
 from apollonius.reproduce.finding import Finding, Matches, markdown_table, rates, undefeated, won, write_report
 from apollonius.reproduce.reproduction import figure_6, stage_1, table_2, table_3
 from apollonius.reproduce.study import MATCH_SEED, Study, run_configs
@@ -122,7 +122,7 @@ def play_all(asked: argparse.Namespace, path: Path) -> dict[str, Any]:
         # Of each seed the pursuer with most captures so far is kept (section IV).
         new = agents[Role.PURSUER]
         found = np.array([row[0][Outcome.CAPTURED] for row in matches(game, new, still, first.stage.evaluation_games)])
-        chosen = jax.vmap(reset_where_done)(jnp.asarray(found > best), new, chosen or new)
+        chosen = jax.vmap(choose)(jnp.asarray(found > best), new, chosen or new)
         best = np.maximum(best, found)
     write(**{"P_stage1 v still": matches(game, chosen, still, asked.games)})
 

@@ -9,7 +9,7 @@ from apollonius.agents.guidance import arc_speed
 from apollonius.agents.policy import AbstractActionValuePolicy, Memory, mixed
 from apollonius.game.chart import COARSE, Chart
 from apollonius.game.sensing import Sensors
-from apollonius.game.types import Bits, Flag, RobotState, Scalar
+from apollonius.game.types import Bits, Flag, RobotState, Scalar, choose
 from apollonius.observe.belief import prospects, visible
 from apollonius.observe.view import View
 
@@ -56,7 +56,7 @@ class AbstractWayfinder(AbstractSteering):
         tight = jax.vmap(chart.clearance)(x, y) < room
         best = jnp.argmin(along + left + 0.5 * tight.astype(jnp.float32) + jnp.where(along < 0.05, _FAR, 0.0))
         corner = RobotState(x[best], y[best], own.v, own.heading)
-        aim = jax.tree.map(lambda one, other: jnp.where(is_free, one, other), place, corner)
+        aim = choose(is_free, place, corner)
         ahead = chart.range(own.x, own.y, jnp.cos(own.heading), jnp.sin(own.heading))
         stoppable = jnp.sqrt(2 * body.u1_max * jnp.maximum(ahead - room, 0.0))
         return direction(own, aim), jnp.minimum(arc_speed(body, own, aim), stoppable)
@@ -91,7 +91,7 @@ class Search(AbstractWayfinder):
         drawn = jnp.argmax(shares * prospects(chart, seen.belief, own).ravel()).astype(jnp.int32)
         stays = (memory >= 0) & (unseen[memory] >= 0) & (chart.lengths_from(own.x, own.y).ravel()[memory] > _AT_HAND)
         cell, found = jnp.where(stays, memory, drawn), is_found(seen)
-        place = jax.tree.map(lambda one, other: jnp.where(found, one, other), opponent.state, middle_of(chart, cell))
+        place = choose(found, opponent.state, middle_of(chart, cell))
         return self.towards(seen.own, *self.way(seen, place)), jnp.where(found, -1, cell)
 
     def course(self, seen: View) -> tuple[Scalar, Scalar]:

@@ -15,11 +15,11 @@ from apollonius.agents.policy import AbstractPolicy, Memory
 from apollonius.agents.pool import Pool
 from apollonius.game.game import Game
 from apollonius.game.sensing import DriveStates
-from apollonius.game.types import ROLES, Action, Bits, BySide, GameState, Role
+from apollonius.game.types import ROLES, Action, Bits, BySide, GameState, Role, choose
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.tracking import Track
-from apollonius.play.rollout import Games, SideState, begin, look_around, of_robots, reset_where_done, step_games
+from apollonius.play.rollout import Games, SideState, begin, look_around, of_robots, step_games
 
 SPARE = 4
 """Starts are drawn beforehand, for this many times the number of games at once."""
@@ -174,10 +174,10 @@ class Batch:
             return renewed(after, starts, used, made.ended), result
         # Zeros: no reward, no end, an ongoing game, active robots.
         begun = replace(jax.tree.map(jnp.zeros_like, result), seen=result.seen)
-        return renewed(after, starts, used, ended), jax.vmap(reset_where_done)(ended, begun, result)
+        return renewed(after, starts, used, ended), jax.vmap(choose)(ended, begun, result)
 
 
 def renewed(now: UnderWay, starts: UnderWay, used: Int[Array, ""], resets: Bool[Array, " games"]) -> UnderWay:
     """Return games, some restarted from the first unused starts."""
     place = jnp.where(resets, used + jnp.cumsum(resets.astype(jnp.int32)) - 1, 0)
-    return jax.vmap(reset_where_done)(resets, jax.tree.map(lambda leaf: leaf[place], starts), now)
+    return jax.vmap(choose)(resets, jax.tree.map(lambda leaf: leaf[place], starts), now)

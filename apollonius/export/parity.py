@@ -18,7 +18,7 @@ from apollonius.agents.shield import MARGIN, Shielded
 from apollonius.export.player import LARGEST, Player, known_state
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.sensing import sense
-from apollonius.game.types import ROLES, Bits, BySide, GameState, Role
+from apollonius.game.types import ROLES, Bits, BySide, GameState, Role, choose
 from apollonius.observe.tracking import Track, delayed
 from apollonius.observe.view import look
 from apollonius.play.rollout import Games, SideState, begin, collect
@@ -91,11 +91,8 @@ def as_given(game: Game, tracks: Track, states: GameState, role: Role, bits: UIn
         now = sense(sensors, game.arena, state, role, bits)
         _, past = delayed(sensors, track.late, now)
         far = jax.tree.map(lambda number: jnp.full_like(number, 2 * LARGEST), state.robots[role][0])
-        opponents = [
-            jax.tree.map(lambda number, no, seen=seen: jnp.where(seen, number, no), opponent, far)
-            for opponent, seen in zip(past.opponents, past.seen, strict=True)
-        ]
-        return replace(state, robots=BySide.of(role, now.own, tuple(opponents)))
+        opponents = tuple(choose(seen, opponent, far) for opponent, seen in zip(past.opponents, past.seen, strict=True))
+        return replace(state, robots=BySide.of(role, now.own, opponents))
 
     return jax.vmap(given)(tracks, states, bits)
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
+from itertools import starmap
 
 import equinox as eqx
 import jax
@@ -34,6 +34,7 @@ from apollonius.game.types import (
     Role,
     Scalar,
     Timestep,
+    choose,
     one_each,
 )
 from apollonius.io.errors import require
@@ -188,7 +189,7 @@ class Game(eqx.Module):
                 return ends
             halted = (replace(robot, v=jnp.zeros_like(robot.v)) for robot in state.robots[role])
             moves = zip(state.active[role], ends, halted, strict=True)
-            return tuple(jax.tree.map(partial(jnp.where, active), end, still) for active, end, still in moves)
+            return tuple(starmap(choose, moves))
 
         after = replace(state, robots=ROLES.map(moved), steps=state.steps + 1)
         outcome, status = judge(game, state, after)

@@ -3,15 +3,14 @@
 import functools
 import operator
 from collections.abc import Sequence
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int
 
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.types import Flag, RobotState, Scalar
+from apollonius.game.types import Flag, RobotState, Scalar, choose
 
 T = TypeVar("T")
 Body = Unicycle
@@ -35,7 +34,7 @@ def nearest(here: RobotState, robots: Sequence[RobotState], active: Sequence[Fla
     for robot, counts, value in zip(robots[1:], active[1:], values[1:], strict=True):
         away = jnp.where(counts, distance_squared(here, robot), jnp.inf)
         nearer = away < least
-        best, least = _choose(nearer, value, best), jnp.minimum(away, least)
+        best, least = choose(nearer, value, best), jnp.minimum(away, least)
     return best
 
 
@@ -61,17 +60,10 @@ def by_distance(
     def at(wanted: int) -> T:
         found = values[0]
         for value, here in zip(values[1:], places[1:], strict=True):
-            found = _choose(here == wanted, value, found)
+            found = choose(here == wanted, value, found)
         return found
 
     return [at(wanted) for wanted in range(len(away))]
-
-
-def _choose(first: Flag, one: T, other: T) -> T:
-    def choose(one: Any, other: Any) -> Any:
-        return one if one is other else jnp.where(first, one, other)
-
-    return jax.tree.map(choose, one, other)
 
 
 def distance_squared(first: RobotState, second: RobotState) -> Scalar:

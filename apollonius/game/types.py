@@ -2,9 +2,10 @@
 
 from collections.abc import Callable, Iterator
 from enum import IntEnum
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, UInt32
 
@@ -81,6 +82,15 @@ def one_each(robots: BySide[tuple[T, ...]]) -> BySide[T]:
     counts = " v ".join(str(len(side)) for side in robots)
     require(counts == "1 v 1", "robots", counts, "1 v 1: this is known for games of two robots only")
     return robots.map(lambda side: side[0])
+
+
+def choose(first: Bool[Array, "..."], one: T, other: T) -> T:
+    """Return the first of two pytrees of one structure where the flags say so, elsewhere the other."""
+
+    def chosen(one: Any, other: Any) -> Any:
+        return one if one is other else jnp.where(first, one, other)
+
+    return jax.tree.map(chosen, one, other)
 
 
 ROLES = BySide(Role.PURSUER, Role.EVADER)

@@ -9,7 +9,7 @@ import optax
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from apollonius.agents.network import Network, QNetwork, make_network
-from apollonius.game.types import Scalar
+from apollonius.game.types import Scalar, choose
 from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.replay_buffer import Batch
 
@@ -77,5 +77,5 @@ def step(learner: DQNLearner, gradient: Any, learning_rate: Scalar, averaging: f
 
 def copy_to_target(learner: DQNLearner, due: Array) -> DQNLearner:
     """Return the learner with its target network set to its network, where that is due (Algorithm 1, line 11)."""
-    target = jax.tree.map(lambda new, old: jnp.where(due, new, old), learner.network, learner.target)
+    target = choose(due, learner.network, learner.target)
     return eqx.tree_at(lambda this: this.target, learner, target)

@@ -15,12 +15,12 @@ from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.agents.pool import Pool
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.types import ROLES, BySide, GameState, Outcome, Role, Scalar
+from apollonius.game.types import ROLES, BySide, GameState, Outcome, Role, Scalar, choose
 from apollonius.learn import archive, dqn, replay_buffer, sac
 from apollonius.learn.learner_config import DQNConfig, SACConfig, linear
 from apollonius.learn.stage_config import Plan
 from apollonius.learn.train_state import Learner, LearnerState, TrainState, players
-from apollonius.play.rollout import Games, Transition, begin, collect, reset_where_done
+from apollonius.play.rollout import Games, Transition, begin, collect
 
 _STARTS_PER_CHUNK = 4096
 """Initial states drawn before each chunk; a game that ends takes one."""
@@ -180,7 +180,7 @@ def renew_opponents(plan: Plan, game: Game, state: TrainState) -> TrainState:
     learners = {
         role: replace(side, buffer=replay_buffer.cut(side.buffer, in_slots)) for role, side in state.learners.items()
     }
-    broken_off = jax.vmap(reset_where_done)(in_slots, begun, state.games)
+    broken_off = jax.vmap(choose)(in_slots, begun, state.games)
     return replace(state, games=broken_off, learners=learners, archives=archives)
 
 

@@ -9,7 +9,7 @@ from jaxtyping import Array, Bool, PRNGKeyArray
 
 from apollonius.game.dynamics import Unicycle, wrap_angle
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.types import GameState, Real, RobotState, Scalar
+from apollonius.game.types import GameState, Real, RobotState, Scalar, choose
 from apollonius.learn.stage_config import DistillationConfig
 from apollonius.learn.teacher import Setting
 from apollonius.observe.tracking import update
@@ -71,7 +71,7 @@ def fresh_starts(game: Game, games: int, key: PRNGKeyArray) -> GameState:
     rest_key, moving_key = jax.random.split(key)
     starts, others = reset_batch(game, rest_key, games), _anywhere(game, games, moving_key)
     even = jnp.arange(games) % 2 == 0
-    return jax.tree.map(lambda one, other: jnp.where(even, one, other), starts, others)
+    return choose(even, starts, others)
 
 
 def _anywhere(game: Game, games: int, key: PRNGKeyArray) -> GameState:

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float, Int
 
 from apollonius.game.game import Game
 from apollonius.game.sensing import MOST_DELAY, Percept, Sensors, sense
-from apollonius.game.types import Bits, BySide, GameState, Real, RobotState, Role, Scalar, Sight
+from apollonius.game.types import Bits, BySide, GameState, Real, RobotState, Role, Scalar, Sight, choose
 from apollonius.observe import belief
 from apollonius.observe.belief import NEVER, Belief
 
@@ -95,10 +95,7 @@ def learn(game: Game, track: Track, percept: Percept, state: GameState, role: Ro
     sensors = game.sensors and game.sensors[role]
     assert sensors is not None, "a side without them knows everything"
     age = jnp.zeros(()) if sensors.delay is None else jnp.asarray(sensors.delay, jnp.float32) * game.dt
-    opponents = tuple(
-        jax.tree.map(lambda new, old, seen=seen: jnp.where(seen, new, old), new, old)
-        for new, old, seen in zip(percept.opponents, track.opponents, percept.seen, strict=True)
-    )
+    opponents = tuple(map(choose, percept.seen, percept.opponents, track.opponents))
     ages = tuple(
         jnp.where(seen, age, jnp.minimum(old + game.dt, NEVER))
         for old, seen in zip(track.ages, percept.seen, strict=True)

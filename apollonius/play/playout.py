@@ -20,12 +20,12 @@ from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.agents.pool import Pool
 from apollonius.game.game import Game
-from apollonius.game.types import BySide, Flag, GameState
+from apollonius.game.types import BySide, Flag, GameState, choose
 from apollonius.io.kept import Kept
 from apollonius.io.workers import available_cores
 from apollonius.observe.tracking import Sightings
 from apollonius.play.random_bits import random_bits_of
-from apollonius.play.rollout import Games, Transition, begin, reset_where_done, step_games
+from apollonius.play.rollout import Games, Transition, begin, step_games
 
 Report = Callable[[int, int], None]
 """A callback that gets the number of games that have ended and that of all games."""
@@ -208,12 +208,12 @@ def _advance(
         begun = begin(game, state, players, random_bits_of(key, index, jnp.full(index.shape, -1)))
         # An empty slot stays at the first step of a game: there few players search or plan.
         idle = free & ~fresh & (under_way.games.state.steps == 1)
-        games = jax.vmap(reset_where_done)(free & ~idle, begun, under_way.games)
-        watched = jax.vmap(reset_where_done, in_axes=(0, None, 0))(fresh, unwatched, under_way.watched)
+        games = jax.vmap(choose)(free & ~idle, begun, under_way.games)
+        watched = jax.vmap(choose, in_axes=(0, None, 0))(fresh, unwatched, under_way.watched)
 
         bits = random_bits_of(key, index, games.state.steps)
         after, transition = step_games(game, players, games, bits, observes=False)
-        games = jax.vmap(reset_where_done)(idle, games, after)
+        games = jax.vmap(choose)(idle, games, after)
         watched = jax.vmap(watcher.follow)(watched, transition) if watcher else None
         over = (index != _NOBODY) & (transition.terminated | transition.truncated)
         row = jnp.where(over, ended.count + jnp.cumsum(over.astype(jnp.int32)) - 1, rows)

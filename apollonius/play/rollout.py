@@ -17,7 +17,7 @@ from apollonius.agents.policy import Memory, mixed
 from apollonius.agents.pool import AbstractPlayers, Pool, Read
 from apollonius.game.game import Game
 from apollonius.game.sensing import DriveStates, drive_of, respond
-from apollonius.game.types import ROLES, Action, Actions, BySide, Flag, GameState, Role, Timestep
+from apollonius.game.types import ROLES, Action, Actions, BySide, GameState, Role, Timestep, choose
 from apollonius.observe import tracking
 from apollonius.observe.observation import WHOLE, perceive
 from apollonius.observe.tracking import Sightings, Track, update
@@ -203,11 +203,6 @@ def collect(
         after, transition = step_games(game, players, games, bits[:2])
         fresh_state = jax.tree.map(lambda row: jax.lax.dynamic_index_in_dim(row, step % rows, keepdims=False), starts)
         fresh = begin(game, fresh_state, players, bits[-2:])
-        return jax.vmap(reset_where_done)(transition.ended, fresh, after), transition
+        return jax.vmap(choose)(transition.ended, fresh, after), transition
 
     return jax.lax.scan(one_step, games, jnp.arange(steps))
-
-
-def reset_where_done(over: Flag, new: Any, old: Any) -> Any:
-    """Return the new state of a game that is over, else the old one."""
-    return jax.tree.map(lambda new, old: jnp.where(over, new, old), new, old)

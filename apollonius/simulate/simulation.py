@@ -17,13 +17,13 @@ from apollonius.game.game import Game
 from apollonius.game.judge import judge
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
 from apollonius.game.sensing import drive_of, respond
-from apollonius.game.types import ROLES, Action, BySide, GameState, Outcome, Role
+from apollonius.game.types import ROLES, Action, BySide, GameState, Outcome, Role, choose
 from apollonius.io.limits import SIMULATED_GAMES
 from apollonius.play import rollout
 from apollonius.play.playout import Report, Results, silent
 from apollonius.play.random_bits import random_bits_of
 from apollonius.play.replay import Replay, as_rows, as_state
-from apollonius.play.rollout import Games, SideState, reset_where_done, step_games
+from apollonius.play.rollout import Games, SideState, step_games
 from apollonius.simulate.drive import Drive, References
 from apollonius.simulate.physics import Physics
 
@@ -151,7 +151,7 @@ def _judged(
         return replace(after, status=status), outcome
 
     states, outcome = jax.vmap(one)(games.state, rows)
-    return jax.vmap(reset_where_done)(alive, Games(states, sides), games), outcome
+    return jax.vmap(choose)(alive, Games(states, sides), games), outcome
 
 
 EVENTS: dict[str, tuple[Outcome, ...]] = {

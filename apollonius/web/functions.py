@@ -17,7 +17,7 @@ from apollonius.game.chart import NO_PATH, Chart, entries
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.sensing import Sensing, Sensors
-from apollonius.game.types import GameState, RobotState, RobotStatus, Role, Scalar
+from apollonius.game.types import GameState, RobotState, RobotStatus, Role, Scalar, choose
 from apollonius.observe import tracking
 from apollonius.observe.belief import NEVER
 from apollonius.observe.view import look
@@ -146,7 +146,7 @@ def search(
     first = tracking.begin(game, state, role)
     assert first is not None, "it has sensors"
     begins, begun = known.track.ages[0] < 0, Known(first, jnp.full((), -1, jnp.int32))
-    before = jax.tree.map(lambda new, old: jnp.where(begins, new, old), begun, known)
+    before = choose(begins, begun, known)
     track, now = tracking.update(game, role, before.track, state, jnp.uint32(0))
     assert track is not None, "it has sensors"
     view = look(game, now, role)

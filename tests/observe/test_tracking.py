@@ -18,10 +18,10 @@ from apollonius.game.chart import COARSE
 from apollonius.game.game import reset_batch
 from apollonius.game.presets import in_teams
 from apollonius.game.sensing import Noise, Sensing, Sensors
-from apollonius.game.types import ROLES, BySide, Role
+from apollonius.game.types import ROLES, BySide, Role, choose
 from apollonius.observe import belief, tracking
 from apollonius.observe.observation import WHOLE, perceive
-from apollonius.play.rollout import begin, collect, reset_where_done, step_games
+from apollonius.play.rollout import begin, collect, step_games
 from tests.acting import identical, robot
 
 LIDAR = Sensors(line_of_sight=True, range=4.0)
@@ -68,7 +68,7 @@ def played(game, players, key, games, steps):
                 truths.append(jnp.all(holds(held, opponent) | ~active))
             shares.append(jnp.mean((held >= 0).astype(jnp.float32)))
         fresh = begin(game, starts, players, bits)
-        return jax.vmap(reset_where_done)(transition.ended, fresh, after), (truths, shares)
+        return jax.vmap(choose)(transition.ended, fresh, after), (truths, shares)
 
     return jax.lax.scan(one, first, jax.random.split(key, steps))[1]
 
