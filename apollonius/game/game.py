@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import starmap
 
 import equinox as eqx
 import jax
@@ -188,8 +187,7 @@ class Game(eqx.Module):
             if state.status is None:
                 return ends
             halted = (replace(robot, v=jnp.zeros_like(robot.v)) for robot in state.robots[role])
-            moves = zip(state.active[role], ends, halted, strict=True)
-            return tuple(starmap(choose, moves))
+            return tuple(map(choose, state.active[role], ends, halted))
 
         after = replace(state, robots=ROLES.map(moved), steps=state.steps + 1)
         outcome, status = judge(game, state, after)
