@@ -19,7 +19,7 @@ let charted = { arena: null, radius: 0 }; // the arena and the robot that the ch
 function writeArena(arena) {
   if (floor === arena) return;
   floor = arena;
-  const { x_min, x_max, y_min, y_max, discs, polygons, map, territory = { x: 0, y: 0, radius: 0 } } = arena;
+  const { x_min, x_max, y_min, y_max, discs, polygons = [], map, territory = { x: 0, y: 0, radius: 0 } } = arena;
   const into = given.floor();
   into.walls.set([x_min, x_max, y_min, y_max]);
   for (const key of ["x", "y", "radius"]) {

@@ -80,7 +80,7 @@ export function cross(context, { x, y }, half) {
 function drawArena(context, arena, colours) {
   context.fillStyle = colours.obstacle;
   for (const disc of arena.discs) circle(context, disc.x, disc.y, disc.radius).fill();
-  for (const { vertices } of arena.polygons) path(context, vertices).fill();
+  for (const { vertices } of arena.polygons ?? []) path(context, vertices).fill();
   context.lineWidth = 0.05;
   if (arena.territory) {
     const { x, y, radius } = arena.territory;

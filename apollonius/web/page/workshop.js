@@ -42,7 +42,7 @@ export class Workshop {
   open() {
     this.session.enter("drawing");
     const { teams: _teams, sensors: _sensors, ...game } = this.session.match?.game ?? this.session.catalogue.games.paper; // of two
-    this.editor.open(game);
+    this.editor.open({ ...game, arena: { ...game.arena, polygons: game.arena.polygons ?? [] } });
   }
 
   /** Open the game that a person has chosen or dropped. Says what is wrong with it if it is. */
