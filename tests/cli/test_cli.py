@@ -387,16 +387,11 @@ def test_of_several_runs_those_that_ended_and_were_judged_are_left_alone(tiny, c
     assert asked == runs[1:]
 
 
-@pytest.fixture
-def bodies():
-    """Words that simulate three short games."""
+def test_simulate_prints_both_matches_and_records_games(capsys):
     pytest.importorskip("mujoco")
     Path("short.toml").write_text("max_steps = 15\n")
-    return ["simulate", "pure-pursuit", "flee", "--games", "3", "--game", "short.toml"]
-
-
-def test_simulate_prints_both_matches_and_records_games(bodies, capsys):
-    assert run_main(*bodies, "--record", "1") == 0
+    words = "simulate pure-pursuit flee --games 3 --game short.toml --record 1"
+    assert run_main(*words.split()) == 0
     said = capsys.readouterr().out
     assert "pure-pursuit (pursuer) against flee (evader), 3 games, starts: rest" in said
     assert "by the rules  with bodies" in said

@@ -117,9 +117,6 @@ def test_a_forked_process_is_refused_with_the_remedy(monkeypatch):
             begin()
 
 
-SHORT = replace(make_game("paper"), max_steps=3)
-
-
 @pytest.fixture(scope="module")
 def env():
     return apollonius.parallel_env()
@@ -140,7 +137,8 @@ def test_pettingzoos_tests_have_no_complaint(env, team):
 
 
 def test_the_time_limit_truncates_and_parts_of_the_largest_controls_move_a_robot_by_these_parts():
-    env = apollonius.parallel_env(SHORT, observation="paper", actions="continuous")
+    game = replace(make_game("paper"), max_steps=3)
+    env = apollonius.parallel_env(game, observation="paper", actions="continuous")
     actions = {"pursuer_0": np.float32([0.5, 0.0]), "evader_0": np.float32([0.25, 1.0])}
     with pytest.raises(gymnasium.error.ResetNeeded):
         env.step(actions)
@@ -231,9 +229,6 @@ def test_a_copy_goes_on_alike(make):
     np.testing.assert_equal(follow(untouched, 0, 25), until_here)
 
 
-MODES = [AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP]
-
-
 class OneStart(Starts):
     """Every game begins with the pursuer in front of a wall, so that whoever draws it, draws the same."""
 
@@ -275,7 +270,7 @@ def test_a_robot_with_sensors_sees_late_and_one_with_a_drive_moves_late_in_every
     assert np.abs(now[:, 4:6] - then[:, 4:6]).max() > 0.01
 
 
-@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("mode", [AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP])
 def test_every_step_tells_what_gymnasiums_own_vector_tells(mode, one_by_one):
     ours = ManyGames(Role.PURSUER, 3, autoreset_mode=mode.value, **WALL)
     theirs = SyncVectorEnv([lambda env=env: env for env in one_by_one], autoreset_mode=mode)

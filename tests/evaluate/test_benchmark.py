@@ -20,7 +20,6 @@ from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput
 
 ARENAS = "fences-00", "fences-01", "floors-00"
-STEPS = 60
 GOOD = """
 def act(seen, slots, steps, arenas):
     assert seen.shape == (len(slots), 12) and (arenas == slots).all()
@@ -35,7 +34,7 @@ COMPILED = {}
 @pytest.fixture(scope="module", autouse=True)
 def small():
     """Three arenas, short games, two opponents."""
-    game = charted(replace(find_game(",".join([f"suite-v2/{ARENAS[0]}", *ARENAS[1:]])), max_steps=STEPS))
+    game = charted(replace(find_game(",".join([f"suite-v2/{ARENAS[0]}", *ARENAS[1:]])), max_steps=60))
     panel = {"pursuer": ("pure-pursuit", "random"), "evader": ("still", "random")}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Benchmark, "game", game)

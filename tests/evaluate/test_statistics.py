@@ -158,14 +158,12 @@ def test_agents_kept_on_the_way_are_left_out(tmp_path):
     assert list(last_agents(tmp_path)) == ["E_scratch", "P_scratch"]
 
 
-PANEL = {"full": {"pursuer": ("still", "intercept"), "evader": ("still", "flee")}}
-
-
 @pytest.fixture(scope="module")
 def advised():
     short = replace(make_game("paper"), arena=Arena(), max_steps=60)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tournament, "PANELS", PANEL)
+        panel = {"pursuer": ("still", "intercept"), "evader": ("still", "flee")}
+        patch.setattr(tournament, "PANELS", {"full": panel})
         yield tournament.advise(short, 16, seed=1)
 
 

@@ -115,9 +115,8 @@ class World:
             self.spin(self.next)
             self.period()
             if self.playing and count % 5 == 4:
-                step, before, after = jnp.int32(count // 5), before, self.rows
-                given = (jnp.asarray(rows[0], jnp.float32) for rows in (before, after))
-                outcome, before = Outcome(int(self.judge(*given, step))), after
+                given = (jnp.asarray(rows[0], jnp.float32) for rows in (before, self.rows))
+                outcome, before = Outcome(int(self.judge(*given, jnp.int32(count // 5)))), self.rows
                 if outcome != Outcome.ONGOING:
                     return outcome
             if is_over():

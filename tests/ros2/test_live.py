@@ -15,9 +15,11 @@ import numpy as np
 import pytest
 import yaml
 
-from apollonius.arenas.file import find_game
 from apollonius.export.player import find_exportable
 from apollonius.export.writing import write_c
+from apollonius.game.arena import Arena, Disc
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game
 from apollonius.game.types import Outcome, Role
 
 rclpy = pytest.importorskip("rclpy")
@@ -25,18 +27,12 @@ rosbag2 = pytest.importorskip("rosbags.highlevel")
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 PACKAGE = Path(__file__).parents[2] / "ros2" / "apollonius_ros"
 GAMES = int(os.environ.get("GAMES", "3"))
-GAME = """
-max_steps = 300
-[arena]
-x_max = 7
-y_max = 7
-discs = [{ x = 3.5, y = 3.5, radius = 0.5 }]
-[pursuer]
-radius = 0.2
-[evader]
-radius = 0.2
-v_max = 0.8
-"""
+GAME = Game(
+    pursuer=Unicycle(radius=0.2),
+    evader=Unicycle(radius=0.2, v_max=0.8),
+    arena=Arena(x_max=7.0, y_max=7.0, discs=(Disc(3.5, 3.5, 0.5),)),
+    max_steps=300,
+)
 ALONE = {"ROS_DOMAIN_ID": "77", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 
 
@@ -44,11 +40,9 @@ ALONE = {"ROS_DOMAIN_ID": "77", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 def folder(tmp_path_factory):
     """Two exports, compiled, and the file of parameters."""
     folder = tmp_path_factory.mktemp("robots")
-    (folder / "game.toml").write_text(GAME)
-    game = find_game(str(folder / "game.toml"))
     for role in Role:
         name = role.name.lower()
-        write_c(find_exportable(f"shielded:{name}", role, game), folder / f"{name}.c", states=100)
+        write_c(find_exportable(f"shielded:{name}", role, GAME), folder / f"{name}.c", states=100)
         command = ["gcc", "-std=c99", "-O2", "-shared", "-fPIC", f"{name}.c", "-lm", "-o", f"{name}.so"]
         subprocess.run(command, cwd=folder, check=True)
     params = yaml.safe_load((PACKAGE / "config" / "params.yaml").read_text())
@@ -71,7 +65,7 @@ def world(folder):
     rclpy.init()
     from tests.ros2.bodies import World
 
-    yield World(find_game(str(folder / "game.toml")))
+    yield World(GAME)
     rclpy.shutdown()
 
 
