@@ -233,27 +233,19 @@ int main(int count, char **words)
 def test_a_program_reads_the_files_and_drives_in_any_game_of_that_size(tmp_path, monkeypatch):
     monkeypatch.setattr(writing, "_check", lambda *_: [])
     (tmp_path / "main.c").write_text(MAIN)
-    states = np.array([[2, 3, 0.5, 0.1], [7, 6, 0, -1.5]], np.float32)
-    words = [str(number) for number in states.ravel()]
-
-    def output(*program):
-        return subprocess.run([*program, *words], check=True, cwd=tmp_path, capture_output=True, text=True).stdout
-
+    states, sources = np.array([[2, 3, 0.5, 0.1], [7, 6, 0, -1.5]], np.float32), set()
+    sanitizers = ["-fsanitize=address,undefined", "-fno-sanitize-recover"]
     for game in ("paper", "robot"):
-        player, before = exportable(game, "P_stage1"), tmp_path.joinpath("robot.c")
-        text = before.read_bytes() if before.exists() else None
+        player = exportable(game, "P_stage1")
         write_c(player, tmp_path / "robot.c", states=100)
-        if text is None:
-            compiler = ["gcc", *FLAGS, "main.c", "robot.c", "-lm", "-o"]
-            sanitizers = ["-fsanitize=address,undefined", "-fno-sanitize-recover"]
-            subprocess.run([*compiler, "clean", *sanitizers], check=True, cwd=tmp_path)
-        else:
-            assert before.read_bytes() == text  # the program is the same, the game's file is another
-        said = output("./clean")
+        if not sources:
+            program = ["gcc", *FLAGS, "main.c", "robot.c", "-lm", "-o", "clean", *sanitizers]
+            subprocess.run(program, check=True, cwd=tmp_path)
+        sources.add((tmp_path / "robot.c").read_bytes())
+        said = subprocess.check_output(["./clean", *map(str, states.ravel())], cwd=tmp_path).split()
         made = jax.jit(player.decide)(player.policy, player.game, states, None, (), np.uint32(0))
-        assert [float(word) for word in said.split()] == pytest.approx(
-            [int(made["action"]), *map(float, made["controls"])]
-        )
+        assert [*map(float, said)] == pytest.approx([int(made["action"]), *map(float, made["controls"])])
+    assert len(sources) == 1, "the program is the same, the game's file is another"
 
 
 @needs_gcc
