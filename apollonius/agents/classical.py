@@ -100,8 +100,3 @@ class AbstractSteering(AbstractClassical):
 def direction(start: RobotState, end: RobotState) -> Scalar:
     """Return the direction [rad] from one robot to another."""
     return jnp.arctan2(end.y - start.y, end.x - start.x)
-
-
-def separation(first: RobotState, second: RobotState) -> Scalar:
-    """Return the distance [m] between two robots' centres."""
-    return jnp.hypot(second.x - first.x, second.y - first.y)

@@ -8,9 +8,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from apollonius.agents.classical import AbstractClassical, AbstractSteering, direction, separation
+from apollonius.agents.classical import AbstractClassical, AbstractSteering, direction
 from apollonius.game.dynamics import Unicycle, wrap_angle
 from apollonius.game.game import Game
+from apollonius.game.teams import separation
 from apollonius.game.types import NUM_ACTIONS, Real, RobotState, Role, Scalar
 from apollonius.observe.view import Robot, View
 

@@ -4,11 +4,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from apollonius.agents.classical import AbstractSteering, direction, separation
+from apollonius.agents.classical import AbstractSteering, direction
 from apollonius.agents.guidance import arc_speed
 from apollonius.agents.policy import AbstractActionValuePolicy, Memory, mixed
 from apollonius.game.chart import COARSE, Chart
 from apollonius.game.sensing import Sensors
+from apollonius.game.teams import separation
 from apollonius.game.types import Bits, Flag, RobotState, Scalar, choose
 from apollonius.observe.belief import prospects, visible
 from apollonius.observe.view import View

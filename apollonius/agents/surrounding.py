@@ -11,11 +11,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from apollonius.agents.classical import AbstractSteering, direction, separation
+from apollonius.agents.classical import AbstractSteering, direction
 from apollonius.agents.guidance import arc_speed
 from apollonius.game.chart import COARSE, NO_PATH
 from apollonius.game.dynamics import wrap_angle
 from apollonius.game.game import Game
+from apollonius.game.teams import separation
 from apollonius.game.types import RobotState, Scalar
 from apollonius.observe.view import Robot, View
 

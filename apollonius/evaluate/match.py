@@ -14,8 +14,9 @@ from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
 from apollonius.evaluate.result import MatchResult, count_by_arena, count_by_detour, count_robots, count_sightings
-from apollonius.game.game import Game, distance, sample_starts
+from apollonius.game.game import Game, sample_starts
 from apollonius.game.outcome import PURSUER_WINS, counts_by_name, evader_winning
+from apollonius.game.teams import separation
 from apollonius.game.types import ROLES, Bits, BySide, GameState, Outcome, Scalar
 from apollonius.io.errors import require
 from apollonius.io.kept import Kept
@@ -159,6 +160,6 @@ def _ways_over_lines(game: Game, starts: GameState) -> Float[Array, " games"]:
     def over_line(start: GameState) -> Scalar:
         chart, here, there = game.at(start).arena.chart, start.pursuer, start.evader
         assert chart is not None, "the game is charted"
-        return chart.way(here.x, here.y, there.x, there.y) / distance(start)
+        return chart.way(here.x, here.y, there.x, there.y) / separation(here, there)
 
     return jax.vmap(over_line)(starts)

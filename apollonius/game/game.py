@@ -206,11 +206,6 @@ class Game(eqx.Module):
         )
 
 
-def distance(state: GameState) -> Scalar:
-    """Return the distance [m] between the centres of the two robots of a game of two."""
-    return jnp.hypot(state.evader.x - state.pursuer.x, state.evader.y - state.pursuer.y)
-
-
 def _paid(
     reward: Reward, outcome: Int[Array, ""], before: GameState, after: GameState, chart: Chart | None
 ) -> BySide[tuple[Scalar, ...]]:

@@ -12,7 +12,7 @@ from jaxtyping import Array, Int
 from apollonius.game.chart import Chart
 from apollonius.game.judge import Fate
 from apollonius.game.outcome import evader_wins, pursuer_wins
-from apollonius.game.teams import nearest
+from apollonius.game.teams import nearest, separation
 from apollonius.game.types import BySide, GameState, Outcome, Real, RobotState, Scalar
 from apollonius.io.errors import require
 
@@ -105,7 +105,7 @@ def leads(before: GameState, after: GameState, chart: Chart | None) -> list[tupl
     def lead(state: GameState, evader: RobotState) -> Scalar:
         pursuers = state.robots.pursuer
         pursuer = nearest(evader, pursuers, before.active.pursuer, pursuers)
-        return jnp.hypot(evader.x - pursuer.x, evader.y - pursuer.y)
+        return separation(pursuer, evader)
 
     def way(chart: Chart, state: GameState, evader: RobotState) -> Scalar:
         pursuers = zip(state.robots.pursuer, before.active.pursuer, strict=True)

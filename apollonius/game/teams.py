@@ -70,3 +70,8 @@ def distance_squared(first: RobotState, second: RobotState) -> Scalar:
     """Return the squared distance [m^2] between two robots' centres."""
     dx, dy = second.x - first.x, second.y - first.y
     return dx * dx + dy * dy
+
+
+def separation(first: RobotState, second: RobotState) -> Scalar:
+    """Return the distance [m] between two robots' centres."""
+    return jnp.hypot(second.x - first.x, second.y - first.y)

@@ -12,10 +12,10 @@ from scipy.integrate import solve_ivp
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle, action_levels, sinc, unit_vector, wrap_angle
 from apollonius.game.fusion_barrier import fusion_barrier
-from apollonius.game.game import distance
 from apollonius.game.presets import in_teams, make_game, randomised
 from apollonius.game.scenario import Spread
 from apollonius.game.sensing import BOUND, MOST_LAG, Drive, Drives, Noise, Sensors, drive_of, sense
+from apollonius.game.teams import separation
 from apollonius.game.types import ROLES, BySide, GameState, Role
 from apollonius.play.rollout import step_driven
 from tests.acting import robot, state_of
@@ -50,7 +50,7 @@ def test_pi_itself_and_every_neighbour_of_the_cut_wrap_to_the_right_side(cut, co
 
 def test_the_distance_of_two_robots_is_that_of_their_centres():
     state = GameState.of_two(robot(2.0, 3.0, 1.0, 0.5), robot(5.0, 7.0, 0.0, -1.0), jnp.int32(0))
-    assert float(distance(state)) == 5.0
+    assert float(separation(state.pursuer, state.evader)) == 5.0
 
 
 def test_the_unit_vector_is_cosine_and_sine_to_one_in_a_million():
