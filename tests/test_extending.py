@@ -40,7 +40,7 @@ from apollonius.play.playout import play_out
 from apollonius.show.canvas import Canvas
 from apollonius.show.palette import OBSTACLE
 from tests import bearing
-from tests.acting import act, act_in_rows, robot
+from tests.acting import act, act_in_rows, robot, state
 from tests.bearing import BEARING
 from tests.capsule import Capsule
 from tests.car import Car
@@ -100,9 +100,7 @@ def test_a_new_obstacle_is_one_for_games_players_surveys_and_pictures():
     pixels = np.array(Canvas(game).picture()).reshape(-1, 3)
     assert (pixels == (red, green, blue)).all(axis=1).mean() > 0.015
     player = shielded(Greedy(make_network("encoded", 4, 1, jax.random.key(0))), game, Role.PURSUER)
-    blocked = look(
-        game, type(states).of_two(robot(5.0, 4.3, 1.2, np.pi / 2), robot(9.0, 9.0), jnp.int32(0)), Role.PURSUER
-    )
+    blocked = look(game, state((5.0, 4.3, 1.2, np.pi / 2), (9.0, 9.0)), Role.PURSUER)
     assert int(act(player, blocked, jnp.uint32(0))) in (0, 1, 2)  # it brakes
 
 
@@ -120,10 +118,8 @@ def test_a_new_obstacle_is_read_from_files_and_refused_by_whoever_does_not_know_
 def test_a_new_observation_is_read_by_networks_in_games_and_from_files(tmp_path, monkeypatch):
     monkeypatch.setitem(registry.OBSERVATIONS, BEARING.name, BEARING)
     game = Game(arena=Arena(discs=(Disc(7.0, 5.0, 0.5),)), max_steps=20)
-    state = type(game.reset(jax.random.key(0))).of_two(
-        robot(5.0, 5.0, 0.6, np.pi / 2), robot(5.0, 7.0, 0.0, 0.0), jnp.int32(0)
-    )
-    np.testing.assert_allclose(BEARING(look(game, state, Role.PURSUER)), [0.0, 1.0, 0.0, 0.2, 1.0, 1.0], atol=1e-5)
+    start = state((5.0, 5.0, 0.6, np.pi / 2), (5.0, 7.0))
+    np.testing.assert_allclose(BEARING(look(game, start, Role.PURSUER)), [0.0, 1.0, 0.0, 0.2, 1.0, 1.0], atol=1e-5)
     network = make_network("bearing", 8, 2, jax.random.key(0))
     save_agent(describe(network, Role.PURSUER, {}, {}), tmp_path / "agent.safetensors")
     read = load_agent(tmp_path / "agent.safetensors").network

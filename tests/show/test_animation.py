@@ -3,7 +3,6 @@
 import json
 import subprocess
 from dataclasses import replace
-from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -192,26 +191,25 @@ def test_an_arena_that_is_no_square_keeps_its_shape_and_the_words_their_width(re
     assert picture.getpixel((left - 1, middle)) == WHITE != picture.getpixel((left, middle)), "the wall on the left"
 
 
-def save_panel(path):
+def save_panel(replay, path):
     with style.picture(path):
         pass
 
 
-@pytest.mark.parametrize("name", ["g.gif", "panel.png"])
-def test_a_full_disk_spares_the_old_file(replay, tmp_path, name):
+@pytest.mark.parametrize(("name", "write"), [("g.gif", save_animation), ("panel.png", save_panel)])
+def test_a_full_disk_spares_the_old_file(replay, tmp_path, name, write):
     """No file may grow beyond a kilobyte, so that every writer fails in the middle."""
     resource = pytest.importorskip("resource")
-    write = save_panel if name == "panel.png" else partial(save_animation, replay)
     (tmp_path / name).write_bytes(b"good")
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
     try:
         with pytest.raises(OSError, match="too large"):
-            write(tmp_path / name)
+            write(replay, tmp_path / name)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert [(path.name, path.read_bytes()) for path in tmp_path.iterdir()] == [(name, b"good")]
-    write(tmp_path / name)
+    write(replay, tmp_path / name)
     assert (tmp_path / name).stat().st_size > 1000
 
 

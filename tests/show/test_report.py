@@ -141,36 +141,27 @@ def test_the_command_writes_the_report_into_the_run(copy, capsys):
 
 
 @pytest.mark.parametrize(
-    ("name", "content"),
+    ("name", "make"),
     [
-        ("evaluation.json", '{"a against b": {"games": 3}}'),
+        ("evaluation.json", lambda to, old: to.write_text('{"a against b": {"games": 3}}')),
         (
             "evaluation.json",
-            lambda path: path.write_text(
-                path.with_name("moved").read_text().replace(" against ", " against a against ")
-            ),
+            lambda to, old: to.write_text(old.read_text().replace(" against ", " against a against ")),
         ),
-        ("metrics.jsonl", os.mkfifo),
-        ("evaluation.json", lambda path: path.symlink_to("/dev/zero")),
-        ("config.toml", lambda path: path.symlink_to(outside(path))),
+        ("metrics.jsonl", lambda to, old: os.mkfifo(to)),
+        ("evaluation.json", lambda to, old: to.symlink_to("/dev/zero")),
+        ("config.toml", lambda to, old: to.symlink_to(shutil.copy(old, to.parents[1] / to.name))),
     ],
 )
-def test_what_is_no_run_is_refused_in_one_line(copy, capsys, name, content):
-    if isinstance(content, str):
-        (copy / name).write_text(content)
-    else:
-        content((copy / name).rename(copy / "moved").with_name(name))
+def test_what_is_no_run_is_refused_in_one_line(copy, capsys, name, make):
+    """Not even a whole file of that name beside the folder counts."""
+    make(copy / name, (copy / name).rename(copy / "moved"))
     before = sorted(copy.rglob("*"))
     assert main(["report", str(copy)]) == 2
     said = capsys.readouterr().err
     assert said.startswith("apollonius report: ")
     assert said.count("\n") == 1
     assert sorted(copy.rglob("*")) == before
-
-
-def outside(path):
-    """A whole file of that name beside the folder."""
-    return shutil.copy(path.with_name("moved"), path.parents[1] / path.name)
 
 
 def test_games_that_no_page_could_hold_are_not_played():

@@ -119,7 +119,6 @@ def fast(arena):
 
 
 GAMES = {
-    "paper": lambda: make_game("paper"),
     "territory": lambda: make_game("territory"),
     "map": lambda: fast(on_a_floor()),
     "crowd": lambda: crowd(among_polygons()),

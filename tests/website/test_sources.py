@@ -61,9 +61,8 @@ def test_what_a_tutorial_runs_is_a_cell_of_its_notebook(name):
 
 
 def test_a_toml_block_without_a_name_is_text():
-    cells = json.loads(
-        notebook("# Page\n\n```toml\nmax_steps = 3\n```\n\nSee [here](a.md), [there](https://b.org).\n")
-    )["cells"]
+    page = "# Page\n\n```toml\nmax_steps = 3\n```\n\nSee [here](a.md), [there](https://b.org).\n"
+    cells = json.loads(notebook(page))["cells"]
     assert [cell["cell_type"] for cell in cells] == ["markdown"] * 3
     assert "".join(cell["source"] for cell in cells).endswith("See here, [there](https://b.org).")
 
