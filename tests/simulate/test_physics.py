@@ -14,10 +14,11 @@ from apollonius.agents.classical import Still, Uniform
 from apollonius.agents.policy import AbstractContinuous
 from apollonius.agents.pool import solo
 from apollonius.arenas.file import find_game
-from apollonius.evaluate.match import Match, begin, play_games
+from apollonius.evaluate.match import Match, play_games
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
+from apollonius.game.occupancy import OccupancyMap, distance_field
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.sensing import Drive as Slow
@@ -27,7 +28,7 @@ from apollonius.io.errors import InvalidInput
 from apollonius.observe import paper
 from apollonius.play.replay import as_state, load_replay, save_replay
 from apollonius.simulate.drive import Drive, References
-from apollonius.simulate.physics import Physics, mjcf, rectangles
+from apollonius.simulate.physics import Physics, mjcf
 from apollonius.simulate.simulation import compare, record_course, simulate, simulate_match
 from tests.acting import a_match
 from tests.car import Car
@@ -196,21 +197,13 @@ def test_without_mujoco_it_says_what_to_install(monkeypatch):
 
 
 GAME = replace(make_game("paper"), max_steps=40)
-PLAYERS = BySide(solo(Uniform()), solo(Uniform()))
 GAMES = 6
 MATCH = a_match(GAME, Uniform(), Uniform(), GAMES)
 
 
 @pytest.fixture(scope="module")
 def simulated():
-    starts, key = begin(MATCH)
-    return simulate(GAME, PLAYERS, starts, key, Drive())
-
-
-@pytest.fixture(scope="module")
-def ideal():
-    starts, key = begin(MATCH)
-    return simulate(GAME, PLAYERS, starts, key, IDEAL)
+    return simulate_match(MATCH, Drive())
 
 
 def test_every_step_of_every_game_is_there(simulated):
@@ -230,25 +223,26 @@ def by_the_rules(row, actions):
     return jnp.stack(jax.tree.leaves(after.robots), axis=-1)
 
 
-def test_a_robot_without_its_imperfections_moves_as_the_rules_say(ideal, simulated):
-    near, far = (
-        np.sqrt(
-            np.mean(((run.after - by_the_rules(run.states, run.actions) + np.pi) % (2 * np.pi) - np.pi) ** 2, axis=0)
-        )
-        for run in (ideal, simulated)
-    )
+def test_a_robot_without_its_imperfections_moves_as_the_rules_say(simulated):
+    def beside_the_rules(run):
+        apart = (run.after - by_the_rules(run.states, run.actions) + np.pi) % (2 * np.pi) - np.pi
+        return np.sqrt(np.mean(apart**2, axis=0))
+
+    near, far = map(beside_the_rules, (simulate_match(MATCH, IDEAL), simulated))
     assert (near[[0, 1, 2]] < [0.001, 0.001, 0.004]).all()
     assert near[3] < 0.02
     assert far[3] > 2 * near[3]
 
 
 def begun(*row):
-    return jax.tree.map(lambda leaf: leaf[None], as_state(jnp.asarray(row, jnp.float32), jnp.asarray(0)))
+    """The start of one game, and its key."""
+    start = jax.tree.map(lambda leaf: leaf[None], as_state(jnp.asarray(row, jnp.float32), jnp.asarray(0)))
+    return start, jax.random.key(0)
 
 
 def test_who_drives_into_a_wall_has_failed_and_a_replay_shows_it(tmp_path):
     start = begun(5.0, 1.0, 0.0, 0.0, 9.8, 5.0, 1.0, 0.0)
-    game = simulate(GAME, BySide(solo(Still()), solo(Still())), start, jax.random.key(0), Drive())
+    game = simulate(GAME, BySide(solo(Still()), solo(Still())), *start, Drive())
     assert int(game.results.outcome[0]) == Outcome.EVADER_OUT_OF_RANGE
     assert int(game.results.steps[0]) == 3
     save_replay(record_course(game, a_match(GAME, Still(), Still(), 1), 0), tmp_path / "game.json")
@@ -267,16 +261,21 @@ class FullSpeedInACurve(AbstractContinuous):
         return jnp.asarray([1.0, 0.5]), memory
 
 
-def test_players_with_continuous_actions_drive_too(tmp_path):
-    start, key = begun(9.0, 9.0, 0.0, 0.0, 1.5, 5.0, 0.0, 0.0), jax.random.key(0)
-    game = simulate(GAME, BySide(solo(Still()), solo(FullSpeedInACurve())), start, key, IDEAL)
-    states, actions = game.course(0)
+@pytest.fixture(scope="module")
+def curve():
+    """The players and the start of one game, and the game without imperfections."""
+    given = BySide(solo(FullSpeedInACurve()), solo(Still())), *begun(1.5, 5.0, 0.0, 0.0, 9.0, 9.0, 0.0, 0.0)
+    return given, simulate(GAME, *given, IDEAL)
+
+
+def test_players_with_continuous_actions_drive_too(curve, tmp_path):
+    states, actions = curve[1].course(0)
     assert actions.shape == (40, 2, 2)
-    assert np.all(actions[:, 1] == [1.0, 0.5])
-    turned = np.unwrap(states[:, 7])
+    assert np.all(actions[:, 0] == [1.0, 0.5])
+    turned = np.unwrap(states[:, 3])
     assert turned[-1] - turned[0] == pytest.approx(0.4 * 4.0, rel=0.02)
-    assert states[-1, 6] == pytest.approx(1.2, rel=0.01)
-    save_replay(record_course(game, a_match(GAME, Still(), FullSpeedInACurve(), 1), 0), tmp_path / "game.json")
+    assert states[-1, 2] == pytest.approx(1.2, rel=0.01)
+    save_replay(record_course(curve[1], a_match(GAME, FullSpeedInACurve(), Still(), 1), 0), tmp_path / "game.json")
     assert load_replay(tmp_path / "game.json").actions.dtype == np.float32
 
 
@@ -290,13 +289,9 @@ def test_both_plays_are_counted_and_compared(simulated):
     assert rate.interval[0] <= rate.difference <= rate.interval[1]
 
 
-def played(game, count=4):
-    match = Match.of_names(game, "pure-pursuit", "flee", count)
-    return match, simulate_match(match, Drive())
-
-
 def test_teams_play_on_without_those_that_are_out_and_their_replays_say_who():
-    match, found = played(replace(find_game("team-2v1"), max_steps=150))
+    match = Match.of_names(replace(find_game("team-2v1"), max_steps=150), "pure-pursuit", "flee", games=4)
+    found = simulate_match(match, Drive())
     assert found.states.shape[1] == 12
     assert found.actions.shape[1] == 3
     for index in range(4):
@@ -310,43 +305,32 @@ def test_teams_play_on_without_those_that_are_out_and_their_replays_say_who():
                 assert abs(v[-1]) < max(0.05, abs(v[out[0]]) / 4)
 
 
-def test_bodies_stop_at_the_cells_of_a_map():
+def test_the_fewest_blocks_cover_each_occupied_cell_of_a_map_once_and_no_free_one():
     cells = np.zeros((6, 9), bool)
     cells[1:4, 2:5], cells[3, 7] = True, True
+    floor = OccupancyMap(jnp.asarray(distance_field(cells, 2.0)), -1.0, 2.0, 2.0, "", "")
+    found = geoms(Game(arena=Arena(-1.0, 17.0, 2.0, 14.0, map=floor))).items()
+    blocks = [(numbers(geom["pos"]), numbers(geom["size"])) for name, geom in found if name.startswith("obstacle")][4:]
     covered = np.zeros(cells.shape, int)
-    blocks = list(rectangles(cells))
-    for row, column, rows, columns in blocks:
-        covered[row : row + rows, column : column + columns] += 1
+    for (x, y, _), (half_x, half_y, _) in blocks:
+        ends = (y - half_y - 2) / 2, (y + half_y - 2) / 2, (x - half_x + 1) / 2, (x + half_x + 1) / 2
+        bottom, top, left, right = map(round, ends)
+        assert (bottom, top, left, right) == pytest.approx(ends)
+        covered[bottom:top, left:right] += 1
     assert np.array_equal(covered, cells)
     assert len(blocks) == 2
 
 
-def test_blocks_of_a_map_are_where_its_cells_are():
-    """The middle of each occupied cell is in one block, and they are no larger."""
-    arena = find_game("examples/dodecahedron.toml").arena
-    found = list(geoms(Game(arena=replace(arena, discs=(), polygons=()))).items())
-    blocks = [(numbers(geom["pos"]), numbers(geom["size"])) for name, geom in found if name.startswith("obstacle")][4:]
-    (x, y, _), (half_x, half_y, _) = (np.array(part).T[..., None] for part in zip(*blocks, strict=True))
-    rows, columns = np.nonzero(arena.map.occupied())
-    cell = float(arena.map.cell)
-    across, upwards = float(arena.map.x) + (columns + 0.5) * cell, float(arena.map.y) + (rows + 0.5) * cell
-    covers = (abs(across - x) < half_x) & (abs(upwards - y) < half_y)
-    assert np.all(np.sum(covers, axis=0) == 1)
-    assert 4 * np.sum(half_x * half_y) == pytest.approx(len(rows) * cell**2, rel=1e-4)
-
-
-def test_sensors_and_drives_of_the_game_count_for_bodies_too():
-    game = replace(GAME, max_steps=20)
-    slow = replace(game, drives=Drives(Slow(lag=5.0, turn_time=2.0), None))
-    start, key = begun(2.0, 2.0, 0.0, 0.0, 8.0, 8.0, 0.0, 0.0), jax.random.key(0)
-    players = BySide(solo(FullSpeedInACurve()), solo(Still()))
-    quick, late = (simulate(one, players, start, key, IDEAL).course(0)[0] for one in (game, slow))
+def test_sensors_and_drives_of_the_game_count_for_bodies_too(curve):
+    (players, *start), quick = curve[0], curve[1].course(0)[0]
+    slow = replace(GAME, drives=Drives(Slow(lag=5.0, turn_time=2.0), None))
+    late = simulate(slow, players, *start, IDEAL).course(0)[0]
     assert late[5, 2] == pytest.approx(0, abs=0.005)
     assert quick[5, 2] == pytest.approx(0.15, abs=0.01)
     assert late[-1, 2] == pytest.approx(quick[-6, 2], abs=0.01)
     turned = np.diff(late[:, 3])
     assert turned[6] == pytest.approx(0.4 * 0.1 * 0.1 * 1.5, rel=0.2)  # 0.4 rad/s^2 in its second step
-    blind = replace(game, sensors=Sensing(Sensors(range=0.0), None))
-    seen = simulate(blind, BySide(solo(Uniform()), solo(Still())), start, key, IDEAL).results.sightings
+    blind = replace(GAME, sensors=Sensing(Sensors(range=0.0), None))
+    seen = simulate(blind, players, *start, IDEAL).results.sightings
     assert int(seen.pursuer.first[0]) == -1
     assert seen.evader is None
