@@ -32,9 +32,3 @@ TINY = (5, 6, 3, 7)
 def as_matrix(table):
     """The table of two robots by the nodes of the one that moves, and of the one that waits."""
     return np.swapaxes(np.asarray(table), 0, 1).reshape(table.shape[1], -1)
-
-
-def as_table(values, counts):
-    """A dictionary by (x, y, v, heading) as an array (v, heading, x, y)."""
-    array = np.array([values[index] for index in np.ndindex(*counts)]).reshape(counts)
-    return array.transpose(2, 3, 0, 1)

@@ -37,16 +37,22 @@ from apollonius.solve.solving import (
 from apollonius.solve.store import Problem, Solution, load_solution, save_solution
 from apollonius.solve.transition_map import of_courses, transition_map_of
 from tests.oracle import numpy_solver as oracle
-from tests.solve.small import BODY, CRAMPED, FEW, SMALL, TINY, as_table
+from tests.solve.small import BODY, CRAMPED, FEW, HOLD, SMALL, TINY
 
-HOLD = 5
+SMALL_GRID = make_grid(SMALL.arena, BODY, TINY)
 
 
-def test_the_table_is_that_of_brute_force():
+@pytest.fixture(scope="module")
+def robot():
+    """That of the small game, by plain loops."""
+    return oracle.Robot(SMALL, TINY, HOLD)
+
+
+def test_the_table_is_that_of_brute_force(robot):
     """Each sweep goes down, and the last moves nothing."""
     told = []
-    solved = solve_safety(SMALL, Role.PURSUER, make_grid(SMALL.arena, BODY, TINY), HOLD, told.append)
-    expected = as_table(oracle.safety(SMALL, TINY, HOLD, solved.sweeps), TINY)
+    solved = solve_safety(SMALL, Role.PURSUER, SMALL_GRID, HOLD, told.append)
+    expected = oracle.safety(SMALL, robot, solved.sweeps)
     np.testing.assert_allclose(solved.table, expected, atol=2e-6)
     assert 0.1 < np.mean(expected > 0) < 0.9
     assert [sweep.number for sweep in told] == list(range(1, solved.sweeps + 1))
@@ -191,36 +197,17 @@ def test_what_lies_in_the_folder_is_not_solved_again(solved, tmp_path):
     assert len(solved) == 8
 
 
-COARSE = make_grid(SMALL.arena, BODY, (6, 7, 3, 8))
-AXES = [np.linspace(0, 0.6, 3), np.arange(9) * 2 * np.pi / 8, np.linspace(-1, 2, 6), np.linspace(0, 4, 7)]
-"""In a table's order, with the first heading again at the end."""
-BETWEEN = jax.jit(jax.vmap(COARSE.interpolate, (None, 0)))
-
-
-def robots(rows):
-    """States from rows of v, heading, x, y."""
-    v, heading, x, y = jnp.asarray(rows, jnp.float32).T
-    return jax.vmap(RobotState)(x, y, v, heading)
-
-
-@pytest.fixture(scope="module")
-def table():
-    return np.random.default_rng(0).normal(size=COARSE.shape).astype(np.float32)
-
-
-def test_between_nodes_the_value_is_multilinear(table):
-    rng = np.random.default_rng(1)
-    rows = rng.uniform([0, -np.pi, -1, 0], [0.6, np.pi, 2, 4], (500, 4))
-    around = np.concatenate([table, table[:, :1]], axis=1)
-    expected = RegularGridInterpolator(AXES, around)(np.c_[rows[:, 0], rows[:, 1] % (2 * np.pi), rows[:, 2:]])
-    found = BETWEEN(table, robots(rows))
+def test_between_nodes_the_value_is_multilinear_and_beyond_the_ends_that_of_the_end():
+    """By SciPy, on a table in which the first heading is there again at the end."""
+    grid, random = make_grid(SMALL.arena, BODY, (6, 7, 3, 8)), np.random.default_rng(0)
+    table = random.normal(size=grid.shape).astype(np.float32)
+    axes = [np.linspace(0, 0.6, 3), np.arange(9) * 2 * np.pi / 8, np.linspace(-1, 2, 6), np.linspace(0, 4, 7)]
+    v, heading, x, y = random.uniform([-0.1, -np.pi, -1.5, -0.5], [0.7, np.pi, 2.5, 4.5], (1000, 4)).T
+    within = np.stack([np.clip(v, 0, 0.6), heading % (2 * np.pi), np.clip(x, -1, 2), np.clip(y, 0, 4)], axis=-1)
+    expected = RegularGridInterpolator(axes, np.concatenate([table, table[:, :1]], axis=1))(within)
+    states = jax.vmap(RobotState)(*(jnp.asarray(numbers, jnp.float32) for numbers in (x, y, v, heading)))
+    found = jax.jit(jax.vmap(grid.interpolate, (None, 0)))(table, states)
     np.testing.assert_allclose(found, expected, atol=1e-5)
-
-
-def test_beyond_the_ends_it_is_the_value_of_the_end(table):
-    beyond = robots([[0.7, 0.3, -1.4, 4.2], [0.6, 0.3, -1.0, 4.0]])
-    found = BETWEEN(table, beyond)
-    assert found[0] == found[1]
 
 
 @pytest.mark.parametrize("counts", [(10, 10, 9), (1, 10, 9, 47), (10, 10, 9, 2)])
@@ -229,20 +216,15 @@ def test_a_grid_without_cells_is_refused(counts):
         make_grid(SMALL.arena, BODY, counts)
 
 
-def test_it_is_the_least_clearance_along_the_hold():
+def test_it_is_the_least_clearance_along_the_hold(robot):
     """Among discs and polygons, for every 31st node and action."""
     corner = Polygon(((0.0, 1.0), (1.2, 1.0), (1.2, 1.4), (0.4, 1.4), (0.4, 2.6), (0.0, 2.6)))
     game = replace(SMALL, arena=replace(SMALL.arena, polygons=(corner,)))
-    motion, grid = motion_of(game, Role.PURSUER, 5), make_grid(game.arena, BODY, TINY)
-    found = np.asarray(of_courses(motion.clearance, grid, transition_map_of(motion, grid)))
-    found = found.reshape(*grid.shape[:2], 9, *grid.shape[2:])
-    nodes = list(oracle.nodes(oracle.axes(game, TINY)).items())
-    pairs = []
-    for number in range(0, 9 * len(nodes), 31):
-        (x, y, v, heading), state = nodes[number // 9]
-        expected = oracle.clearance_along(game, oracle.course(game, state, number % 9, 5))
-        pairs.append((found[v, heading, number % 9, x, y], expected))
-    ours, theirs = np.array(pairs).T
+    motion = motion_of(game, Role.PURSUER, HOLD)
+    found = of_courses(motion.clearance, SMALL_GRID, transition_map_of(motion, SMALL_GRID))
+    ours = np.moveaxis(np.asarray(found), 1, -1).reshape(-1)[::31]
+    courses = [one for many in robot.courses for one in many][::31]
+    theirs = np.array([oracle.clearance_along(game, one) for one in courses])
     free = theirs > 1e-4
     assert 0.2 < free.mean() < 0.8
     np.testing.assert_allclose(ours[free], theirs[free], atol=1e-5)
@@ -288,16 +270,12 @@ def test_on_the_grid_of_two_a_hold_moves_the_pursuer_by_one_speed_and_about_one_
         assert (grid.counts, steps) == (counts, hold)
 
 
-TARGET = (1.3, 3.1)
-SMALL_GRID = make_grid(SMALL.arena, BODY, TINY)
-
-
-def test_the_table_of_a_target_is_that_of_brute_force():
-    told = []
-    reach, solved = solve_reach(SMALL, SMALL_GRID, HOLD, TARGET, told.append)
+def test_the_table_of_a_target_is_that_of_brute_force(robot):
+    target, told = (1.3, 3.1), []
+    reach, solved = solve_reach(SMALL, SMALL_GRID, HOLD, target, told.append)
     assert len(told) == solved.sweeps
     assert solved.residual < 1e-4 < told[-2].residual
-    expected = as_table(oracle.reach(SMALL, TINY, HOLD, solved.sweeps, TARGET, HORIZON), TINY)
+    expected = oracle.reach(SMALL, robot, solved.sweeps, target, HORIZON)
     np.testing.assert_allclose(reach.table, expected, atol=1e-6)
     assert 0.1 < np.mean(expected > 0.5) < 0.95
     assert np.any(expected == 0)
