@@ -22,14 +22,13 @@ from apollonius.agents.trained import EpsilonGreedy, Greedy, SquashedGaussian, e
 from apollonius.arenas.file import to_dict
 from apollonius.catalogue import find_pool
 from apollonius.cli.main import main
-from apollonius.game.game import sample_starts
+from apollonius.game.by_side import BySide
+from apollonius.game.game import reset_batch
 from apollonius.game.presets import make_game
 from apollonius.game.types import NUM_ACTIONS, BySide, Role
 from apollonius.io.document import write_atomically
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.paper import PAPER
-from apollonius.play.playout import play_out
-from apollonius.play.replay import trace
 from apollonius.play.rollout import begin, collect
 from tests.acting import act, act_in_rows
 from tests.solve.small import SMALL
@@ -97,14 +96,7 @@ def test_where_only_some_actions_are_allowed_greedy_takes_the_best_and_random_it
     assert held.tolist() == [action if action in (2, 5, 6) else 2 for action in actions]
 
 
-GAME = replace(SMALL, max_steps=120)
-RUNNER = Uniform()
-
-
-@pytest.fixture(scope="module")
-def drawn():
-    """Starts, and the key of their games."""
-    return sample_starts(GAME, jax.random.key(0), 40), jax.random.key(1)
+GAME = replace(SMALL, max_steps=jnp.int32(17))
 
 
 class Drifting(AbstractPolicy):
@@ -118,36 +110,36 @@ class Drifting(AbstractPolicy):
         return 3 * (1 + memory % 2) + bits.astype(jnp.int32) % 3, memory + 1
 
 
-def test_what_was_decided_is_held_from_the_start_of_each_game(drawn):
+@jax.jit
+def pursuits(pursuers):
+    """What the pursuers do in five games, and when these end."""
+    starts, players = reset_batch(GAME, jax.random.key(0), 5), BySide(pursuers, solo(Uniform()))
+    begun = begin(GAME, starts, players, jnp.zeros((2, 5), jnp.uint32))
+    moves = collect(GAME, players, begun, jax.tree.map(lambda leaf: leaf[None], starts), jax.random.key(1), 40)[1]
+    return moves.sides.pursuer, moves.ended
+
+
+HOLDING = Holding(Drifting(), 7)
+
+
+def test_what_was_decided_is_held_from_the_start_of_each_game():
     """Games begin as others end; its own memory goes on as it decides."""
-    players = BySide(solo(Holding(Drifting(), 7)), solo(RUNNER))
-    results = play_out(GAME, players, *drawn, slots=16)
-    for game in (0, 39):
-        course = trace(GAME, players, *drawn, game)
-        actions = np.asarray(course.actions)[:, 0]
-        assert len(actions) == results.steps[game] > 14
-        decided = actions[::7]
-        np.testing.assert_array_equal(actions, np.repeat(decided, 7)[: len(actions)])
-        np.testing.assert_array_equal(decided // 3, 1 + np.arange(len(decided)) % 2)
-        assert len(set(decided % 3)) > 1
+    moves, ended = pursuits(solo(HOLDING))
+    for actions, over in zip(np.asarray(moves.action).T, np.asarray(ended).T, strict=True):
+        for course in np.split(actions, np.flatnonzero(over) + 1):
+            decided = course[::7]
+            np.testing.assert_array_equal(course, np.repeat(decided, 7)[: len(course)])
+            np.testing.assert_array_equal(decided // 3, 1 + np.arange(len(decided)) % 2)
+    assert len(set((np.asarray(moves.action) % 3).ravel())) == 3
+    assert ended.sum() >= 10
 
 
-def test_players_of_several_kinds_have_games_of_their_own(drawn):
+def test_players_of_several_kinds_have_games_of_their_own():
     """Each plays its part of a batch as it would play all of it, with a memory of its own."""
-    kinds, games = (Holding(Drifting(), 2), Drifting()), (2, 3)
-    starts, key = jax.tree.map(lambda leaf: leaf[:5], drawn[0]), drawn[1]
-
-    @jax.jit
-    def played(pursuers):
-        players = BySide(pursuers, solo(RUNNER))
-        begun = begin(GAME, starts, players, jnp.zeros((2, 5), jnp.uint32))
-        return collect(GAME, players, begun, jax.tree.map(lambda leaf: leaf[None], starts), key, 6)[1].sides.pursuer
-
-    together = played(Apart(kinds, games))
+    together, _ = pursuits(Apart((HOLDING, Drifting()), (2, 3)))
     assert together.member[-1].tolist() == [0, 0, 1, 1, 1]
-    for number, one in enumerate(kinds):
-        own = np.repeat([0, 1], games) == number
-        np.testing.assert_array_equal(together.action[:, own], played(solo(one)).action[:, own])
+    for one, own in ((HOLDING, slice(2)), (Drifting(), slice(2, 5))):
+        np.testing.assert_array_equal(together.action[:, own], pursuits(solo(one))[0].action[:, own])
 
 
 SEEN = jnp.asarray(np.random.default_rng(1).normal(size=(40, 17)).astype(np.float32))
@@ -177,21 +169,24 @@ def test_a_batch_has_the_values_of_each_observation_and_their_gradients(network)
         np.testing.assert_allclose(one, other, atol=1e-7, rtol=1e-4)
 
 
-@pytest.mark.parametrize("games", [64, 40], ids=["whole blocks", "fewer"])
-@pytest.mark.parametrize("kind", ["discrete", "continuous"])
-def test_players_of_many_games_act_as_each_of_them_would(kind, games):
+@pytest.mark.parametrize(
+    "player",
+    [
+        EpsilonGreedy(make_network("encoded", 64, 2, jax.random.key(0)), jnp.float32(0.3)),
+        SquashedGaussian(make_actor("encoded", 64, 2, jax.random.key(0)), jnp.float32(1.0)),
+    ],
+    ids=["discrete", "continuous"],
+)
+def test_players_of_many_games_act_as_each_of_them_would(player):
     """Quicker ways through the network are taken for whole blocks only."""
-    if kind == "discrete":
-        player = EpsilonGreedy(make_network("encoded", 64, 2, jax.random.key(0)), jnp.float32(0.3))
-    else:
-        player = SquashedGaussian(make_actor("encoded", 64, 2, jax.random.key(0)), jnp.float32(1.0))
-    seen = jax.random.normal(jax.random.key(1), (games, 17))
-    bits = jax.random.bits(jax.random.key(2), (games,), jnp.uint32)
-    together = jax.jit(act_in_rows)(solo(player), jnp.zeros(games, jnp.int32), seen, bits)
-    alone = jax.jit(act)
+    seen = jax.random.normal(jax.random.key(1), (64, 17))
+    bits = jax.random.bits(jax.random.key(2), (64,), jnp.uint32)
+    together, alone = jax.jit(act_in_rows), jax.jit(act)
     each = np.stack([alone(player, *one) for one in zip(seen, bits, strict=True)])
     assert len(np.unique(each, axis=0)) > 5
-    np.testing.assert_allclose(together, each, atol=1e-6)
+    for games in (64, 40):
+        found = together(solo(player), jnp.zeros(games, jnp.int32), seen[:games], bits[:games])
+        np.testing.assert_allclose(found, each[:games], atol=1e-6)
 
 
 FEWER_WORDS = jnp.asarray(np.random.default_rng(3).integers(2**32, size=20_000, dtype=np.uint32))
@@ -210,40 +205,32 @@ class Wants(AbstractContinuous):
         return jnp.array(self.levels), memory
 
 
-def test_the_numbers_of_a_word_are_two_independent_standard_normal_ones():
-    draw = jax.jit(jax.vmap(normal_pair))
-    pairs = np.asarray(draw(FEWER_WORDS))
-    for numbers in pairs.T:
-        assert kstest(numbers, norm.cdf).pvalue > 0.01
-    assert abs(np.corrcoef(pairs.T)[0, 1]) < 0.03
-    assert abs(np.corrcoef((pairs**2).T)[0, 1]) < 0.03
-    ends = jnp.array([0, 2**16 - 1, 2**32 - 2**16, 2**32 - 1], jnp.uint32)
-    assert np.abs(draw(ends)).max() < 4.9
-
-
-def layers_in_numpy(actor, seen):
-    hidden = np.asarray(seen, np.float64)
-    for layer in actor.layers[:-1]:
-        hidden = np.maximum(np.asarray(layer.weight) @ hidden + np.asarray(layer.bias), 0)
-    return np.asarray(actor.layers[-1].weight) @ hidden + np.asarray(actor.layers[-1].bias)
-
-
 def test_at_its_best_it_plays_the_hyperbolic_tangent_of_its_means():
-    mean = layers_in_numpy(ACTOR, ONE_SEEN)[:2]
+    mean = np.asarray(ONE_SEEN, np.float64)
+    for number, layer in enumerate(ACTOR.layers):
+        mean = np.asarray(layer.weight) @ (np.maximum(mean, 0) if number else mean) + np.asarray(layer.bias)
     action = act(greedy(ACTOR), ONE_SEEN, FEWER_WORDS[0])
-    np.testing.assert_allclose(action, np.tanh(mean), atol=1e-6)
-    np.testing.assert_allclose(ACTOR.batch(ONE_SEEN[None])[0][0], mean, atol=1e-6)
+    np.testing.assert_allclose(action, np.tanh(mean[:2]), atol=1e-6)
+    np.testing.assert_allclose(ACTOR.batch(ONE_SEEN[None])[0][0], mean[:2], atol=1e-6)
     np.testing.assert_array_equal(act(exploring(ACTOR, jnp.asarray(0.0)), ONE_SEEN, FEWER_WORDS[0]), action)
 
 
 def test_exploring_it_draws_from_its_distributions():
-    """Before the hyperbolic tangent: normal, with its own means and standard deviations, these times the spread."""
+    """Before the hyperbolic tangent: normal, with its own means and standard deviations, these times the spread.
+
+    A word makes two independent numbers.
+    """
     mean, deviation = ACTOR(ONE_SEEN)
     for spread in (1.0, 0.5):
         player = SquashedGaussian(ACTOR, jnp.asarray(spread))
         drawn = np.arctanh(np.asarray(jax.jit(jax.vmap(partial(act, player, ONE_SEEN)))(FEWER_WORDS), np.float64))
-        for numbers, middle, width in zip(drawn.T, mean, deviation, strict=True):
-            assert kstest((numbers - float(middle)) / (spread * float(width)), norm.cdf).pvalue > 0.01
+        standard = (drawn - np.asarray(mean)) / (spread * np.asarray(deviation))
+        for numbers in standard.T:
+            assert kstest(numbers, norm.cdf).pvalue > 0.01
+        for power in (1, 2):
+            assert abs(np.corrcoef((standard**power).T)[0, 1]) < 0.03
+    ends = jnp.array([0, 2**16 - 1, 2**32 - 2**16, 2**32 - 1], jnp.uint32)
+    assert np.abs(jax.vmap(normal_pair)(ends)).max() < 4.9
 
 
 @pytest.mark.parametrize(
@@ -251,8 +238,8 @@ def test_exploring_it_draws_from_its_distributions():
     [((1.0, 1.0), range(9), 8), ((0.4, -0.6), range(9), 3), ((0.4, -0.6), (0, 1, 8), 0), ((-9.0, 0.2), (2, 4), 2)],
 )
 def test_where_only_some_actions_are_allowed_it_takes_that_with_the_nearest_levels(levels, allowed, action):
-    mask = jnp.isin(jnp.arange(9), jnp.array(list(allowed)))
-    assert Wants(levels).choose(act(Wants(levels), ONE_SEEN, FEWER_WORDS[0]), mask) == action
+    chosen = Wants(levels).choose(act(Wants(levels), ONE_SEEN, FEWER_WORDS[0]), allowing(*allowed))
+    assert chosen == action
 
 
 def test_who_is_given_words_of_its_own_acts_by_them_and_is_drawn_by_the_games():

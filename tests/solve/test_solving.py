@@ -64,17 +64,10 @@ def test_the_table_is_that_of_brute_force(robot):
 
 def test_the_sweeps_of_a_robot_that_cannot_stop_end_at_a_small_residual():
     """Where there is room it may circle at 0.1 / 0.8 = 0.125 m for ever."""
-    body = Unicycle(v_min=0.1, v_max=0.4)
-    game = Game(pursuer=body, evader=body, arena=SMALL.arena)
-    solved = solve_safety(game, Role.PURSUER, make_grid(SMALL.arena, body, (16, 21, 3, 16)), HOLD)
+    game = replace(CRAMPED, pursuer=Unicycle(v_min=0.1, v_max=0.4))
+    solved = solve_safety(game, Role.PURSUER, make_grid(game.arena, game.pursuer, (12, 9, 2, 12)), HOLD)
     assert 0 < solved.residual <= TOLERANCE
     assert 0.05 < np.mean(np.asarray(solved.table) < 0) < 0.3
-
-
-def test_a_grid_too_large_for_the_machine_is_refused():
-    grid = make_grid(SMALL.arena, BODY, (10_001, 10_001, 101, 101))
-    with pytest.raises(InvalidInput, match=r"grid = 10001x10001x101x101 needs .* GiB .* fewer nodes"):
-        solve_safety(SMALL, Role.PURSUER, grid, HOLD)
 
 
 @pytest.mark.parametrize(("metres", "lost"), [(-0.1, 1.0), (0.0, 0.0)])
@@ -82,6 +75,16 @@ def test_a_start_is_lost_where_the_table_is_negative(metres, lost):
     problem = Problem("safety", "evader", to_dict(SMALL), [2, 2, 2, 4], 5)
     facts = about(Solution(problem, 1, 0.0, jnp.full((2, 4, 2, 2), metres, jnp.float32)), SMALL)
     assert (facts["grid"], facts["hold [s]"], facts["moving starts lost, by the table"]) == ("2x2x2x4", 0.5, lost)
+
+
+def test_what_cannot_be_solved_is_refused():
+    too_large = (10_001, 10_001, 101, 101), r"grid = 10001x10001x101x101 needs .* GiB .* fewer nodes"
+    for counts, said in (too_large, *((counts, "grid = ") for counts in ((10, 10, 9), (1, 10, 9, 47), (10, 10, 9, 2)))):
+        with pytest.raises(InvalidInput, match=said):
+            solve_safety(SMALL, Role.PURSUER, make_grid(SMALL.arena, BODY, counts), HOLD)
+    for target in ((0.7, 2.3), (3.0, 1.0)):  # in a disc, and beyond the walls
+        with pytest.raises(InvalidInput, match=r"target = \("):
+            solve_reach(SMALL, SMALL_GRID, HOLD, target)
 
 
 def test_sweeps_come_to_an_end_at_a_number_and_there_a_small_residual_will_do(monkeypatch):
@@ -210,12 +213,6 @@ def test_between_nodes_the_value_is_multilinear_and_beyond_the_ends_that_of_the_
     np.testing.assert_allclose(found, expected, atol=1e-5)
 
 
-@pytest.mark.parametrize("counts", [(10, 10, 9), (1, 10, 9, 47), (10, 10, 9, 2)])
-def test_a_grid_without_cells_is_refused(counts):
-    with pytest.raises(InvalidInput, match="grid = "):
-        make_grid(SMALL.arena, BODY, counts)
-
-
 def test_it_is_the_least_clearance_along_the_hold(robot):
     """Among discs and polygons, for every 31st node and action."""
     corner = Polygon(((0.0, 1.0), (1.2, 1.0), (1.2, 1.4), (0.4, 1.4), (0.4, 2.6), (0.0, 2.6)))
@@ -279,15 +276,9 @@ def test_the_table_of_a_target_is_that_of_brute_force(robot):
     np.testing.assert_allclose(reach.table, expected, atol=1e-6)
     assert 0.1 < np.mean(expected > 0.5) < 0.95
     assert np.any(expected == 0)
-    nodes = map(jnp.asarray, np.unravel_index(np.arange(SMALL_GRID.size), SMALL_GRID.shape))
-    values = jax.jit(jax.vmap(reach.action_values))(jax.vmap(SMALL_GRID.node)(*nodes))
-    known = np.ravel(reach.table)
+    outside = [(2.95, 1.0, 0.6, 0.0)]
+    states = jax.vmap(RobotState)(*jnp.asarray([*robot.states, *outside], jnp.float32).T)
+    values, seconds = jax.jit(jax.vmap(lambda state: (reach.action_values(state), reach.seconds(state))))(states)
+    known = np.append(reach.table, 0.0)
     np.testing.assert_allclose(values.max(axis=1)[known > 0], known[known > 0], atol=1e-4)
-    outside = RobotState(*(jnp.float32(number) for number in (2.95, 1.0, 0.6, 0.0)))
-    assert math.isinf(float(jax.jit(lambda robot: reach.seconds(robot))(outside)))
-
-
-@pytest.mark.parametrize("target", [(0.7, 2.3), (3.0, 1.0)], ids=["in a disc", "beyond the walls"])
-def test_a_target_that_cannot_stand_there_is_refused(target):
-    with pytest.raises(InvalidInput, match=r"target = \("):
-        solve_reach(SMALL, SMALL_GRID, HOLD, target)
+    assert math.isinf(seconds[-1])
