@@ -177,18 +177,15 @@ def test_of_the_actions_that_are_allowed_a_rule_takes_the_best():
     np.testing.assert_array_equal(other, others.argmax(axis=1))
 
 
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [
+def test_a_classical_player_needs_its_own_side_and_game():
+    for name, said in (
         ("flee", r"pursuer = 'flee' .* plays the evader only"),
         ("territory", r"arena.territory = none .* to guard or to reach"),
         ("encirclement", r"pursuers = 1 is not possible: .* 2 at least"),
-    ],
-)
-def test_a_classical_player_needs_its_own_side_and_game(name, said):
-    with pytest.raises(InvalidInput, match=said):
-        find_player(name, Role.PURSUER, PAPER)
-    assert name not in player_names(Role.PURSUER, PAPER)
+    ):
+        with pytest.raises(InvalidInput, match=said):
+            find_player(name, Role.PURSUER, PAPER)
+        assert name not in player_names(Role.PURSUER, PAPER)
     assert {"P_stage1", "pure-pursuit", "random"} <= set(player_names(Role.PURSUER, PAPER))
 
 

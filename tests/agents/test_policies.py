@@ -71,26 +71,29 @@ def test_epsilon_is_the_share_of_uniformly_random_actions(epsilon):
     assert chisquare(counts + 1, shares * len(WORDS) + 1).pvalue > 0.01
 
 
-@pytest.mark.parametrize(
-    ("values", "chosen"),
-    [([0] * 9, 0), ([0, 1, 1, 0, 0, 0, 0, 0, 1], 1), ([-3, -2, -3, -3, -3, -3, -1, -1, -9], 6)],
-)
-def test_greedy_takes_the_first_of_the_best_actions(values, chosen):
-    assert act(Greedy(network_with(values)), NOTHING, WORDS[0]) == chosen
+def allowing(*actions):
+    return jnp.isin(jnp.arange(NUM_ACTIONS), jnp.array(actions))
+
+
+def test_greedy_takes_the_first_of_the_best_actions_that_are_allowed():
+    unlike, every = [0, 5, 1, 9, 3, 4, 2, 8, 7], range(9)
+    limited = (unlike, (3, 7), 3), (unlike, (7, 8), 7), (unlike, (0, 2, 4), 4), (unlike, (6,), 6)
+    alike = (
+        ([0] * 9, every, 0),
+        ([0, 1, 1, 0, 0, 0, 0, 0, 1], every, 1),
+        ([-3, -2, -3, -3, -3, -3, -1, -1, -9], every, 6),
+    )
+    for values, allowed, chosen in (*limited, *alike):
+        player = Greedy(network_with(values))
+        assert player.choose(player.weigh(NOTHING, (), WORDS[0])[0], allowing(*allowed)) == chosen
+        assert act(player, NOTHING, WORDS[0]) == np.argmax(values)
 
 
 def test_still_brakes_straight_ahead():
     assert act(Still(), NOTHING, WORDS[0]) == 1
 
 
-def allowing(*actions):
-    return jnp.isin(jnp.arange(NUM_ACTIONS), jnp.array(actions))
-
-
-def test_where_only_some_actions_are_allowed_greedy_takes_the_best_and_random_its_own_or_the_first():
-    player = Greedy(network_with([0, 5, 1, 9, 3, 4, 2, 8, 7]))
-    for allowed, action in (((3, 7), 3), ((7, 8), 7), ((0, 2, 4), 4), ((6,), 6)):
-        assert int(player.choose(player.weigh(NOTHING, (), WORDS[0])[0], allowing(*allowed))) == action
+def test_where_only_some_actions_are_allowed_random_takes_its_own_or_the_first():
     actions = np.asarray(jax.vmap(partial(act, Uniform()))(jnp.zeros((50, 8)), WORDS[:50]))
     held = jax.vmap(lambda bits: Uniform().choose(act(Uniform(), NOTHING, bits), allowing(2, 5, 6)))(WORDS[:50])
     assert held.tolist() == [action if action in (2, 5, 6) else 2 for action in actions]

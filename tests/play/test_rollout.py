@@ -60,12 +60,11 @@ class Scripted(AbstractPolicy):
 RANDOM = -1
 
 
-def pursuers(*actions):
-    return stack([Scripted(jnp.asarray(action), PAPER) for action in actions])
+def scripted(observation, *actions):
+    return stack([Scripted(jnp.asarray(action), observation) for action in actions])
 
 
-def evaders(*actions):
-    return stack([Scripted(jnp.asarray(action), ENCODED) for action in actions])
+pursuers, evaders = (functools.partial(scripted, seen) for seen in (PAPER, ENCODED))
 
 
 @jax.jit
@@ -142,37 +141,17 @@ def test_a_member_acts_in_its_game_to_the_end_and_another_may_follow(transitions
     assert np.any(changed & ended)
 
 
-def new_members(transitions, role):
-    """Members drawn for the games that began right after another had ended."""
-    return getattr(transitions.sides, role).member[1:][over(transitions)[:-1]]
-
-
-def test_members_are_drawn_uniformly_and_independently():
-    """Games of one step, so that each step draws new members."""
-    blitz = replace(GAME, max_steps=1)
-    _, transitions = numpy(played(blitz, BySide(pursuers(8, 4, 6), evaders(1, 7)), random_starts(), jax.random.key(2)))
-    pairs = np.zeros((3, 2))
-    np.add.at(pairs, (new_members(transitions, "pursuer"), new_members(transitions, "evader")), 1)
-    assert pairs.sum() == (STEPS - 1) * GAMES
-    assert stats.chisquare(pairs.ravel()).pvalue > 1e-3
-
-
-def standing(pursuer, evader):
-    """The same state over and over: pursuer and evader stand at two places [m] and face east."""
-    one = GameState.of_two(
-        *(RobotState(*map(jnp.float32, (*place, 0, 0))) for place in (pursuer, evader)), jnp.asarray(0)
-    )
-    return jax.tree.map(lambda leaf: np.broadcast_to(leaf, (ROWS, GAMES)), one)
-
-
-def test_the_action_that_ends_a_game_does_not_choose_the_next_member():
+def test_members_are_drawn_uniformly_and_independently_whatever_action_ended_the_game():
     """Pursuers stand before a wall: those that accelerate leave the arena, all others stay."""
-    patient, doomed = replace(GAME, max_steps=1000), standing((4 - 1e-6, 1), (1, 1))
-    players = BySide(pursuers(RANDOM, RANDOM, RANDOM), evaders(1, 1))
-    _, transitions = numpy(played(patient, players, doomed, jax.random.key(3)))
-    counts = np.bincount(new_members(transitions, "pursuer"), minlength=3)
-    assert counts.sum() > 1000
-    assert stats.chisquare(counts).pvalue > 1e-3
+    robots = RobotState(*map(jnp.float32, (4 - 1e-6, 1, 0, 0))), RobotState(*map(jnp.float32, (1, 1, 0, 0)))
+    state = GameState.of_two(*robots, jnp.asarray(0))
+    doomed = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (ROWS, GAMES)), state)
+    players = BySide(pursuers(RANDOM, RANDOM, RANDOM), evaders(1, 7))
+    _, transitions = numpy(played(replace(GAME, max_steps=1000), players, doomed, jax.random.key(3)))
+    drawn = [side.member[1:][over(transitions)[:-1]] for side in transitions.sides]
+    pairs = np.bincount(drawn[0] * 2 + drawn[1], minlength=6)
+    assert pairs.sum() > 1000
+    assert stats.chisquare(pairs).pvalue > 1e-3
 
 
 def played_out(players, starts, game=GAME, slots=5, seed=0, count=PLAYED_OUT, **how):
@@ -325,20 +304,15 @@ TOLERANCE = 1e-5
 """Another processor may round a step otherwise [m, m/s, rad]."""
 
 
-def play_again(replay, game):
-    """States and outcomes of a replay's actions, as far as it goes."""
-    actions = np.zeros((LONGEST, 2), np.int32)
-    actions[: len(replay.actions)] = replay.actions
-    states, outcomes = play_actions(game, as_state(jnp.asarray(replay.states[0]), jnp.asarray(0)), jnp.asarray(actions))
-    return as_rows(states)[: len(replay.states)], np.asarray(outcomes)[: len(replay.actions)]
-
-
 @pytest.mark.parametrize("path", GOLDEN, ids=lambda path: path.stem)
 def test_golden_games_play_again(path):
     replay = load_replay(path)
-    states, outcomes = play_again(replay, replay.game)
-    np.testing.assert_allclose(states, replay.states, rtol=0, atol=TOLERANCE)
-    assert outcomes.tolist() == [Outcome.ONGOING] * (len(outcomes) - 1) + [replay.outcome]
+    steps, actions = len(replay.actions), np.zeros((LONGEST, 2), np.int32)
+    actions[:steps] = replay.actions
+    start = as_state(jnp.asarray(replay.states[0]), jnp.asarray(0))
+    states, outcomes = play_actions(replay.game, start, jnp.asarray(actions))
+    np.testing.assert_allclose(as_rows(states)[: steps + 1], replay.states, rtol=0, atol=TOLERANCE)
+    assert outcomes[:steps].tolist() == [Outcome.ONGOING] * (steps - 1) + [replay.outcome]
 
 
 @pytest.mark.parametrize("key", [jax.random.key(2**31 + 5), jax.random.key(3, impl="rbg")], ids=["threefry", "rbg"])

@@ -168,29 +168,15 @@ def test_robots_weigh_what_the_drive_says_and_have_a_shell_where_the_game_gives_
     assert "evader shell" not in found
 
 
-@pytest.mark.parametrize(
-    ("game", "drive", "refusal"),
-    [
+def test_what_no_body_can_do_is_refused(monkeypatch):
+    capsule, car = replace(PAPER, arena=WithCapsules(capsules=(WALL,))), replace(PAPER, pursuer=Car())
+    for game, drive, refusal in (
         (PAPER, Drive(latency=0.2), r"latency = 0\.2"),
-        (
-            replace(PAPER, arena=WithCapsules(capsules=(WALL,))),
-            Drive(),
-            r"obstacles = Capsule .* discs, polygons and maps",
-        ),
-        (
-            replace(PAPER, pursuer=Car()),
-            Drive(),
-            r"class of the pursuer = Car .* Unicycle: a body has two driven wheels",
-        ),
-    ],
-    ids=["latency", "capsule", "car"],
-)
-def test_what_no_body_can_do_is_refused(game, drive, refusal):
-    with pytest.raises(InvalidInput, match=refusal):
-        Physics(game, drive)
-
-
-def test_without_mujoco_it_says_what_to_install(monkeypatch):
+        (capsule, Drive(), r"obstacles = Capsule .* discs, polygons and maps"),
+        (car, Drive(), r"class of the pursuer = Car .* Unicycle: a body has two driven wheels"),
+    ):
+        with pytest.raises(InvalidInput, match=refusal):
+            Physics(game, drive)
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(InvalidInput, match="pip install mujoco"):
         Physics(PAPER, Drive())

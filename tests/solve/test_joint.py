@@ -111,12 +111,11 @@ ACTIONS = (0, 4, 7)
 def robots():
     """Two robots in each of several games, close to each other, to the disc, to a wall, to the territory."""
     rng = np.random.default_rng(3)
-    x, y = rng.uniform(-0.9, 1.9, GAMES), rng.uniform(0.1, 3.9, GAMES)
-    near = rng.uniform(0.4, 0.9, GAMES), rng.uniform(-np.pi, np.pi, GAMES)
-    other = np.clip(x + near[0] * np.cos(near[1]), -0.9, 1.9), np.clip(y + near[0] * np.sin(near[1]), 0.1, 3.9)
-    kinematics = [(rng.uniform(0.3, 1.5, GAMES), rng.uniform(-np.pi, np.pi, GAMES)) for _ in range(2)]
-    places = (x, y), other
-    return [np.stack([*place, *rest]).astype(np.float32) for place, rest in zip(places, kinematics, strict=True)]
+    low, high = [-0.9, 0.1, 0.3, -np.pi], [1.9, 3.9, 1.5, np.pi]
+    one, other = rng.uniform(low, high, (2, GAMES, 4))
+    near, angle = rng.uniform([0.4, -np.pi], [0.9, np.pi], (GAMES, 2)).T
+    other[:, :2] = one[:, :2] + near[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    return [np.clip(numbers, low, high).astype(np.float32).T for numbers in (one, other)]
 
 
 def courses(role, numbers):
@@ -168,15 +167,12 @@ GRID = make_grid(SMALL.arena, BODY, (3, 4, 2, 5))
 HELD, STARTED = 3, 6
 TABLE = jax.random.uniform(jax.random.key(2), (GRID.size // lanes_of(GRID), GRID.size, lanes_of(GRID)), minval=-0.5)
 VALUES = eqx.filter_jit(lambda player, *seen: player.action_values(*seen))
-OPPONENTS = {
-    Role.PURSUER: FleeAware.for_side(SMALL, Role.EVADER),
-    Role.EVADER: PurePursuit.for_side(SMALL, Role.PURSUER),
-}
+OPPONENTS = PurePursuit.for_side(SMALL, Role.PURSUER), FleeAware.for_side(SMALL, Role.EVADER)
 
 
-def search(role, holds, width=NUM_ACTIONS, opponent=None, hold=HELD, game=SMALL):
-    zero_sum_game = make_zero_sum_game(game, (GRID, GRID), 10, role)
-    return RolloutSearch(zero_sum_game, TABLE, opponent or OPPONENTS[role], hold, holds, width)
+def search(role, holds, width=NUM_ACTIONS, opponent=None):
+    rules = zero_sum_game(SMALL, role, GRID.counts, hold=10)
+    return RolloutSearch(rules, TABLE, opponent or OPPONENTS[role.other], HELD, holds, width)
 
 
 @pytest.fixture(scope="module")

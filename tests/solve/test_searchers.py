@@ -39,22 +39,6 @@ def petersen():
     return graph(10, [link for i in range(5) for link in ((i, (i + 1) % 5), (i, i + 5), (i + 5, (i + 2) % 5 + 5))])
 
 
-def needed(adjacency):
-    return next(count for count in itertools.count(1) if solve_chase(adjacency, count).all())
-
-
-@pytest.mark.parametrize(
-    ("adjacency", "known"),
-    [(path(1), 1), (path(7), 1), (cycle(3), 1), (cycle(30), 2), (grid(3, 4), 2), (petersen(), 3)],
-    ids=["point", "path", "triangle", "cycle", "grid", "Petersen"],
-)
-def test_known_graphs(adjacency, known):
-    assert needed(adjacency) == known
-    kept = core(adjacency)
-    assert (len(kept) == 1) == (known == 1)
-    assert needed(adjacency[np.ix_(kept, kept)]) == known
-
-
 def plainly_caught(adjacency, pursuers):
     """States from which the evader is caught, by the definition: who moves there is told by the last entry."""
     nodes = range(len(adjacency))
@@ -82,15 +66,28 @@ def chords(seed):
 MIXED = np.array([[4, 0, 7, 2, 8, 5, 1, 6, 3]])
 
 
-@pytest.mark.parametrize(
-    ("adjacency", "pursuers"),
-    [(chords(0), 1), (chords(1), 1), (chords(2), 2), (petersen(), 1), (petersen(), 2), (path(9)[MIXED, MIXED.T], 1)],
-    ids=["chords", "other chords", "two among chords", "one on Petersen", "two on Petersen", "on a path, out of order"],
-)
-def test_every_state_is_as_a_plain_search_says(adjacency, pursuers):
+GRAPHS = {
+    "point": (path(1), 1),
+    "triangle": (cycle(3), 1),
+    "grid": (grid(3, 4), 1),
+    "chords": (chords(0), 1),
+    "other chords": (chords(1), 1),
+    "two among chords": (chords(2), 2),
+    "one on Petersen": (petersen(), 1),
+    "two on Petersen": (petersen(), 2),
+    "on a path, out of order": (path(9)[MIXED, MIXED.T], 1),
+}
+
+
+@pytest.mark.parametrize("name", GRAPHS)
+def test_every_state_is_as_a_plain_search_says_and_the_core_needs_as_many(name):
+    adjacency, pursuers = GRAPHS[name]
     won, caught = plainly_caught(adjacency, pursuers), solve_chase(adjacency, pursuers)
     for evader, *team in np.ndindex(caught.shape):
         assert caught[(evader, *team)] == ((tuple(team), evader, 0) in won)
+    kept = core(adjacency)
+    assert solve_chase(adjacency[np.ix_(kept, kept)], pursuers).all() == caught.all()
+    assert (len(kept) == 1) == solve_chase(adjacency, 1).all()
 
 
 SMALL = ROOM.copy()
@@ -203,9 +200,5 @@ def test_sensors_of_a_game_count(monkeypatch):
     for sensors, known in ((far, 2), (Sensors(range=30.0), 1), (Sensors(range=3.0), 2)):
         one = how_many_to_see(replace(game, sensors=Sensing(sensors)), space, told.append).readings[0]
         assert one.pursuers == known
-
-
-def test_where_no_strategy_is_found_nothing_is_said(monkeypatch):
     monkeypatch.setattr(searchers, "MOST_SEARCHERS", 1)
-    game = make_game("one-large")
-    assert how_many_to_see(game, free_space(game), lambda spacing: None).readings == ()
+    assert how_many_to_see(game, space, told.append).readings == (), "where no strategy is found nothing is said"

@@ -70,11 +70,11 @@ def test_the_sweeps_of_a_robot_that_cannot_stop_end_at_a_small_residual():
     assert 0.05 < np.mean(np.asarray(solved.table) < 0) < 0.3
 
 
-@pytest.mark.parametrize(("metres", "lost"), [(-0.1, 1.0), (0.0, 0.0)])
-def test_a_start_is_lost_where_the_table_is_negative(metres, lost):
+def test_a_start_is_lost_where_the_table_is_negative():
     problem = Problem("safety", "evader", to_dict(SMALL), [2, 2, 2, 4], 5)
-    facts = about(Solution(problem, 1, 0.0, jnp.full((2, 4, 2, 2), metres, jnp.float32)), SMALL)
-    assert (facts["grid"], facts["hold [s]"], facts["moving starts lost, by the table"]) == ("2x2x2x4", 0.5, lost)
+    for metres, lost in ((-0.1, 1.0), (0.0, 0.0)):
+        facts = about(Solution(problem, 1, 0.0, jnp.full((2, 4, 2, 2), metres, jnp.float32)), SMALL)
+        assert (facts["grid"], facts["hold [s]"], facts["moving starts lost, by the table"]) == ("2x2x2x4", 0.5, lost)
 
 
 def test_what_cannot_be_solved_is_refused():
@@ -137,18 +137,18 @@ def test_a_solved_game_comes_back_as_it_went_and_plays(file, solution, monkeypat
     assert isinstance(found.policy, Shielded)
 
 
-def test_a_file_of_something_else_is_refused(file, solution, tmp_path):
-    with pytest.raises(
-        InvalidInput, match=r"pursuer = '.*solved.safetensors'.*solved for the pursuer; this is the evader's"
+def test_a_file_of_something_else_is_refused(file, tmp_path):
+    reach, none = tmp_path / "reach.safetensors", tmp_path / "none.safetensors"
+    save_solution(REACH, reach)
+    another = rf"pursuer = '{file}'.*solved for the pursuer; this is the evader's"
+    for path, role, game, said in (
+        (file, Role.PURSUER, SMALL, another),
+        (file, Role.EVADER, replace(SMALL, dt=0.2), "solved for another game"),
+        (none, Role.EVADER, SMALL, "there is no agent file"),
+        (reach, Role.PURSUER, SMALL, "this is one of reach"),
     ):
-        find_player(str(file), Role.PURSUER, SMALL)
-    with pytest.raises(InvalidInput, match="solved for another game"):
-        find_player(str(file), Role.EVADER, replace(SMALL, dt=0.2))
-    with pytest.raises(InvalidInput, match="there is no agent file"):
-        find_player(str(tmp_path / "none.safetensors"), Role.EVADER, SMALL)
-    save_solution(REACH, file)
-    with pytest.raises(InvalidInput, match="this is one of reach"):
-        find_player(str(file), Role.PURSUER, SMALL)
+        with pytest.raises(InvalidInput, match=said):
+            find_player(str(path), role, game)
 
 
 @pytest.mark.parametrize("role", Role)
@@ -165,21 +165,15 @@ def test_nothing_is_interpolated_where_a_hold_moves_robots_by_whole_cells(role):
         replace(problem, kind="safety")
 
 
-@pytest.fixture
-def solved(monkeypatch):
-    """The problems that are solved, each at once by a table of its own."""
-    problems = []
+def test_what_lies_in_the_folder_is_not_solved_again(monkeypatch, tmp_path):
+    """Time limit and rewards are nothing to a table, the capture distance is; a damaged file is solved again."""
+    solved = []
 
     def solve(problem, game, report):
-        problems.append(problem)
-        return Solution(problem, 1, 0.0, jnp.full((2, 120, 60), len(problems), jnp.float16))
+        solved.append(problem)
+        return Solution(problem, 1, 0.0, jnp.full((2, 120, 60), len(solved), jnp.float16))
 
     monkeypatch.setattr("apollonius.solve.solving.solve_problem", solve)
-    return problems
-
-
-def test_what_lies_in_the_folder_is_not_solved_again(solved, tmp_path):
-    """Time limit and rewards are nothing to a table, the capture distance is; a damaged file is solved again."""
     first, again = (cached_tables(CRAMPED, FEW, tmp_path) for _ in range(2))
     assert solved == [joint_problem(CRAMPED, role, FEW) for role in Role]
     assert sorted(path.name.split("-")[0] for path in tmp_path.iterdir()) == ["evader", "pursuer"]
@@ -250,21 +244,18 @@ def test_on_the_reference_grid_a_hold_moves_by_whole_speeds_and_almost_whole_hea
     assert np.all(np.max(np.asarray(transitions.weight), axis=-1) > 0.99)
 
 
-@pytest.mark.parametrize(
-    ("game", "counts", "hold"),
-    [
-        (Game(), (17, 17, 5, 8), 10),
-        (Game(pursuer=Unicycle(v_min=0.4), arena=Arena(x_max=20.0)), (20, 10, 5, 11), 7),
-        (Game(pursuer=Unicycle(u1_max=0.05, u2_max=0.1)), (12, 12, 5, 16), 20),
-    ],
-    ids=["paper", "longer and never at rest", "slow to change"],
-)
-def test_on_the_grid_of_two_a_hold_moves_the_pursuer_by_one_speed_and_about_one_heading(game, counts, hold):
+def test_on_the_grid_of_two_a_hold_moves_the_pursuer_by_one_speed_and_about_one_heading():
     """From 0 to 1.2 m/s in four speeds of 0.3 m/s^2 x 1 s; 0.8 rad of 2 pi are an eighth; nodes as far apart along x as
     along y; 2 s at most and 16 headings."""
-    for role in Role:
-        grid, steps = joint_grid(game, role)
-        assert (grid.counts, steps) == (counts, hold)
+    slow_to_change = Game(pursuer=Unicycle(u1_max=0.05, u2_max=0.1))
+    for game, counts, hold in (
+        (Game(), (17, 17, 5, 8), 10),
+        (Game(pursuer=Unicycle(v_min=0.4), arena=Arena(x_max=20.0)), (20, 10, 5, 11), 7),
+        (slow_to_change, (12, 12, 5, 16), 20),
+    ):
+        for role in Role:
+            grid, steps = joint_grid(game, role)
+            assert (grid.counts, steps) == (counts, hold)
 
 
 def test_the_table_of_a_target_is_that_of_brute_force(robot):
