@@ -235,23 +235,19 @@ def view_of_team(pursuers, evader, out=(), number=0, game=None):
     return seen_by_pursuer(game or charted(OPEN_TO_TEAMS), state, number)
 
 
-def random_teams(seed, count):
+def random_teams(seed):
     """Places of three pursuers and an evader, well inside the arena, no two of them near each other."""
-    rng = np.random.default_rng(seed)
-    while count:
-        places = rng.uniform(1.5, 8.5, (4, 2))
-        apart = np.linalg.norm(places[:, None] - places[None], axis=2) + 10 * np.eye(4)
-        if apart.min() > 1.7:
-            count -= 1
-            yield places[:3].tolist(), places[3].tolist()
+    places = np.random.default_rng(seed).uniform(1.5, 8.5, (150, 4, 2))
+    apart = np.linalg.norm(places[:, :, None] - places[:, None], axis=3) + 10 * np.eye(4)
+    return places[apart.min(axis=(1, 2)) > 1.7]
 
 
 def test_it_heads_for_the_middle_of_the_edge_between_its_cell_and_the_evaders():
     """Between equally fast robots without obstacles: the theorem of Huang and others."""
     player, headings = VoronoiPursuit.for_side(OPEN_TO_TEAMS, Role.PURSUER), []
     course = jax.jit(player.course)
-    for pursuers, evader in random_teams(1, 40):
-        own, points = np.array(pursuers[0]), np.linspace(-15, 15, 3001)
+    for *pursuers, evader in random_teams(1)[:40]:
+        own, points = pursuers[0], np.linspace(-15, 15, 3001)
         middle, across = (own + evader) / 2, np.array([own[1] - evader[1], evader[0] - own[0]])
         edge = middle + points[:, None] * across / np.linalg.norm(across)
         others = [np.hypot(*(edge - mate).T) for mate in pursuers[1:]]
@@ -267,7 +263,7 @@ def test_it_heads_for_the_middle_of_the_edge_between_its_cell_and_the_evaders():
 
 def test_a_mate_that_is_out_has_no_cell_and_the_order_of_mates_is_nothing():
     player = VoronoiPursuit.for_side(OPEN_TO_TEAMS, Role.PURSUER)
-    ((first, second, third), evader), *_ = random_teams(2, 1)
+    first, second, third, evader = random_teams(2)[0]
     views = (
         view_of_team([first, second, third], evader),
         view_of_team([first, third, second], evader),

@@ -15,7 +15,7 @@ from scipy.stats import chisquare, kstest, norm
 from apollonius.agents.classical import Still, Uniform, uniform_action
 from apollonius.agents.holding import Holding
 from apollonius.agents.network import make_actor, make_network
-from apollonius.agents.policy import AbstractContinuous, AbstractPolicy
+from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.pool import Apart, solo, stack
 from apollonius.agents.store import describe, load_agent, save_agent
 from apollonius.agents.trained import EpsilonGreedy, Greedy, SquashedGaussian, exploring, greedy, normal_pair
@@ -28,9 +28,8 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import NUM_ACTIONS, BySide, Role
 from apollonius.io.document import write_atomically
 from apollonius.io.errors import InvalidInput
-from apollonius.observe.paper import PAPER
 from apollonius.play.rollout import begin, collect
-from tests.acting import act, act_in_rows
+from tests.acting import act, act_in_rows, identical
 from tests.solve.small import SMALL
 
 WORDS = jnp.asarray(np.random.default_rng(7).integers(2**32, size=200_000, dtype=np.uint32))
@@ -47,15 +46,6 @@ def network_with(values):
     return eqx.tree_at(lambda network: network.layers[-1], network, constant)
 
 
-def best_is(action):
-    return network_with(np.eye(NUM_ACTIONS)[action])
-
-
-def action_counts(policy):
-    actions = jax.vmap(partial(act, policy, NOTHING))(WORDS)
-    return np.bincount(actions, minlength=NUM_ACTIONS)
-
-
 def test_uniform_actions_share_the_random_words_to_within_one():
     upper_halves = jnp.arange(2**16, dtype=jnp.uint32) << 16
     counts = np.bincount(jax.vmap(uniform_action)(upper_halves))
@@ -65,7 +55,8 @@ def test_uniform_actions_share_the_random_words_to_within_one():
 
 @pytest.mark.parametrize("epsilon", [0.0, 0.3, 1.0])
 def test_epsilon_is_the_share_of_uniformly_random_actions(epsilon):
-    counts = action_counts(EpsilonGreedy(best_is(4), jnp.asarray(epsilon)))
+    player = EpsilonGreedy(network_with(np.eye(NUM_ACTIONS)[4]), jnp.asarray(epsilon))
+    counts = np.bincount(jax.vmap(partial(act, player, NOTHING))(WORDS), minlength=NUM_ACTIONS)
     shares = np.full(NUM_ACTIONS, epsilon / NUM_ACTIONS)
     shares[4] += 1 - epsilon
     assert chisquare(counts + 1, shares * len(WORDS) + 1).pvalue > 0.01
@@ -115,9 +106,9 @@ class Drifting(AbstractPolicy):
 
 @jax.jit
 def pursuits(pursuers):
-    """What the pursuers do in five games, and when these end."""
-    starts, players = reset_batch(GAME, jax.random.key(0), 5), BySide(pursuers, solo(Uniform()))
-    begun = begin(GAME, starts, players, jnp.zeros((2, 5), jnp.uint32))
+    """What the pursuers do in twenty games, and when these end."""
+    starts, players = reset_batch(GAME, jax.random.key(0), 20), BySide(pursuers, solo(Uniform()))
+    begun = begin(GAME, starts, players, jnp.zeros((2, 20), jnp.uint32))
     moves = collect(GAME, players, begun, jax.tree.map(lambda leaf: leaf[None], starts), jax.random.key(1), 40)[1]
     return moves.sides.pursuer, moves.ended
 
@@ -134,14 +125,14 @@ def test_what_was_decided_is_held_from_the_start_of_each_game():
             np.testing.assert_array_equal(course, np.repeat(decided, 7)[: len(course)])
             np.testing.assert_array_equal(decided // 3, 1 + np.arange(len(decided)) % 2)
     assert len(set((np.asarray(moves.action) % 3).ravel())) == 3
-    assert ended.sum() >= 10
+    assert ended.sum() >= 40
 
 
 def test_players_of_several_kinds_have_games_of_their_own():
     """Each plays its part of a batch as it would play all of it, with a memory of its own."""
-    together, _ = pursuits(Apart((HOLDING, Drifting()), (2, 3)))
-    assert together.member[-1].tolist() == [0, 0, 1, 1, 1]
-    for one, own in ((HOLDING, slice(2)), (Drifting(), slice(2, 5))):
+    together, _ = pursuits(Apart((HOLDING, Drifting()), (8, 12)))
+    assert together.member[-1].tolist() == [0] * 8 + [1] * 12
+    for one, own in ((HOLDING, slice(8)), (Drifting(), slice(8, 20))):
         np.testing.assert_array_equal(together.action[:, own], pursuits(solo(one))[0].action[:, own])
 
 
@@ -197,17 +188,6 @@ ACTOR = make_actor("paper", 8, 2, jax.random.key(1))
 ONE_SEEN = jnp.asarray(np.linspace(-1, 1, 8, dtype=np.float32))
 
 
-class Wants(AbstractContinuous):
-    """Always the same levels."""
-
-    levels: tuple[float, float] = eqx.field(static=True)
-
-    observation = PAPER
-
-    def __call__(self, observation, memory, bits):
-        return jnp.array(self.levels), memory
-
-
 def test_at_its_best_it_plays_the_hyperbolic_tangent_of_its_means():
     mean = np.asarray(ONE_SEEN, np.float64)
     for number, layer in enumerate(ACTOR.layers):
@@ -241,8 +221,7 @@ def test_exploring_it_draws_from_its_distributions():
     [((1.0, 1.0), range(9), 8), ((0.4, -0.6), range(9), 3), ((0.4, -0.6), (0, 1, 8), 0), ((-9.0, 0.2), (2, 4), 2)],
 )
 def test_where_only_some_actions_are_allowed_it_takes_that_with_the_nearest_levels(levels, allowed, action):
-    chosen = Wants(levels).choose(act(Wants(levels), ONE_SEEN, FEWER_WORDS[0]), allowing(*allowed))
-    assert chosen == action
+    assert greedy(ACTOR).choose(jnp.array(levels), allowing(*allowed)) == action
 
 
 def test_who_is_given_words_of_its_own_acts_by_them_and_is_drawn_by_the_games():
@@ -266,10 +245,6 @@ def test_trained_ones_go_together_but_not_with_random_and_have_no_values(tmp_pat
     assert "it must be one that values its nine actions" in capsys.readouterr().err
 
 
-RECORD = to_dict(make_game("paper"))
-TRAINING = {"command": "apollonius train", "seed": 3, "env_steps": 1000}
-
-
 @pytest.mark.parametrize(
     ("make", "observation", "about"),
     [
@@ -279,15 +254,15 @@ TRAINING = {"command": "apollonius train", "seed": 3, "env_steps": 1000}
     ],
 )
 def test_an_agent_comes_back_to_the_last_bit(make, observation, about, tmp_path):
-    agent = describe(make(observation, 4, 2, jax.random.key(1)), Role.PURSUER, RECORD, TRAINING)
+    training = {"command": "apollonius train", "seed": 3, "env_steps": 1000}
+    network = make(observation, 4, 2, jax.random.key(1))
+    agent = describe(network, Role.PURSUER, to_dict(make_game("paper")), training)
     save_agent(agent, tmp_path / "agent.safetensors")
     loaded = load_agent(tmp_path / "agent.safetensors")
     assert loaded.header == agent.header
     assert (loaded.header.network, loaded.header.num_actions, loaded.header.depth) == about
-    assert jax.tree.structure(loaded.network) == jax.tree.structure(agent.network)
-    for ours, theirs in zip(jax.tree.leaves(agent.network), jax.tree.leaves(loaded.network), strict=True):
-        assert ours.dtype == theirs.dtype
-        np.testing.assert_array_equal(ours, theirs)
+    assert identical(agent.network, loaded.network)
+    assert {leaf.dtype for leaf in jax.tree.leaves(loaded.network)} == {jnp.dtype("float32")}
 
 
 def test_what_is_no_whole_agent_file_is_refused(tmp_path):

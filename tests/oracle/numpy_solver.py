@@ -86,12 +86,8 @@ def room(game, states):
     return [clearance(game, states[0]), *(min(gaps(game.arena, game.pursuer.radius, *step)) for step in steps)]
 
 
-def clearance_along(game, states):
-    return min(room(game, states))
-
-
 def safety(game, robot, sweeps):
-    least = robot.by_course(lambda states: clearance_along(game, states))
+    least = robot.by_course(lambda states: min(room(game, states)))
     table = np.array([clearance(game, state) for state in robot.states])
     for _ in range(sweeps):
         table = np.minimum(least, robot.after @ table).max(axis=0)
@@ -107,7 +103,7 @@ def reach(game, robot, sweeps, target, horizon):
                 return math.exp(-number * game.dt / horizon)
             if min(gaps(game.arena, game.pursuer.radius, before, after)) < 0:
                 return 0.0
-        return math.nan if clearance_along(game, states) >= 0 else 0.0
+        return math.nan if min(room(game, states)) >= 0 else 0.0
 
     values, table = robot.by_course(event), np.zeros(len(robot.states))
     for _ in range(sweeps):

@@ -13,6 +13,7 @@ from apollonius.agents.guidance import FleeAware, PurePursuit
 from apollonius.agents.network import make_network
 from apollonius.agents.trained import EpsilonGreedy
 from apollonius.game.arena import Disc
+from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import reset_batch
 from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, RobotState, Role
@@ -32,17 +33,12 @@ MORE = (5, 7, 3, 6)
 
 
 @pytest.fixture(scope="module")
-def robot():
-    """One of two alike robots in a cramped place once more, by plain loops."""
-    return oracle.Robot(CRAMPED, FEWER, HOLD)
-
-
-@pytest.fixture(scope="module")
-def captures(robot):
-    """By the pursuer's node, the evader's node, and their actions."""
+def plain():
+    """One of two alike robots in a cramped place, by plain loops; and captures, by both nodes and both actions."""
+    robot = oracle.Robot(CRAMPED, FEWER, HOLD)
     steps = oracle.captures(CRAMPED, robot, robot)
     assert 0.01 < np.mean(np.isfinite(steps)) < 0.5
-    return steps
+    return robot, steps
 
 
 def zero_sum_game(game, role, counts, hold=HOLD):
@@ -51,9 +47,9 @@ def zero_sum_game(game, role, counts, hold=HOLD):
 
 
 @pytest.mark.parametrize("role", [Role.PURSUER, pytest.param(Role.EVADER, marks=pytest.mark.slow)])
-def test_the_table_is_that_of_brute_force(robot, captures, role):
+def test_the_table_is_that_of_brute_force(plain, role):
     """After its last sweep and one more; where nothing ends within a hold, a player has just that value."""
-    told, pursuing = [], role == Role.PURSUER
+    (robot, captures), told, pursuing = plain, [], role == Role.PURSUER
     duel = make_duel(zero_sum_game(CRAMPED, role, FEWER))
     found = solve_duel(duel, told.append, tolerance=1e-2)
     assert found.residual <= 1e-2 < told[-2].residual
@@ -199,10 +195,9 @@ def by_hand(role, holds, start):
             if outcome != Outcome.ONGOING:
                 break
             answer = ANSWER(player.opponent, state, role.other)
-            pair = (jnp.int32(action), answer) if role == Role.PURSUER else (answer, jnp.int32(action))
-            after = STEP(state, *pair)
+            after = STEP(state, *BySide.of(role, jnp.int32(action), answer))
             state, outcome = after.state, Outcome(int(after.outcome))
-        own, other = (state.pursuer, state.evader) if role == Role.PURSUER else (state.evader, state.pursuer)
+        own, other = BySide.of(role, state.pursuer, state.evader)
         if outcome == Outcome.ONGOING:
             here, there = jax.tree.map(lambda leaf: np.asarray(leaf)[None], (own, other))
             value = float(BETWEEN(jax.tree.map(lambda leaf: leaf[None], here), there)[0, 0])

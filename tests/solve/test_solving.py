@@ -105,30 +105,29 @@ REACH = Solution(
 )  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def solution():
-    """Of any values that a table may have."""
-    values = np.random.default_rng(0).uniform(-1, 1, (2, 96, 48)).astype(np.float16)
-    return Solution(PROBLEM, 12, 3e-5, jnp.asarray(values))
+SOLUTION = Solution(
+    PROBLEM, 12, 3e-5, jnp.asarray(np.random.default_rng(0).uniform(-1, 1, (2, 96, 48)).astype(np.float16))
+)
+"""Of any values that a table may have."""
 
 
 @pytest.fixture
-def file(tmp_path, solution):
-    save_solution(solution, tmp_path / "solved.safetensors")
+def file(tmp_path):
+    save_solution(SOLUTION, tmp_path / "solved.safetensors")
     return tmp_path / "solved.safetensors"
 
 
-def test_a_solved_game_comes_back_as_it_went_and_plays(file, solution, monkeypatch):
+def test_a_solved_game_comes_back_as_it_went_and_plays(file, monkeypatch):
     found = load_solution(file)
-    np.testing.assert_array_equal(found.table, solution.table)
-    assert (found.problem, found.sweeps, found.residual) == (PROBLEM, solution.sweeps, solution.residual)
+    np.testing.assert_array_equal(found.table, SOLUTION.table)
+    assert (found.problem, found.sweeps, found.residual) == (PROBLEM, 12, 3e-5)
     player = find_player(str(file), Role.EVADER, SMALL)
     assert player.name == "solved"
-    expected = SaddlePolicy(zero_sum_game_of(PROBLEM, SMALL), solution.table)
+    expected = SaddlePolicy(zero_sum_game_of(PROBLEM, SMALL), SOLUTION.table)
     starts = sample_starts(SMALL, jax.random.key(0), 20)
     np.testing.assert_array_equal(player.policy.best_value(starts), expected.best_value(starts))
     monkeypatch.setattr("apollonius.evaluate.solved.STARTS", 20)
-    sure, facts = np.asarray(expected.best_value(starts)), about(solution, SMALL)
+    sure, facts = np.asarray(expected.best_value(starts)), about(SOLUTION, SMALL)
     assert [*facts.values()][-3:] == pytest.approx([np.mean(sure), np.max(sure), np.min(sure)], abs=1e-6)
     other = replace(SMALL, max_steps=77, starts=replace(SMALL.starts, speed="moving"))
     assert find_player(str(file), Role.EVADER, other).policy.zero_sum_game.game.max_steps == 77
@@ -215,7 +214,7 @@ def test_it_is_the_least_clearance_along_the_hold(robot):
     found = of_courses(motion.clearance, SMALL_GRID, transition_map_of(motion, SMALL_GRID))
     ours = np.moveaxis(np.asarray(found), 1, -1).reshape(-1)[::31]
     courses = [one for many in robot.courses for one in many][::31]
-    theirs = np.array([oracle.clearance_along(game, one) for one in courses])
+    theirs = np.array([min(oracle.room(game, one)) for one in courses])
     free = theirs > 1e-4
     assert 0.2 < free.mean() < 0.8
     np.testing.assert_allclose(ours[free], theirs[free], atol=1e-5)
