@@ -18,12 +18,11 @@ from apollonius.arenas.charting import charted
 from apollonius.catalogue import find_player, player_names
 from apollonius.evaluate.match import play_match
 from apollonius.game.arena import Arena
-from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import in_teams, make_game
-from apollonius.game.types import GameState, RobotState, RobotStatus, Role
+from apollonius.game.types import BySide, GameState, RobotState, RobotStatus, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.view import look
 from tests.acting import a_match, act, robot, state_of

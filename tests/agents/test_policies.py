@@ -22,7 +22,6 @@ from apollonius.agents.trained import EpsilonGreedy, Greedy, SquashedGaussian, e
 from apollonius.arenas.file import to_dict
 from apollonius.catalogue import find_pool
 from apollonius.cli.main import main
-from apollonius.game.by_side import BySide
 from apollonius.game.game import reset_batch
 from apollonius.game.presets import make_game
 from apollonius.game.types import NUM_ACTIONS, BySide, Role

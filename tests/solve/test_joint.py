@@ -13,10 +13,9 @@ from apollonius.agents.guidance import FleeAware, PurePursuit
 from apollonius.agents.network import make_network
 from apollonius.agents.trained import EpsilonGreedy
 from apollonius.game.arena import Disc
-from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import reset_batch
-from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, RobotState, Role
+from apollonius.game.types import NUM_ACTIONS, BySide, GameState, Outcome, RobotState, Role
 from apollonius.io import limits
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.view import look
