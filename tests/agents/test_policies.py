@@ -135,22 +135,16 @@ def test_players_of_several_kinds_have_games_of_their_own():
         np.testing.assert_array_equal(together.action[:, own], pursuits(solo(one))[0].action[:, own])
 
 
-SEEN = jnp.asarray(np.random.default_rng(1).normal(size=(40, 17)).astype(np.float32))
-WANTED = jnp.asarray(np.random.default_rng(2).normal(size=(40, 9)).astype(np.float32))
+def test_a_batch_has_the_values_of_each_observation_and_their_gradients():
+    network, random = make_network("encoded", 16, 3, jax.random.key(0)), np.random.default_rng(1)
+    given, wanted = (random.normal(size=(40, size)).astype(np.float32) for size in (17, 9))
 
-
-@pytest.fixture(scope="module")
-def network():
-    return make_network("encoded", 16, 3, jax.random.key(0))
-
-
-def test_a_batch_has_the_values_of_each_observation_and_their_gradients(network):
     def weighed(values):
         def error(network, seen):
             found = values(network, seen)
-            return jnp.mean((found - WANTED) ** 2), found
+            return jnp.mean((found - wanted) ** 2), found
 
-        (_, found), slopes = jax.jit(jax.value_and_grad(error, argnums=(0, 1), has_aux=True))(network, SEEN)
+        (_, found), slopes = jax.jit(jax.value_and_grad(error, argnums=(0, 1), has_aux=True))(network, given)
         return found, slopes
 
     (values, slopes), (each, theirs) = map(
@@ -182,7 +176,6 @@ def test_players_of_many_games_act_as_each_of_them_would(player):
         np.testing.assert_allclose(found, each[:games], atol=1e-6)
 
 
-FEWER_WORDS = jnp.asarray(np.random.default_rng(3).integers(2**32, size=20_000, dtype=np.uint32))
 ACTOR = make_actor("paper", 8, 2, jax.random.key(1))
 ONE_SEEN = jnp.asarray(np.linspace(-1, 1, 8, dtype=np.float32))
 
@@ -191,10 +184,10 @@ def test_at_its_best_it_plays_the_hyperbolic_tangent_of_its_means():
     mean = np.asarray(ONE_SEEN, np.float64)
     for number, layer in enumerate(ACTOR.layers):
         mean = np.asarray(layer.weight) @ (np.maximum(mean, 0) if number else mean) + np.asarray(layer.bias)
-    action = act(greedy(ACTOR), ONE_SEEN, FEWER_WORDS[0])
+    action = act(greedy(ACTOR), ONE_SEEN, WORDS[0])
     np.testing.assert_allclose(action, np.tanh(mean[:2]), atol=1e-6)
     np.testing.assert_allclose(ACTOR.batch(ONE_SEEN[None])[0][0], mean[:2], atol=1e-6)
-    np.testing.assert_array_equal(act(exploring(ACTOR, jnp.asarray(0.0)), ONE_SEEN, FEWER_WORDS[0]), action)
+    np.testing.assert_array_equal(act(exploring(ACTOR, jnp.asarray(0.0)), ONE_SEEN, WORDS[0]), action)
 
 
 def test_exploring_it_draws_from_its_distributions():
@@ -205,7 +198,7 @@ def test_exploring_it_draws_from_its_distributions():
     mean, deviation = ACTOR(ONE_SEEN)
     for spread in (1.0, 0.5):
         player = SquashedGaussian(ACTOR, jnp.asarray(spread))
-        drawn = np.arctanh(np.asarray(jax.jit(jax.vmap(partial(act, player, ONE_SEEN)))(FEWER_WORDS), np.float64))
+        drawn = np.arctanh(np.asarray(jax.jit(jax.vmap(partial(act, player, ONE_SEEN)))(WORDS[:20_000]), np.float64))
         standard = (drawn - np.asarray(mean)) / (spread * np.asarray(deviation))
         for numbers in standard.T:
             assert kstest(numbers, norm.cdf).pvalue > 0.01
@@ -226,10 +219,10 @@ def test_where_only_some_actions_are_allowed_it_takes_that_with_the_nearest_leve
 def test_who_is_given_words_of_its_own_acts_by_them_and_is_drawn_by_the_games():
     pool = stack([exploring(make_actor("paper", 8, 1, jax.random.key(seed)), jnp.asarray(1.0)) for seed in range(2)])
     member, seen = jnp.array([0, 1, 1, 0]), jnp.tile(ONE_SEEN, (4, 1))
-    held, acts = replace(pool, bits=FEWER_WORDS[4:8]), jax.jit(act_in_rows)
-    own = np.asarray(acts(held, member, seen, FEWER_WORDS[:4]))
-    np.testing.assert_array_equal(own, acts(pool, member, seen, FEWER_WORDS[4:8]))
-    assert (own != acts(pool, member, seen, FEWER_WORDS[:4])).all()
+    held, acts = replace(pool, bits=WORDS[4:8]), jax.jit(act_in_rows)
+    own = np.asarray(acts(held, member, seen, WORDS[:4]))
+    np.testing.assert_array_equal(own, acts(pool, member, seen, WORDS[4:8]))
+    assert (own != acts(pool, member, seen, WORDS[:4])).all()
 
 
 def test_trained_ones_go_together_but_not_with_random_and_have_no_values(tmp_path, capsys):

@@ -262,14 +262,9 @@ def replay(request):
     return record_game(replace(MATCH, players=request.param), index=2)
 
 
-@pytest.fixture
-def path(replay, tmp_path):
+def test_a_replay_survives_its_file_and_plays_again_to_the_same_bits(replay, tmp_path):
     save_replay(replay, tmp_path / "replay.json")
-    return tmp_path / "replay.json"
-
-
-def test_a_replay_survives_its_file_and_plays_again_to_the_same_bits(replay, path):
-    loaded = load_replay(path)
+    loaded = load_replay(tmp_path / "replay.json")
     assert replay.actions.shape == (len(replay.states) - 1, 2, 2)[: 3 if replay.pursuer == "wild" else 2]
     assert loaded.states.dtype == np.float32
     np.testing.assert_array_equal(loaded.states, replay.states)
@@ -278,16 +273,14 @@ def test_a_replay_survives_its_file_and_plays_again_to_the_same_bits(replay, pat
     assert loaded.first_difference() is None
 
 
-def test_the_first_step_that_differs_is_named(path):
-    loaded = load_replay(path)
-    states = loaded.states.copy()
+def test_the_first_step_that_differs_is_named(replay):
+    states, actions = replay.states.copy(), replay.actions.copy()
     states[7, 4] = np.nextafter(states[7, 4], np.float32(99))
-    assert replace(loaded, states=states).first_difference() == 7
-    actions = loaded.actions.copy()
+    assert replace(replay, states=states).first_difference() == 7
     actions[11] = -actions[11] if actions.ndim == 3 else 8 - actions[11]
-    assert replace(loaded, actions=actions).first_difference() == 12
-    other = Outcome.NO_RESULT if loaded.outcome != Outcome.NO_RESULT else Outcome.CAPTURED
-    assert replace(loaded, outcome=other).first_difference() == len(loaded.actions)
+    assert replace(replay, actions=actions).first_difference() == 12
+    other = Outcome.NO_RESULT if replay.outcome != Outcome.NO_RESULT else Outcome.CAPTURED
+    assert replace(replay, outcome=other).first_difference() == len(replay.actions)
 
 
 GOLDEN = sorted((Path(__file__).parents[1] / "golden").glob("*.json"))

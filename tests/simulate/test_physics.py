@@ -126,11 +126,6 @@ def test_a_wall_holds_a_robot_that_has_a_radius(radius, stops):
     assert (x < 10 - radius + 0.02) == stops
 
 
-HALL = Arena(
-    0.0, 6.0, 0.0, 4.0, discs=(Disc(1.0, 1.0, 0.3),), polygons=(Polygon(((3.0, 1.0), (5.0, 1.0), (4.0, 3.0))),)
-)
-
-
 def geoms(game, drive=None):
     root = ElementTree.fromstring(mjcf(game, drive or Drive(), 0.005))
     return {geom.get("name"): geom.attrib for geom in root.iter("geom")}
@@ -141,7 +136,8 @@ def numbers(text):
 
 
 def test_walls_stand_around_the_arena_and_obstacles_where_they_are():
-    found = geoms(Game(arena=HALL))
+    polygon = Polygon(((3.0, 1.0), (5.0, 1.0), (4.0, 3.0)))
+    found = geoms(Game(arena=Arena(0.0, 6.0, 0.0, 4.0, discs=(Disc(1.0, 1.0, 0.3),), polygons=(polygon,))))
     obstacles = [geom for name, geom in found.items() if name.startswith("obstacle")]
     assert [geom["type"] for geom in obstacles] == ["box"] * 4 + ["cylinder"] + ["box"] * 3
     assert {numbers(geom["pos"])[2] - numbers(geom["size"])[-1] for geom in obstacles} == {0}, "they stand on the floor"

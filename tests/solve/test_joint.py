@@ -28,8 +28,6 @@ from tests.oracle import numpy_solver as oracle
 from tests.oracle import numpy_teams
 from tests.solve.small import BODY, CRAMPED, FEW, FEWER, HOLD, MOVING, SMALL, as_matrix
 
-MORE = (5, 7, 3, 6)
-
 
 @pytest.fixture(scope="module")
 def plain():
@@ -92,7 +90,7 @@ def test_what_cannot_be_solved_is_refused(monkeypatch):
         make_duel(make_zero_sum_game(SMALL, grids, HOLD, Role.PURSUER))
     monkeypatch.setattr(limits, "available_memory", lambda: 4096 * 1000)
     with pytest.raises(InvalidInput, match=r"grid = 5x7x3x6 needs .* GiB of memory and this machine has 0.0 GiB"):
-        make_duel(zero_sum_game(SMALL, Role.PURSUER, MORE))
+        make_duel(zero_sum_game(SMALL, Role.PURSUER, (5, 7, 3, 6)))
 
 
 STEPS, GAMES = 8, 12
