@@ -3,6 +3,7 @@
 import json
 import os
 import platform
+import shutil
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -60,24 +61,14 @@ def uninterrupted(tmp_path_factory):
     return folder
 
 
-@pytest.fixture
-def checkpoint_after_every_chunk(monkeypatch):
-    monkeypatch.setattr(run_module, "CHECKPOINT_SECONDS", 0.0)
-
-
 def assert_same_end(folder, uninterrupted):
     assert agents(folder) == agents(uninterrupted)
     assert metrics(folder) == metrics(uninterrupted)
 
 
 def test_a_run_leaves_its_config_metrics_checkpoint_and_agents(uninterrupted):
-    assert sorted(path.name for path in uninterrupted.iterdir()) == [
-        "agents",
-        "checkpoint.safetensors",
-        "config.toml",
-        "metrics.jsonl",
-        "state.json",
-    ]
+    files = {"agents", CHECKPOINT, "config.toml", "metrics.jsonl", "state.json"}
+    assert {path.name for path in uninterrupted.iterdir()} == files
     assert sorted(agents(uninterrupted)) == [*CURRICULUM, "P_stage1"]
     assert load_config(uninterrupted / "config.toml") == RUN
 
@@ -120,6 +111,7 @@ def test_a_finished_run_resumed_has_nothing_left_to_do(uninterrupted):
     assert Run(RUN, uninterrupted, lambda *report: reports.append(report)).execute()
     assert reports == []
     assert (agents(uninterrupted), metrics(uninterrupted)) == before
+    assert (progress_of(uninterrupted).state.state, progress_of(uninterrupted).share) == ("finished", 1.0)
 
 
 class Killed(BaseException):
@@ -143,19 +135,13 @@ def kill_at(moment, count, monkeypatch):
     return lambda line, share: happens("chunk")
 
 
-@pytest.mark.parametrize(
-    ("moment", "count"),
-    [
-        pytest.param("chunk", 3, id="between metrics and checkpoint"),
-        pytest.param("checkpoint.safetensors", 5, id="before the first checkpoint of stage 2"),
-        pytest.param("E_curriculum-50.safetensors", 1, id="between two agents"),
-    ],
-)
-@pytest.mark.usefixtures("checkpoint_after_every_chunk")
-def test_a_run_killed_and_resumed_ends_the_same(uninterrupted, tmp_path, monkeypatch, moment, count):
+def test_a_run_killed_again_and_again_ends_the_same(uninterrupted, tmp_path, monkeypatch):
+    """Between metrics and checkpoint, before the first checkpoint of stage 2, and between two agents."""
+    monkeypatch.setattr(run_module, "CHECKPOINT_SECONDS", 0.0)
     folder = begin(tmp_path / "run")
-    with pytest.raises(Killed), monkeypatch.context() as patch:
-        Run(RUN, folder, report=kill_at(moment, count, patch)).execute()
+    for moment, count in (("chunk", 3), (CHECKPOINT, 3), ("E_curriculum-50.safetensors", 1)):
+        with pytest.raises(Killed), monkeypatch.context() as patch:
+            Run(RUN, folder, report=kill_at(moment, count, patch)).execute()
     assert Run(RUN, folder).execute()
     assert_same_end(folder, uninterrupted)
     assert not list(folder.rglob("*.tmp"))
@@ -207,11 +193,19 @@ def scripted(monkeypatch):
     return script
 
 
-def test_self_play_goes_on_from_the_best_pursuer_of_stage_1(self_play_starts, scripted, tmp_path):
-    """Of its four evaluations, the third is the first of the best."""
-    evaluated = scripted(3, 4, 9, 9, 0)
+def test_self_play_goes_on_from_the_best_pursuer_of_stage_1(self_play_starts, scripted, tmp_path, monkeypatch):
+    """Of its four evaluations, the third is the first of the best. Progress weighs less from then on."""
+    evaluated, weights, play_and_learn = scripted(3, 4, 9, 9, 0), [], loop.play_and_learn
+
+    def recorded(plan, game, *rest):
+        weights.append(game.reward.progress)
+        return play_and_learn(plan, game, *rest)
+
+    monkeypatch.setattr(loop, "play_and_learn", recorded)
     folder = begin(tmp_path / "run")
+    assert (progress_of(folder).state, progress_of(folder).share) == (State(), 0.0)
     assert not Run(RUN, folder, should_stop=stop_after(5)).execute()
+    assert weights == [3.0, 3.0, 3.0, 3.0, 1.0]
 
     best = load_agent(folder / "agents" / "P_stage1.safetensors")
     assert best.header.training["env_steps"] == 3 * CHUNK
@@ -221,16 +215,29 @@ def test_self_play_goes_on_from_the_best_pursuer_of_stage_1(self_play_starts, sc
     assert not eqx.tree_equal(best.network, fourth)
     assert eqx.tree_equal(self_play_starts, [(best.network, None)])
 
+    found = progress_of(folder)
+    assert (found.state.state, found.state.machine) == ("stopped", platform.node())
+    assert found.line.stage == "self-play"
+    assert 1 / 3 <= found.share < 1
+    assert sum(found.evaluation.outcomes.values()) == RUN.self_play.evaluation_games
+    assert found.age < 600
+    assert runs_below(tmp_path) == [folder]
+
 
 def test_a_given_pursuer_goes_on_against_several_evaders(uninterrupted, scripted, tmp_path, monkeypatch):
     """No update is made, so what is kept is what was given: of the last evaluation, not of that with most captures."""
-    evaluated, seen, chunks = scripted(3, 1), [], loop.chunks
-    monkeypatch.setattr(loop, "chunks", lambda *given: seen.append(given[3][Role.EVADER].size) or chunks(*given))
+    evaluated, seen, no_games = scripted(3, 1), [], jnp.zeros(len(Outcome), jnp.int32)
+    nothing = loop.Metrics(no_games, *[BySide(jnp.zeros(()), jnp.zeros(()))] * 2, jnp.asarray(0))
+
+    def chunks(plan, game, state, fixed, done):
+        seen.append(fixed[Role.EVADER].size)
+        return iter([(state, nothing)] * 2)
+
+    monkeypatch.setattr(loop, "chunks", chunks)
     mine = uninterrupted / "agents"
     evaders = (str(mine / "E_curriculum.safetensors"), str(mine / "E_curriculum-25.safetensors"))
     config = replace(RUN, stages="fixed-target", evaders=evaders, pursuer=str(mine / "P_stage1.safetensors"))
-    stage = replace(config.fixed_target, env_steps=2 * CHUNK, evaluations=2)
-    config = replace(config, dqn=replace(config.dqn, learning_starts=5 * CHUNK), fixed_target=stage)
+    config = replace(config, fixed_target=replace(config.fixed_target, env_steps=2 * CHUNK, evaluations=2))
     folder = begin(tmp_path / "run", config)
     assert Run(config, folder).execute()
     assert list(agents(folder)) == ["P_pool"]
@@ -247,11 +254,12 @@ def test_self_play_goes_on_from_given_agents_and_resumes_without_their_files(uni
         path.write_bytes(agents(uninterrupted)[name])
     networks = tuple(load_agent(path).network for path in first)
     config = replace(RUN, stages="self-play", pursuer=str(first[0]), evader=str(first[1]))
-    whole, folder = begin(tmp_path / "whole", config), begin(tmp_path / "run", config)
-    assert Run(config, whole).execute()
-    assert eqx.tree_equal(self_play_starts, [networks])
-    assert metrics(whole) != metrics(uninterrupted)[4:]
+    folder = begin(tmp_path / "run", config)
     assert not Run(config, folder, should_stop=stop_after(2)).execute()
+    assert eqx.tree_equal(self_play_starts, [networks])
+    whole = shutil.copytree(folder, tmp_path / "whole")
+    assert Run(config, whole).execute()
+    assert metrics(whole) != metrics(uninterrupted)[4:]
     for path in first:
         path.unlink()
     assert Run(config, folder).execute()
@@ -266,7 +274,6 @@ def test_self_play_goes_on_from_given_agents_and_resumes_without_their_files(uni
         (make_network, ("paper", 16, 2)),
         (make_actor, ("paper", 16, 1)),
     ],
-    ids=["observation", "width", "depth", "algorithm"],
 )
 def test_a_first_pursuer_of_another_kind_than_the_config_trains_is_refused(tmp_path, make, size):
     path = tmp_path / "P.safetensors"
@@ -278,64 +285,30 @@ def test_a_first_pursuer_of_another_kind_than_the_config_trains_is_refused(tmp_p
 def test_self_play_can_start_from_scratch(uninterrupted, self_play_starts, tmp_path):
     config = replace(RUN, stages="self-play")
     folder = begin(tmp_path / "run", config)
-    assert Run(config, folder).execute()
+    assert not Run(config, folder, should_stop=stop_after(1)).execute()
     assert self_play_starts == [(None, None)]
-    assert sorted(agents(folder)) == [name.replace("curriculum", "scratch") for name in CURRICULUM]
-    assert metrics(folder) != metrics(uninterrupted)[4:]
+    assert list(agents(folder)) == ["E_scratch-25", "P_scratch-25"]
+    assert metrics(folder) != metrics(uninterrupted)[4:5]
 
 
-def test_each_stage_weighs_progress_in_its_own_way_and_how_far_a_run_is_can_be_read(
-    uninterrupted, tmp_path, monkeypatch
-):
-    weights = []
-    play_and_learn = loop.play_and_learn
-
-    def recorded(plan, game, *rest):
-        weights.append(game.reward.progress)
-        return play_and_learn(plan, game, *rest)
-
-    monkeypatch.setattr(loop, "play_and_learn", recorded)
-    folder = begin(tmp_path / "run")
-    assert (progress_of(folder).state, progress_of(folder).share) == (State(), 0.0)
-    assert not Run(RUN, folder, should_stop=stop_after(5)).execute()
-    assert weights == [3.0, 3.0, 3.0, 3.0, 1.0]
-    found = progress_of(folder)
-    assert (found.state.state, found.state.machine) == ("stopped", platform.node())
-    assert found.line.stage == "self-play"
-    assert 1 / 3 <= found.share < 1
-    assert sum(found.evaluation.outcomes.values()) == RUN.self_play.evaluation_games
-    assert found.age < 600
-    assert (progress_of(uninterrupted).state.state, progress_of(uninterrupted).share) == ("finished", 1.0)
-    assert runs_below(tmp_path) == [folder]
-
-
-def replaced_checkpoint(folder, content):
-    (folder / CHECKPOINT).write_bytes(content)
-    return folder
-
-
-@pytest.mark.parametrize("lie", [lambda end, line: end - 40, lambda end, line: end - line, lambda end, line: end + 1])
-def test_a_checkpoint_that_lies_about_the_metrics_is_refused_and_cuts_nothing(uninterrupted, tmp_path, lie):
+def test_a_checkpoint_that_lies_about_the_metrics_is_refused_and_cuts_nothing(uninterrupted, tmp_path):
     content, whole = ((uninterrupted / name).read_bytes() for name in (CHECKPOINT, "metrics.jsonl"))
-    size = lie(len(whole), len(whole.splitlines(keepends=True)[-1]))
-    lying = asdict(replace(load_standing(uninterrupted / CHECKPOINT), metrics_bytes=size))
-    folder = replaced_checkpoint(begin(tmp_path / "run"), save(load(content), {FORMAT: json.dumps(lying)}))
+    folder, line = begin(tmp_path / "run"), len(whole.splitlines(keepends=True)[-1])
     (folder / "metrics.jsonl").write_bytes(whole)
-    with pytest.raises(InvalidInput, match=r"metrics.jsonl.*checkpoint says; train again|no record of training"):
-        Run(RUN, folder).execute()
-    assert (folder / "metrics.jsonl").read_bytes() == whole
+    for size in (len(whole) - 40, len(whole) - line, len(whole) + 1):
+        lying = asdict(replace(load_standing(uninterrupted / CHECKPOINT), metrics_bytes=size))
+        (folder / CHECKPOINT).write_bytes(save(load(content), {FORMAT: json.dumps(lying)}))
+        with pytest.raises(InvalidInput, match=r"metrics.jsonl.*checkpoint says; train again|no record of training"):
+            Run(RUN, folder).execute()
+        assert (folder / "metrics.jsonl").read_bytes() == whole
 
 
 @pytest.mark.parametrize(
     "changed",
-    [
-        replace(RUN, dqn=replace(DQN, depth=2)),
-        replace(RUN, dqn=replace(DQN, replay_capacity=2 * CHUNK)),
-        replace(RUN, stages="fixed-target"),
-    ],
-    ids=["depth", "replay_capacity", "stages"],
+    [{"dqn": replace(DQN, depth=2)}, {"dqn": replace(DQN, replay_capacity=2 * CHUNK)}, {"stages": "fixed-target"}],
 )
 def test_a_checkpoint_of_another_config_is_refused(uninterrupted, tmp_path, changed):
-    folder = replaced_checkpoint(begin(tmp_path / "run", changed), (uninterrupted / CHECKPOINT).read_bytes())
+    config = replace(RUN, **changed)
+    shutil.copy(uninterrupted / CHECKPOINT, folder := begin(tmp_path / "run", config))
     with pytest.raises(InvalidInput, match="train again"):
-        Run(changed, folder).execute()
+        Run(config, folder).execute()
