@@ -3,7 +3,8 @@
 import math
 import os
 import platform
-from dataclasses import asdict, replace
+from dataclasses import asdict
+from functools import partial
 
 import jax.numpy as jnp
 import pytest
@@ -126,20 +127,18 @@ def test_every_example_of_a_training_is_one(monkeypatch):
     assert make_game("paper") in [task.game for task in tasks], "with its discs"
 
 
-def test_a_game_is_a_preset_by_its_name_or_tables(tmp_path):
+def test_a_game_is_a_preset_or_tables_and_a_table_in_part_keeps_the_defaults_of_its_own_stage(tmp_path):
     path = tmp_path / "config.toml"
-    for text, game in (('game = "team-3v1"', make_game("team-3v1")), ("[game]\ndt = 0.05", Game(dt=0.05))):
+    for text, config in (
+        ('game = "team-3v1"', RunConfig(game=make_game("team-3v1"))),
+        ("[game]\ndt = 0.05", RunConfig(game=Game(dt=0.05))),
+        ("[self_play]\nevaluations = 3\n", RunConfig(self_play=SelfPlayConfig(evaluations=3))),
+    ):
         path.write_text(text)
-        assert load_config(path).game == game
+        assert load_config(path) == config
     path.write_text('game = "papre"')
     with pytest.raises(InvalidInput, match="no game is called 'papre': choose one of paper, "):
         load_config(path)
-
-
-def test_a_table_that_is_given_in_part_keeps_the_defaults_of_its_own_stage(tmp_path):
-    path = tmp_path / "config.toml"
-    path.write_text("[self_play]\nevaluations = 3\n")
-    assert load_config(path) == replace(RunConfig(), self_play=SelfPlayConfig(evaluations=3))
 
 
 @pytest.mark.parametrize(
@@ -154,20 +153,10 @@ def test_a_round_plays_and_updates_in_the_ratio_that_is_asked_for(games, env_ste
 
 @pytest.mark.parametrize(
     ("end", "over", "env_steps", "value"),
-    [
-        (0.1, 1000.0, 0, 1.0),
-        (0.1, 1000.0, 250, 0.775),
-        (0.1, 1000.0, 10**9, 0.1),
-        (2.0, 10.0, 4, 1.4),
-        (0.1, 0.0, 1, 0.1),
-    ],
+    [(0.1, 1e3, 0, 1.0), (0.1, 1e3, 250, 0.775), (0.1, 1e3, 10**9, 0.1), (2.0, 10.0, 4, 1.4), (0.1, 0.0, 1, 0.1)],
 )
 def test_a_schedule_goes_in_a_straight_line_and_stays(end, over, env_steps, value):
     assert linear(1.0, end, over=over, env_steps=jnp.asarray(env_steps)) == pytest.approx(value)
-
-
-NOBODY = 2**22 + 1
-"""Greater than any process's number."""
 
 
 def test_a_sweep_has_every_combination_and_changes_nothing_else():
@@ -203,41 +192,42 @@ def test_the_share_of_a_training_counts_both_learners_of_self_play():
     assert RUN.share("fixed-target", 0) == 0.0
 
 
-def test_who_trains_is_on_file_and_how_that_ended(tmp_path, monkeypatch):
+@pytest.fixture
+def run(tmp_path):
     create_run(RUN, tmp_path / "run")
+    return tmp_path / "run"
+
+
+def test_who_trains_is_on_file_and_how_that_ended(run, monkeypatch):
     monkeypatch.setenv("SLURM_ARRAY_JOB_ID", "7")
     monkeypatch.setenv("SLURM_ARRAY_TASK_ID", "2")
 
-    def fail():
-        assert progress_of(tmp_path / "run").state == State("running", platform.node(), os.getpid(), "7_2")
-        return 1 / 0
+    def fail(error):
+        assert progress_of(run).state == State("running", platform.node(), os.getpid(), "7_2")
+        raise error
 
-    with pytest.raises(ZeroDivisionError):
-        keep_state(tmp_path / "run", fail)
-    found = progress_of(tmp_path / "run").state
-    assert (found.state, found.error) == ("failed", "division by zero")
+    for error, ended in ((ZeroDivisionError("by zero"), ("failed", "by zero")), (KeyboardInterrupt(), ("stopped", ""))):
+        with pytest.raises(type(error)):
+            keep_state(run, partial(fail, error))
+        found = progress_of(run).state
+        assert (found.state, found.error) == ended
 
-    def interrupt():
-        raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
-        keep_state(tmp_path / "run", interrupt)
-    assert progress_of(tmp_path / "run").state.state == "stopped"
+NOBODY = 2**22 + 1
+"""Greater than any process's number."""
 
 
 @pytest.mark.parametrize(
     ("machine", "process", "state"),
     [(platform.node(), NOBODY, "stopped"), (platform.node(), 1, "running"), ("elsewhere", NOBODY, "running")],
 )
-def test_a_process_of_this_machine_that_is_gone_was_stopped(tmp_path, machine, process, state):
-    create_run(RUN, tmp_path / "run")
-    (tmp_path / "run" / STATE).write_text(to_json(asdict(State("running", machine, process))))
-    assert progress_of(tmp_path / "run").state.state == state
+def test_a_process_of_this_machine_that_is_gone_was_stopped(run, machine, process, state):
+    (run / STATE).write_text(to_json(asdict(State("running", machine, process))))
+    assert progress_of(run).state.state == state
 
 
-def test_a_run_whose_files_cannot_be_read_has_failed(tmp_path):
-    create_run(RUN, tmp_path / "run")
-    (tmp_path / "run" / STATE).write_text("garbage")
-    found = progress_of(tmp_path / "run").state
+def test_a_run_whose_files_cannot_be_read_has_failed(run):
+    (run / STATE).write_text("garbage")
+    found = progress_of(run).state
     assert found.state == "failed"
     assert "state" in found.error

@@ -1,5 +1,6 @@
 """Distillation: queries, the teacher's values, and a student that learns them and is resumed."""
 
+import functools
 from dataclasses import replace
 
 import equinox as eqx
@@ -13,7 +14,6 @@ from apollonius.agents.pool import solo
 from apollonius.agents.store import load_agent
 from apollonius.agents.trained import Greedy
 from apollonius.game.arena import Arena
-from apollonius.game.game import reset_batch
 from apollonius.game.presets import in_arenas, make_game
 from apollonius.game.sensing import Sensing, Sensors
 from apollonius.game.types import NUM_ACTIONS, BySide, Role
@@ -27,6 +27,7 @@ from apollonius.learn.stage_config import DistillationConfig, Task
 from apollonius.learn.teacher import COSTLIEST, DEEPEST, STEEPNESS, Clearance, Teacher, make_settings
 from apollonius.play.rollout import begin as begin_games
 from apollonius.play.rollout import collect
+from apollonius.solve.grid import Solved
 from apollonius.solve.motion import motion_of
 from apollonius.solve.solving import reference_grid
 from tests.acting import of_views
@@ -46,17 +47,15 @@ RUN = RunConfig(stages="distillation", game=GAME, dqn=FITTING, distillation=STAG
 
 
 @pytest.fixture(scope="module")
-def setting():
-    return make_settings(RUN, GAME, None)[0]
-
-
-@pytest.fixture(scope="module")
 def visited():
-    return jax.jit(reset_batch, static_argnames="games")(GAME, jax.random.key(0), games=400)
+    return jax.jit(fresh_starts, static_argnames="games")(GAME, games=400, key=jax.random.key(0))
 
 
-def test_games_that_opponents_cannot_share_evenly_are_all_played(setting):
+def test_games_that_opponents_cannot_share_evenly_are_all_played(monkeypatch):
     """109 for two, and those of both attackers."""
+    for part in ("joint", "safety"):  # the tables' values do not matter here
+        monkeypatch.setattr(f"apollonius.solve.{part}.iterate", lambda sweep, table, *rest: Solved(table, 1, 0.0))
+    (setting,) = make_settings(RUN, GAME, None)
     plan = replace(RUN, distillation=replace(STAGE, near_sighted=15)).plans["distillation"]
     network = make_network("encoded", 32, 1, jax.random.key(0))
     players = distillation._players(plan, network, setting, jax.random.key(1))
@@ -64,6 +63,7 @@ def test_games_that_opponents_cannot_share_evenly_are_all_played(setting):
 
 
 def test_what_is_asked_is_those_visited_and_others_around_close_and_anywhere(visited):
+    assert np.sum(np.asarray(visited.evader.v) == 0) == 200, "every other start is the game's own"
     asked, visited = jax.tree.map(np.asarray, (jax.jit(query_states)(GAME, visited, jax.random.key(1)), visited))
     same, around, close, anywhere = np.split(np.arange(len(asked.steps)), [400, 800, 900])
     assert len(anywhere) == 100
@@ -79,20 +79,25 @@ def test_what_is_asked_is_those_visited_and_others_around_close_and_anywhere(vis
     assert np.all(np.abs(np.sign(beside[:, close]).mean(axis=1)) < 0.5), "on all sides"
     apart = np.hypot(*beside)
     assert np.median(apart[close]) < np.median(apart[anywhere])
-    fresh = jax.jit(fresh_starts, static_argnames="games")(GAME, games=50, key=jax.random.key(2))
-    rest = np.asarray(fresh.evader.v) == 0
-    assert rest.sum() == 25
 
 
-def teacher_of(values, room=None):
-    """One that values the actions so, everywhere."""
-    network = jax.tree.map(jnp.zeros_like, make_network("paper", 4, 1, jax.random.key(0)))
-    network = eqx.tree_at(lambda one: one.layers[-1].bias, network, jnp.asarray(values, jnp.float32))
-    return Teacher(Greedy(network), 10.0, 10.0, room)
+@pytest.fixture(scope="module")
+def student():
+    return Greedy(make_network("paper", 4, 1, jax.random.key(3)))
 
 
-def test_a_teacher_says_the_values_of_its_player_and_cuts_off_how_bad_is_bad(visited):
-    values = teacher_of([5, 4, 3, 2, 1, 0, -1, -10, 4.5]).values(GAME, visited, Role.EVADER)
+def values_of(teacher, game, states):
+    """What a teacher says of an evader's actions."""
+    return eqx.filter_jit(teacher.values)(game, states, Role.EVADER)
+
+
+def test_a_teacher_says_the_values_of_its_player_and_cuts_off_how_bad_is_bad(student, visited):
+    player = eqx.tree_at(
+        lambda one: one.network.layers[-1].bias,
+        jax.tree.map(np.zeros_like, student),
+        jnp.array([5, 4, 3, 2, 1, 0, -1, -10, 4.5]),
+    )
+    values = values_of(Teacher(player, 10.0, 10.0, None), GAME, visited)
     expected = 5 - 10 * np.minimum(np.array([0, 1, 2, 3, 4, 5, 6, 15, 0.5]) / 10, DEEPEST)
     np.testing.assert_allclose(values, np.tile(expected, (400, 1)), atol=1e-6)
 
@@ -111,9 +116,14 @@ def test_where_room_is_short_what_a_teacher_prefers_counts_in_proportion(visited
     """A quarter of the wanted room is left at best, so that a quarter of each difference remains."""
     grid, _ = reference_grid(GAME, Role.EVADER)
     room = Cramped(motion_of(GAME, Role.EVADER, 2), grid, jnp.zeros(grid.shape), 0.1)
-    behind = -jnp.arange(9.0) / 10
+    behind = -np.arange(9, dtype=np.float32) / 10
     cost = np.minimum(STEEPNESS * (0.025 - LEFT), COSTLIEST)
-    np.testing.assert_allclose(room.weighed(behind, visited.evader), behind / 4 - cost, atol=1e-6)
+    np.testing.assert_allclose(eqx.filter_jit(room.weighed)(behind, visited.evader), behind / 4 - cost, atol=1e-6)
+
+
+@pytest.fixture(scope="module")
+def setting():
+    return make_settings(RUN, GAME, None)[0]
 
 
 @pytest.fixture(scope="module")
@@ -134,8 +144,8 @@ def test_each_of_several_arenas_has_a_teacher_that_says_what_it_would_alone(sett
     assert len(settings) == 2
     assert len({jax.tree.structure(one) for one in settings}) == 1
     assert len({tuple(map(np.shape, jax.tree.leaves(one))) for one in settings}) == 1
-    here, there = (one.teacher.values(one.game, visited, Role.EVADER) for one in settings)
-    alone = setting.teacher.values(GAME, visited, Role.EVADER)
+    here, there = (values_of(one.teacher, one.game, visited) for one in settings)
+    alone = values_of(setting.teacher, GAME, visited)
     np.testing.assert_allclose(here, alone, atol=1e-4)
     assert np.abs(there - here).max() > 0.01
 
@@ -151,7 +161,7 @@ def test_a_run_leaves_an_agent_that_has_learned_what_the_table_says(uninterrupte
     losses = [line["losses"]["evader"] for line in metrics(uninterrupted)]
     assert losses[-1] < losses[0] / 2
     asked = jax.jit(query_states)(GAME, visited, jax.random.key(5))
-    values = np.asarray(setting.teacher.values(GAME, asked, Role.EVADER))
+    values = np.asarray(values_of(setting.teacher, GAME, asked))
 
     def lost(network):
         """What the best action by a network costs by what the teacher says."""
@@ -168,20 +178,26 @@ SEEING = replace(
 SHORT_SIGHTED = replace(GAME, sensors=Sensing(pursuer=Sensors(range=1.5)))
 
 
-def test_without_tables_a_student_learns_in_states_that_it_visits_while_its_sighting_is_fresh():
-    run = replace(RUN, game=SHORT_SIGHTED, distillation=SEEING)
-    (setting,) = make_settings(run, SHORT_SIGHTED, None)
+def learning(game, student):
+    """The setting of a student with that game, and a function from starts that says what it is asked after a time."""
+    (setting,) = make_settings(replace(RUN, game=game, distillation=SEEING), game, None)
+    players = BySide(solo(student), solo(setting.opponents[1]))
+
+    @functools.partial(jax.jit, static_argnames="steps")
+    def asked(starts, steps):
+        games = begin_games(game, starts, players, jnp.zeros((2, len(starts.steps)), jnp.uint32))
+        key, again = jax.random.key(1), jax.tree.map(lambda leaf: leaf[None], starts)
+        games, _ = collect(game, players, games, again, key, steps) if steps else (games, None)
+        known, states, learns = queries(SEEING, setting, games, key)
+        return games, known, states, learns, setting.teacher.values(game, states, Role.PURSUER)
+
+    return setting, asked
+
+
+def test_without_tables_a_student_learns_in_states_that_it_visits_while_its_sighting_is_fresh(student):
+    setting, asked = learning(SHORT_SIGHTED, student)
     assert setting.table is None
-    players = BySide(solo(Greedy(make_network("paper", 4, 1, jax.random.key(3)))), solo(setting.opponents[1]))
-
-    @jax.jit
-    def played(key):
-        starts = starts_of(setting, 64, key)
-        games = begin_games(SHORT_SIGHTED, starts, players, jnp.zeros((2, 64), jnp.uint32))
-        games, _ = collect(SHORT_SIGHTED, players, games, jax.tree.map(lambda leaf: leaf[None], starts), key, 12)
-        return games, queries(SEEING, setting, games, key)
-
-    games, (known, states, learns) = played(jax.random.key(0))
+    games, known, states, learns, _ = asked(jax.jit(starts_of, static_argnums=1)(setting, 64, jax.random.key(0)), 12)
     assert np.all(np.asarray(games.state.pursuer.x) == states.pursuer.x)
     (age,), sight = known.sight.ages, np.hypot(states.pursuer.x - states.evader.x, states.pursuer.y - states.evader.y)
     np.testing.assert_array_equal(np.asarray(age) == 0, sight <= 1.5)
@@ -191,17 +207,21 @@ def test_without_tables_a_student_learns_in_states_that_it_visits_while_its_sigh
     assert np.all(np.asarray(known.evader.x != states.evader.x)[hidden]), "the teacher sees where it went"
 
 
-def test_where_there_is_nothing_to_learn_nothing_is_learned():
-    network = make_network("paper", 4, 1, jax.random.key(3))
+def test_the_robots_of_a_team_learn_while_they_are_in_play(student):
+    setting, asked = learning(make_game("team-2v1"), student)
+    starts = jax.jit(starts_of, static_argnums=1)(setting, 16, jax.random.key(0))
+    *_, learns, values = asked(eqx.tree_at(lambda one: one.status.pursuer[1], starts, jnp.int32(np.arange(16) == 3)), 0)
+    np.testing.assert_array_equal(np.flatnonzero(~np.asarray(learns)), [16 + 3])
+    assert values.shape == (32, 9)
+
+
+def test_where_there_is_nothing_to_learn_nothing_is_learned(student):
     rows, values = jax.random.normal(jax.random.key(1), (8, 8)), jax.random.normal(jax.random.key(2), (8, 9))
     half = values.at[::2].set(jnp.nan)
     slope = jax.jit(jax.grad(distillation._error))
-    some, all_known = slope(network, (rows, half)), slope(network, (rows[1::2], values[1::2]))
+    some, all_known = slope(student.network, (rows, half)), slope(student.network, (rows[1::2], values[1::2]))
     for one, other in zip(jax.tree.leaves(some), jax.tree.leaves(all_known), strict=True):
         np.testing.assert_allclose(one, other / 2, atol=1e-6)
-
-
-FURTHER = Task(make_game("paper"), "P_optimal", ("E_optimal", "flee"))
 
 
 def test_a_task_has_its_own_game_teacher_and_opponents_and_values_in_the_unit_of_the_first(visited):
@@ -215,32 +235,14 @@ def test_a_task_has_its_own_game_teacher_and_opponents_and_values_in_the_unit_of
     assert [type(one) for one in further.opponents] == [Greedy, type(own.opponents[0])]
     assert (own.teacher.scale, further.teacher.scale, further.teacher.unit) == (10.0, 1.0, 10.0)
     alone = replace(further.teacher, unit=1.0)
-    found, usual = (teacher.values(further.game, visited, Role.EVADER) for teacher in (further.teacher, alone))
+    found, usual = (values_of(teacher, further.game, visited) for teacher in (further.teacher, alone))
     np.testing.assert_allclose(found, 10 * usual, rtol=1e-4, atol=1e-4)
-
-
-def test_the_robots_of_a_team_learn_while_they_are_in_play():
-    game = make_game("team-2v1")
-    (setting,) = make_settings(replace(RUN, game=game, distillation=SEEING), game, None)
-    starts = jax.jit(starts_of, static_argnums=1)(setting, 16, jax.random.key(0))
-    states = eqx.tree_at(lambda state: state.status.pursuer[1], starts, jnp.int32(np.arange(16) == 3))
-    players = BySide(solo(Greedy(make_network("paper", 4, 1, jax.random.key(3)))), solo(setting.opponents[1]))
-
-    @jax.jit
-    def asked(states):
-        games = begin_games(game, states, players, jnp.zeros((2, 16), jnp.uint32))
-        _, states, learns = queries(SEEING, setting, games, jax.random.key(1))
-        return setting.teacher.values(game, states, Role.PURSUER), learns
-
-    values, learns = asked(states)
-    np.testing.assert_array_equal(np.flatnonzero(~np.asarray(learns)), [16 + 3])
-    assert values.shape == (32, 9)
 
 
 @pytest.mark.slow
 def test_a_run_with_sensors_and_further_tasks_learns(tmp_path):
-    team = Task(make_game("team-2v1"), "P_optimal")
-    longer = replace(SEEING, updates=24, env_steps=163_840, tasks=(FURTHER, team))
+    further = Task(make_game("paper"), "P_optimal", ("E_optimal", "flee")), Task(make_game("team-2v1"), "P_optimal")
+    longer = replace(SEEING, updates=24, env_steps=163_840, tasks=further)
     wider = replace(FITTING, width=64, depth=2)
     run = replace(RUN, game=SHORT_SIGHTED, dqn=wider, distillation=longer)
     folder = begin(tmp_path / "run", run)

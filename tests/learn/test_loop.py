@@ -4,7 +4,8 @@ Most tests read one short stage, played once: exploring in its first chunk, gree
 env step 20,000 (in the third chunk) on.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from types import SimpleNamespace
 
 import equinox as eqx
 import jax
@@ -22,31 +23,14 @@ from apollonius.game.presets import in_teams
 from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import dqn, replay_buffer
-from apollonius.learn.loop import Metrics, play_and_learn, renew_opponents
+from apollonius.learn.loop import play_and_learn, renew_opponents
 from apollonius.learn.opponents import OpponentConfig
 from apollonius.learn.run import load_first
 from apollonius.learn.stage_config import Plan, SelfPlayConfig
-from apollonius.learn.train_state import TrainState, start
 from tests.acting import identical
-from tests.learn.tiny import CHUNK, DQN, GAME, PLAN, RUN, STAGE
+from tests.learn.tiny import CHUNK, DQN, GAME, PLAN, RUN, STAGE, start
 
 EVADER = {Role.EVADER: solo(Still())}
-
-
-@dataclass(frozen=True)
-class Snapshot:
-    """A copy of the state after some chunks, and the metrics of the latest one."""
-
-    state: TrainState
-    metrics: Metrics | None
-
-    @property
-    def learner(self):
-        return self.state.learners[Role.PURSUER].learner
-
-    @property
-    def seen(self):
-        return self.state.learners[Role.PURSUER].buffer.rows
 
 
 def copy(tree):
@@ -55,31 +39,35 @@ def copy(tree):
     return jax.tree.map(lambda leaf: np.array(jax.random.key_data(leaf) if is_key(leaf) else leaf), tree)
 
 
-def play_stage(seed, chunks, game=GAME, plan=PLAN):
-    state = start(plan, game, jax.random.key(seed), EVADER)
-    moments = [Snapshot(copy(state), None)]
-    for _ in range(chunks):
-        state, metrics = play_and_learn(plan, game, state, EVADER)
-        moments.append(Snapshot(copy(state), copy(metrics)))
-    return moments
+def snapshot(state, metrics=None):
+    """A copy of the state after some chunks, and the metrics of the latest one."""
+    state, metrics = copy((state, metrics))
+    side = state.learners[Role.PURSUER]
+    return SimpleNamespace(state=state, metrics=metrics, learner=side.learner, seen=side.buffer.rows)
 
 
 @pytest.fixture(scope="module")
 def stage():
-    return play_stage(seed=0, chunks=4)
+    state = start(PLAN, GAME, jax.random.key(0), EVADER)
+    moments = [snapshot(state)]
+    for _ in range(4):
+        state, metrics = play_and_learn(PLAN, GAME, state, EVADER)
+        moments.append(snapshot(state, metrics))
+    return moments
 
 
-def share_equal(one, other):
-    return np.mean(one == other)
-
-
-def test_updates_wait_for_a_whole_window_and_only_those_made_are_counted():
-    """A chunk that begins late in a stage, but with an empty replay."""
+def test_updates_wait_for_a_whole_window_and_the_replay_is_updated_in_place():
+    """In a chunk that begins late in a stage, but with an empty replay."""
     begun = start(PLAN, GAME, jax.random.key(0), EVADER)
     begun = eqx.tree_at(lambda state: state.env_steps, begun, jnp.asarray(20_000, jnp.int32))
+    before = begun.learners[Role.PURSUER].buffer.rows.observation
+    address = before.unsafe_buffer_pointer()
     state, metrics = play_and_learn(PLAN, GAME, begun, EVADER)
-    assert 128 - 3 <= state.learners[Role.PURSUER].learner.updates < 128
-    assert metrics.updates == state.learners[Role.PURSUER].learner.updates
+    after = state.learners[Role.PURSUER]
+    assert 128 - 3 <= after.learner.updates < 128
+    assert metrics.updates == after.learner.updates
+    assert before.is_deleted()
+    assert after.buffer.rows.observation.unsafe_buffer_pointer() == address
 
 
 def test_env_steps_episodes_and_updates_are_counted_exactly(stage):
@@ -128,19 +116,16 @@ def test_the_target_is_copied_at_its_period_and_kept_in_between(stage):
     assert not identical(after.learner.target, after.learner.network)
 
 
-def greedy_share(moment, network, rows):
-    """How often the actions in some rows of the replay are the best ones of a network."""
-    values = jax.vmap(jax.vmap(network))(moment.seen.observation[rows])
-    return share_equal(np.argmax(values, axis=-1), moment.seen.action[rows])
-
-
 def test_play_explores_as_scheduled_and_then_is_greedy(stage):
     """Nothing is learned in the first two chunks, so the network that acted in them is known."""
     _, exploring, greedy, _, _ = stage
-    network = jax.tree.map(jnp.asarray, greedy.learner.network)
-    assert greedy_share(exploring, network, slice(0, 10)) == pytest.approx(1 / 9 + 0.035, abs=0.07)
-    assert greedy_share(exploring, network, slice(59, 69)) == pytest.approx(0.5 + 0.5 / 9, abs=0.07)
-    assert greedy_share(greedy, network, slice(0, 128)) == 1.0
+    values = jax.jit(jax.vmap(jax.vmap(jax.tree.map(jnp.asarray, greedy.learner.network))))
+    exploits, all_exploit = (
+        np.argmax(values(moment.seen.observation), axis=-1) == moment.seen.action for moment in (exploring, greedy)
+    )
+    assert np.mean(exploits[:10]) == pytest.approx(1 / 9 + 0.035, abs=0.07)
+    assert np.mean(exploits[59:69]) == pytest.approx(0.5 + 0.5 / 9, abs=0.07)
+    assert all_exploit.all()
 
 
 class CountingGame(Game):
@@ -156,55 +141,36 @@ traces = []
 
 def test_a_stage_is_traced_once():
     """Not again for later chunks, nor for other numbers of the game or another seed, with sensors too."""
-    game = replace(CountingGame(**vars(GAME)), sensors=find_game("lidar").sensors)
-    before = len(traces)
-    play_stage(seed=0, chunks=1, game=game)
-    first = len(traces)
-    assert first > before
-    play_stage(seed=1, chunks=2, game=replace(game, capture_distance=0.4, max_steps=90))
-    assert len(traces) == first
-
-
-def test_the_state_is_donated():
-    """So that the replay is updated in place."""
-    before = start(PLAN, GAME, jax.random.key(0), EVADER)
-    address = before.learners[Role.PURSUER].buffer.rows.observation.unsafe_buffer_pointer()
-    after, _ = play_and_learn(PLAN, GAME, before, EVADER)
-    assert before.learners[Role.PURSUER].buffer.rows.observation.is_deleted()
-    assert after.learners[Role.PURSUER].buffer.rows.observation.unsafe_buffer_pointer() == address
+    counting = replace(CountingGame(**vars(GAME)), sensors=find_game("lidar").sensors)
+    for seed, game in enumerate((counting, replace(counting, capture_distance=0.4, max_steps=90))):
+        state = start(PLAN, game, jax.random.key(seed), EVADER)
+        for chunk in range(2):
+            before = len(traces)
+            state, _ = play_and_learn.eval_shape(PLAN, game, state, EVADER)
+            assert (len(traces) > before) == (seed == chunk == 0)
 
 
 PURSUERS = 2
 TEAM = in_teams(GAME, PURSUERS, 1)
 
 
-@pytest.fixture(scope="module")
-def memory():
-    """What two pursuers remember of a chunk, columns `[games, robots]`, and the chunk's metrics."""
+def test_every_robot_of_a_team_is_remembered_and_its_game_is_over_when_it_is_out():
+    """Of two pursuers, rows `[steps, games, robots]`. One that is out is not active until the next game begins, which
+    is when its mate's is over too.
+    """
     plan = replace(PLAN, learner=replace(DQN, learning_starts=CHUNK // 2))
     first = start(plan, TEAM, jax.random.key(0), EVADER)
-    before = jax.tree.map(np.array, first.learners[Role.PURSUER].learner.network)
+    before = copy(first.learners[Role.PURSUER].learner.network)
     state, metrics = play_and_learn(plan, TEAM, first, EVADER)
-    learner = state.learners[Role.PURSUER]
-    assert not jax.tree.all(jax.tree.map(np.array_equal, before, learner.learner.network))
-    rows = jax.tree.map(
-        lambda leaf: np.asarray(leaf).reshape(-1, DQN.games, PURSUERS, *leaf.shape[2:]), learner.buffer.rows
-    )
-    return rows, jax.tree.map(np.asarray, metrics)
-
-
-def test_every_robot_of_a_team_is_remembered(memory):
-    rows, _ = memory
+    side = copy(state.learners[Role.PURSUER])
+    assert not identical(before, side.learner.network)
+    rows = jax.tree.map(lambda leaf: leaf.reshape(-1, DQN.games, PURSUERS, *leaf.shape[2:]), side.buffer.rows)
     assert rows.reward.shape == (CHUNK // DQN.games, DQN.games, PURSUERS)
     one, other = np.moveaxis(rows.observation, 2, 0)
     assert (one != other).any(axis=-1).mean() > 0.9
     np.testing.assert_array_equal(one[:20, :, 4:7], other[:20, :, 4:7], err_msg="both see the same evader")
     assert 0.05 < np.mean(rows.action[..., 0] == rows.action[..., 1]) < 0.95
 
-
-def test_a_robots_game_is_over_when_it_is_out_and_the_game_goes_on(memory):
-    """Then it is not active until the next game begins, which is when its mate's is over too."""
-    rows, metrics = memory
     over = rows.terminated | rows.truncated
     together = over.all(axis=2)
     alone = over & ~together[..., None] & rows.active.all(axis=2, keepdims=True)

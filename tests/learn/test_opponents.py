@@ -17,9 +17,8 @@ from apollonius.learn import archive as archives
 from apollonius.learn.loop import play_and_learn, renew_opponents
 from apollonius.learn.opponents import OpponentConfig
 from apollonius.learn.stage_config import Plan, SelfPlayConfig
-from apollonius.learn.train_state import start
 from tests.acting import act_in_rows, identical
-from tests.learn.tiny import CHUNK, DQN, GAME, STAGE
+from tests.learn.tiny import CHUNK, DQN, GAME, STAGE, start
 
 SCHEMES = ("uniform", "prioritised-hard")
 CONFIG = OpponentConfig(scheme="uniform", versions=4, slots=2, renewal=CHUNK)
@@ -28,19 +27,27 @@ SLOT_GAMES = 8
 """Half of 64 games, shared by two slots of either side."""
 
 
-def networks(count, seed=0):
-    return [make_network("paper", width=8, depth=1, key=jax.random.key(seed + number)) for number in range(count)]
+enter = jax.jit(archives.enter)
+
+
+def networks(count):
+    return [make_network("paper", width=8, depth=1, key=jax.random.key(number)) for number in range(count)]
 
 
 def plan_of(config):
-    return Plan(DQN, SelfPlayConfig(env_steps=4 * CHUNK, evaluations=4, evaluation_games=64, opponents=config))
+    """Versions enter every chunk and a half."""
+    return Plan(DQN, SelfPlayConfig(env_steps=6 * CHUNK, opponents=config))
 
 
-def archive_of(count, config=CONFIG, seed=0):
-    first, *later = networks(count, seed)
+PLAN = plan_of(replace(CONFIG, renewal=1))
+"""Slots are renewed after each chunk, though less is asked for."""
+
+
+def archive_of(count, config=CONFIG):
+    first, *later = networks(count)
     archive = archives.init(first, config)
     for network in later:
-        archive = archives.enter(archive, network, jnp.asarray(True))
+        archive = enter(archive, network, jnp.asarray(True))
     return archive
 
 
@@ -61,11 +68,10 @@ def test_everyone_plays_their_own_games():
 def test_versions_enter_when_due_while_there_is_room():
     archive = archive_of(3)
     assert int(archive.count) == 3
-    assert int(archives.enter(archive, networks(1)[0], jnp.asarray(False)).count) == 3
+    assert int(enter(archive, networks(1)[0], jnp.asarray(False)).count) == 3
     full = archive_of(4)
-    for index, network in enumerate(networks(4)):
-        assert identical(jax.tree.map(lambda leaf, index=index: leaf[index], full.networks), network)
-    assert identical(archives.enter(full, networks(5)[4], jnp.asarray(True)), full)
+    assert identical(full.networks, jax.tree.map(lambda *leaves: np.stack(leaves), *networks(4)))
+    assert identical(enter(full, networks(5)[4], jnp.asarray(True)), full)
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -78,13 +84,12 @@ def test_slots_follow_the_stated_distribution(scheme):
     )
     w = np.array([0.8, 0.4, 0.1, 0.5])
     weights = {"uniform": np.ones(4), "prioritised-hard": (1 - w) ** 2}[scheme]
-    after = jax.jit(jax.vmap(lambda key: archives.renew(archive, config, key)))(
-        jax.random.split(jax.random.key(3), 5000)
-    )
+    renewed = jax.jit(jax.vmap(lambda key: archives.renew(archive, config, key)))
+    after = renewed(jax.random.split(jax.random.key(3), 5000))
     drawn = np.asarray(after.slots)
-    assert identical(after.in_slots, jax.tree.map(lambda leaf: leaf[drawn], archive.networks))
-    assert identical(after.games, jnp.broadcast_to(archive.games / 2, (5000, 5)))
-    assert identical(after.lost, jnp.broadcast_to(archive.lost / 2, (5000, 5)))
+    assert identical(after.in_slots, jax.tree.map(lambda leaf: np.asarray(leaf)[drawn], archive.networks))
+    assert identical(after.games, np.broadcast_to(archive.games / 2, (5000, 5)))
+    assert identical(after.lost, np.broadcast_to(archive.lost / 2, (5000, 5)))
     seen = np.bincount(drawn.ravel(), minlength=5)
     assert seen[4] == 0, "a version that is not there yet"
     assert chisquare(seen[:4], drawn.size * weights / weights.sum()).pvalue > 0.001
@@ -97,7 +102,7 @@ def test_games_are_counted_for_the_version_that_played_them(role):
     outcome = rng.integers(1, len(Outcome), (7, GAMES))
     over = rng.random((7, GAMES)) < 0.2
     before = replace(archive_of(4), slots=jnp.asarray([2, 0]))
-    archive = archives.record(before, CONFIG, role, jnp.asarray(outcome), jnp.asarray(over))
+    archive = jax.jit(archives.record, static_argnums=(1, 2))(before, CONFIG, role, outcome, over)
     pursuer_won = np.isin(outcome, [Outcome.CAPTURED, Outcome.EVADER_HIT_OBSTACLE, Outcome.EVADER_OUT_OF_RANGE])
     lost = over & (~pursuer_won if role == Role.PURSUER else pursuer_won)
     first = 0 if role == Role.PURSUER else 2 * SLOT_GAMES
@@ -114,30 +119,31 @@ def test_the_last_game_that_counts_begins_as_late_as_a_whole_one_can():
     over = np.zeros((10, 4), bool)
     for game, steps in enumerate(ends):
         over[steps, game] = True
-    counted = archives.counted(jnp.asarray(over), jnp.zeros(4, int), jnp.asarray(0), 10, 4)
-    assert [np.flatnonzero(game).tolist() for game in counted.T] == [[3, 6], [2, 5, 6], [0, 9], [9]]
-    later = archives.counted(jnp.asarray(over[7:]), jnp.asarray([0, 0, 6, 7]), jnp.asarray(7), 10, 4)
-    assert [np.flatnonzero(game).tolist() for game in later.T] == [[], [], [2], [2]]
-    sooner = archives.counted(jnp.asarray(over[7:]), jnp.asarray([0, 1, 6, 7]), jnp.asarray(7), 11, 4)
-    assert [np.flatnonzero(game).tolist() for game in sooner.T] == [[2], [2], [2], [2]]
+    counted = jax.jit(archives.counted, static_argnums=3)
+    for begins, first, steps, expected in (
+        ([0, 0, 0, 0], 0, 10, [[3, 6], [2, 5, 6], [0, 9], [9]]),
+        ([0, 0, 6, 7], 7, 10, [[], [], [2], [2]]),
+        ([0, 1, 6, 7], 7, 11, [[2], [2], [2], [2]]),
+    ):
+        found = counted(over[first:], np.array(begins, np.int32), first, steps, 4)
+        assert [np.flatnonzero(game).tolist() for game in found.T] == expected
 
 
 @pytest.fixture(scope="module")
 def played():
     """States, copied: start, after 1, 2, 3 chunks, opponents renewed, after 4."""
-    plan = plan_of(CONFIG)
-    state = start(plan, GAME, jax.random.key(0), {})
+    state = start(PLAN, GAME, jax.random.key(0), {})
     states = [jax.tree.map(jnp.copy, state)]
     for chunk in range(4):
         if chunk == 3:
-            state = renew_opponents(plan, GAME, state)
+            state = renew_opponents(PLAN, GAME, state)
             states.append(jax.tree.map(jnp.copy, state))
-        state, _ = play_and_learn(plan, GAME, state, {})
+        state, _ = play_and_learn(PLAN, GAME, state, {})
         states.append(jax.tree.map(jnp.copy, state))
     return states
 
 
-def test_no_opponent_changes_within_a_game(played):
+def test_no_opponent_changes_within_a_game_and_the_average_that_learned_enters(played):
     before, after = played[3], played[4]
     in_slots = np.arange(GAMES) < 4 * SLOT_GAMES
     assert before.games.state.steps[in_slots].max() > 0
@@ -148,6 +154,11 @@ def test_no_opponent_changes_within_a_game(played):
     )
     for one, other in pairwise(played[:4]):
         assert identical(one.archives.pursuer.in_slots, other.archives.pursuer.in_slots)
+    archive = after.archives.pursuer
+    assert (int(before.archives.pursuer.count), int(archive.count)) == (1, 2)
+    first, entered = (jax.tree.map(lambda leaf, number=number: leaf[number], archive.networks) for number in (0, 1))
+    assert identical(entered, before.learners[Role.PURSUER].learner.average)
+    assert not identical(entered, first)
     members = [state.games.sides.evader.member.tolist() for state in played]
     assert members == [[0] * 16 + [1] * 8 + [2] * 8 + [0] * 32] * len(played)
 
@@ -161,14 +172,6 @@ def test_games_that_are_broken_off_are_truncated_and_not_lost(played):
         assert identical(before.rows.terminated, after.rows.terminated)
         assert not (after.rows.truncated[last] & terminated).any()
         assert identical(before.rows.truncated.at[last].set(False), after.rows.truncated.at[last].set(False))
-
-
-def test_the_version_that_enters_is_the_average_that_learned(played):
-    before, after = (state.archives.pursuer for state in played[3:5])
-    assert (int(before.count), int(after.count)) == (1, 2)
-    first, entered = (jax.tree.map(lambda leaf, number=number: leaf[number], after.networks) for number in (0, 1))
-    assert identical(entered, played[3].learners[Role.PURSUER].learner.average)
-    assert not identical(entered, first)
 
 
 def test_games_in_slots_that_began_in_time_end_in_the_records(played):
@@ -195,13 +198,9 @@ def test_opponents_change_no_sooner_than_asked():
         ]
 
 
-def test_a_version_that_is_due_between_two_renewals_enters_at_the_next():
-    """Every chunk and a half; slots are renewed after each chunk, though less is asked for."""
-    plan = plan_of(replace(CONFIG, renewal=1))
-    plan = replace(plan, stage=replace(plan.stage, env_steps=6 * CHUNK))
-    state = start(plan, GAME, jax.random.key(0), {})
-    counts = []
+def test_a_version_that_is_due_between_two_renewals_enters_at_the_next(played):
+    state, counts = jax.tree.map(jnp.copy, played[0]), []
     for chunks in (1, 2, 3):
-        state = renew_opponents(plan, GAME, replace(state, env_steps=jnp.asarray(chunks * CHUNK)))
+        state = renew_opponents(PLAN, GAME, replace(state, env_steps=jnp.int32(chunks * CHUNK)))
         counts.append(int(state.archives.pursuer.count))
     assert counts == [1, 2, 3]

@@ -16,7 +16,7 @@ from safetensors.numpy import load, save
 
 from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.store import describe, load_agent, save_agent
-from apollonius.game.types import Outcome, Role
+from apollonius.game.types import BySide, Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import loop, train_state
 from apollonius.learn import run as run_module

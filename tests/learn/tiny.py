@@ -3,15 +3,21 @@
 from dataclasses import replace
 from typing import Any
 
+import jax
+
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.presets import make_game
 from apollonius.game.starts import Starts
+from apollonius.learn import train_state
 from apollonius.learn.config import RunConfig
 from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.stage_config import Plan, SelfPlayConfig, StageConfig
 
 CHUNK = 8192
 """Env steps of a chunk: 128 iterations of 64 games."""
+
+start = jax.jit(train_state.start, static_argnums=0)
+"""Of many small parts, which are compiled as one."""
 
 SMALL: dict[str, Any] = {
     "observation": "paper",

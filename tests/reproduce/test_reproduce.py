@@ -109,17 +109,11 @@ def test_a_study_that_was_killed_goes_on(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("changes", "naming"),
-    [
-        ({"budget": "huge"}, "budget = huge .*quick"),
-        ({"seeds": 0}, "seeds = 0 .*at least 1"),
-        ({"games": 0}, "games = 0 .*at least 1"),
-    ],
-    ids=str,
+    ("name", "value", "bound"), [("budget", "huge", "quick"), ("seeds", 0, "at least 1"), ("games", 0, "at least 1")]
 )
-def test_what_cannot_be_reproduced_is_refused_before_anything_is_written(tmp_path, changes, naming):
-    arguments = {"budget": "tiny", "seeds": 1, "resume": False, "games": GAMES} | changes
-    with pytest.raises(InvalidInput, match=naming):
+def test_what_cannot_be_reproduced_is_refused_before_anything_is_written(tmp_path, name, value, bound):
+    arguments = {"budget": "tiny", "seeds": 1, "resume": False, "games": GAMES, name: value}
+    with pytest.raises(InvalidInput, match=f"{name} = {value} .*{bound}"):
         reproduce(tmp_path / "study", **arguments)
     assert not (tmp_path / "study").exists()
 
@@ -136,11 +130,8 @@ def test_a_study_is_overwritten_by_no_other(study):
 def test_the_three_trainings_of_a_seed_are_the_papers():
     runs = run_configs(PRESETS["paper"], 3)
     assert {run.seed for run in runs.values()} == {3}
-    assert (runs["curriculum"].stages, runs["scratch"].stages, runs["random"].stages) == (
-        "both",
-        "self-play",
-        "fixed-target",
-    )
+    stages = {"curriculum": "both", "scratch": "self-play", "random": "fixed-target"}
+    assert {name: run.stages for name, run in runs.items()} == stages
     assert runs["random"].evaders == ("random",)
     both = runs["curriculum"].fixed_target.env_steps + runs["curriculum"].self_play.env_steps
     assert runs["random"].fixed_target.env_steps == both // 2
