@@ -92,11 +92,8 @@ def values_of(teacher, game, states):
 
 
 def test_a_teacher_says_the_values_of_its_player_and_cuts_off_how_bad_is_bad(student, visited):
-    player = eqx.tree_at(
-        lambda one: one.network.layers[-1].bias,
-        jax.tree.map(np.zeros_like, student),
-        jnp.array([5, 4, 3, 2, 1, 0, -1, -10, 4.5]),
-    )
+    blank, says = jax.tree.map(np.zeros_like, student), jnp.array([5, 4, 3, 2, 1, 0, -1, -10, 4.5])
+    player = eqx.tree_at(lambda one: one.network.layers[-1].bias, blank, says)
     values = values_of(Teacher(player, 10.0, 10.0, None), GAME, visited)
     expected = 5 - 10 * np.minimum(np.array([0, 1, 2, 3, 4, 5, 6, 15, 0.5]) / 10, DEEPEST)
     np.testing.assert_allclose(values, np.tile(expected, (400, 1)), atol=1e-6)

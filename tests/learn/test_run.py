@@ -269,12 +269,10 @@ def test_self_play_goes_on_from_given_agents_and_resumes_without_their_files(uni
 @pytest.mark.parametrize(
     ("make", "size"),
     [
-        (make_network, ("encoded", 16, 1)),
-        (make_network, ("paper", 8, 1)),
-        (make_network, ("paper", 16, 2)),
+        (make_network, ("encoded", 16, 1)), (make_network, ("paper", 8, 1)), (make_network, ("paper", 16, 2)),
         (make_actor, ("paper", 16, 1)),
     ],
-)
+)  # fmt: skip
 def test_a_first_pursuer_of_another_kind_than_the_config_trains_is_refused(tmp_path, make, size):
     path = tmp_path / "P.safetensors"
     save_agent(describe(make(*size, jax.random.key(0)), Role.PURSUER, {}, {}), path)
