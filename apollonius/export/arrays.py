@@ -77,7 +77,7 @@ def _reduce(operation: str) -> Rule:
     return rule
 
 
-def _argument_of(better: str, worst: int) -> Rule:
+def _argument_of(better: str, not_better: str, worst: int) -> Rule:
     def rule(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
         (value,), kind, axes = operands, str(out.dtype), list(map(int, params["axes"]))
         target = block.array(kind, out.shape)
@@ -86,7 +86,8 @@ def _argument_of(better: str, worst: int) -> Rule:
             where = block.variable(kind, "0")
             with block.loops((value.shape[axes[0]],)) as steps:
                 here = block.let(value.kind, value.read(_inserted(index, axes, steps)))
-                with block.braces(f"if ({here} {better} {best})"):
+                nan_first = f"!({here} {not_better} {best}) && {best} == {best}"  # as in JAX: the first NaN counts most
+                with block.braces(f"if ({nan_first if value.kind == 'float32' else f'{here} {better} {best}'})"):
                     block.put(f"{best} = {here};")
                     block.put(f"{where} = {converted(steps[0], 'int32', kind)};")
             block.put(f"{target.read(index)} = {where};")
@@ -144,8 +145,8 @@ _OPERATIONS = {"sum": "add", "prod": "mul", "max": "max", "min": "min", "and": "
 FOLDS: dict[str, Rule] = {
     **{f"reduce_{word}": _reduce(operation) for word, operation in _OPERATIONS.items()},
     **{f"cum{word}": _cumulative(_OPERATIONS[word]) for word in ("sum", "prod", "max", "min")},
-    "argmax": _argument_of(">", -1),
-    "argmin": _argument_of("<", 1),
+    "argmax": _argument_of(">", "<=", -1),
+    "argmin": _argument_of("<", ">=", 1),
     "concatenate": lambda block, operands, params, out: _joined(block, operands, int(params["dimension"]), out),
     "stack": _stack,
 }

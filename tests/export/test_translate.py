@@ -61,6 +61,7 @@ def arrays(a, k):
         "padded": jnp.pad(a, ((1, 0), (0, 2)), constant_values=7),
         "folded": [a.sum(), a.sum(0), a.max(1), a.min((0, 1)), a.prod(0), (a > 0).any(), (a > 0).all(1)],
         "where": [jnp.argmax(a, 1), jnp.argmin(a[0]), jnp.argmax(a > 99)],
+        "nan": [order(jnp.where(a < 0, a, jnp.nan), 1) for order in (jnp.argmax, jnp.argmin)],
         "running": [jnp.cumsum(a, 1), jnp.cumprod(a, 0), lax.cummax(a, 1), lax.cummin(a, 0, reverse=True)],
         "products": [a @ row, row @ a.T, a @ a.T, jnp.einsum("ij,ik->ijk", a, tall.reshape(3, 4)), row @ row],
         "batch": [jnp.einsum("bij,bjk->bik", jnp.stack([a, -a]), jnp.stack([a.T, a.T + 1]))],

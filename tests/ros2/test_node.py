@@ -176,7 +176,7 @@ SLOW = [("searching:intercept", "office"), ("shielded:intercept", "team-3v2")]
 @needs_gcc
 @pytest.mark.parametrize(
     ("name", "game"),
-    [("P_smooth", "paper"), ("random", "paper"), *[pytest.param(*both, marks=pytest.mark.slow) for both in SLOW]],
+    [("P_smooth", "paper"), ("random", "lidar"), *[pytest.param(*both, marks=pytest.mark.slow) for both in SLOW]],
 )
 def test_it_decides_as_the_package_from_call_to_call(name, game, tmp_path):
     export, player = compiled(name, game, tmp_path)

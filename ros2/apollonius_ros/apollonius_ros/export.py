@@ -73,7 +73,7 @@ class Export:
             given.append(value if kind is None else kind.from_buffer_copy(value))
         self._function(*given, *self._results.values())
         if self._first:
-            ctypes.memmove(self._given["memory"], self._results["memory"], len(self._first))
+            ctypes.memmove(self._given["memory"], self._results["next_memory"], len(self._first))
         action, controls = self._results["action"].raw, (ctypes.c_float * 2).from_buffer(self._results["controls"])
         chosen = ctypes.c_int32 if len(action) == 4 else ctypes.c_float * 2
         made = chosen.from_buffer_copy(action)
