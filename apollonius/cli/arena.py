@@ -18,9 +18,9 @@ GAMES = 40
 
 def add_arena(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
-    listed = actions.add_parser("list", help="name the games that ship with the package")
+    listed = actions.add_parser("list", help="list the games that ship with the package")
     listed.set_defaults(run=run_list, compiles=False)
-    check = actions.add_parser("check", help="say what is wrong with a game's arena, and draw it")
+    check = actions.add_parser("check", help="report what is wrong with a game's arena, and draw it")
     check.add_argument("game", type=known_game, metavar="GAME", help="a .toml or .json file, or the name of a game")
     pictured = "write a picture of what was found (.png), or the game as the page reads it (.json, a new file)"
     check.add_argument("--out", type=new_file(".png", ".json"), metavar="FILE", help=pictured)

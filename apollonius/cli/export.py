@@ -50,7 +50,7 @@ def run_export(options: argparse.Namespace) -> int:
 
 def add_replay(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--bag", type=named, required=True, help="folder of a bag that the ROS 2 node wrote")
-    parser.add_argument("agent", type=known_agent, metavar="AGENT", nargs="?", help="(default: the one of the bag)")
+    parser.add_argument("agent", type=known_agent, metavar="AGENT", nargs="?", help="(default: that of the bag)")
     parser.add_argument("--game", type=known_game, help="(default: that of the bag)")
     add_json(parser)
     parser.set_defaults(run=run_replay)

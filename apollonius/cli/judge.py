@@ -131,7 +131,7 @@ def add_suite(parser: argparse.ArgumentParser) -> None:
     judged.add_argument("--out", type=new_file(".json"), default=Path("card.json"), help="default: card.json")
     add_workers(judged, "rounds")
     judged.set_defaults(run=run_judge)
-    checked = actions.add_parser("verify", help="play games of a card again, and refuse one that does not come out")
+    checked = actions.add_parser("verify", help="replay games of a card, and refuse one that differs")
     checked.add_argument("card", type=existing_file, metavar="CARD")
     checked.add_argument("--agent", type=known_entrant, metavar="FILE", help="of an agent that lies elsewhere")
     checked.add_argument("--all", action="store_true", help="play all its games (default: half, drawn at random)")

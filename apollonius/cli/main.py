@@ -22,25 +22,25 @@ from apollonius.version import __version__
 COMMANDS = {
     "Learn": {
         "train": (add_train, "train a pursuer and an evader, then judge them", "--preset standard --out runs/mine"),
-        "resume": (add_resume, "go on with training runs that were stopped", "runs/mine"),
+        "resume": (add_resume, "resume training runs that were stopped", "runs/mine"),
         "track": (add_track, "send a run's metrics to TensorBoard, W&B, MLflow or trackio", "runs/mine --to wandb"),
         "runs": (add_runs, "list training runs: state, share done, last evaluation, machine", "runs/sweep"),
     },
     "Judge": {
         "evaluate": (add_evaluate, "play many games between two agents and count", "P_optimal E_scratch --games 1000"),
         "tournament": (add_tournament, "play every pursuer against every evader", "--games 1000"),
-        "exploit": (add_exploit, "let every kind of attacker try to beat an agent that they know", "evader E_scratch"),
+        "exploit": (add_exploit, "attack an agent with opponents that know it", "evader E_scratch"),
         "suite": (add_suite, "judge an agent by the benchmark, or check a card", "judge pursuer --out pursuer.json"),
         "simulate": (add_simulate, "play games between robots with bodies, in MuJoCo", "pursuer random --games 300"),
     },
     "Solve": {
         "solve": (add_solve, "solve for optimal play on a grid, and keep the table", "safety"),
-        "regret": (add_regret, "how far an agent is from what the solved game says can be had", "P_curriculum"),
+        "regret": (add_regret, "how far an agent falls short of the solved game", "P_curriculum"),
         "pursuers": (add_pursuers, "how many pursuers are enough in an arena", "office"),
     },
     "Watch and play": {
         "show": (add_show, "a game as a picture or an animation, and as a replay file", "pursuer evader --game office"),
-        "players": (add_players, "name all players, and say what they do", ""),
+        "players": (add_players, "list all players and what they do", ""),
         "play": (add_play, "play in a browser against a trained agent", "--as pursuer"),
         "slice": (add_slice, "an agent's action values and actions over the arena", "P_optimal --opponent 5 5"),
         "report": (add_report, "a training run as one HTML page, games included", "runs/mine"),
@@ -48,10 +48,10 @@ COMMANDS = {
     "Arenas and robots of your own": {
         "arena": (add_arena, "list arenas, check one of your own, or draw a random one", "check office --out a.png"),
         "export": (add_export, "write a player as C or ONNX, which need no JAX", "pursuer --to c --out player.c"),
-        "replay": (add_replay, "ask an agent again in the states that a robot recorded", "--bag bags/pursuer-1"),
+        "replay": (add_replay, "compare a robot's recorded actions with its agent's", "--bag bags/pursuer-1"),
     },
     "The paper": {
-        "reproduce": (add_reproduce, "train, evaluate and draw all that the paper shows", "--budget quick"),
+        "reproduce": (add_reproduce, "train, evaluate and draw everything in the paper", "--budget quick"),
     },
 }
 """By purpose, in the order of the help: each adds its arguments, says what it does, and has an example."""

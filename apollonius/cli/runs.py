@@ -97,7 +97,7 @@ def add_reproduce(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--games", type=count(GAMES), default=10_000, help="games in a match (default: %(default)s)")
     parser.add_argument("--out", type=new_folder, help="folder of the study (default: runs/reproduce-BUDGET)")
     add_workers(parser, "trainings", "processes")
-    parser.add_argument("--resume", action="store_true", help="go on with a study that was stopped")
+    parser.add_argument("--resume", action="store_true", help="resume a study that was stopped")
     parser.set_defaults(run=run_reproduce)
 
 

@@ -45,7 +45,7 @@ def add_table_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that say by which tables to play."""
     solved = parser.add_mutually_exclusive_group()
     solved.add_argument("--tables", type=existing_file, nargs=2, metavar="FILE", help="the game solved from both sides")
-    solved.add_argument("--grid", type=nodes, help="nodes on which it is solved otherwise (default: a coarse grid)")
+    solved.add_argument("--grid", type=nodes, help="nodes of the grid to solve it on (default: a coarse one)")
 
 
 def requested_tables(options: argparse.Namespace, game: "Game") -> "BySide[SaddlePolicy]":
@@ -67,7 +67,7 @@ def requested_tables(options: argparse.Namespace, game: "Game") -> "BySide[Saddl
 def add_solve(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "what", choices=("safety", "reach", "game"),
-        help="safety: whence a robot can avoid a crash for ever; reach: the least time to a standing target; "
+        help="safety: from where a robot can avoid a crash forever; reach: the least time to a standing target; "
         "game: the payoff that the grid promises a side against any opponent",
     )  # fmt: skip
     add_game(parser)
