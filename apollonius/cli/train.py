@@ -96,7 +96,7 @@ def run_train(options: argparse.Namespace) -> int:
 
 
 def run_resume(options: argparse.Namespace) -> int:
-    from apollonius.evaluate.tournament import EVALUATION
+    from apollonius.evaluate.pairings import EVALUATION
     from apollonius.learn.folder import load_config
     from apollonius.learn.progress import progress_of, runs_below
 
@@ -138,7 +138,7 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
 def _train_and_judge(config: "RunConfig", folder: Path, options: argparse.Namespace) -> int:
     """Train to the end or to Ctrl-C; at the end judge the new agents."""
     from apollonius.arenas.suite import each_alone
-    from apollonius.evaluate.tournament import evaluate_run
+    from apollonius.evaluate.pairings import evaluate_run
     from apollonius.learn.metrics import Tracker
     from apollonius.learn.run import Run
     from apollonius.learn.teacher import TABLES

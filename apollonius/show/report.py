@@ -13,8 +13,8 @@ from markupsafe import Markup
 from apollonius.agents.built_in import PLAYERS
 from apollonius.evaluate.claims import paper_shares
 from apollonius.evaluate.match import Match, play_games, record_game, worst_first
+from apollonius.evaluate.pairings import last_matches
 from apollonius.evaluate.result import MatchResult, read_result
-from apollonius.evaluate.tournament import last_matches
 from apollonius.game.game import Game
 from apollonius.game.outcome import PURSUER_WINS, names_of
 from apollonius.io.document import parse_json, read_bytes, write_atomically

@@ -16,6 +16,7 @@ from apollonius.cli.terminal import advice_table
 from apollonius.evaluate import tournament
 from apollonius.evaluate.claims import TABLE_2, TABLE_3, Claim
 from apollonius.evaluate.match import begin, play_match
+from apollonius.evaluate.pairings import last_agents, pairings
 from apollonius.evaluate.solved import measure_card
 from apollonius.evaluate.statistics import (
     mean_band,
@@ -25,7 +26,6 @@ from apollonius.evaluate.statistics import (
     wilson_interval,
 )
 from apollonius.evaluate.suite_card import load_card
-from apollonius.evaluate.tournament import last_agents, pairings
 from apollonius.game.arena import Arena
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role

@@ -13,7 +13,7 @@ from apollonius.catalogue import find_player
 from apollonius.cli.main import main
 from apollonius.evaluate.claims import paper_shares
 from apollonius.evaluate.match import Match
-from apollonius.evaluate.tournament import last_agents, pairings
+from apollonius.evaluate.pairings import last_agents, pairings
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
 from apollonius.game.presets import make_game
 from apollonius.game.types import BySide, Outcome, Role
