@@ -5,6 +5,7 @@ import math
 import jax.numpy as jnp
 
 from apollonius.game.obstacle import AbstractObstacle, closest_approach_squared
+from apollonius.game.polygon import Edge
 from apollonius.game.types import Real
 from apollonius.io.errors import require
 
@@ -25,17 +26,12 @@ class Capsule(AbstractObstacle):
 
     def clearance_along(self, before, after):
         """Two segments that do not cross are nearest to each other at an end of one of them."""
-        along, step = (self.to_x - self.x, self.to_y - self.y), (after.x - before.x, after.y - before.y)
-        ends = [closest_approach_squared(self.x - robot.x, self.y - robot.y, *along) for robot in (before, after)]
-        ends += [
-            closest_approach_squared(before.x - x, before.y - y, *step)
-            for x, y in ((self.x, self.y), (self.to_x, self.to_y))
-        ]
-        left = [_cross(*along, robot.x - self.x, robot.y - self.y) for robot in (before, after)]
-        right = [_cross(*step, x - before.x, y - before.y) for x, y in ((self.x, self.y), (self.to_x, self.to_y))]
-        crossed = (left[0] * left[1] < 0) & (right[0] * right[1] < 0)
-        least = jnp.minimum(jnp.minimum(ends[0], ends[1]), jnp.minimum(ends[2], ends[3]))
-        return jnp.where(crossed, 0.0, jnp.sqrt(least)) - self.radius
+        step = Capsule(before.x, before.y, after.x, after.y, self.radius)
+        ends = [self.clearance(robot.x, robot.y) for robot in (before, after)]
+        ends += [step.clearance(x, y) for x, y in ((self.x, self.y), (self.to_x, self.to_y))]
+        numbers = self.x, self.y, self.to_x - self.x, self.to_y - self.y
+        crossed = Edge(*map(jnp.float32, numbers), jnp.int32(1)).is_crossed(before, after)
+        return jnp.where(crossed, -self.radius, jnp.stack(ends).min())
 
     def outline(self):
         """Half a circle around either end."""
@@ -53,7 +49,3 @@ class Capsule(AbstractObstacle):
         for x, y in ((self.x, self.y), (self.to_x, self.to_y)):
             inside = arena.x_min <= x <= arena.x_max and arena.y_min <= y <= arena.y_max
             require(inside, f"{name} end", (x, y), "inside the walls; move it")
-
-
-def _cross(ax, ay, bx, by):
-    return ax * by - ay * bx

@@ -15,11 +15,10 @@ import tomli_w
 from apollonius.agents.built_in import PLAYERS
 from apollonius.agents.names import SEARCHING, SHIELDED
 from apollonius.agents.trained import zoo_names
-from apollonius.arenas.file import find_game, game_names, to_dict
-from apollonius.arenas.suite import SUITES, is_scenario, suite_names
+from apollonius.arenas.file import find_game, to_dict
+from apollonius.arenas.suite import is_scenario
 from apollonius.cli import values
 from apollonius.cli.main import main
-from apollonius.game.presets import TEAM
 from apollonius.io.limits import GAME_FILES
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import load_config
@@ -86,11 +85,7 @@ def check_command(words):
             known = {*PLAYERS, *zoo_names(), "..."}
             assert bare in known or bare.isupper() or bare.endswith(FILES), name
     game = options.get("game")
-    if game and TEAM.match(game):
-        find_game(game)
-        return
-    known = {*game_names(), *[f"{suite}/{name}" for suite in SUITES for name in suite_names(suite)]}
-    assert game is None or game in known or is_scenario(game) or game.endswith(GAME_FILES)
+    assert game is None or is_scenario(game) or game.endswith(GAME_FILES) or find_game(game)
 
 
 def test_every_block_says_what_it_is():

@@ -177,25 +177,19 @@ def pursuer():
     return describe(make_network("encoded", 4, 2, jax.random.key(0)), Role.PURSUER, {}, {"seed": 5})
 
 
-def test_a_file_plays_greedily_its_own_side_and_brings_its_header(pursuer, tmp_path):
-    save_agent(pursuer, tmp_path / "chaser.safetensors")
-    found = find_player(str(tmp_path / "chaser.safetensors"), Role.PURSUER, PAPER)
-    assert (found.name, type(found.policy), found.header) == ("chaser", Greedy, pursuer.header)
-    assert eqx.tree_equal(found.policy.network, pursuer.network)
-    with pytest.raises(InvalidInput, match="plays the pursuer, not the evader"):
-        find_player(str(tmp_path / "chaser.safetensors"), Role.EVADER, PAPER)
-
-
-def test_an_agent_of_a_run_is_called_after_it_and_found_by_that_name(pursuer, tmp_path, monkeypatch):
+def test_a_file_plays_greedily_its_own_side_and_an_agent_of_a_run_is_called_after_it(pursuer, tmp_path, monkeypatch):
     """Two runs give their agents the same names, and those of the zoo."""
     monkeypatch.chdir(tmp_path)
-    file = Path("runs/demo/agents/P_stage1.safetensors")
+    file, alone = Path("runs/demo/agents/P_stage1.safetensors"), "chaser.safetensors"
     file.parent.mkdir(parents=True)
-    save_agent(pursuer, file)
-    for name in ("demo/P_stage1", "runs/demo/P_stage1", str(file), str(file.resolve())):
-        found = find_player(name, Role.PURSUER, PAPER)
-        assert found.name == "demo/P_stage1"
-        assert found.header == pursuer.header
+    for path in (file, Path(alone)):
+        save_agent(pursuer, path)
+    for name in ("demo/P_stage1", "runs/demo/P_stage1", str(file), str(file.resolve()), alone):
+        found, called = find_player(name, Role.PURSUER, PAPER), "chaser" if name == alone else "demo/P_stage1"
+        assert (found.name, type(found.policy), found.header) == (called, Greedy, pursuer.header)
+        assert eqx.tree_equal(found.policy.network, pursuer.network)
+    with pytest.raises(InvalidInput, match="plays the pursuer, not the evader"):
+        find_player(alone, Role.EVADER, PAPER)
     names = ["shielded:demo/P_stage1", "P_stage1", "zoo/P_stage1"]
     _, bare, of_zoo = others = [find_player(name, Role.PURSUER, PAPER) for name in names]
     assert [one.name for one in others] == names

@@ -16,7 +16,7 @@ from apollonius.agents.searching import Search
 from apollonius.agents.surrounding import Encirclement, VoronoiPursuit, even_bearings, path_length_to, to_all
 from apollonius.arenas.charting import charted
 from apollonius.catalogue import find_player, player_names
-from apollonius.evaluate.match import play_match
+from apollonius.evaluate.match import Match, play_match
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
@@ -25,7 +25,7 @@ from apollonius.game.presets import in_teams, make_game
 from apollonius.game.types import BySide, GameState, RobotState, RobotStatus, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.view import look
-from tests.acting import a_match, act, robot, state_of
+from tests.acting import act, robot, state_of
 
 PAPER = make_game("paper")
 TEAM = make_game("team-2v1")
@@ -121,8 +121,7 @@ def test_an_opponent_that_crosses_too_fast_is_led_by_a_right_angle():
 def test_flee_aware_keeps_off_walls_and_discs():
     """`flee` would run into them in more than half of these games."""
     game = replace(make_game("one-large"), max_steps=150)
-    chaser = find_player("pure-pursuit", Role.PURSUER, game).policy
-    outcomes = play_match(a_match(game, chaser, FleeAware.for_side(game, Role.EVADER), games=60, seed=0)).outcomes
+    outcomes = play_match(Match.of_names(game, "pure-pursuit", "flee-aware", games=60, seed=0)).outcomes
     assert outcomes["evader_hit_obstacle"] + outcomes["evader_out_of_range"] + outcomes["both_failed"] == 0
 
 
@@ -210,10 +209,9 @@ def test_it_is_the_nearest_of_all_places_that_the_evader_is_first_at(ratio):
 
 def test_who_aims_there_guards_better_than_who_heads_for_the_evader():
     game = make_game("territory")
-    evader = find_player("territory", Role.EVADER, game).policy
     lost = {}
     for name in ("territory", "pure-pursuit"):
-        result = play_match(a_match(game, find_player(name, Role.PURSUER, game).policy, evader, 100, seed=0))
+        result = play_match(Match.of_names(game, name, "territory", 100, seed=0))
         lost[name] = result.outcomes["territory_reached"] / 100
         own = result.outcomes["pursuer_hit_obstacle"] + result.outcomes["pursuer_out_of_range"]
         assert result.evader_win_rate == pytest.approx(lost[name] + own / 100)
@@ -223,15 +221,10 @@ def test_who_aims_there_guards_better_than_who_heads_for_the_evader():
 OPEN_TO_TEAMS = in_teams(Game(arena=Arena(0.0, 10.0, 0.0, 10.0)), 3, 1)
 
 
-@eqx.filter_jit
-def seen_by_pursuer(game, state, number):
-    return look(game, state, Role.PURSUER, number)
-
-
 def view_of_team(pursuers, evader, out=(), number=0, game=None):
     statuses = [RobotStatus.HIT_OBSTACLE if n in out else 0 for n in range(len(pursuers))]
     state = state_of(pursuers, [evader], (statuses, [0]))
-    return seen_by_pursuer(game or charted(OPEN_TO_TEAMS), state, number)
+    return eqx.filter_jit(look)(game or charted(OPEN_TO_TEAMS), state, Role.PURSUER, number)
 
 
 def random_teams(seed):

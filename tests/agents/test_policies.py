@@ -38,11 +38,8 @@ NOTHING = jnp.asarray(np.zeros(8, np.float32))
 def network_with(values):
     """A network whose nine action values are these, whatever it sees."""
     network = make_network("paper", width=4, depth=1, key=jax.random.key(0))
-    last = network.layers[-1]
-    constant = eqx.tree_at(
-        lambda layer: (layer.weight, layer.bias), last, (jnp.zeros_like(last.weight), jnp.asarray(values, jnp.float32))
-    )
-    return eqx.tree_at(lambda network: network.layers[-1], network, constant)
+    last = jnp.zeros((NUM_ACTIONS, 4)), jnp.asarray(values, jnp.float32)
+    return eqx.tree_at(lambda network: (network.layers[-1].weight, network.layers[-1].bias), network, last)
 
 
 def test_uniform_actions_share_the_random_words_to_within_one():

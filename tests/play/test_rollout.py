@@ -22,21 +22,20 @@ from apollonius.agents.network import make_actor
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.pool import solo, stack
 from apollonius.agents.trained import SquashedGaussian
-from apollonius.catalogue import find_player
 from apollonius.evaluate.match import Match, play_games, record_game
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.presets import in_teams, make_game, randomised
 from apollonius.game.scenario import Spread
-from apollonius.game.types import BySide, GameState, Outcome, RobotState, Role
+from apollonius.game.types import BySide, Outcome, Role
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.paper import ENCODED, PAPER
 from apollonius.play.playout import play_out
 from apollonius.play.random_bits import fold_in, random_bits
 from apollonius.play.replay import as_rows, as_state, load_replay, play_actions, save_replay
 from apollonius.play.rollout import begin, collect
-from tests.acting import identical, observe
+from tests.acting import identical, observe, state
 
 AGILE = Unicycle(v_max=2.0, u1_max=4.0, u2_max=3.0)
 GAME = Game(AGILE, AGILE, Arena(0.0, 4.0, 0.0, 4.0, discs=(Disc(2.0, 2.0, 0.3),)), max_steps=25)
@@ -107,12 +106,9 @@ def test_collect_is_stepping_and_starting_again_by_hand():
         after = numpy(step_many(GAME, state, *(side.action for side in now.sides)))
         rewards = np.stack([*after.reward])
         returns += rewards
-        for side, role, profile in (
-            (now.sides.pursuer, Role.PURSUER, "paper"),
-            (now.sides.evader, Role.EVADER, "encoded"),
-        ):
-            np.testing.assert_allclose(side.observation, observe_many(GAME, state, role, profile), atol=1e-5)
-            np.testing.assert_allclose(side.next_observation, observe_many(GAME, after.state, role, profile), atol=1e-5)
+        for side, role, name in zip(now.sides, Role, ("paper", "encoded"), strict=True):
+            np.testing.assert_allclose(side.observation, observe_many(GAME, state, role, name), atol=1e-5)
+            np.testing.assert_allclose(side.next_observation, observe_many(GAME, after.state, role, name), atol=1e-5)
             np.testing.assert_allclose(side.reward, rewards[role], atol=1e-5)
             np.testing.assert_allclose(side.episode_return, returns[role], atol=1e-4)
         for name in ("outcome", "terminated", "truncated"):
@@ -137,9 +133,7 @@ def test_a_member_acts_in_its_game_to_the_end_and_another_may_follow():
 
 def test_members_are_drawn_uniformly_and_independently_whatever_action_ended_the_game():
     """Pursuers stand before a wall: those that accelerate leave the arena, all others stay."""
-    robots = RobotState(*map(jnp.float32, (4 - 1e-6, 1, 0, 0))), RobotState(*map(jnp.float32, (1, 1, 0, 0)))
-    state = GameState.of_two(*robots, jnp.asarray(0))
-    doomed = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (ROWS, GAMES)), state)
+    doomed = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (ROWS, GAMES)), state((4 - 1e-6, 1), (1, 1)))
     players = BySide(pursuers(RANDOM, RANDOM, RANDOM), evaders(1, 7))
     _, transitions = numpy(played(replace(GAME, max_steps=1000), players, doomed, jax.random.key(3)))
     drawn = [side.member[1:][over(transitions)[:-1]] for side in transitions.sides]
@@ -194,10 +188,7 @@ def test_every_given_game_ends_and_another_key_plays_others_from_the_same_starts
 @functools.partial(jax.jit, static_argnums=(2, 3))
 def played_at_once(game, players, count, steps):
     """Games from the same starts each time, at their beginning, and what happens in them."""
-    starts, bits = (
-        reset_batch(game, jax.random.key(3), count),
-        jax.random.bits(jax.random.key(4), (2, count), jnp.uint32),
-    )
+    starts, bits = reset_batch(game, jax.random.key(3), count), jax.random.bits(jax.random.key(4), (2, count))
     games = begin(game, starts, players, bits)
     return games, collect(game, players, games, row(starts, None), jax.random.key(5), steps)[1]
 
@@ -232,17 +223,14 @@ def test_memory_begins_with_a_game_and_goes_on_with_it():
     over, expected = np.asarray(moves.ended), np.zeros(5, int)
     for step in range(20):
         for side in moves.sides:
-            np.testing.assert_array_equal(
-                np.asarray(side.action)[step].reshape(5, -1).T, [expected] * (side.action[0].size // 5)
-            )
+            actions = np.asarray(side.action)[step].reshape(5, -1)
+            np.testing.assert_array_equal(actions, expected[:, None].repeat(actions.shape[1], axis=1))
         expected = np.where(over[step], 0, expected + 1)
     assert over.sum() >= 10
 
 
 RECORDED = 24
-RULES = make_game("paper")
-PLAYERS = BySide(find_player("P_stage1", Role.PURSUER, RULES), find_player("random", Role.EVADER, RULES))
-MATCH = Match(make_game("paper"), PLAYERS, RECORDED, seed=3)
+MATCH = Match.of_names(make_game("paper"), "P_stage1", "random", RECORDED, seed=3)
 
 
 def test_a_trace_is_the_course_of_the_game_that_was_played_out():
@@ -257,9 +245,9 @@ def test_a_trace_is_the_course_of_the_game_that_was_played_out():
 WILD = Named("wild", SquashedGaussian(make_actor("paper", 8, 1, jax.random.key(0)), jnp.asarray(1.0)))
 
 
-@pytest.fixture(scope="module", params=[PLAYERS, replace(PLAYERS, pursuer=WILD)], ids=["discrete", "both kinds"])
+@pytest.fixture(scope="module", params=[MATCH.players.pursuer, WILD], ids=["discrete", "both kinds"])
 def replay(request):
-    return record_game(replace(MATCH, players=request.param), index=2)
+    return record_game(replace(MATCH, players=replace(MATCH.players, pursuer=request.param)), index=2)
 
 
 def test_a_replay_survives_its_file_and_plays_again_to_the_same_bits(replay, tmp_path):

@@ -291,14 +291,10 @@ def test_strips_have_a_dot_for_each_pair_of_trainings_and_an_interval_beside_the
     assert [label.get_text() for label in axes.get_xticklabels()] == ["a", "b"]
 
 
-def luminance(colour):
-    """WCAG 2's relative luminance of a colour."""
-    c = np.array(ImageColor.getrgb(colour)) / 255
-    return float(np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4) @ [0.2126, 0.7152, 0.0722])
-
-
 def contrast(*colours):
-    low, high = sorted(map(luminance, colours))
+    """WCAG 2's contrast of two colours, by their relative luminances."""
+    c = np.array([*map(ImageColor.getrgb, colours)]) / 255
+    low, high = sorted(np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4) @ [0.2126, 0.7152, 0.0722])
     return (high + 0.05) / (low + 0.05)
 
 
@@ -311,29 +307,25 @@ def test_words_can_be_read_and_shapes_seen(theme):
 
 OPPONENT = RobotState(*map(jnp.float32, (7.5, 7.0, 0.4, -1.0)))
 OWN = (0.6, 0.8)
-
-
-@pytest.fixture
-def network():
-    return make_network("encoded", width=8, depth=2, key=jax.random.key(1))
+NETWORK = make_network("encoded", width=8, depth=2, key=jax.random.key(1))
 
 
 @pytest.mark.parametrize("role", Role)
-def test_every_cell_has_the_networks_values_there(network, role):
+def test_every_cell_has_the_networks_values_there(role):
     game = make_game("paper")
-    x, y, values = slice_values(Greedy(network), game, role, OWN, OPPONENT, cells=8)
+    x, y, values = slice_values(Greedy(NETWORK), game, role, OWN, OPPONENT, cells=8)
     np.testing.assert_allclose(x, np.arange(8) * 1.25 + 0.625)
     assert values.shape == (8, 8, 9)
     for row, column in ((0, 0), (2, 5), (7, 1)):
         own = RobotState(*map(jnp.float32, (x[column], y[row], *OWN)))
         pursuer, evader = (own, OPPONENT) if role == Role.PURSUER else (OPPONENT, own)
-        observation = network.observation(look(game, GameState.of_two(pursuer, evader, jnp.int32(0)), role))
-        np.testing.assert_allclose(values[row, column], network(observation), atol=1e-5)
+        observation = NETWORK.observation(look(game, GameState.of_two(pursuer, evader, jnp.int32(0)), role))
+        np.testing.assert_allclose(values[row, column], NETWORK(observation), atol=1e-5)
 
 
-def test_there_is_no_value_where_the_body_cannot_be(network):
+def test_there_is_no_value_where_the_body_cannot_be():
     game = make_game("robot")
-    x, y, values = slice_values(Greedy(network), game, Role.PURSUER, OWN, OPPONENT, cells=200)
+    x, y, values = slice_values(Greedy(NETWORK), game, Role.PURSUER, OWN, OPPONENT, cells=200)
     missing = np.isnan(values[..., 0])
     x, y = np.meshgrid(x, y)
     for disc in game.arena.discs:
@@ -344,10 +336,10 @@ def test_there_is_no_value_where_the_body_cannot_be(network):
     assert not missing[10, 10]
 
 
-def test_a_slice_says_of_whom_it_is(network, tmp_path, monkeypatch):
+def test_a_slice_says_of_whom_it_is(tmp_path, monkeypatch):
     drawn = []
     monkeypatch.setattr(Figure, "savefig", lambda figure, _: drawn.append(figure))
-    save_slice(Greedy(network), Role.PURSUER, "P", make_game("robot"), OWN, OPPONENT, tmp_path / "slice.png")
+    save_slice(Greedy(NETWORK), Role.PURSUER, "P", make_game("robot"), OWN, OPPONENT, tmp_path / "slice.png")
     assert [axes.get_title(loc="left") for axes in drawn[0].axes if axes.get_title(loc="left")] == [
         "P: value of its best action\nat 0.6 m/s, heading 46°",
         "P: its best action\nevader at (7.5, 7) m, 0.4 m/s, heading -57°",
@@ -415,13 +407,9 @@ def test_the_script_draws_robots_discs_and_the_reach_of_a_capture_in_metres_betw
     assert nose[1] == pytest.approx(2, abs=1e-3)
 
 
-OUT, CAUGHT = 3, 10
-"""Steps at which the first pursuer leaves the walls and the second one's evader is caught."""
-
-
 @pytest.fixture(scope="module")
 def of_teams():
-    """Two against two, all straight ahead: the first pursuer leaves the walls, the second catches the first evader."""
+    """Two against two, straight ahead: one pursuer leaves the walls, later the other catches the first evader."""
     start = state_of([(9.75, 2, 1), (2, 5, 1)], [(3.15, 5.25), (5, 8, 1, np.pi / 2)], [(0, 0), (0, 0)])
     game, actions = in_teams(Game(max_steps=12), 2, 2), jnp.full((12, 4), 4)
     states, outcomes = play_actions(game, start, actions)
@@ -429,12 +417,9 @@ def of_teams():
     return Replay(game, "P", "E", 0, 1, 0, as_rows(jax.device_get(states)), np.asarray(actions), end)
 
 
-def test_who_is_in_play_is_known_for_each_state(of_teams):
-    assert of_teams.in_play().sum(axis=0).tolist() == [OUT, 13, CAUGHT, 13]
-    assert for_page(of_teams)["until"] == [OUT, None, CAUGHT, None]
-
-
 def test_frames_have_all_robots_with_their_numbers_and_crosses_for_those_out(of_teams, words_of):
+    assert of_teams.in_play().sum(axis=0).tolist() == [3, 13, 10, 13]
+    assert for_page(of_teams)["until"] == [3, None, 10, None]
     said = words_of(of_teams, [0, 12])
     assert said[:3] == ["capture within 0.3 m", "2 pursuers P", "2 evaders E"]
     assert said[3:9] == ["1", "2", "1", "2", "0.0 s", "2 v 2 in play, distance 1.18 m"]

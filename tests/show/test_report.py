@@ -9,14 +9,13 @@ from html import unescape
 
 import pytest
 
-from apollonius.catalogue import find_player
 from apollonius.cli.main import main
 from apollonius.evaluate.claims import paper_shares
 from apollonius.evaluate.match import Match
 from apollonius.evaluate.pairings import last_agents, pairings
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
 from apollonius.game.presets import make_game
-from apollonius.game.types import BySide, Outcome, Role
+from apollonius.game.types import Outcome
 from apollonius.io.errors import InvalidInput
 from apollonius.show import report as report_module
 from apollonius.show.report import MAX_BYTES, SEED, bundled, games_to_show, render, report_of, save_report
@@ -165,9 +164,8 @@ def test_what_is_no_run_is_refused_in_one_line(copy, capsys, name, make):
 
 
 def test_games_that_no_page_could_hold_are_not_played():
-    policies = BySide(*(find_player("still", role, make_game("paper")) for role in (Role.PURSUER, Role.EVADER)))
     with pytest.raises(InvalidInput, match=r"steps of a game that a report shows = 50001 .*at most 50,000"):
-        games_to_show(Match(replace(make_game("paper"), max_steps=50_001), policies, GAMES, SEED))
+        games_to_show(Match.of_names(replace(make_game("paper"), max_steps=50_001), "still", "still", GAMES, SEED))
 
 
 def test_a_report_too_large_to_send_is_refused(page, tmp_path, monkeypatch):

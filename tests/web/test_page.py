@@ -342,9 +342,6 @@ def test_an_agent_that_cannot_be_loaded_is_said(desk):
     desk.complaints.clear()
 
 
-# ---- teams
-
-
 def test_a_person_leads_a_team_to_its_end(desk, tmp_path):
     page = desk.open("?pursuer=you&evader=shielded:evader&game=team-3v1&seed=2")
     assert page.inner_text("#goal") == "You are red 1 of 3: catch blue within 100\u00a0s"
@@ -368,9 +365,6 @@ def test_a_person_leads_a_team_to_its_end(desk, tmp_path):
     assert replay.actions.shape[1] == 4
     assert set(replay.actions[:20, 0]) == {7}
     assert replay.first_difference() is None
-
-
-# ---- a player of one's own
 
 
 @pytest.fixture(scope="module")

@@ -114,13 +114,9 @@ def crowd(arena):
     return Game(arena=arena, capture_distance=0.6, teams=teams)
 
 
-def fast(arena):
-    return Game(arena=arena, starts=Starts(speed="moving"), evader=Unicycle(v_max=1.0, radius=0.1))
-
-
 GAMES = {
     "territory": lambda: make_game("territory"),
-    "map": lambda: fast(on_a_floor()),
+    "map": lambda: Game(Unicycle(), Unicycle(v_max=1.0, radius=0.1), on_a_floor(), starts=Starts(speed="moving")),
     "crowd": lambda: crowd(among_polygons()),
     "crowd on a floor": lambda: crowd(on_a_floor()),
     "team-3v2/office": lambda: find_game("team-3v2/office"),
@@ -230,48 +226,39 @@ def test_robots_see_and_do_the_same(name, role, number):
     assert 0 < np.mean(clearances < MARGIN) < 1
 
 
-@pytest.fixture(scope="module")
-def foggy():
-    """A game in which either side has only its line of sight, and the states of robots that go straight."""
+def test_in_fog_a_side_knows_what_it_knows_in_the_package_and_a_pursuer_searches_that_has_seen_nobody_of_late():
+    """Either side has only its line of sight, and its robot goes straight."""
     sees = Sensors(line_of_sight=True)
     game = charted(replace(find_game("office"), sensors=Sensing(sees, sees)))
     rows = np.linspace((7, 1, 0.4, 0, 6, 5, 0.8, 0), (11, 1, 0.4, 0, 14, 5, 0.8, 0), 100, dtype=np.float32)
-    return game, jax.jit(jax.vmap(as_state))(jnp.asarray(rows), jnp.arange(100))
-
-
-@pytest.fixture(scope="module")
-def known(foggy):
-    """What the page answers about those states: of what either side knows, and of a pursuer that searches."""
-    game, states = foggy
+    states = jax.jit(jax.vmap(as_state))(jnp.asarray(rows), jnp.arange(100))
     record = to_dict(replace(game, arena=replace(game.arena, chart=None), sensors=None))
     asked = {"game": record, "rows": as_rows(states).tolist()}
-    return ask(knowledge=asked, searches=asked)
+    answers = ask(knowledge=asked, searches=asked)
 
+    @functools.partial(jax.jit, static_argnums=0)
+    def followed(role, states):
+        """Return the age and the place of a side's last sighting, and its belief, at each of the states."""
 
-@pytest.mark.parametrize("role", Role)
-def test_in_fog_a_side_knows_what_it_knows_in_the_package(foggy, known, role):
-    (game, states), found = foggy, known["knowledge"][role.name.lower()]
+        def follow(track, state):
+            track, _ = tracking.update(game, role, track, state, jnp.uint32(0))
+            return track, (track.ages[0], track.opponents[0], track.belief.credit)
 
-    def follow(track, state):
-        track, _ = tracking.update(game, role, track, state, jnp.uint32(0))
-        return track, (track.ages[0], track.opponents[0], track.belief.credit)
+        return jax.lax.scan(follow, tracking.begin(game, jax.tree.map(lambda leaf: leaf[0], states), role), states)[1]
 
-    first = tracking.begin(game, jax.tree.map(lambda leaf: leaf[0], states), role)
-    _, (ages, last, credit) = jax.jit(lambda first, states: jax.lax.scan(follow, first, states))(first, states)
-    np.testing.assert_allclose([one["age"] for one in found], ages, rtol=1e-5)
-    np.testing.assert_allclose([one["last"] for one in found], np.stack([last.x, last.y], 1), atol=1e-4)
-    assert len(set(np.asarray(ages) == 0)) == 2, "the other side is in sight at times"
-    can_be = np.asarray(credit).reshape(len(credit), -1) >= 0
-    for one, cells in zip(found, can_be, strict=True):
-        assert len(set(one["cells"]) ^ set(np.flatnonzero(cells))) <= 2
-    assert can_be.any(axis=1).all()
-    assert not can_be.all(axis=1).any()
-
-
-def test_a_pursuer_in_fog_searches_where_it_has_seen_nobody_of_late(known):
-    found, ages = known["searches"], [one["age"] for one in known["knowledge"]["pursuer"]]
-    assert len(found["seen"]) == sum(age <= 1.05 for age in ages)
-    assert len({act for act, age in zip(found["acts"], ages, strict=True) if age > 1.05}) > 1
+    for role in Role:
+        found, (ages, last, credit) = answers["knowledge"][role.name.lower()], followed(role, states)
+        np.testing.assert_allclose([one["age"] for one in found], ages, rtol=1e-5)
+        np.testing.assert_allclose([one["last"] for one in found], np.stack([last.x, last.y], 1), atol=1e-4)
+        assert len(set(np.asarray(ages) == 0)) == 2, "the other side is in sight at times"
+        can_be = np.asarray(credit).reshape(len(credit), -1) >= 0
+        for one, cells in zip(found, can_be, strict=True):
+            assert len(set(one["cells"]) ^ set(np.flatnonzero(cells))) <= 2
+        assert can_be.any(axis=1).all()
+        assert not can_be.all(axis=1).any()
+    searches, ages = answers["searches"], [one["age"] for one in answers["knowledge"]["pursuer"]]
+    assert len(searches["seen"]) == sum(age <= 1.05 for age in ages)
+    assert len({act for act, age in zip(searches["acts"], ages, strict=True) if age > 1.05}) > 1
 
 
 def test_replays_play_again_in_the_package(tmp_path):
@@ -313,9 +300,6 @@ def test_the_last_way_out_is_one_and_a_second_later_there_is_none(me, own, their
     for game in lost:
         assert game["better"] == ([] if game["found"] is None else [game["found"]])
     assert any(game["found"] is not None for game in lost) == finds
-
-
-# ---- arenas that are drawn
 
 
 def test_a_passage_that_is_too_narrow_for_one_robot_is_said():

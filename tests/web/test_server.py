@@ -57,10 +57,7 @@ def server(tmp_path_factory):
 
 def get(server, path, method="GET", **headers):
     connection = http.client.HTTPConnection(LOOPBACK, server.server_port, timeout=10)
-    connection.putrequest(method, path, skip_host="Host" in headers)
-    for name, value in headers.items():
-        connection.putheader(name, value)
-    connection.endheaders()
+    connection.request(method, path, headers=headers)
     answer = connection.getresponse()
     body = answer.read()
     connection.close()
