@@ -33,11 +33,6 @@ def built(tmp_path_factory):
     return out
 
 
-@pytest.fixture(scope="module")
-def wheel(built):
-    return built / f"apollonius-{__version__}-py3-none-any.whl"
-
-
 def needed(requirements, extras=("",)):
     """Names of the installed distributions that requirements ask for, and those that these ask for."""
     asked = [
@@ -49,7 +44,7 @@ def needed(requirements, extras=("",)):
     return {one.name for one in asked}.union(*further)
 
 
-def environment(folder, wheel, *extras):
+def environment(folder, built, *extras):
     """A virtual environment of the wheel and what it asks for, no more; returns its `bin`."""
     venv.create(folder, symlinks=True)
     packages = next(folder.glob("lib/python*/site-packages"))
@@ -60,7 +55,7 @@ def environment(folder, wheel, *extras):
             if not (packages / top).exists():
                 (packages / top).symlink_to(distribution(name).locate_file(top))
     install = [sys.executable, "-m", "pip", "--python", folder / "bin" / "python", "install", "--no-deps", "--no-index"]
-    subprocess.run([*install, wheel], check=True, capture_output=True, timeout=120)
+    subprocess.run([*install, *built.glob("*.whl")], check=True, capture_output=True, timeout=120)
     return folder / "bin"
 
 
@@ -72,8 +67,8 @@ def run(command, *arguments, cwd):
     return result.stdout
 
 
-def test_without_extras_it_plays_and_has_its_page_and_its_templates(wheel, tmp_path):
-    bin_ = environment(tmp_path / "plain", wheel)
+def test_without_extras_it_plays_and_has_its_page_and_its_templates(built, tmp_path):
+    bin_ = environment(tmp_path / "plain", built)
     where = "import apollonius, importlib.util as u; print(apollonius.__file__, u.find_spec('matplotlib'))"
     file, matplotlib = run(bin_ / "python", "-c", where, cwd=tmp_path).split()
     assert (file.startswith(f"{tmp_path / 'plain'}/lib"), matplotlib) == (True, "None")
@@ -86,8 +81,8 @@ def test_without_extras_it_plays_and_has_its_page_and_its_templates(wheel, tmp_p
     assert (tmp_path / "game.gif").read_bytes().startswith(b"GIF89a")
 
 
-def test_with_its_extras_it_reports_and_is_an_environment(wheel, tmp_path):
-    bin_ = environment(tmp_path / "extras", wheel, "plot", "gym")
+def test_with_its_extras_it_reports_and_is_an_environment(built, tmp_path):
+    bin_ = environment(tmp_path / "extras", built, "plot", "gym")
     (tmp_path / "tiny.toml").write_text(tomli_w.dumps(to_dict(RUN)))
     run(bin_ / "apollonius", "train", "--config", "tiny.toml", "--out", "run", cwd=tmp_path)
     run(bin_ / "apollonius", "report", "run", cwd=tmp_path)
@@ -96,11 +91,11 @@ def test_with_its_extras_it_reports_and_is_an_environment(wheel, tmp_path):
     assert run(bin_ / "python", "-c", both, cwd=tmp_path) == "['evader_0', 'pursuer_0']\n"
 
 
-def test_both_archives_say_what_they_are(built, wheel):
+def test_both_archives_say_what_they_are(built):
     pytest.importorskip("twine")
     check = [sys.executable, "-m", "twine", "check", "--strict", *built.iterdir()]
     subprocess.run(check, check=True, capture_output=True, timeout=120)
-    names = zipfile.ZipFile(wheel).namelist()
+    names = zipfile.ZipFile(built / f"apollonius-{__version__}-py3-none-any.whl").namelist()
     assert {"apollonius/py.typed", f"apollonius-{__version__}.dist-info/licenses/LICENSE"} <= set(names)
     assert not [name for name in names if not name.startswith("apollonius")]
     with tarfile.open(built / f"apollonius-{__version__}.tar.gz") as archive:

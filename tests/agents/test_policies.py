@@ -76,11 +76,8 @@ def test_greedy_takes_the_first_of_the_best_actions_that_are_allowed():
         assert act(player, NOTHING, WORDS[0]) == np.argmax(values)
 
 
-def test_still_brakes_straight_ahead():
+def test_still_brakes_straight_ahead_and_random_takes_its_own_action_or_the_first_that_is_allowed():
     assert act(Still(), NOTHING, WORDS[0]) == 1
-
-
-def test_where_only_some_actions_are_allowed_random_takes_its_own_or_the_first():
     actions = np.asarray(jax.vmap(partial(act, Uniform()))(jnp.zeros((50, 8)), WORDS[:50]))
     held = jax.vmap(lambda bits: Uniform().choose(act(Uniform(), NOTHING, bits), allowing(2, 5, 6)))(WORDS[:50])
     assert held.tolist() == [action if action in (2, 5, 6) else 2 for action in actions]

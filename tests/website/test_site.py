@@ -52,7 +52,7 @@ def opened(browser, address, page, **screen):
 
 
 @pytest.mark.parametrize("screen", [{}, PHONE], ids=["desktop", "phone"])
-def test_the_game_at_home_is_played_without_scrolling_and_leads_to_the_whole_screen_and_back(browser, address, screen):
+def test_the_game_at_home_can_be_played_without_scrolling(browser, address, screen):
     with opened(browser, address, "index.html", **screen) as tab:
         game = tab.frame_locator(".hero iframe")
         game.locator("#go:enabled").wait_for()
@@ -62,6 +62,11 @@ def test_the_game_at_home_is_played_without_scrolling_and_leads_to_the_whole_scr
         assert box["y"] + box["height"] < height
         game.locator("#go").click()
         playwright.expect(game.locator("#go")).to_have_text("Pause", timeout=20_000)
+
+
+@pytest.mark.parametrize("screen", [{}, PHONE], ids=["desktop", "phone"])
+def test_home_leads_to_the_same_game_on_the_whole_screen_and_back(browser, address, screen):
+    with opened(browser, address, "index.html", **screen) as tab:
         tab.locator(".ways a").click()
         tab.locator("#go:enabled").wait_for()
         assert tab.inner_text("#goal").startswith("1. ")
