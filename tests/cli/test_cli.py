@@ -422,17 +422,7 @@ def test_a_full_disk_ends_the_training_in_one_line(tiny, capsys, monkeypatch):
 
 
 COARSER = ("--grid", "9x9x3x8")
-GRID = ("--grid", "4x4x2x4", "--hold", "10")
-"""All too coarse for anything but the commands themselves."""
-
-
-@pytest.fixture(scope="module")
-def tables(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("tables")
-    paths = {role: folder / f"{role}.safetensors" for role in ("pursuer", "evader")}
-    for role, path in paths.items():
-        assert run_main("solve", "game", "--role", role, *GRID, "--out", str(path)) == 0
-    return {role: str(path) for role, path in paths.items()}
+"""Too coarse for anything but the commands themselves."""
 
 
 def run_json(capsys, *arguments):
@@ -442,13 +432,15 @@ def run_json(capsys, *arguments):
 
 
 @pytest.mark.slow
-def test_a_card_is_measured(capsys, tables):
-    files = ("--tables", tables["evader"], tables["pursuer"])
+def test_a_card_is_measured(capsys):
+    for role in ("pursuer", "evader"):
+        words = f"solve game --role {role} --grid 4x4x2x4 --hold 10 --out {role}.safetensors"
+        assert run_main(*words.split()) == 0
+    files = ("--tables", "evader.safetensors", "pursuer.safetensors")
     card = run_json(capsys, "regret", "random", *files, "--role", "evader", "--games", "12")
     assert (card["agent"], card["role"], card["games"]) == ("random", "evader", 12)
     assert card["gap"] == pytest.approx(card["promised"] - card["payoff"], abs=1e-6)
-    twice = ("--tables", tables["evader"], tables["evader"])
-    assert_refused(capsys, "regret", "random", *twice, naming=("--tables", "a pursuer's and an evader's"))
+    assert_refused(capsys, "regret", "random", *files[:2], files[1], naming=("--tables", "a pursuer's and an evader's"))
     assert_refused(capsys, "regret", "random", *files, "--grid", "4x4x2x4", naming=("--grid", "--tables"))
     assert run_main("regret", "still", *files, "--role", "evader", "--games", "5") == 0
     assert "gap to what its own table promises" in capsys.readouterr().out

@@ -94,15 +94,10 @@ def test_starts_are_the_games_own_unless_others_are_asked_for(asked, speed):
     assert Match.of_names(moving, "still", "still", games=1, starts=asked).game.starts.speed == speed
 
 
-class Charted(Still):
-    """Stands still, by a chart."""
-
-    charted = True
-
-
 def test_a_match_keeps_its_game_and_plays_it_with_charts_where_players_read_them(monkeypatch):
     monkeypatch.setattr(match, "charted", lambda game, reads: replace(game, max_steps=3) if reads else game)
-    asked, bare = (a_match(PAPER, player, Still(), 2) for player in (Charted(), Still()))
+    monkeypatch.setattr(Uniform, "charted", True)
+    asked, bare = (a_match(PAPER, player, Still(), 2) for player in (Uniform(), Still()))
     assert (asked.game, asked.rules.max_steps, bare.rules) == (PAPER, 3, PAPER)
 
 

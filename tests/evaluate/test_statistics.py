@@ -193,15 +193,11 @@ QUICK = replace(SMALL, max_steps=150)
 GAMES = 60
 
 
-def player(role):
-    grid = make_grid(QUICK.arena, BODY, (5, 6, 3, 6))
-    zero_sum_game = make_zero_sum_game(QUICK, (grid, grid), 5, role)
-    return SaddlePolicy(zero_sum_game, solve_duel(make_duel(zero_sum_game)).table)
-
-
 @pytest.fixture(scope="module")
 def tables():
-    return player(Role.PURSUER), player(Role.EVADER)
+    grid = make_grid(QUICK.arena, BODY, (5, 6, 3, 6))
+    games = [make_zero_sum_game(QUICK, (grid, grid), 5, role) for role in Role]
+    return [SaddlePolicy(game, solve_duel(make_duel(game)).table) for game in games]
 
 
 @pytest.mark.slow

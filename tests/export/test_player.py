@@ -30,6 +30,7 @@ from apollonius.game.scenario import stack_arenas
 from apollonius.game.types import BySide, Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.play.rollout import begin, step_games
+from tests.documents import REPOSITORY, blocks
 from tests.export.test_translate import needs_gcc
 from tests.web.test_parity import as_on_the_page, ask, needs_node
 
@@ -206,43 +207,31 @@ def test_a_state_that_cannot_be_is_answered_by_braking(name):
 
 
 MAIN = """
-#include <stdio.h>
-#include <stdlib.h>
-#include "robot.h"
-
-static robot_player player;
-static robot_game game;
-
-int main(int count, char **words)
-{
-    float state[8], controls[2];
-    int32_t action;
-    FILE *one = fopen("robot.player", "rb"), *two = fopen("robot.game", "rb");
-    if (!one || !two || fread(&player, sizeof player, 1, one) != 1 || fread(&game, sizeof game, 1, two) != 1)
-        return 1;
-    for (int i = 1; i < count; i++)
-        state[i - 1] = strtof(words[i], NULL);
-    robot(&player, &game, state, &action, controls);
-    printf("%d %.9g %.9g\\n", (int)action, controls[0], controls[1]);
-    return 0;
-}
+{}
+int main(void)
+{{
+{}
+return printf("%d %.9g %.9g", (int)action, controls[0], controls[1]) < 0;
+}}
 """
+"""A program of what the guide says of a player's files, first what it includes."""
 
 
 @needs_gcc
 def test_a_program_reads_the_files_and_drives_in_any_game_of_that_size(tmp_path, monkeypatch):
     monkeypatch.setattr(writing, "_check", lambda *_: [])
-    (tmp_path / "main.c").write_text(MAIN)
-    states, sources = np.array([[2, 3, 0.5, 0.1], [7, 6, 0, -1.5]], np.float32), set()
+    (guide,) = (one.code for one in blocks(REPOSITORY / "docs/how-to/export.md") if one.language == "c")
+    (tmp_path / "main.c").write_text(MAIN.format(*guide.split("\n\n", 1)))
+    states, sources = np.array([[2, 7, 0, 0], [8, 7, 0.5, 0]], np.float32), set()
     sanitizers = ["-fsanitize=address,undefined", "-fno-sanitize-recover"]
     for game in ("paper", "robot"):
-        player = exportable(game, "P_stage1")
-        write_c(player, tmp_path / "robot.c", states=100)
+        player = exportable(game, "P_optimal")
+        write_c(player, tmp_path / "P_optimal.c", states=100)
         if not sources:
-            program = ["gcc", *FLAGS, "main.c", "robot.c", "-lm", "-o", "clean", *sanitizers]
+            program = ["gcc", *FLAGS, "main.c", "P_optimal.c", "-lm", "-o", "clean", *sanitizers]
             subprocess.run(program, check=True, cwd=tmp_path)
-        sources.add((tmp_path / "robot.c").read_bytes())
-        said = subprocess.check_output(["./clean", *map(str, states.ravel())], cwd=tmp_path).split()
+        sources.add((tmp_path / "P_optimal.c").read_bytes())
+        said = subprocess.check_output(["./clean"], cwd=tmp_path).split()
         made = jax.jit(player.decide)(player.policy, player.game, states, None, (), np.uint32(0))
         assert [*map(float, said)] == pytest.approx([int(made["action"]), *map(float, made["controls"])])
     assert len(sources) == 1, "the program is the same, the game's file is another"

@@ -185,13 +185,6 @@ def test_a_sweep_of_what_cannot_be_is_refused(field, values, naming):
         sweep(RUN, {field: values})
 
 
-def test_the_share_of_a_training_counts_both_learners_of_self_play():
-    steps = RUN.fixed_target.env_steps
-    assert RUN.share("fixed-target", steps) == pytest.approx(1 / 3)
-    assert RUN.share("self-play", steps) == 1.0
-    assert RUN.share("fixed-target", 0) == 0.0
-
-
 @pytest.fixture
 def run(tmp_path):
     create_run(RUN, tmp_path / "run")

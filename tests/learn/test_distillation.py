@@ -102,17 +102,11 @@ def test_a_teacher_says_the_values_of_its_player_and_cuts_off_how_bad_is_bad(stu
 LEFT = np.linspace(0.005, 0.025, NUM_ACTIONS)
 
 
-class Cramped(Clearance):
-    """Leaves the same room, wherever the robot is."""
-
-    def after(self, robot, actions):
-        return jnp.float32(LEFT)
-
-
-def test_where_room_is_short_what_a_teacher_prefers_counts_in_proportion(visited):
+def test_where_room_is_short_what_a_teacher_prefers_counts_in_proportion(visited, monkeypatch):
     """A quarter of the wanted room is left at best, so that a quarter of each difference remains."""
+    monkeypatch.setattr(Clearance, "after", lambda *_: jnp.float32(LEFT))
     grid, _ = reference_grid(GAME, Role.EVADER)
-    room = Cramped(motion_of(GAME, Role.EVADER, 2), grid, jnp.zeros(grid.shape), 0.1)
+    room = Clearance(motion_of(GAME, Role.EVADER, 2), grid, jnp.zeros(grid.shape), 0.1)
     behind = -np.arange(9, dtype=np.float32) / 10
     cost = np.minimum(STEEPNESS * (0.025 - LEFT), COSTLIEST)
     np.testing.assert_allclose(eqx.filter_jit(room.weighed)(behind, visited.evader), behind / 4 - cost, atol=1e-6)
