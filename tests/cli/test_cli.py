@@ -23,7 +23,6 @@ from apollonius.catalogue import player_names
 from apollonius.cli.main import main
 from apollonius.cli.terminal import match_table
 from apollonius.evaluate.match import MatchResult
-from apollonius.game.dynamics import Unicycle
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
@@ -32,17 +31,13 @@ from apollonius.play.replay import load_replay
 from apollonius.solve.store import load_solution
 from tests.acting import a_match
 from tests.documents import REPOSITORY
-from tests.learn.tiny import RUN
+from tests.learn.tiny import STOPPING
 
 
 @pytest.fixture
 def tiny():
-    """A config file of a training that takes seconds, of robots that can stop: no start at rest is lost.
-
-    With the promotion that optax needs.
-    """
-    game = replace(RUN.game, pursuer=Unicycle(), evader=Unicycle())
-    Path("tiny.toml").write_text(tomli_w.dumps(to_dict(replace(RUN, game=game, seed=5))))
+    """A config file of a training that takes seconds, with the promotion that optax needs."""
+    Path("tiny.toml").write_text(tomli_w.dumps(to_dict(replace(STOPPING, seed=5))))
     with jax.numpy_dtype_promotion("standard"):
         yield "tiny.toml"
 
@@ -222,6 +217,15 @@ REFUSED = {
     "regret still --games 2147483647": "--games", "tournament --pursuers random flee": "plays the evader, not",
     "exploit pursuer P_stage1 --attackers nobody": "--attackers",
     "exploit pursuer P_stage1 --tables t.safetensors e.safetensors": "check the path",
+    "export still --to c --out a.c":
+    "side = missing is not possible: it must be pursuer or evader, as 'still' plays either",
+    "export flee --to c --out a.c --side pursuer": "side = pursuer",
+    "export pursuer --to c --out a.c": "one arena, as office, since 'pursuer' plays in any",
+    "export P_stage1 --to c --out a.onnx": "a file that ends in .c",
+    "export P_stage1 --to onnx --out a.onnx --constants": "--constants",
+    "export shielded:P_stage1 --to onnx --out a.onnx": "one without a shield",
+    "export P_stage1 --to c --out a.c --game suite-v1/maze-00,maze-01": "one arena, which export needs",
+    "export P_stage1 --to c --out 1-2.c": "a file whose name begins with a letter",
 }  # fmt: skip
 """What is refused, and with which words."""
 

@@ -127,28 +127,22 @@ def test_a_written_grid_is_read():
 
 
 def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
-    from apollonius.agents.built_in import PLAYERS
-    from apollonius.agents.names import BUILT_IN
-    from apollonius.cli.exploit import ATTACKERS
-    from apollonius.cli.judge import TRACKS
-    from apollonius.cli.options import LENGTHS
-    from apollonius.cli.show import MOVING
-    from apollonius.cli.train import PROFILES
-    from apollonius.evaluate.benchmark import PANELS
-    from apollonius.exploit.attackers import LEARNING, PLANNER, SEARCHES
-    from apollonius.game import names
-    from apollonius.game import presets as games
-    from apollonius.learn import learner_config
-    from apollonius.learn.config import PRESETS
+    from apollonius.agents import built_in, names
+    from apollonius.cli import exploit, judge, options, show, train
+    from apollonius.evaluate import benchmark
+    from apollonius.exploit import attackers
+    from apollonius.game import names as games
+    from apollonius.game import presets
+    from apollonius.learn import config, learner_config
     from apollonius.show import animation
 
-    assert set(TRACKS) == set(PANELS)
-    assert set(LENGTHS) == set(PRESETS)
-    assert [*ATTACKERS] == ["table", "zoo", *SEARCHES, PLANNER, *LEARNING]
-    assert list(PLAYERS) == list(BUILT_IN)
-    assert tuple(games.PRESETS) == names.PRESETS
-    assert set(PROFILES) == set(learner_config.PROFILES)
-    assert MOVING == animation.MOVING
+    assert set(judge.TRACKS) == set(benchmark.PANELS)
+    assert set(options.LENGTHS) == set(config.PRESETS)
+    assert [*exploit.ATTACKERS] == ["table", "zoo", *attackers.SEARCHES, attackers.PLANNER, *attackers.LEARNING]
+    assert list(built_in.PLAYERS) == list(names.BUILT_IN)
+    assert tuple(presets.PRESETS) == games.PRESETS
+    assert set(train.PROFILES) == set(learner_config.PROFILES)
+    assert show.MOVING == animation.MOVING
 
 
 def test_a_value_is_shown_on_one_short_line():

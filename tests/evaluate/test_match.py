@@ -14,6 +14,7 @@ from scipy.special import expit
 
 from apollonius.agents.classical import Still, Uniform
 from apollonius.agents.shield import BRAKING
+from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
 from apollonius.cli.main import main
 from apollonius.cli.terminal import match_table, tournament_table, varied_table
@@ -24,11 +25,8 @@ from apollonius.evaluate.statistics import wilson_interval
 from apollonius.evaluate.tournament import MEAN, SCALE, play_tournament, rate
 from apollonius.evaluate.vary import Variation, alike, numbers_of, play_varied, varied_matches, with_numbers
 from apollonius.game import game as starts
-from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.game import Game
 from apollonius.game.outcome import counts_by_name
-from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.sensing import Sensing, Sensors
 from apollonius.game.teams import Teams
@@ -340,13 +338,8 @@ def test_numbers_that_cannot_be_are_refused(numbers, named):
         with_numbers(PAPER, numbers)
 
 
-CORNERS = ((0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.0, 0.5))
-SQUARES = [Polygon(tuple((x + i, y + j) for i, j in CORNERS)) for x, y in ((3.0, 3.0), (6.0, 3.0), (3.0, 6.0))]
-AMONG_SQUARES = Game(arena=Arena(polygons=tuple(SQUARES)))
-
-
 def test_shields_get_one_structure_and_leave_as_much_room_as_before():
-    games = [replace(AMONG_SQUARES, pursuer=Unicycle(v_max=v_max)) for v_max in (0.6, 1.8)]
+    games = [replace(find_game("suite-v1/blocks-00"), pursuer=Unicycle(v_max=v_max)) for v_max in (0.6, 1.8)]
     before = [find_player("shielded:random", Role.PURSUER, game).policy for game in games]
     after = alike(before)
     shapes = [jax.tree.map(jnp.shape, policy) for policy in after]

@@ -253,27 +253,6 @@ def test_the_command_writes_files_and_says_what_they_are(tmp_path, capsys, monke
     assert "chaser_player" not in text
 
 
-REFUSED = {
-    "still --to c --out a.c": "side = missing is not possible: it must be pursuer or evader, as 'still' plays either",
-    "flee --to c --out a.c --side pursuer": "side = pursuer",
-    "pursuer --to c --out a.c": "one arena, as office, since 'pursuer' plays in any",
-    "P_stage1 --to c --out a.onnx": "a file that ends in .c",
-    "P_stage1 --to onnx --out a.onnx --constants": "--constants",
-    "shielded:P_stage1 --to onnx --out a.onnx": "one without a shield",
-    "P_stage1 --to c --out a.c --game suite-v1/maze-00,maze-01": "one arena, which export needs",
-    "P_stage1 --to c --out 1-2.c": "a file whose name begins with a letter",
-}
-
-
-@pytest.mark.parametrize("words", REFUSED)
-def test_what_cannot_be_exported_is_refused_in_one_line(words, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert main(["export", *words.split()]) == 2
-    *_, last = capsys.readouterr().err.strip().splitlines()
-    assert REFUSED[words] in last
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.mark.slow
 @needs_gcc
 def test_whole_games_in_c_end_as_the_packages_and_a_shield_holds_in_them():

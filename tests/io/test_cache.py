@@ -115,10 +115,6 @@ def home(tmp_path, monkeypatch):
     return tmp_path
 
 
-def age(path, seconds):
-    os.utime(path, (seconds, seconds))
-
-
 def table(home, name, size=100):
     folder = cache_folder("tables")
     assert folder == home / "tables"
@@ -131,11 +127,11 @@ def names(folder):
 
 def test_compilations_and_tables_have_bounds_of_their_own_and_what_is_read_stays(home):
     table(home, "minutes of work", 300)
-    age(home / "tables" / "minutes of work", 1)
+    os.utime(home / "tables" / "minutes of work", (1, 1))
     entries_here = Entries(home / "compilations" / "here", 350)
     for number in range(9):
         entries_here.put(f"{number}", bytes(96))
-        age(home / "compilations" / "here" / f"{number}", 1 + number)
+        os.utime(home / "compilations" / "here" / f"{number}", (1, 1 + number))
         assert entries_here.get("0") is not None
     assert names(home / "tables") == ["minutes of work"]
     assert names(home / "compilations" / "here") == ["0", "7", "8"]
@@ -147,7 +143,7 @@ def test_compilations_and_tables_have_bounds_of_their_own_and_what_is_read_stays
 def test_the_least_recently_used_make_room(home):
     for number in range(3):
         table(home, f"{number}")
-        age(home / "tables" / f"{number}", 1 + number)
+        os.utime(home / "tables" / f"{number}", (1, 1 + number))
     table(home, "0")  # is read
     table(home, "3")
     assert names(home / "tables") == ["0", "2", "3"]

@@ -16,14 +16,10 @@ import pytest
 import tomli_w
 
 from apollonius.arenas.file import to_dict
-from apollonius.game.dynamics import Unicycle
 from apollonius.game.starts import Starts
-from tests.learn import tiny
+from tests.learn.tiny import STOPPING
 
-BODIES = {"pursuer": Unicycle(), "evader": Unicycle()}
-RUN = replace(tiny.RUN, game=replace(tiny.GAME, **BODIES, starts=Starts(separation=2.5)))
-"""A training of robots that can stop."""
-
+RUN = replace(STOPPING, game=replace(STOPPING.game, starts=Starts(separation=2.5)))
 PROGRAMS = ("munged", "slurmctld", "slurmd", "sbatch", "scontrol")
 SECONDS = 900
 """Most time that a sweep may take."""

@@ -54,3 +54,5 @@ GAME = replace(
 )
 """Neither robot can stop, so that all kinds of outcomes are common, though none within 8 steps of the start."""
 RUN = RunConfig(game=GAME, dqn=DQN, fixed_target=STAGE, self_play=SelfPlayConfig(**vars(replace(STAGE, progress=1.0))))
+STOPPING = replace(RUN, game=replace(GAME, pursuer=Unicycle(), evader=Unicycle()))
+"""Of robots that can stop: no start at rest is lost, and shields can help."""

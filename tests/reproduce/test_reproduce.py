@@ -11,7 +11,6 @@ import pytest
 
 from apollonius.cli.main import main
 from apollonius.evaluate.claims import Claim
-from apollonius.game.dynamics import Unicycle
 from apollonius.io.errors import InvalidInput
 from apollonius.learn.config import PRESETS
 from apollonius.learn.folder import agent_file, create_run
@@ -19,11 +18,8 @@ from apollonius.learn.run import Run
 from apollonius.reproduce.finding import claim_table, outcome_table
 from apollonius.reproduce.reproduction import SECTIONS, reproduce
 from apollonius.reproduce.study import AGENTS, RUN_OF, run_configs
-from tests.learn.tiny import GAME
-from tests.learn.tiny import RUN as TINY
+from tests.learn.tiny import STOPPING
 
-RUN = replace(TINY, game=replace(GAME, pursuer=Unicycle(), evader=Unicycle()))
-"""Between robots that can stop, or no shield would help."""
 GAMES = 40
 PICTURES = [f"figure{number}.png" for number in (4, 5, 6, 7, 8)]
 
@@ -32,7 +28,7 @@ PICTURES = [f"figure{number}.png" for number in (4, 5, 6, 7, 8)]
 def tiny_budget():
     """The smallest training as a preset; its processes share the compilations of the tests."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(PRESETS, "tiny", RUN)
+        patch.setitem(PRESETS, "tiny", STOPPING)
         patch.setenv("JAX_COMPILATION_CACHE_DIR", str(jax.config.jax_compilation_cache_dir))
         patch.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
         yield
@@ -97,7 +93,7 @@ def test_claims_and_words_are_those_of_the_matches(study):
 def test_a_study_that_was_killed_goes_on(tmp_path):
     """After three chunks of one training."""
     begun = tmp_path / "seed-0" / "scratch"
-    config = run_configs(RUN, 0)["scratch"]
+    config = run_configs(STOPPING, 0)["scratch"]
     create_run(config, begun)
     chunks = iter([False, False, True])
     assert not Run(config, begun, should_stop=lambda: next(chunks)).execute()
