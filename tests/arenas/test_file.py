@@ -1,8 +1,6 @@
 """Games and ROS maps as files: what is written is played, maps are as map_server shows them, errors are one line."""
 
 import json
-import struct
-import zlib
 
 import numpy as np
 import pytest
@@ -162,12 +160,6 @@ def test_plain_and_raw_pgm_and_png_are_one_map(tmp_path):
         assert other.digest != raw.digest
 
 
-def png(width, height):
-    """The first bytes of a grey picture of this size: its cells are not there."""
-    size = b"IHDR" + struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
-    return b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + size + struct.pack(">II", zlib.crc32(size), 9) + b"IDAT"
-
-
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
@@ -190,15 +182,14 @@ def png(width, height):
         ({"resolution": '!!int ""'}, "tags .* are not read"),
         ({"resolution": "1" + "0" * 4000}, "resolution = 1000"),
         ({"negate": "&a [*a]"}, "no YAML"),
-        ({"pixels": png(20_000, 20_000)}, r"\(20000, 20000\) .* at most 10,000 cells .* crop it"),
-        ({"pixels": png(10_001, 5)}, r"\(10001, 5\) .* at most 10,000 cells .* crop it"),
-        ({"pixels": b"P5 20000 20000 255\n"}, r"\(20000, 20000\) .* at most 10,000 cells"),
-        ({"pixels": png(20, 20)}, "no whole PGM or PNG"),
+        ({"pixels": b"P5 10001 5 255\n"}, r"\(10001, 5\) .* at most 10,000 cells .* crop it"),
+        ({"pixels": b"P5 20000 20000 255\n"}, r"\(20000, 20000\) .* at most 10,000 cells .* crop it"),
+        ({"pixels": b"\x89PNG\r\n\x1a\n"}, "no whole PGM or PNG"),
         ({"pixels": b"P5 20 20 255\n" + bytes(100)}, "no whole PGM or PNG"),
         ({"pixels": b"P6 20 20 255\n" + bytes(1200)}, "kind RGB .* grey"),
-        ({"pixels": png(10_000, 10_000)}, "needs 10.2 GiB of memory and this machine has 4.0 GiB: crop it"),
+        ({"pixels": b"P5 10000 10000 255\n"}, "needs 10.2 GiB of memory and this machine has 4.0 GiB: crop it"),
     ],
-    ids=range(26),
+    ids=range(25),
 )
 def test_each_error_of_a_map_is_one_clear_line_before_a_picture_too_large_is_read(tmp_path, monkeypatch, changes, said):
     monkeypatch.setattr(limits, "available_memory", lambda: 2**32)

@@ -15,8 +15,7 @@ from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.presets import in_teams, make_game, randomised
 from apollonius.game.scenario import Spread
 from apollonius.game.sensing import BOUND, MOST_LAG, Drive, Drives, Noise, Sensors, drive_of, sense
-from apollonius.game.teams import separation
-from apollonius.game.types import ROLES, BySide, GameState, Role
+from apollonius.game.types import ROLES, BySide, Role
 from apollonius.play.rollout import step_driven
 from tests.acting import robot, state_of
 
@@ -46,11 +45,6 @@ def test_pi_itself_and_every_neighbour_of_the_cut_wrap_to_the_right_side(cut, co
     assert ours[200] == PI
     assert np.all((ours > -PI) & (ours <= PI))
     np.testing.assert_allclose(np.exp(1j * ours), np.exp(1j * angles), atol=1e-6)
-
-
-def test_the_distance_of_two_robots_is_that_of_their_centres():
-    state = GameState.of_two(robot(2.0, 3.0, 1.0, 0.5), robot(5.0, 7.0, 0.0, -1.0), jnp.int32(0))
-    assert float(separation(state.pursuer, state.evader)) == 5.0
 
 
 def test_the_unit_vector_is_cosine_and_sine_to_one_in_a_million():

@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 from apollonius.game.arena import Arena, Disc
-from apollonius.game.game import Game
 from apollonius.game.nearby import surroundings
-from apollonius.game.obstacle import between_nodes
 from apollonius.game.occupancy import OccupancyMap, distance_field
 from apollonius.game.polygon import Edges, Polygon
 from apollonius.io.errors import InvalidInput
@@ -104,13 +102,6 @@ def test_what_is_near_is_as_far_away_as_among_all_polygons_up_to_the_reach(lengt
     assert (near[every > 2 * REACH] > 1e5).any(), "where none is in reach"
 
 
-def test_a_game_can_be_made_while_a_function_is_traced():
-    """Numbers that are swept are not known then, and are left unchecked."""
-    game = Game(arena=Arena(polygons=(Polygon(STAR),)))
-    swept = jax.jit(jax.vmap(lambda dt: 3.0 * replace(game, dt=dt).dt))(jnp.asarray([0.5, 0.25]))
-    assert swept.tolist() == [1.5, 0.75]
-
-
 BOX = Arena(-1.0, 3.0, 0.0, 2.0)
 leaves = jax.jit(Arena.is_out_of_range)
 
@@ -166,14 +157,6 @@ def test_cells_hide_what_they_hide_as_squares():
     assert 40 < sum(expected) < 760
     found = hidden(world, *(robots(places * CELL + (-1, 2)) for places in ends))
     np.testing.assert_array_equal(found, expected)
-
-
-@pytest.mark.parametrize(
-    ("position", "corner", "share"), [(2.25, 2, 0.25), (0.0, 0, 0.0), (4.0, 3, 1.0), (7.3, 3, 1.0), (-2.0, 0, 0.0)]
-)
-def test_a_place_is_between_two_of_five_corners_and_beyond_them_at_the_ends(position, corner, share):
-    before, on_the_way = between_nodes(jnp.float32(position), 5)
-    assert (int(before), float(on_the_way)) == (corner, share)
 
 
 def test_along_a_step_it_is_at_most_the_least_distance_and_short_by_an_eighth_of_the_step():

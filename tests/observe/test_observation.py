@@ -57,17 +57,14 @@ def divided(**changes):
     return charted(Game(arena=ROOM, **changes))
 
 
-def of_slow():
-    return divided(pursuer=Unicycle(v_max=0.6, u1_max=0.6, u2_max=1.6, radius=0.15), capture_distance=0.6)
-
-
 @jax.jit
 def look_by_chart(game, now):
     return EGOCENTRIC(look(game, now, Role.PURSUER))
 
 
 def seen(now):
-    return np.asarray(look_by_chart(of_slow(), now))
+    slow = Unicycle(v_max=0.6, u1_max=0.6, u2_max=1.6, radius=0.15)
+    return np.asarray(look_by_chart(divided(pursuer=slow, capture_distance=0.6), now))
 
 
 def test_robots_number_by_number():

@@ -24,26 +24,14 @@ def move(body, robot, inputs, dt):
         radius = travelled / turn
         dx = radius * (math.sin(heading + turn) - math.sin(heading))
         dy = radius * (math.cos(heading) - math.cos(heading + turn))
-    return x + dx, y + dy, v_after, wrapped(heading + turn)
-
-
-def wrapped(angle):
-    while angle > math.pi:
-        angle -= 2 * math.pi
-    while angle <= -math.pi:
-        angle += 2 * math.pi
-    return angle
-
-
-def distance(a, b):
-    return math.hypot(a[0] - b[0], a[1] - b[1])
+    return x + dx, y + dy, v_after, math.remainder(heading + turn, math.tau)
 
 
 def closest_pass(a_before, a_after, b_before, b_after):
     """Least distance between two points that go straight from before to after in the same time."""
     start = (b_before[0] - a_before[0], b_before[1] - a_before[1])
     end = (b_after[0] - a_after[0], b_after[1] - a_after[1])
-    length = distance(start, end)
+    length = math.dist(start, end)
     if length == 0:
         return math.hypot(*start)
     along = (end[0] - start[0]) / length, (end[1] - start[1]) / length
@@ -105,7 +93,7 @@ def winds_around(vertices, place):
     total = 0.0
     for edge in edges(vertices):
         before, after = (math.atan2(y - place[1], x - place[0]) for x, y in edge)
-        total += wrapped(after - before)
+        total += math.remainder(after - before, math.tau)
     return abs(total) > math.pi
 
 

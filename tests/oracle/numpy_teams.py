@@ -116,4 +116,5 @@ def drive(game, robot, action):
 
 
 def nearest(robots, hunters, number):
-    return min((alone.distance(robots[hunter]["place"], robots[number]["place"]) for hunter in hunters), default=0.0)
+    here = robots[number]["place"][:2]
+    return min((math.dist(robots[hunter]["place"][:2], here) for hunter in hunters), default=0.0)

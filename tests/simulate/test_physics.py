@@ -52,12 +52,6 @@ def follow(drive, controls, v=(0.5, 0.0), references=None):
     return references, asked
 
 
-def test_wheels_roll_as_far_as_their_sides_of_the_robot_move():
-    drive = Drive(wheel_radius=0.1, track=0.4)
-    left, right = drive.wheel_speeds(np.array(0.6), np.array(0.5))
-    assert (left, right) == (pytest.approx(5.0), pytest.approx(7.0))
-
-
 def test_without_all_parts_the_references_end_where_the_rules_do():
     references, asked = follow(IDEAL, [(0.3, 0.8), (-0.3, -0.8)], v=(1.19, 0.02))
     for side, controls in enumerate([(0.3, 0.8), (-0.3, -0.8)]):

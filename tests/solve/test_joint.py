@@ -66,22 +66,6 @@ def test_the_table_is_that_of_brute_force(plain, role):
     np.testing.assert_allclose(sure, before[pairs], atol=1e-5)
 
 
-def test_between_nodes_the_value_is_multilinear():
-    grid = make_grid(SMALL.arena, BODY, (4, 5, 3, 5))
-    table = jax.random.uniform(jax.random.key(0), (grid.size // 60, grid.size, 60))
-    one = grid.node(*(jnp.int32(index) for index in (1, 3, 2, 3)))
-    others = jax.vmap(grid.node)(*(jnp.array(indices, jnp.int32) for indices in ([0, 2], [4, 1], [3, 0], [2, 3])))
-    matrix = np.asarray(as_matrix(table))
-    nodes = [int(np.ravel_multi_index(index, grid.shape)) for index in ((0, 4, 3, 2), (2, 1, 0, 3))]
-    there = int(np.ravel_multi_index((1, 3, 2, 3), grid.shape))
-    between = RobotState(one.x, one.y + grid.spacing[1] / 4, one.v, one.heading)
-    beside = 0.75 * matrix[there, nodes] + 0.25 * matrix[there + 1, nodes]
-    in_games = jax.tree.map(lambda *leaves: jnp.stack(leaves), one, between)
-    waiting = jax.tree.map(lambda leaf: leaf[:, None].repeat(2, 1), others)
-    found = jax.jit(lambda moving, waiting: interpolate(table, (grid, moving), (grid, waiting)))(in_games, waiting)
-    np.testing.assert_allclose(found, np.stack([matrix[there, nodes], beside], axis=1), atol=1e-5)
-
-
 def test_what_cannot_be_solved_is_refused(monkeypatch):
     with pytest.raises(InvalidInput, match=r"hold = 0.*at least 1"):
         zero_sum_game(SMALL, Role.PURSUER, FEW, hold=0)
