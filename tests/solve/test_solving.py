@@ -203,6 +203,7 @@ def test_between_nodes_the_value_is_multilinear_and_beyond_the_ends_that_of_the_
     states = jax.vmap(RobotState)(*(jnp.asarray(numbers, jnp.float32) for numbers in (x, y, v, heading)))
     found = jax.jit(jax.vmap(grid.interpolate, (None, 0)))(table, states)
     np.testing.assert_allclose(found, expected, atol=1e-5)
+    assert jnp.all(jax.vmap(grid.corners)(states)[0] < grid.size)
 
 
 def test_a_hold_takes_about_as_much_memory_as_is_asked_for():
