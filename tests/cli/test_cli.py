@@ -425,10 +425,6 @@ def test_a_full_disk_ends_the_training_in_one_line(tiny, capsys, monkeypatch):
     assert not list(Path("run").rglob("*.tmp"))
 
 
-COARSER = ("--grid", "9x9x3x8")
-"""Too coarse for anything but the commands themselves."""
-
-
 def run_json(capsys, *arguments):
     capsys.readouterr()
     assert run_main(*arguments, "--json") == 0
@@ -451,7 +447,8 @@ def test_a_card_is_measured(capsys):
 
 
 def test_reach_is_solved_once_and_then_loaded(capsys, monkeypatch):
-    arguments = ("solve", "reach", *COARSER, "--out", "tables/six.safetensors", "--target", "6")
+    coarse = "--grid", "9x9x3x8"
+    arguments = ("solve", "reach", *coarse, "--out", "tables/six.safetensors", "--target", "6")
     monkeypatch.setattr("apollonius.evaluate.solved.STARTS", 500)
     first = run_json(capsys, *arguments, "2")
     assert first["starts with a capture"] > 0.2
@@ -462,7 +459,7 @@ def test_reach_is_solved_once_and_then_loaded(capsys, monkeypatch):
     assert_refused(capsys, *arguments, "3", naming=("tables/six.safetensors", "another problem", "--force"))
     assert_refused(capsys, *arguments, "3", "--whole-cells", naming=("whole_cells = True", "all but game"))
     Path("t.safetensors").write_text("mine")
-    safety = ("solve", "safety", *COARSER, "--out", "t.safetensors")
+    safety = ("solve", "safety", *coarse, "--out", "t.safetensors")
     assert_refused(capsys, *safety, naming=("t.safetensors", "not a whole"))
     assert run_main(*arguments, "3", "--force") == 0
     assert load_solution(Path("tables/six.safetensors")).problem.target == [6.0, 3.0]
