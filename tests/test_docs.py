@@ -193,7 +193,7 @@ def test_a_reader_who_follows_a_document_gets_to_its_end(name, tmp_path, monkeyp
     """All its commands with less training, fewer games and coarser grids, its Python as it stands, in one folder."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)  # what is exported to it is imported
-    monkeypatch.setattr("apollonius.evaluate.tournament.JUDGED_GAMES", 8)  # of each training
+    monkeypatch.setattr("apollonius.evaluate.pairings.JUDGED_GAMES", 8)  # of each training
     Path("tiny.toml").write_text(tomli_w.dumps(to_dict(RUN)))
     names = {}
     for block in blocks(REPOSITORY / name):

@@ -352,7 +352,7 @@ def test_an_interface_without_its_library_names_the_extra(monkeypatch):
 
 def test_train_makes_a_run_and_judges_it_and_force_replaces_it(tiny, capsys, monkeypatch):
     """Only a run's own files are replaced."""
-    monkeypatch.setattr("apollonius.evaluate.tournament.JUDGED_GAMES", 200)
+    monkeypatch.setattr("apollonius.evaluate.pairings.JUDGED_GAMES", 200)
     arguments = ["train", "--config", tiny, "--stage", "fixed-target", "--seed", "7", "--out", "run"]
     assert run_main(*arguments) == 0
     printed = capsys.readouterr()
