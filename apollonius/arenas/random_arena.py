@@ -8,8 +8,9 @@ import numpy as np
 
 from apollonius.arenas.names import KINDS
 from apollonius.arenas.random.caves import caves
+from apollonius.arenas.random.detours import fences, floors
 from apollonius.arenas.random.scattered import Layout, blocks, discs
-from apollonius.arenas.random.walled import fences, floors, labyrinth, maze, racks, rooms
+from apollonius.arenas.random.walled import labyrinth, maze, racks, rooms
 from apollonius.game.arena import MOST_POLYGONS, Arena
 from apollonius.game.game import Game
 from apollonius.game.occupancy import OccupancyMap

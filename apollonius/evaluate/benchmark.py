@@ -11,7 +11,7 @@ from typing import Any, Literal
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, UInt32
 
 from apollonius.agents.entrant import Entrant, EntrantProcess, process_of
 from apollonius.agents.kind import Named
@@ -26,7 +26,7 @@ from apollonius.evaluate.statistics import mean_interval
 from apollonius.game.game import Game
 from apollonius.game.outcome import EVADER_FAILS, PURSUER_FAILS, PURSUER_WINS, evader_winning
 from apollonius.game.presets import in_teams, make_game
-from apollonius.game.types import Bits, BySide, Outcome, RobotStatus, Role
+from apollonius.game.types import BySide, Outcome, RobotStatus, Role
 from apollonius.io.cache import digest
 from apollonius.io.limits import ENTRANTS
 from apollonius.observe.observation import perceive
@@ -88,10 +88,10 @@ class Score:
 class Fingerprint(AbstractWatcher):
     """A number that any other action or reward in a game changes (FNV-1a over words of 32 bits)."""
 
-    def begin(self) -> Bits:
+    def begin(self) -> UInt32[Array, ""]:
         return jnp.uint32(0x811C9DC5)
 
-    def follow(self, known: Bits, transition: Transition) -> Bits:
+    def follow(self, known: UInt32[Array, ""], transition: Transition) -> UInt32[Array, ""]:
         for side in transition.sides:
             for leaf in (side.action, side.reward):
                 for word in jax.lax.bitcast_convert_type(leaf, jnp.uint32).ravel():

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import jax
 import numpy as np
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Float, PRNGKeyArray, UInt32
 
 from apollonius.agents.kind import Named
 from apollonius.agents.pool import Pool, solo
@@ -17,7 +17,7 @@ from apollonius.evaluate.result import MatchResult, count_by_arena, count_by_det
 from apollonius.game.game import Game, sample_starts
 from apollonius.game.outcome import PURSUER_WINS, counts_by_name, evader_winning
 from apollonius.game.teams import separation
-from apollonius.game.types import ROLES, Bits, BySide, GameState, Outcome, Scalar
+from apollonius.game.types import ROLES, BySide, GameState, Outcome, Scalar
 from apollonius.io.errors import require
 from apollonius.io.kept import Kept
 from apollonius.io.limits import GAMES, SEED
@@ -73,7 +73,7 @@ class Match:
 
 
 @Kept
-def keys_of(seed: Bits) -> tuple[PRNGKeyArray, PRNGKeyArray]:
+def keys_of(seed: UInt32[Array, ""]) -> tuple[PRNGKeyArray, PRNGKeyArray]:
     start_key, play_key = jax.random.split(jax.random.key(seed))
     return start_key, play_key
 

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Int, PRNGKeyArray
+from jaxtyping import Array, Int, PRNGKeyArray, UInt32
 
 from apollonius.game import validation
 from apollonius.game.arena import Arena
@@ -23,7 +23,6 @@ from apollonius.game.teams import Body, Teams
 from apollonius.game.types import (
     ROLES,
     Action,
-    Bits,
     BySide,
     Controls,
     GameState,
@@ -231,11 +230,11 @@ def sample_starts(game: Game, key: PRNGKeyArray, games: int) -> GameState:
 
 
 @Kept
-def _draw_block(game: Game, key: PRNGKeyArray, first: Bits) -> GameState:
+def _draw_block(game: Game, key: PRNGKeyArray, first: UInt32[Array, ""]) -> GameState:
     # The i-th key that `split` makes is that of `fold_in` with i.
     index = first + jnp.arange(_BLOCK, dtype=jnp.uint32)
 
-    def draw(one: Bits) -> GameState:
+    def draw(one: UInt32[Array, ""]) -> GameState:
         start_key = jax.random.fold_in(key, one)
         if game.scenario is None:
             return game.reset(start_key)

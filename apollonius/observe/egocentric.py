@@ -1,16 +1,10 @@
-"""The view in a robot's own frame: the same in every arena, so that players carry over to others.
-
-Of one opponent, the nearest in games of teams; and the robots around one by one.
-"""
-
-from collections.abc import Sequence
+"""The view in a robot's own frame: the same in every arena, so that players carry over to others."""
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from apollonius.game.chart import CellWeights, Chart
-from apollonius.game.teams import by_distance, distance_squared
+from apollonius.game.chart import Chart
 from apollonius.game.types import Real, RobotState, Scalar
 from apollonius.observe.observation import AbstractObservation, clearances_ahead, turned
 from apollonius.observe.view import Robot, View
@@ -137,87 +131,3 @@ def _from_ahead(
 
 
 EGOCENTRIC = Egocentric()
-
-MATES, OPPONENTS = 3, 2
-"""Mates, and opponents besides the nearest; of more, those whose centres are nearest."""
-OF_A_ROBOT = 13
-"""Numbers of each other robot."""
-
-
-class Team(AbstractObservation):
-    """`egocentric`, of the nearest active opponent, and the other active robots: the mates from the nearest to the
-    farthest, then the other opponents.
-
-    Of each (13): that it is there; cosine and sine of its bearing, and its distance d as 1 / (1 + d) and
-    log(1 + d) / 2; its velocity ahead and to the left; cosine and sine of the angle at the nearest opponent between the
-    robot and it; the path length w to it as log(1 + w) / 2, and its own to the nearest opponent
-    as 1 / (1 + w) and log(1 + w) / 2; and whether that opponent is between them: 0 where the way from one to the other
-    leads through it, 1 where one is on the other's way to it (their Gromov product there, over its largest value). All
-    are 0 of one that is not there, so that a network reads teams of every size, and one for `egocentric` can be
-    trained further with weights of 0 for the rest.
-    """
-
-    name = "team"
-    size = EGOCENTRIC.size + (MATES + OPPONENTS) * OF_A_ROBOT
-    charted = True
-    extends = EGOCENTRIC.name
-
-    def __call__(self, view: View) -> Float[Array, " size"]:
-        """Return the numbers of a view; errors as of `egocentric`."""
-        first = EGOCENTRIC(view)
-        chart, own, opponent = view.chart, view.own.state, view.opponent.state
-        ends = chart.cell_weights(own.x, own.y), chart.cell_weights(opponent.x, opponent.y)
-        own_length = _path_length(chart, (own, ends[0]), (opponent, ends[1]))
-
-        def of(robots: Sequence[Robot], slots: int) -> Float[Array, " numbers"]:
-            numbers = [_of_a_robot(chart, view, ends, own_length, robot) for robot in robots[:slots]]
-            return jnp.concatenate([*numbers, jnp.zeros((slots - len(numbers)) * OF_A_ROBOT, jnp.float32)])
-
-        mates, opponents = (
-            by_distance(own, [robot.state for robot in robots], [robot.active for robot in robots], robots)
-            for robots in (view.mates, view.opponents)
-        )
-        return jnp.concatenate([first, of(mates, MATES), of(opponents[1:], OPPONENTS)])
-
-
-def _path_length(chart: Chart, start: tuple[RobotState, CellWeights], end: tuple[RobotState, CellWeights]) -> Scalar:
-    """Return the path length [m] between two robots, at least their distance."""
-    away = jnp.sqrt(distance_squared(start[0], end[0]))
-    return jnp.maximum(chart.path_length(start[1], end[1]), away)
-
-
-def _of_a_robot(
-    chart: Chart, view: View, ends: tuple[CellWeights, CellWeights], own_length: Scalar, robot: Robot
-) -> Float[Array, "13"]:
-    """Return the numbers of a robot besides the nearest opponent, by the cell weights (`ends`) of that opponent and of
-    the robot that looks, and the path length between those two [m].
-    """
-    own, opponent, other = view.own.state, view.opponent.state, robot.state
-    cos, sin = turned(own.heading)
-    their_cos, their_sin = turned(other.heading)
-    dx, dy = other.x - own.x, other.y - own.y
-    distance = jnp.hypot(dx, dy)
-    far = jnp.maximum(distance, 1e-6)
-    away, across = (own.x - opponent.x, own.y - opponent.y), (other.x - opponent.x, other.y - opponent.y)
-    spread = jnp.maximum(jnp.hypot(*away) * jnp.hypot(*across), 1e-6)
-    there = other, chart.cell_weights(other.x, other.y)
-    apart = _path_length(chart, (own, ends[0]), there)
-    theirs = _path_length(chart, there, (opponent, ends[1]))
-    joint = (own_length + theirs - apart) / jnp.maximum(2 * jnp.minimum(own_length, theirs), 1e-6)
-    numbers = [
-        jnp.ones((), jnp.float32),
-        (cos * dx + sin * dy) / far,
-        (cos * dy - sin * dx) / far,
-        *on_two_scales(distance),
-        other.v * (cos * their_cos + sin * their_sin) / SPEED,
-        other.v * (cos * their_sin - sin * their_cos) / SPEED,
-        (away[0] * across[0] + away[1] * across[1]) / spread,
-        (away[0] * across[1] - away[1] * across[0]) / spread,
-        on_two_scales(apart)[1],
-        *on_two_scales(theirs),
-        jnp.clip(joint, 0.0, 1.0),
-    ]
-    return jnp.where(robot.active, jnp.stack(numbers), 0.0)
-
-
-TEAM = Team()

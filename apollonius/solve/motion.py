@@ -1,4 +1,4 @@
-"""What happens while actions are held: by one robot alone, and by the two of a game, of whose end one has the value."""
+"""Motion while actions are held: of one robot alone, and of two robots in a zero-sum game up to its end."""
 
 import equinox as eqx
 import jax

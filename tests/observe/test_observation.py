@@ -14,8 +14,9 @@ from apollonius.game.presets import in_teams
 from apollonius.game.teams import Teams
 from apollonius.game.types import RobotStatus, Role
 from apollonius.io.errors import InvalidInput
-from apollonius.observe.egocentric import AHEAD, COURSES, EGOCENTRIC, MATES, NEAR, OF_A_ROBOT, OPPONENTS, RAYS, TEAM
+from apollonius.observe.egocentric import AHEAD, COURSES, EGOCENTRIC, NEAR, RAYS
 from apollonius.observe.observation import perceive
+from apollonius.observe.team import MATES, OF_A_ROBOT, OPPONENTS, TEAM
 from apollonius.observe.view import look
 from tests.acting import observe as observe_one
 from tests.acting import state, state_of
