@@ -71,14 +71,16 @@ def _load_onnx(content: bytes, about: dict[str, Any]) -> tuple[Act, dict[str, st
     options.log_severity_level, options.intra_op_num_threads = 3, 1
     session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
     name, size = session.get_inputs()[0].name, session.get_inputs()[0].shape[-1]
-    (observation,) = [known for known, numbers in about["observations"].items() if numbers == size and known != STATE]
+    sizes = {numbers: known for known, numbers in about["observations"].items() if known != STATE}
+    if size not in sizes:
+        raise ValueError(f"it reads {size} numbers; observations have {', '.join(map(str, sizes))}")
 
     def run(seen: Any, *_: Any) -> Any:
         made = np.asarray(session.run(None, {name: seen})[0])
         return made.argmax(axis=1).astype(np.int32) if made.ndim == 2 and made.shape[1] == 9 else made
 
     levels = np.asarray(run(np.zeros((2, size), np.float32))).ndim == 2
-    return run, {"observation": observation, "actions": "continuous" if levels else "discrete"}
+    return run, {"observation": sizes[size], "actions": "continuous" if levels else "discrete"}
 
 
 def _shut_in(readable: list[str]) -> bool:

@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from apollonius.agents.network import Network
+from apollonius.agents.network import Network, QNetwork
 from apollonius.agents.pool import Pool, solo
 from apollonius.agents.store import describe, save_agent
 from apollonius.agents.trained import greedy, load_network
@@ -28,6 +28,7 @@ from apollonius.game.types import ROLES, BySide, Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.io.interrupts import asked
 from apollonius.learn import loop, train_state
+from apollonius.learn.caution import cautious, sampled
 from apollonius.learn.config import DISTILLATION, FIXED_TARGET, SELF_PLAY, STAGES, RunConfig
 from apollonius.learn.distillation import distillation, start_distillation
 from apollonius.learn.folder import (
@@ -200,7 +201,11 @@ class Run:
             if before < -(-plan.chunks * percent // 100) <= standing.chunks:
                 for role, side in train.learners.items():
                     name = f"{role.name[0]}_{'distilled' if stage == DISTILLATION else kind}"
-                    self._save_agent(side.learner.average, role, name, record, stage, percent)
+                    network, wanted = side.learner.average, self.config.distillation.caution
+                    if stage == DISTILLATION and wanted > 0:
+                        assert isinstance(network, QNetwork)
+                        network = cautious(network, sampled(side.buffer), wanted, self.settings[0].teacher.unit)
+                    self._save_agent(network, role, name, record, stage, percent)
 
     def _save_agent(
         self, network: Network, role: Role, name: str, record: Mapping[str, object], stage: str, percent: int = 100

@@ -112,6 +112,8 @@ class DistillationConfig(StageConfig):
     """Clearance [m] below which labels weigh it against the teacher's values; 0 ignores clearance."""
     updates: int = 8
     """Updates in a round."""
+    caution: float = 0.0
+    """Clearance after braking [m] that the student's agent wants (`apollonius.learn.caution`); 0 for none."""
     informed: float = 3.0
     """Time since a side with sensors saw an opponent [s] up to which it learns what its teacher, who sees it, does."""
     tasks: tuple[Task, ...] = ()
@@ -121,7 +123,7 @@ class DistillationConfig(StageConfig):
         super().__post_init__()
         require_positive(self, "updates")
         require(len(self.opponents) >= 1, "opponents", "none", "one at least")
-        require_within(self, 0, 10**9, "clearance", "near_sighted", "far_sighted", "informed")
+        require_within(self, 0, 10**9, "clearance", "near_sighted", "far_sighted", "caution", "informed")
         bound = "left out: tables know the rules' own robots only"
         require(not (self.randomise and self.solves), "randomise", "some numbers", bound)
         require(not (self.tasks and self.solves), "tasks", "some", "left out where tables of solved games are needed")

@@ -114,6 +114,8 @@ def make_settings(config: RunConfig, game: Game, folder: Path | None) -> list[Se
     actions, or robots of a solved game are of several kinds.
     """
     stage, role, scenario = config.distillation, config.distillation.side, game.scenario
+    reads, bound = config.learner.observation, "egocentric or team, which know the room to brake, or no caution"
+    require(stage.caution == 0 or find_observation(reads).charted, "observation", reads, bound)
     if not stage.solves:
         return _task_settings(config, game)
     kinds = "robots of several kinds"

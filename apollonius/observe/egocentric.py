@@ -5,7 +5,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from apollonius.game.chart import Chart
-from apollonius.game.types import Real, RobotState, Scalar
+from apollonius.game.types import NUM_ACTIONS, Real, RobotState, Scalar
+from apollonius.observe.braking import clearances_after
 from apollonius.observe.observation import AbstractObservation, clearances_ahead, turned
 from apollonius.observe.view import Robot, View
 
@@ -19,6 +20,8 @@ _BEFORE = 0.1
 """Distance of a point from such an obstacle [m]."""
 _SHARPNESS = 4.0
 """Sharpness of the softmax over directions."""
+ROOM = 0.3
+"""Clearance after braking [m] above which more makes no difference."""
 SPEED, _U1, _U2, _LENGTH = 1.2, 0.3, 0.8, 0.3
 """Units of the limits: those of the paper's robots."""
 
@@ -42,10 +45,12 @@ class Egocentric(AbstractObservation):
     log(1 + w) / 2; in sixteen directions how much longer that path would be from 1.5 m ahead, over 1.5 m; where those
     point where it gets shorter (2); and who would be first 5 m ahead, as the difference of the times that both robots
     would take at their top speeds over their sum (16).
+
+    Braking (9): the clearance that each action leaves (`apollonius.observe.braking`), over 0.3 m, clipped to [-1, 1].
     """
 
     name = "egocentric"
-    size = 23 + RAYS + 5 + 2 * COURSES
+    size = 23 + RAYS + 5 + 2 * COURSES + NUM_ACTIONS
     charted = True
 
     def __call__(self, view: View) -> Float[Array, " size"]:
@@ -61,7 +66,8 @@ class Egocentric(AbstractObservation):
         rays = 1 / (1 + jnp.maximum(ranges - view.own.body.radius, 0.0))
         every = RAYS // COURSES
         courses = ranges[::every], directions[0][::every], directions[1][::every]
-        return jnp.concatenate([robots, rays, _paths(view, chart, (dx, dy), distance, courses)])
+        room = jnp.clip(clearances_after(chart, view.own) / ROOM, -1.0, 1.0)
+        return jnp.concatenate([robots, rays, _paths(view, chart, (dx, dy), distance, courses), room])
 
 
 def _robots(
@@ -131,3 +137,5 @@ def _from_ahead(
 
 
 EGOCENTRIC = Egocentric()
+BRAKING = EGOCENTRIC.size - NUM_ACTIONS
+"""The first of the numbers of braking."""

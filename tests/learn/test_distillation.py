@@ -19,12 +19,14 @@ from apollonius.game.sensing import Sensing, Sensors
 from apollonius.game.types import NUM_ACTIONS, BySide, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import distillation
+from apollonius.learn.caution import COST, cautious
 from apollonius.learn.config import RunConfig
 from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.queries import fresh_starts, queries, query_states, starts_of
 from apollonius.learn.run import Run
 from apollonius.learn.stage_config import DistillationConfig, Task
 from apollonius.learn.teacher import COSTLIEST, DEEPEST, STEEPNESS, Clearance, Teacher, make_settings
+from apollonius.observe.egocentric import EGOCENTRIC
 from apollonius.play.rollout import begin as begin_games
 from apollonius.play.rollout import collect
 from apollonius.solve.grid import Solved
@@ -44,6 +46,10 @@ FITTING = DQNConfig(
     env_steps_per_update=640, replay_capacity=20_000,
 )  # fmt: skip
 RUN = RunConfig(stages="distillation", game=GAME, dqn=FITTING, distillation=STAGE)
+SEEING = replace(
+    STAGE, role="pursuer", teacher="P_optimal", opponents=("still", "flee"), near_sighted=0, far_sighted=0,
+    clearance=0.0, informed=0.35, evaluations=1,
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -112,6 +118,40 @@ def test_where_room_is_short_what_a_teacher_prefers_counts_in_proportion(visited
     np.testing.assert_allclose(eqx.filter_jit(room.weighed)(behind, visited.evader), behind / 4 - cost, atol=1e-6)
 
 
+def test_a_cautious_agent_takes_what_clearance_is_missing_off_the_values_and_changes_nothing_else():
+    """The units that never vary are given up, whatever they add."""
+    network, keys = make_network("egocentric", 32, 2, jax.random.key(0)), jax.random.split(jax.random.key(1), 2)
+    for number in (0, 1):
+        layer = network.layers[number]
+        still = layer.weight.at[5:14].set(0.0), layer.bias.at[5:14].set(0.7)
+        network = eqx.tree_at(lambda one, at=number: (one.layers[at].weight, one.layers[at].bias), network, still)
+    seen = jax.random.uniform(keys[0], (200, EGOCENTRIC.size), minval=-1, maxval=1)
+    careful = cautious(network, seen, 0.06, 2.0)
+    missing = np.maximum(0.06 - 0.3 * np.asarray(seen)[:, -NUM_ACTIONS:], 0)
+    assert 0.3 < np.mean(missing > 0) < 0.8
+    np.testing.assert_allclose(careful.batch(seen), network.batch(seen) - 2 * COST * missing, atol=2e-5)
+    assert jax.tree.structure(careful) == jax.tree.structure(network)
+
+
+def test_caution_needs_an_observation_that_knows_the_room_to_brake():
+    config = replace(RUN, dqn=replace(FITTING, observation="encoded"), distillation=replace(SEEING, caution=0.05))
+    with pytest.raises(InvalidInput, match=r"observation = encoded is not possible.*egocentric or team"):
+        make_settings(config, GAME, None)
+
+
+@pytest.mark.slow
+def test_the_agent_of_a_run_is_as_cautious_as_its_config_says(tmp_path):
+    fitting = replace(FITTING, observation="egocentric", games=32, env_steps_per_update=32)
+    bold = replace(RUN, dqn=fitting, distillation=replace(SEEING, env_steps=8192, evaluation_games=8))
+    careful = replace(bold, distillation=replace(bold.distillation, caution=0.06))
+    folders = begin(tmp_path / "bold", bold), begin(tmp_path / "careful", careful)
+    assert all(Run(config, folder).execute() for config, folder in zip((bold, careful), folders, strict=True))
+    made, wary = (load_agent(folder / "agents" / "P_distilled.safetensors").network for folder in folders)
+    (pressed,) = jnp.zeros((1, EGOCENTRIC.size)).at[:, -1].set(-1.0)
+    given_up = np.abs(np.asarray(made(pressed) - wary(pressed)))
+    assert given_up[-1] > 5 * given_up[:-1].max(), "accelerating to the left"
+
+
 @pytest.fixture(scope="module")
 def setting():
     return make_settings(RUN, GAME, None)[0]
@@ -162,10 +202,6 @@ def test_a_run_leaves_an_agent_that_has_learned_what_the_table_says(uninterrupte
     assert lost(agent.network) < 0.6 * lost(make_network("encoded", 32, 1, jax.random.key(0)))
 
 
-SEEING = replace(
-    STAGE, role="pursuer", teacher="P_optimal", opponents=("still", "flee"), near_sighted=0, far_sighted=0,
-    clearance=0.0, informed=0.35, evaluations=1,
-)  # fmt: skip
 SHORT_SIGHTED = replace(GAME, sensors=Sensing(pursuer=Sensors(range=1.5)))
 
 

@@ -1,19 +1,22 @@
 """What a robot sees (Eq. 6, 7), in its own frame, and of teams, number by number."""
 
 import math
+from dataclasses import replace
 
 import jax
 import numpy as np
 import pytest
 
+from apollonius.agents.shield import Backup
 from apollonius.arenas.charting import charted
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.presets import in_teams
 from apollonius.game.teams import Teams
-from apollonius.game.types import RobotStatus, Role
+from apollonius.game.types import NUM_ACTIONS, RobotStatus, Role
 from apollonius.io.errors import InvalidInput
+from apollonius.observe.braking import HOLD
 from apollonius.observe.egocentric import AHEAD, COURSES, EGOCENTRIC, NEAR, RAYS
 from apollonius.observe.observation import perceive
 from apollonius.observe.team import MATES, OF_A_ROBOT, OPPONENTS, TEAM
@@ -90,7 +93,7 @@ def test_ways_say_where_to_go_and_who_is_first():
     length = math.hypot(1.15, 2.15) + 0.5 + math.hypot(0.95, 2.15)  # the larger body, 15 cm, stays off the wall's end
     assert hidden[0] == 0
     np.testing.assert_allclose(hidden[1:3], [1 / (1 + length), math.log1p(length) / 2], rtol=0.05)
-    longer, shorter, first = hidden[3 : 3 + COURSES], hidden[3 + COURSES : 5 + COURSES], hidden[5 + COURSES :]
+    longer, shorter, first = np.split(hidden[3 : 5 + 2 * COURSES], [COURSES, COURSES + 2])
     assert longer[0] < -0.8, "a metre and a half up the way is shorter by as much"
     assert longer[COURSES // 2] > 0.8
     assert shorter[0] > 0.5
@@ -103,6 +106,32 @@ def test_ways_say_where_to_go_and_who_is_first():
     assert plain[0] == 1
     assert plain[1] == pytest.approx(1 / 3, abs=1e-3)
     assert NEAR < AHEAD
+
+
+def test_braking_is_the_clearance_of_a_shield_that_holds_actions_for_as_long():
+    """By the chart instead of exact contact, within a few centimetres; clipped and scaled."""
+    body = Unicycle(radius=0.15)
+    game = divided(pursuer=body)
+    starts = replace(game.starts, speed="moving", clearance=0.02)
+    states = jax.vmap(lambda key: starts.sample(key, game.arena, game.bodies))(jax.random.split(jax.random.key(0), 300))
+    backup = Backup(game.arena, body, HOLD, steps=40)
+    exact = jax.vmap(jax.vmap(backup.clearance_after, in_axes=(None, 0)), in_axes=(0, None))
+    expected = np.asarray(exact(states.pursuer, np.arange(NUM_ACTIONS)))
+    seen = np.asarray(jax.jit(jax.vmap(look_by_chart, in_axes=(None, 0)))(game, states))
+    here, after = seen[:, 6:7], seen[:, -NUM_ACTIONS:]
+    assert np.mean((after > 0) == (expected > 0)) > 0.99, "the same verdict"
+    kept = (expected > -0.2) & (expected < 0.25)
+    assert kept.sum() > 300
+    wrong = np.abs(np.minimum(0.3 * after, here) - expected)[kept]
+    assert np.median(wrong) < 0.005
+    assert np.quantile(wrong, 0.99) < 0.06
+
+
+def test_a_robot_that_can_hardly_brake_still_has_numbers():
+    game = divided(pursuer=Unicycle(u1_max=0.0, u2_max=15.0))
+    numbers = look_by_chart(game, state((2.0, 4.0, 0.6, 0.0), (5.0, 4.0, 1.2, 0.0)))
+    assert np.all(np.isfinite(numbers))
+    assert np.all(np.abs(numbers[-NUM_ACTIONS:]) <= 1)
 
 
 def test_without_a_chart_it_says_what_is_missing():

@@ -1,0 +1,62 @@
+"""The clearance that each action leaves a robot which then brakes, read from the arena's chart."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from apollonius.game.chart import Chart
+from apollonius.game.types import NUM_ACTIONS, Action, RobotState, Scalar
+from apollonius.observe.view import Robot
+
+HOLD = 0.1
+"""Time for which the action is held [s]."""
+_POINTS = 12
+"""Places, equally far apart, at which the clearance of a path to rest is looked up."""
+_LEAST_BRAKING = 0.05
+"""Deceleration of a robot that cannot brake as hard as this [m/s^2]."""
+_SHARPEST = 3.0
+"""Largest turn from one place to the next [rad]."""
+
+
+Way = tuple[RobotState, Scalar, Scalar]
+"""A robot on its way to rest, its clearance there and the least so far [m]."""
+
+
+def clearances_after(chart: Chart, robot: Robot) -> Float[Array, "9"]:
+    """Return the clearance [m] of a robot's body after each action: the action is held for `HOLD`, and then the robot
+    brakes to rest while it turns right, drives straight or turns left, whichever keeps the most clearance.
+
+    These are the manoeuvres of `apollonius.agents.shield`, by the chart instead of the rules' exact contact.
+    """
+    body, turns = robot.body, jnp.array([-1.0, 0.0, 1.0])
+    slower = jnp.sqrt(1 - jnp.arange(_POINTS + 1, dtype=jnp.float32) / _POINTS)
+    shares = slower[:-1] - slower[1:]
+    braking = jnp.maximum(body.u1_max, _LEAST_BRAKING)
+
+    def after(action: Action) -> Scalar:
+        held = body.move(robot.state, *body.controls(action), HOLD)
+        return jnp.max(jax.vmap(lambda turn: to_rest(held, turn))(turns)) - body.radius
+
+    def to_rest(held: RobotState, turn: Scalar) -> Scalar:
+        durations = shares * jnp.maximum(held.v, 0.0) / braking
+
+        def on(before: Way, duration: Scalar) -> tuple[Way, None]:
+            state, clearance, least = before
+            rate = turn * jnp.minimum(body.u2_max, _SHARPEST / jnp.maximum(duration, 1e-3))
+            end = body.move(state, -braking, rate, duration)
+            there, length = chart.clearance(end.x, end.y), jnp.hypot(end.x - state.x, end.y - state.y)
+            return (end, there, jnp.minimum(least, _between(clearance, there, length))), None
+
+        here = chart.clearance(held.x, held.y)
+        (_, _, least), _ = jax.lax.scan(on, (held, here, here), durations)
+        return least
+
+    return jax.vmap(after)(jnp.arange(NUM_ACTIONS))
+
+
+def _between(start: Scalar, end: Scalar, length: Scalar) -> Scalar:
+    """Return the clearance [m] on a segment from that at its ends, as if one point were nearest to both."""
+    along = (start**2 - end**2 + length**2) / jnp.maximum(2 * length, 1e-6)
+    passes = (along > 0) & (along < length)
+    height = jnp.sqrt(jnp.maximum(start**2 - along**2, 0.0))
+    return jnp.where(passes, jnp.minimum(height, jnp.minimum(start, end)), jnp.minimum(start, end))
