@@ -35,14 +35,13 @@ def cautious(network: QNetwork, observations: Float[Array, "rows size"], wanted:
     for number, layer in enumerate(network.layers):
         weight, bias = layer.weight, layer.bias
         assert bias is not None
-        hidden = jax.vmap(layer)(hidden)
         if number:
             bias = bias + weight[:, carried] @ means
             weight = weight.at[:, carried].set(0.0)
         if layer is network.layers[-1]:
             weight = weight.at[actions, carried].set(-COST * ROOM * price)
         else:
-            hidden = jax.nn.relu(hidden)
+            hidden = jax.nn.relu(jax.vmap(layer)(hidden))
             units = jnp.argsort(jnp.std(hidden, axis=0))[:NUM_ACTIONS]
             weight = weight.at[units].set(0.0).at[units, carried].set(1.0 if number else -1.0)
             bias = bias.at[units].set(0.0 if number else wanted / ROOM)
