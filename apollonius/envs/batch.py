@@ -148,8 +148,7 @@ class Batch:
         keys = jax.random.split(jax.random.key(bits), SPARE * self.num_envs)
         starts: GameState = jax.lax.map(self.game.reset, keys, batch_size=_TOGETHER)
         games, drawn = begun(self.game, self.players, starts), jax.random.bits(keys[0], (len(keys),), jnp.uint32)
-        tracks = games.sides.map(lambda side: side.track)
-        _, seen = look_around(self.game, self.players, tracks, starts, jnp.stack([drawn, drawn]))
+        _, seen = look_around(self.game, self.players, games, jnp.stack([drawn, drawn]))
         observations = of_robots(jnp.split(seen[self.role][1], len(self.game.bodies[self.role])))
         return UnderWay(starts, observations, carried(games, self.players))
 

@@ -180,11 +180,10 @@ class LiveGame:
 def _begin(game: Game, players: BySide[Pool], bits: Bits) -> tuple[Float[Array, " _"], tuple[Array, ...]]:
     """Return a game's numbers, and what it carries."""
     games = begun(game, players, jax.tree.map(lambda leaf: leaf[None], game.reset(jax.random.key(bits))))
-    tracks, nothing = games.sides.map(lambda side: side.track), jnp.zeros(())
-    _, seen = look_around(game, players, tracks, games.state, _bits_of(players, ~bits))
+    _, seen = look_around(game, players, games, _bits_of(players, ~bits))
     observations = [seen[role][1] for role in Role if isinstance(players[role].members, Outside)]
     rewards = games.sides.map(lambda side: side.episode_return)
-    return _packed(games.state, rewards, [nothing] * 3, observations), carried(games, players)
+    return _packed(games.state, rewards, [jnp.zeros(())] * 3, observations), carried(games, players)
 
 
 def _bits_of(players: BySide[Pool], bits: Bits) -> UInt32[Array, "2 1"]:

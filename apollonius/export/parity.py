@@ -15,7 +15,7 @@ from apollonius.agents.classical import Uniform
 from apollonius.agents.policy import AbstractActionValuePolicy
 from apollonius.agents.pool import Pool, solo
 from apollonius.agents.shield import MARGIN, Shielded
-from apollonius.export.player import LARGEST, Player, known_state
+from apollonius.export.player import LARGEST, Player, known_state, remembered
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.sensing import sense
 from apollonius.game.types import ROLES, Bits, BySide, GameState, Role, choose
@@ -69,10 +69,11 @@ def cases_of(player: Player, count: int, seed: int = 0) -> Cases:
     """Return states of games against a random opponent, 100 at a time; a game that ends begins again."""
     policy, role = solo(player.package), player.role
     states, side, bits = _play(player.game, policy, role, jax.random.key(seed), -(-count // _GAMES))
-    memory, seen = side.memory, states
-    if side.track is not None:
-        seen = as_given(player.game, side.track, states, role, bits)
-        memory = jax.tree.map(lambda leaf: leaf[:, None], replace(side.track, sightings=None)), side.memory
+    known, seen = side.track, states
+    if known is not None:
+        seen, known = as_given(player.game, known, states, role, bits), replace(known, sightings=None)
+    track, drive = jax.tree.map(lambda leaf: leaf[:, None], (known, side.drives[0]))
+    memory = remembered(track, drive, side.memory)
     rows = [np.stack(jax.tree.leaves(robot), axis=-1) for side in (role, role.other) for robot in seen.robots[side]]
     active = None
     if states.status is not None:
@@ -158,7 +159,7 @@ def _is_as_good(player: Player, cases: Cases, place: int, action: int, own: int)
     policy, (state, active, memory, bits) = player.package, cases.at(place)
     sides = player.game.bodies.map(len)
     in_play = None if active is None else jnp.asarray(active)
-    known, _, memory = known_state(player.game, player.role, sides, jnp.asarray(state), in_play, memory)
+    known, _, _, memory = known_state(player.game, player.role, sides, jnp.asarray(state), in_play, memory)
     view = look(player.game, known, player.role)
     if isinstance(policy, Shielded):
         left = policy.backup.of(view).clearance_after(view.own.state, jnp.int32(action))

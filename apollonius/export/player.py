@@ -21,7 +21,7 @@ from apollonius.arenas.file import from_dict
 from apollonius.catalogue import find_player
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
-from apollonius.game.sensing import Percept, Sensing
+from apollonius.game.sensing import Drives, DriveState, Percept, Sensing, drive_of
 from apollonius.game.types import Bits, BySide, GameState, RobotState, RobotStatus, Role
 from apollonius.io.errors import require
 from apollonius.observe.tracking import Track, believed, delayed, learn
@@ -67,10 +67,13 @@ class Player:
 
     @property
     def memory(self) -> Memory:
-        """The memory with which every game begins: the policy's; with sensors what is known of opponents before it."""
+        """The memory with which every game begins: the policy's; with sensors what is known of opponents before it, and
+        with a drive that is at rest.
+        """
         state = GameState.at_start(self.game.bodies.map(lambda side: (RobotState(*jnp.zeros(4)),) * len(side)))
-        track, own = known_first(self.game, state, self.role), self.policy.memory
-        return own if track is None else (replace(track, sightings=None), own)
+        track = known_first(self.game, state, self.role)
+        drive = drive_of(self.game.drives, self.role).begin()
+        return remembered(None if track is None else replace(track, sightings=None), drive, self.policy.memory)
 
     @property
     def decide(self) -> Callable[..., dict[str, Any]]:
@@ -96,33 +99,43 @@ def _decide(role: Role, sides: BySide[int]) -> Callable[..., dict[str, Any]]:
         bits: Bits,
     ) -> dict[str, Any]:
         policy = transposed(player)
-        known, track, own = known_state(game, role, sides, state, active, memory)
+        known, track, drive, own = known_state(game, role, sides, state, active, memory)
         action, own = policy(policy.observation(look(game, known, role)), own, bits)
         given = state if track is None else state[: sides[role]]
         sane = jnp.sum(given * given) <= LARGEST**2
         brake = jnp.array(_FALLBACK) if policy.continuous else jnp.int32(BRAKE_STRAIGHT)
         action = jnp.where(sane, action, brake)
-        controls = game.bodies[role][0].controls(action)
-        return {"action": action, "controls": jnp.stack(controls), "memory": own if track is None else (track, own)}
+        body = game.bodies[role][0]
+        controls, (_, drive) = body.controls(action), drive_of(game.drives, role).respond(drive, body, action, game.dt)
+        return {"action": action, "controls": jnp.stack(controls), "memory": remembered(track, drive, own)}
 
     return decide
 
 
+def remembered(track: Track | None, drive: DriveState, own: Memory) -> Memory:
+    """Return an exported player's memory: its policy's, alone where there is nothing else to remember."""
+    return (track, drive, own) if jax.tree.leaves((track, drive)) else own
+
+
 def known_state(
     game: Game, role: Role, sides: BySide[int], state: Array, active: Array | None, memory: Memory
-) -> tuple[GameState, Track | None, Memory]:
-    """Return the state as a side knows it, by what it is given in this step and its memory, and that memory's parts."""
-    sensors = game.sensors and game.sensors[role]
-    if sensors is None:
-        return state_of(state, active, role, sides), None, memory
-    track, own_memory = memory
+) -> tuple[GameState, Track | None, DriveState, Memory]:
+    """Return the state as a side knows it, by what it is given in this step and its memory, and that memory's parts.
+
+    The turn rate of the robot's own drive is that which its commands lead to; those of its mates are not known.
+    """
+    sensors, drive = game.sensors and game.sensors[role], drive_of(game.drives, role)
+    track, driven, own_memory = memory if sensors or jax.tree.leaves(drive) else (None, drive.begin(), memory)
+    rates = None if driven.turn_rate is None else (driven.turn_rate, *[jnp.zeros(())] * (sides[role] - 1))
+    if sensors is None or track is None:
+        return replace(state_of(state, active, role, sides), turn_rates=rates), None, driven, own_memory
     seen = jnp.sum(state * state, axis=1) <= LARGEST**2
     now = state_of(jnp.where(seen[:, None], state, 0.0), active, role, sides)
     own, opponents = now.robots[role], now.robots[role.other]
     percept = Percept(own, opponents, tuple(seen[len(own) :]), jnp.ones((), bool))
     late, past = delayed(sensors, track.late, percept)  # what is seen of opponents comes late already
     after = learn(game, replace(track, own=own, late=late), replace(percept, own=past.own), now, role)
-    return believed(game, after, now, role), after, own_memory
+    return replace(believed(game, after, now, role), turn_rates=rates), after, driven, own_memory
 
 
 def side_of(name: str, given: str | None = None) -> Role:
@@ -161,9 +174,10 @@ def find_exportable(name: str, role: Role, game: Game) -> Player:
     bound = "0 m/s and more than 0 m/s^2, so that braking, the answer to a broken state, ends at rest"
     require(body.v_min == 0 and body.u1_max > 0, "v_min, u1_max", (float(body.v_min), float(body.u1_max)), bound)
     seeing = game.sensors and game.sensors[role]
-    sensors = Sensing(**{role.name.lower(): seeing}) if seeing else None
+    driven, own = game.drives and game.drives[role], role.name.lower()
+    sensors, drives = (Sensing(**{own: seeing}) if seeing else None), (Drives(**{own: driven}) if driven else None)
     rules = charted(game) if policy.charted else game
-    known = replace(rules, sensors=sensors, drives=None)  # the robot has its own drive
+    known = replace(rules, sensors=sensors, drives=drives)
     if known.arena.chart is not None and sensors is None:
         known = replace(known, arena=replace(known.arena, chart=replace(known.arena.chart, links=None)))
     return Player(name, role, known, policy, transposed(policy))

@@ -174,10 +174,7 @@ class Drive(eqx.Module):
         return DriveState(pending, None if self.turn_time is None else jnp.zeros(()))
 
     def respond(self, state: "DriveState", body: Unicycle, action: Action, dt: Real) -> tuple[Controls, "DriveState"]:
-        """Return the controls u1 [m/s^2] and u2 [rad/s] that the robot holds in this step, and the drive after it.
-
-        A turn rate that changes at a constant rate until it is reached turns the robot by its mean over the step.
-        """
+        """Return the controls u1 [m/s^2] and u2 [rad/s] that the robot holds in this step, and the drive after it."""
         u1, u2 = body.controls(action)
         if self.lag is not None:
             assert state.pending is not None, "the drive began with the same limits"
@@ -186,11 +183,19 @@ class Drive(eqx.Module):
             state = replace(state, pending=known[:MOST_LAG])
         if self.turn_time is not None:
             assert state.turn_rate is not None, "the drive began with the same limits"
-            most = body.u2_max * dt / jnp.maximum(self.turn_time, 1e-6)
-            made = jnp.clip(u2 - state.turn_rate, -most, most)
-            u2 = state.turn_rate + made - made * jnp.abs(made) / (2 * most)
-            state = replace(state, turn_rate=state.turn_rate + made)
+            u2, after = turning(body, self.turn_time, state.turn_rate, u2, dt)
+            state = replace(state, turn_rate=after)
         return (u1, u2), state
+
+
+def turning(body: Unicycle, turn_time: Real, rate: Scalar, asked: Scalar, dt: Real) -> tuple[Scalar, Scalar]:
+    """Return the mean turn rate over a time `dt` [s], by which the robot turns, and the one after it [rad/s].
+
+    It changes from one rate towards another at a constant rate until that is reached, by u2_max in `turn_time` [s].
+    """
+    most = body.u2_max * dt / jnp.maximum(turn_time, 1e-6)
+    made = jnp.clip(asked - rate, -most, most)
+    return rate + made - made * jnp.abs(made) / jnp.maximum(2 * most, 1e-9), rate + made
 
 
 class DriveState(eqx.Module):
@@ -209,6 +214,11 @@ class Drives(BySide[Drive | None]):
 
 DriveStates = tuple[DriveState, ...]
 """The drives of the robots of a side."""
+
+
+def turn_rates(drives: DriveStates) -> tuple[Scalar, ...] | None:
+    """Return the turn rates of a side's robots [rad/s]; None of drives that change them at once."""
+    return tuple(drive.turn_rate for drive in drives if drive.turn_rate is not None) or None
 
 
 def drive_of(drives: Drives | None, role: Role) -> Drive:

@@ -151,7 +151,8 @@ class GameState(eqx.Module):
     """The robots of both sides, and the number of control steps played since the start.
 
     `place` is the number of the game's arena in its scenario, None where there is no scenario. `sight` is what else a
-    side knows whose sensors have seen this state; None in the state itself.
+    side knows whose sensors have seen this state, and `turn_rates` [rad/s] are those of its robots, whose drives need
+    time to change them; None in the state itself.
     `status` is a `RobotStatus` for each robot; None in a game of two, which is over when one robot is out.
     """
 
@@ -160,6 +161,7 @@ class GameState(eqx.Module):
     place: Int[Array, ""] | None = None
     status: BySide[tuple[Int[Array, ""], ...]] | None = None
     sight: Sight | None = None
+    turn_rates: tuple[Scalar, ...] | None = None
 
     @classmethod
     def at_start(cls, robots: BySide[tuple[RobotState, ...]]) -> "GameState":

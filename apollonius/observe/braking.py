@@ -5,7 +5,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from apollonius.game.chart import Chart
-from apollonius.game.types import NUM_ACTIONS, Action, RobotState, Scalar
+from apollonius.game.sensing import turning
+from apollonius.game.types import NUM_ACTIONS, Action, Real, RobotState, Scalar
 from apollonius.observe.view import Robot
 
 HOLD = 0.1
@@ -18,37 +19,52 @@ _SHARPEST = 3.0
 """Largest turn from one place to the next [rad]."""
 
 
-Way = tuple[RobotState, Scalar, Scalar]
-"""A robot on its way to rest, its clearance there and the least so far [m]."""
+Way = tuple[RobotState, Scalar, Scalar, Scalar]
+"""A robot on its way to rest, its turn rate [rad/s], its clearance there and the least so far [m]."""
 
 
 def clearances_after(chart: Chart, robot: Robot) -> Float[Array, "9"]:
-    """Return the clearance [m] of a robot's body after each action: the action is held for `HOLD`, and then the robot
-    brakes to rest while it turns right, drives straight or turns left, whichever keeps the most clearance.
+    """Return the clearance [m] of a robot's body after each action: the action is held for `HOLD`, and for the time by
+    which commands are late, and then the robot brakes to rest while it turns right, drives straight or turns left,
+    whichever keeps the most clearance.
 
-    These are the manoeuvres of `apollonius.agents.shield`, by the chart instead of the rules' exact contact.
+    These are the manoeuvres of `apollonius.agents.shield`, by the chart instead of the rules' exact contact, and by the
+    robot's drive. A turn rate that is not known is that of the action.
     """
     body, turns = robot.body, jnp.array([-1.0, 0.0, 1.0])
     slower = jnp.sqrt(1 - jnp.arange(_POINTS + 1, dtype=jnp.float32) / _POINTS)
     shares = slower[:-1] - slower[1:]
-    braking = jnp.maximum(body.u1_max, _LEAST_BRAKING)
+    braking, hold = jnp.maximum(body.u1_max, _LEAST_BRAKING), HOLD if robot.lag is None else HOLD + robot.lag
+
+    def turned(rate: Scalar, asked: Scalar, duration: Real) -> tuple[Scalar, Scalar]:
+        if robot.turn_time is None:
+            return asked, asked
+        return turning(body, robot.turn_time, rate, asked, duration)
 
     def after(action: Action) -> Scalar:
-        held = body.move(robot.state, *body.controls(action), HOLD)
-        return jnp.max(jax.vmap(lambda turn: to_rest(held, turn))(turns)) - body.radius
+        u1, u2 = body.controls(action)
+        mean, rate = turned(u2 if robot.turn_rate is None else robot.turn_rate, u2, hold)
+        held = body.move(robot.state, u1, mean, hold)
+        here = chart.clearance(held.x, held.y)
+        least = here
+        if robot.lag is not None:
+            length = jnp.hypot(held.x - robot.state.x, held.y - robot.state.y)
+            least = _between(chart.clearance(robot.state.x, robot.state.y), here, length)
+        begun = held, rate, here, least
+        return jnp.max(jax.vmap(lambda turn: to_rest(begun, turn))(turns)) - body.radius
 
-    def to_rest(held: RobotState, turn: Scalar) -> Scalar:
-        durations = shares * jnp.maximum(held.v, 0.0) / braking
+    def to_rest(begun: Way, turn: Scalar) -> Scalar:
+        durations = shares * jnp.maximum(begun[0].v, 0.0) / braking
 
         def on(before: Way, duration: Scalar) -> tuple[Way, None]:
-            state, clearance, least = before
-            rate = turn * jnp.minimum(body.u2_max, _SHARPEST / jnp.maximum(duration, 1e-3))
-            end = body.move(state, -braking, rate, duration)
+            state, rate, clearance, least = before
+            asked = turn * jnp.minimum(body.u2_max, _SHARPEST / jnp.maximum(duration, 1e-3))
+            mean, rate = turned(rate, asked, duration)
+            end = body.move(state, -braking, mean, duration)
             there, length = chart.clearance(end.x, end.y), jnp.hypot(end.x - state.x, end.y - state.y)
-            return (end, there, jnp.minimum(least, _between(clearance, there, length))), None
+            return (end, rate, there, jnp.minimum(least, _between(clearance, there, length))), None
 
-        here = chart.clearance(held.x, held.y)
-        (_, _, least), _ = jax.lax.scan(on, (held, here, here), durations)
+        (_, _, _, least), _ = jax.lax.scan(on, begun, durations)
         return least
 
     return jax.vmap(after)(jnp.arange(NUM_ACTIONS))

@@ -13,6 +13,7 @@ from apollonius.game.chart import Chart
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.game import Game
+from apollonius.game.sensing import drive_of
 from apollonius.game.teams import Teams, nearest
 from apollonius.game.types import BySide, Flag, GameState, Real, RobotState, Role, Scalar
 from apollonius.io.errors import InvalidInput
@@ -21,12 +22,24 @@ T = TypeVar("T")
 
 
 class Robot(eqx.Module):
-    """A robot in a view: its body's limits, its state, whether it is in play, and how old its state is [s]."""
+    """A robot in a view.
+
+    Attributes:
+        body, state: its limits, and its state as it is known.
+        active: whether it is in play.
+        age: of the state [s].
+        lag: by which its commands are late [s]; None for a drive that is at once.
+        turn_time: in which its drive changes the turn rate by u2_max [s]; None for one that does so at once.
+        turn_rate: of a robot with a turn time [rad/s]; None where that is not known.
+    """
 
     body: Unicycle
     state: RobotState
     active: Flag | bool = True
     age: Real = 0.0
+    lag: Real | None = None
+    turn_time: Real | None = None
+    turn_rate: Scalar | None = None
 
 
 class View(eqx.Module):
@@ -70,12 +83,22 @@ def look(game: Game, state: GameState, role: Role, number: int = 0) -> View:
     def robots(role: Role) -> tuple[Robot, ...]:
         return tuple(map(Robot, here.bodies[role], state.robots[role], state.active[role]))
 
-    ours, opponents, belief = robots(role), robots(role.other), None
+    ours, opponents, belief = _driven(here, role, robots(role), state.turn_rates), robots(role.other), None
     if (sight := state.sight) is not None:
         opponents = tuple(replace(robot, age=age) for robot, age in zip(opponents, sight.ages, strict=True))
         belief = sight.belief
     mates = ours[:number] + ours[number + 1 :]
     return View(here.arena, ours[number], mates, opponents, here.capture_distance, belief)
+
+
+def _driven(
+    game: Game, role: Role, robots: tuple[Robot, ...], turn_rates: tuple[Scalar, ...] | None
+) -> tuple[Robot, ...]:
+    """Return the robots of a side with their drives in a game in one arena."""
+    drive = drive_of(game.drives, role)
+    lag, rates = None if drive.lag is None else drive.lag * game.dt, turn_rates or (None,) * len(robots)
+    drives = [{"lag": lag, "turn_time": drive.turn_time, "turn_rate": rate} for rate in rates]
+    return tuple(replace(robot, **its) for robot, its in zip(robots, drives, strict=True))
 
 
 Row = tuple[GameState, Int[Array, ""] | None]
@@ -96,7 +119,9 @@ def rows_of(states: GameState, role: Role) -> tuple[GameState, Int[Array, " rows
             return BySide.of(role, ours[number:] + ours[:number], values[role.other])
 
         def of_one(state: GameState) -> GameState:
-            return replace(state, robots=turned(state.robots), status=state.status and turned(state.status))
+            rates = state.turn_rates and state.turn_rates[number:] + state.turn_rates[:number]
+            status = state.status and turned(state.status)
+            return replace(state, robots=turned(state.robots), status=status, turn_rates=rates)
 
         return jax.vmap(of_one)(states)
 

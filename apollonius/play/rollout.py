@@ -5,7 +5,7 @@
 """
 
 from collections.abc import Sequence
-from functools import partial
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -16,8 +16,8 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 from apollonius.agents.policy import Memory, mixed
 from apollonius.agents.pool import AbstractPlayers, Pool, Read
 from apollonius.game.game import Game
-from apollonius.game.sensing import DriveStates, drive_of, respond
-from apollonius.game.types import ROLES, Action, Actions, BySide, GameState, Role, Timestep, choose
+from apollonius.game.sensing import DriveStates, drive_of, respond, turn_rates
+from apollonius.game.types import ROLES, Action, Actions, Bits, BySide, GameState, Role, Timestep, choose
 from apollonius.observe import tracking
 from apollonius.observe.observation import WHOLE, perceive
 from apollonius.observe.tracking import Sightings, Track, update
@@ -105,10 +105,21 @@ def of_robots(values: Sequence[Array]) -> Array:
 
 
 def look_around(
-    game: Game, players: BySide[AbstractPlayers], tracks: BySide[Track | None], states: GameState, bits: Array
+    game: Game, players: BySide[AbstractPlayers], games: Games, bits: UInt32[Array, "2 games"]
 ) -> tuple[BySide[Track | None], BySide[tuple[Read, Any]]]:
     """Return what both sides know after a look, by random bits of each, and what `perceive` makes of it."""
-    both = ROLES.map(lambda role: jax.vmap(partial(update, game, role))(tracks[role], states, bits[role]))
+
+    def known(role: Role) -> tuple[Track | None, GameState]:
+        def one(
+            track: Track | None, state: GameState, bits: Bits, drives: DriveStates
+        ) -> tuple[Track | None, GameState]:
+            track, state = update(game, role, track, state, bits)
+            return track, replace(state, turn_rates=turn_rates(drives))
+
+        side = games.sides[role]
+        return jax.vmap(one)(side.track, games.state, bits[role], side.drives)
+
+    both = ROLES.map(known)
     seen = ROLES.map(lambda role: perceive(players[role].observation, game, both[role][1], role))
     return both.map(lambda one: one[0]), seen
 
@@ -123,14 +134,20 @@ def step_games(
     """Play every game one step on, by fresh random bits of each side, without resets; where nobody `observes`
     transitions have no observations, which take long to trace.
     """
-    tracks, seen = look_around(game, players, games.sides.map(lambda side: side.track), games.state, bits)
+    tracks, seen = look_around(game, players, games, bits)
     acted = ROLES.map(lambda role: decide(players[role], games.sides[role], seen[role], bits[role]))
     actions = acted.map(lambda side: side[0])
     drives = games.sides.map(lambda side: side.drives)
     after, drives = jax.vmap(step_driven, in_axes=(None, 0, 0, 0))(game, games.state, drives, actions)
-    next_seen = look_around(game, players, tracks, after.state, ~bits)[1] if observes else seen
     rewards = after.rewards.map(of_robots)
-    returns = ROLES.map(lambda role: games.sides[role].episode_return + rewards[role])
+
+    def side_after(role: Role) -> SideState:
+        before = games.sides[role]
+        returns = before.episode_return + rewards[role]
+        return SideState(before.member, returns, acted[role][1], tracks[role], drives[role])
+
+    played = Games(after.state, ROLES.map(side_after))
+    next_seen = look_around(game, players, played, ~bits)[1] if observes else seen
 
     def numbers(role: Role, seen: Any) -> Float[Array, "games *robots _"]:
         nothing = [jnp.zeros((bits.shape[1], 0))] * len(actions[role])
@@ -139,17 +156,20 @@ def step_games(
 
     def experience(role: Role) -> Experience:
         observations = numbers(role, seen[role]), numbers(role, next_seen[role])
-        made = observations[0], of_robots(actions[role]), rewards[role], observations[1], returns[role]
+        made = (
+            observations[0],
+            of_robots(actions[role]),
+            rewards[role],
+            observations[1],
+            played.sides[role].episode_return,
+        )
         if games.state.status is None:
             return Experience(*made, games.sides[role].member)
         active, stays = (of_robots(state.active[role]) for state in (games.state, after.state))
         return Experience(*made, games.sides[role].member, active, active & ~stays)
 
     transition = Transition(ROLES.map(experience), after.outcome, after.terminated, after.truncated)
-    sides = ROLES.map(
-        lambda role: SideState(games.sides[role].member, returns[role], acted[role][1], tracks[role], drives[role])
-    )
-    return Games(after.state, sides), transition
+    return played, transition
 
 
 def step_driven(

@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Float, Float32, Int, PRNGKeyArray
 from apollonius.agents.pool import Pool
 from apollonius.evaluate.match import Match, MatchResult, begin, count
 from apollonius.evaluate.statistics import paired_difference_interval
+from apollonius.game import sensing
 from apollonius.game.dynamics import stack_actions
 from apollonius.game.game import Game
 from apollonius.game.judge import judge
@@ -53,8 +54,9 @@ def simulate(
 ) -> Simulated:
     """Play each of the given starts to its end with bodies; the players draw the same random bits as in `play_out`.
 
-    Players see the bodies' states through the sensors of the game, once in every step. Its drives' lag comes before the
-    latency of the bodies' own; of two turn accelerations the smaller one holds. A step is judged as in the game, from
+    Players see the bodies' states through the sensors of the game, once in every step, and know what their drives can
+    do. The lag of the game's drives comes before the latency of the bodies' own; of two turn accelerations the smaller
+    one holds. A step is judged as in the game, from
     where the bodies' axles are at its two ends and with the radii of the game's robots, so that what differs from the
     game is how the robots move and nothing else. A robot that is out of play brakes.
 
@@ -64,14 +66,15 @@ def simulate(
     strongest = np.array([body.u1_max for body in bodies_of], float)
     limits = np.array([[body.v_min, body.v_max] for body in bodies_of], float)
     turning = np.array([_turn_acceleration(game, drive, role) for role in Role for _ in game.bodies[role]])
-    rows = as_rows(starts)
+    rows, known = as_rows(starts), _with_drive(game, drive)
     bodies, references = physics.place(rows), References(rows[:, 2::4].astype(float))
     count = len(rows)
-    games = rollout.begin(game, starts, players, random_bits_of(key, jnp.arange(count), jnp.full(count, -1)))
+    games = rollout.begin(known, starts, players, random_bits_of(key, jnp.arange(count), jnp.full(count, -1)))
     outcome, alive = np.full(count, int(Outcome.ONGOING), np.int32), np.arange(count)
     log: list[tuple[np.ndarray, ...]] = []
     while alive.size:
-        actions, controls, sides = _choose(game, players, games, key)
+        games = _turning(games, references.turn_rate)
+        actions, controls, sides = _choose(known, game.drives, players, games, key)
         gone = ~np.stack([active for side in games.state.active for active in side], axis=1)
         braking = np.clip(-references.v / float(game.dt), -strongest, strongest)
         halted = np.stack([braking, np.zeros_like(braking)], axis=-1)
@@ -98,6 +101,28 @@ def _turn_acceleration(game: Game, drive: Drive, role: Role) -> float:
     return min(drive.turn_acceleration, slow)
 
 
+def _with_drive(game: Game, drive: Drive) -> Game:
+    """Return the game as its players know it, whose robots have this drive too."""
+
+    def slower(role: Role) -> sensing.Drive:
+        own = drive_of(game.drives, role)
+        lag = (own.lag or 0) + (drive.latency + drive.lag) / float(game.dt)
+        time = float(game.bodies[role][0].u2_max) / _turn_acceleration(game, drive, role)
+        return sensing.Drive(lag, time)
+
+    return replace(game, drives=sensing.Drives(*ROLES.map(slower)))
+
+
+def _turning(games: Games, rates: Float[np.ndarray, "games robots"]) -> Games:
+    """Return games in which robots know their turn rates [rad/s]."""
+    each = iter(jnp.asarray(rates, jnp.float32).T)
+
+    def side(state: SideState) -> SideState:
+        return replace(state, drives=tuple(replace(one, turn_rate=next(each)) for one in state.drives))
+
+    return replace(games, sides=games.sides.map(side))
+
+
 def simulate_match(match: Match, drive: Drive, report: Report = silent) -> Simulated:
     """Simulate a match from its starts, as `simulate`; raises InvalidInput for more games than fit into memory."""
     SIMULATED_GAMES.require("games", match.games)
@@ -113,19 +138,21 @@ def record_course(simulated: Simulated, match: Match, index: int) -> Replay:
 
 @jax.jit
 def _choose(
-    game: Game, players: BySide[Pool], games: Games, key: PRNGKeyArray
+    game: Game, drives: sensing.Drives | None, players: BySide[Pool], games: Games, key: PRNGKeyArray
 ) -> tuple[Array, Float[Array, "games robots 2"], BySide[SideState]]:
-    """Return all robots' actions, the controls u1 [m/s^2] and u2 [rad/s] that their bodies get, and the sides after."""
+    """Return all robots' actions in a game, the controls u1 [m/s^2] and u2 [rad/s] that their bodies get, late by the
+    lag of these drives, and the sides after.
+    """
     steps = games.state.steps
     after, moves = step_games(game, players, games, random_bits_of(key, jnp.arange(len(steps)), steps))
-    late = ROLES.map(lambda role: replace(drive_of(game.drives, role), turn_time=None))
+    late = ROLES.map(lambda role: replace(drive_of(drives, role), turn_time=None))
 
     def of_each(role: Role) -> tuple[Array, ...]:
         action, robots = moves.sides[role].action, len(game.bodies[role])
         return (action,) if robots == 1 else tuple(action[:, robot] for robot in range(robots))
 
-    def held(drives: Any, actions: BySide[tuple[Action, ...]]) -> Float[Array, "robots 2"]:
-        made = ROLES.map(lambda role: respond(late[role], drives[role], game.bodies[role], actions[role], game.dt)[0])
+    def held(states: Any, actions: BySide[tuple[Action, ...]]) -> Float[Array, "robots 2"]:
+        made = ROLES.map(lambda role: respond(late[role], states[role], game.bodies[role], actions[role], game.dt)[0])
         return jnp.stack([jnp.stack(controls) for side in made for controls in side])
 
     actions = ROLES.map(of_each)

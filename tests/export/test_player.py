@@ -13,6 +13,7 @@ import pytest
 from apollonius.agents.built_in import PLAYERS
 from apollonius.agents.classical import Uniform
 from apollonius.agents.names import zoo_names
+from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.pool import solo
 from apollonius.agents.trained import find_trained
 from apollonius.arenas.file import find_game, to_dict
@@ -22,11 +23,12 @@ from apollonius.export import writing
 from apollonius.export.bag import Bag, ask_again
 from apollonius.export.c import FLAGS, Compiled
 from apollonius.export.parity import Cases, _is_as_good, as_given, cases_of, compare, reference
-from apollonius.export.player import find_exportable, side_of
+from apollonius.export.player import Player, find_exportable, side_of
 from apollonius.export.translate import translated
 from apollonius.export.writing import check, write_c
 from apollonius.game.game import reset_batch
 from apollonius.game.scenario import stack_arenas
+from apollonius.game.sensing import Drive, Drives
 from apollonius.game.types import BySide, Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.play.rollout import begin, step_games
@@ -138,10 +140,8 @@ def test_players_decide_as_the_packages(game, name, language):
     assert (total["states"], total["errors"]) == (states, 0)
 
 
-@pytest.mark.parametrize("name", ["P_optimal", pytest.param("shielded:search", marks=pytest.mark.slow)])
-def test_with_sensors_it_knows_what_the_packages_player_knows_in_the_same_game(name):
-    """Only what is seen is given to it; its memory is what it returned last."""
-    player = exportable("lidar", name)
+def beside_the_package(player):
+    """What an exported pursuer does in games of the package's, what that does, and what it was given, step by step."""
     players, game, role = BySide(solo(player.package), solo(Uniform())), player.game, Role.PURSUER
 
     @jax.jit
@@ -151,20 +151,41 @@ def test_with_sensors_it_knows_what_the_packages_player_knows_in_the_same_game(n
 
         def step(carry, key):
             games, memory = carry
-            bits = jax.random.bits(key, (2, 8), jnp.uint32)
-            given = as_given(game, games.sides[role].track, games.state, role, bits[role])
+            bits, track = jax.random.bits(key, (2, 8), jnp.uint32), games.sides[role].track
+            given = games.state if track is None else as_given(game, track, games.state, role, bits[role])
             robots = given.robots.pursuer + given.robots.evader
             states = jnp.stack([jnp.stack(jax.tree.leaves(robot), axis=-1) for robot in robots], axis=1)
             made = jax.vmap(player.decide, in_axes=(None, None, 0, None, 0, 0))(
                 player.policy, game, states, None, memory, bits[role]
             )
             after, moved = step_games(game, players, games, bits)
-            return (after, made["memory"]), (made["action"], moved.sides[role].action, states[:, 1, 0] > 1e6)
+            return (after, made["memory"]), (made["action"], moved.sides[role].action, states)
 
         return jax.lax.scan(step, (games, first), jax.random.split(key, 60))[1]
 
-    made, own, hidden = map(np.asarray, played(jax.random.key(1)))
-    assert 0.1 < hidden.mean() < 0.9
+    return map(np.asarray, played(jax.random.key(1)))
+
+
+@pytest.mark.parametrize("name", ["P_optimal", pytest.param("shielded:search", marks=pytest.mark.slow)])
+def test_with_sensors_it_knows_what_the_packages_player_knows_in_the_same_game(name):
+    """Only what is seen is given to it; its memory is what it returned last."""
+    made, own, states = beside_the_package(exportable("lidar", name))
+    assert 0.1 < (states[:, :, 1, 0] > 1e6).mean() < 0.9
+    np.testing.assert_array_equal(made, own)
+
+
+class Swinging(AbstractPolicy):
+    """Turns left while the turn rate is below 0.3 rad/s, else right."""
+
+    def __call__(self, seen, memory, bits):
+        return jnp.where(seen.own.turn_rate < 0.3, 5, 3).astype(jnp.int32), memory
+
+
+def test_with_a_drive_it_knows_its_turn_rate_by_the_commands_that_it_gave():
+    game = replace(find_game("paper"), drives=Drives(pursuer=Drive(lag=2, turn_time=0.45)))
+    made, own, _ = beside_the_package(Player("swinging", Role.PURSUER, game, Swinging(), Swinging()))
+    assert made[:5, 0].tolist() == [5, 5, 5, 5, 3], "two steps late, and 0.18 rad/s more in each"
+    assert 0.2 < (made == 3).mean() < 0.8
     np.testing.assert_array_equal(made, own)
 
 

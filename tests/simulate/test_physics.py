@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from apollonius.agents.classical import Still, Uniform
-from apollonius.agents.policy import AbstractContinuous
+from apollonius.agents.policy import AbstractContinuous, AbstractPolicy
 from apollonius.agents.pool import solo
 from apollonius.arenas.file import find_game
 from apollonius.evaluate.match import Match, play_games
@@ -309,3 +309,20 @@ def test_sensors_and_drives_of_the_game_count_for_bodies_too(curve):
     seen = simulate(blind, players, *start, IDEAL).results.sightings
     assert int(seen.pursuer.first[0]) == -1
     assert seen.evader is None
+
+
+class Careful(AbstractPolicy):
+    """Turns left until it does so at half its rate, if it knows how late its commands are; else stays."""
+
+    def __call__(self, seen, memory, bits):
+        own = seen.own
+        told = jnp.isclose(own.lag, 0.1) & jnp.isclose(own.turn_time, 0.4)
+        return jnp.where(told & (own.turn_rate < 0.4), 5, 4).astype(jnp.int32), memory
+
+
+def test_players_know_what_their_drives_can_do_and_how_fast_they_turn(curve):
+    _, *start = curve[0]
+    drive = replace(IDEAL, latency=0.04, lag=0.06, turn_acceleration=2.0)
+    actions = simulate(GAME, BySide(solo(Careful()), solo(Still())), *start, drive).course(0)[1][:, 0]
+    assert actions[:3].tolist() == [5, 5, 5], "0.2 rad/s more in each step but the first, 0.04 s late"
+    assert set(actions[3:]) == {4, 5}, "it turns on whenever it does not turn"
