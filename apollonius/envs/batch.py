@@ -14,8 +14,7 @@ from jaxtyping import Array, Bool, Float, Int
 from apollonius.agents.policy import AbstractPolicy, Memory
 from apollonius.agents.pool import Pool
 from apollonius.game.game import Game
-from apollonius.game.sensing import DriveStates
-from apollonius.game.types import ROLES, Action, Bits, BySide, GameState, Role, choose
+from apollonius.game.types import ROLES, Action, Bits, BySide, DriveStates, GameState, Role, choose
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.tracking import Track

@@ -21,8 +21,8 @@ from apollonius.arenas.file import from_dict
 from apollonius.catalogue import find_player
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
-from apollonius.game.sensing import Drives, DriveState, Percept, Sensing, drive_of
-from apollonius.game.types import Bits, BySide, GameState, RobotState, RobotStatus, Role
+from apollonius.game.sensing import Drives, Percept, Sensing, drive_of
+from apollonius.game.types import Bits, BySide, DriveState, GameState, RobotState, RobotStatus, Role
 from apollonius.io.errors import require
 from apollonius.observe.tracking import Track, believed, delayed, learn
 from apollonius.observe.tracking import begin as known_first
@@ -122,20 +122,20 @@ def known_state(
 ) -> tuple[GameState, Track | None, DriveState, Memory]:
     """Return the state as a side knows it, by what it is given in this step and its memory, and that memory's parts.
 
-    The turn rate of the robot's own drive is that which its commands lead to; those of its mates are not known.
+    The robot's own drive is in the state that its commands lead to; those of its mates are not known.
     """
     sensors, drive = game.sensors and game.sensors[role], drive_of(game.drives, role)
     track, driven, own_memory = memory if sensors or jax.tree.leaves(drive) else (None, drive.begin(), memory)
-    rates = None if driven.turn_rate is None else (driven.turn_rate, *[jnp.zeros(())] * (sides[role] - 1))
+    drives = (driven, *[drive.begin()] * (sides[role] - 1))
     if sensors is None or track is None:
-        return replace(state_of(state, active, role, sides), turn_rates=rates), None, driven, own_memory
+        return replace(state_of(state, active, role, sides), drives=drives), None, driven, own_memory
     seen = jnp.sum(state * state, axis=1) <= LARGEST**2
     now = state_of(jnp.where(seen[:, None], state, 0.0), active, role, sides)
     own, opponents = now.robots[role], now.robots[role.other]
     percept = Percept(own, opponents, tuple(seen[len(own) :]), jnp.ones((), bool))
     late, past = delayed(sensors, track.late, percept)  # what is seen of opponents comes late already
     after = learn(game, replace(track, own=own, late=late), replace(percept, own=past.own), now, role)
-    return replace(believed(game, after, now, role), turn_rates=rates), after, driven, own_memory
+    return replace(believed(game, after, now, role), drives=drives), after, driven, own_memory
 
 
 def side_of(name: str, given: str | None = None) -> Role:

@@ -10,12 +10,26 @@ from dataclasses import fields, replace
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle, wrap_angle
 from apollonius.game.fusion_barrier import fusion_barrier
-from apollonius.game.types import Action, Bits, BySide, Controls, Flag, GameState, Real, RobotState, Role, Scalar
+from apollonius.game.types import (
+    Action,
+    Bits,
+    BySide,
+    Controls,
+    DriveState,
+    DriveStates,
+    Flag,
+    GameState,
+    Real,
+    RobotState,
+    Role,
+    Scalar,
+    choose,
+)
 from apollonius.io.errors import require
 
 MOST_DELAY = MOST_LAG = 10
@@ -168,12 +182,12 @@ class Drive(eqx.Module):
         require(lag is None or (0 <= lag <= MOST_LAG and lag == int(lag)), f"{name}.lag", lag, bound)
         require(time is None or time >= 0, f"{name}.turn_time", time, "0 s or more, or left out")
 
-    def begin(self) -> "DriveState":
+    def begin(self) -> DriveState:
         """Return the drive of a robot at rest."""
         pending = None if self.lag is None else jnp.zeros((MOST_LAG, 2))
         return DriveState(pending, None if self.turn_time is None else jnp.zeros(()))
 
-    def respond(self, state: "DriveState", body: Unicycle, action: Action, dt: Real) -> tuple[Controls, "DriveState"]:
+    def respond(self, state: DriveState, body: Unicycle, action: Action, dt: Real) -> tuple[Controls, DriveState]:
         """Return the controls u1 [m/s^2] and u2 [rad/s] that the robot holds in this step, and the drive after it."""
         u1, u2 = body.controls(action)
         if self.lag is not None:
@@ -188,6 +202,26 @@ class Drive(eqx.Module):
         return (u1, u2), state
 
 
+def foreseen(
+    drive: Drive, state: DriveState, body: Unicycle, robot: RobotState, dt: Real
+) -> tuple[RobotState, Scalar | None]:
+    """Return a robot when a command that is given now takes effect, and its turn rate then [rad/s], by the commands
+    that are on their way.
+    """
+    if (pending := state.pending) is None or drive.lag is None:
+        return robot, state.turn_rate
+    lag = jnp.asarray(drive.lag).astype(jnp.int32)
+
+    def on(now: tuple[RobotState, Scalar], step: Array) -> tuple[tuple[RobotState, Scalar], None]:
+        (robot, rate), (u1, u2) = now, pending[jnp.maximum(lag - 1 - step, 0)]
+        mean, after = (u2, u2) if drive.turn_time is None else turning(body, drive.turn_time, rate, u2, dt)
+        return choose(step < lag, (body.move(robot, u1, mean, dt), after), now), None
+
+    rate = jnp.zeros(()) if state.turn_rate is None else state.turn_rate
+    (robot, rate), _ = jax.lax.scan(on, (robot, rate), jnp.arange(MOST_LAG))
+    return robot, None if state.turn_rate is None else rate
+
+
 def turning(body: Unicycle, turn_time: Real, rate: Scalar, asked: Scalar, dt: Real) -> tuple[Scalar, Scalar]:
     """Return the mean turn rate over a time `dt` [s], by which the robot turns, and the one after it [rad/s].
 
@@ -198,27 +232,11 @@ def turning(body: Unicycle, turn_time: Real, rate: Scalar, asked: Scalar, dt: Re
     return rate + made - made * jnp.abs(made) / jnp.maximum(2 * most, 1e-9), rate + made
 
 
-class DriveState(eqx.Module):
-    """The latest commands, u1 [m/s^2] and u2 [rad/s], the newest first, and the turn rate [rad/s]."""
-
-    pending: Float[Array, "*batch lag 2"] | None
-    turn_rate: Float[Array, "*batch"] | None
-
-
 class Drives(BySide[Drive | None]):
     """The drives of both sides; None for robots that do at once what their players ask for."""
 
     pursuer: Drive | None = None
     evader: Drive | None = None
-
-
-DriveStates = tuple[DriveState, ...]
-"""The drives of the robots of a side."""
-
-
-def turn_rates(drives: DriveStates) -> tuple[Scalar, ...] | None:
-    """Return the turn rates of a side's robots [rad/s]; None of drives that change them at once."""
-    return tuple(drive.turn_rate for drive in drives if drive.turn_rate is not None) or None
 
 
 def drive_of(drives: Drives | None, role: Role) -> Drive:

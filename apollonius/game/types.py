@@ -147,12 +147,22 @@ class Sight(eqx.Module):
     belief: Float[Array, "rows columns"] | None = None
 
 
+class DriveState(eqx.Module):
+    """The latest commands, u1 [m/s^2] and u2 [rad/s], the newest first, and the turn rate [rad/s]."""
+
+    pending: Float[Array, "*batch lag 2"] | None
+    turn_rate: Float[Array, "*batch"] | None
+
+
+DriveStates = tuple[DriveState, ...]
+"""The drives of the robots of a side."""
+
+
 class GameState(eqx.Module):
     """The robots of both sides, and the number of control steps played since the start.
 
     `place` is the number of the game's arena in its scenario, None where there is no scenario. `sight` is what else a
-    side knows whose sensors have seen this state, and `turn_rates` [rad/s] are those of its robots, whose drives need
-    time to change them; None in the state itself.
+    side knows whose sensors have seen this state, and `drives` are those of its robots; None in the state itself.
     `status` is a `RobotStatus` for each robot; None in a game of two, which is over when one robot is out.
     """
 
@@ -161,7 +171,7 @@ class GameState(eqx.Module):
     place: Int[Array, ""] | None = None
     status: BySide[tuple[Int[Array, ""], ...]] | None = None
     sight: Sight | None = None
-    turn_rates: tuple[Scalar, ...] | None = None
+    drives: DriveStates | None = None
 
     @classmethod
     def at_start(cls, robots: BySide[tuple[RobotState, ...]]) -> "GameState":

@@ -24,33 +24,33 @@ Way = tuple[RobotState, Scalar, Scalar, Scalar]
 
 
 def clearances_after(chart: Chart, robot: Robot) -> Float[Array, "9"]:
-    """Return the clearance [m] of a robot's body after each action: the action is held for `HOLD`, and for the time by
-    which commands are late, and then the robot brakes to rest while it turns right, drives straight or turns left,
-    whichever keeps the most clearance.
+    """Return the clearance [m] of a robot's body after each action: once it takes effect the action is held for `HOLD`,
+    and then the robot brakes to rest while it turns right, drives straight or turns left, whichever keeps the most
+    clearance.
 
     These are the manoeuvres of `apollonius.agents.shield`, by the chart instead of the rules' exact contact, and by the
-    robot's drive. A turn rate that is not known is that of the action.
+    robot's drive as far as that is known.
     """
     body, turns = robot.body, jnp.array([-1.0, 0.0, 1.0])
     slower = jnp.sqrt(1 - jnp.arange(_POINTS + 1, dtype=jnp.float32) / _POINTS)
     shares = slower[:-1] - slower[1:]
-    braking, hold = jnp.maximum(body.u1_max, _LEAST_BRAKING), HOLD if robot.lag is None else HOLD + robot.lag
+    braking, soon = jnp.maximum(body.u1_max, _LEAST_BRAKING), robot.soon or robot.state
 
-    def turned(rate: Scalar, asked: Scalar, duration: Real) -> tuple[Scalar, Scalar]:
-        if robot.turn_time is None:
+    def turned(rate: Scalar | None, asked: Scalar, duration: Real) -> tuple[Scalar, Scalar]:
+        if robot.turn_time is None or rate is None:
             return asked, asked
         return turning(body, robot.turn_time, rate, asked, duration)
 
+    def until_soon() -> Scalar:
+        here, there = (chart.clearance(state.x, state.y) for state in (robot.state, soon))
+        return _between(here, there, jnp.hypot(soon.x - robot.state.x, soon.y - robot.state.y))
+
     def after(action: Action) -> Scalar:
         u1, u2 = body.controls(action)
-        mean, rate = turned(u2 if robot.turn_rate is None else robot.turn_rate, u2, hold)
-        held = body.move(robot.state, u1, mean, hold)
+        mean, rate = turned(robot.turn_rate, u2, HOLD)
+        held = body.move(soon, u1, mean, HOLD)
         here = chart.clearance(held.x, held.y)
-        least = here
-        if robot.lag is not None:
-            length = jnp.hypot(held.x - robot.state.x, held.y - robot.state.y)
-            least = _between(chart.clearance(robot.state.x, robot.state.y), here, length)
-        begun = held, rate, here, least
+        begun = held, rate, here, here if robot.soon is None else jnp.minimum(here, until_soon())
         return jnp.max(jax.vmap(lambda turn: to_rest(begun, turn))(turns)) - body.radius
 
     def to_rest(begun: Way, turn: Scalar) -> Scalar:

@@ -13,9 +13,9 @@ from apollonius.game.chart import Chart
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.game import Game
-from apollonius.game.sensing import drive_of
+from apollonius.game.sensing import drive_of, foreseen
 from apollonius.game.teams import Teams, nearest
-from apollonius.game.types import BySide, Flag, GameState, Real, RobotState, Role, Scalar
+from apollonius.game.types import BySide, DriveState, DriveStates, Flag, GameState, Real, RobotState, Role, Scalar
 from apollonius.io.errors import InvalidInput
 
 T = TypeVar("T")
@@ -28,16 +28,16 @@ class Robot(eqx.Module):
         body, state: its limits, and its state as it is known.
         active: whether it is in play.
         age: of the state [s].
-        lag: by which its commands are late [s]; None for a drive that is at once.
+        soon: its state when a command that is given now takes effect; None if that is now, or not known.
         turn_time: in which its drive changes the turn rate by u2_max [s]; None for one that does so at once.
-        turn_rate: of a robot with a turn time [rad/s]; None where that is not known.
+        turn_rate: when a command that is given now takes effect [rad/s]; None without a turn time.
     """
 
     body: Unicycle
     state: RobotState
     active: Flag | bool = True
     age: Real = 0.0
-    lag: Real | None = None
+    soon: RobotState | None = None
     turn_time: Real | None = None
     turn_rate: Scalar | None = None
 
@@ -83,7 +83,7 @@ def look(game: Game, state: GameState, role: Role, number: int = 0) -> View:
     def robots(role: Role) -> tuple[Robot, ...]:
         return tuple(map(Robot, here.bodies[role], state.robots[role], state.active[role]))
 
-    ours, opponents, belief = _driven(here, role, robots(role), state.turn_rates), robots(role.other), None
+    ours, opponents, belief = _driven(here, role, robots(role), state.drives), robots(role.other), None
     if (sight := state.sight) is not None:
         opponents = tuple(replace(robot, age=age) for robot, age in zip(opponents, sight.ages, strict=True))
         belief = sight.belief
@@ -91,14 +91,17 @@ def look(game: Game, state: GameState, role: Role, number: int = 0) -> View:
     return View(here.arena, ours[number], mates, opponents, here.capture_distance, belief)
 
 
-def _driven(
-    game: Game, role: Role, robots: tuple[Robot, ...], turn_rates: tuple[Scalar, ...] | None
-) -> tuple[Robot, ...]:
-    """Return the robots of a side with their drives in a game in one arena."""
+def _driven(game: Game, role: Role, robots: tuple[Robot, ...], drives: DriveStates | None) -> tuple[Robot, ...]:
+    """Return the robots of a side with what they know of their drives in a game in one arena."""
     drive = drive_of(game.drives, role)
-    lag, rates = None if drive.lag is None else drive.lag * game.dt, turn_rates or (None,) * len(robots)
-    drives = [{"lag": lag, "turn_time": drive.turn_time, "turn_rate": rate} for rate in rates]
-    return tuple(replace(robot, **its) for robot, its in zip(robots, drives, strict=True))
+    if not drives or not jax.tree.leaves(drive):
+        return robots
+
+    def one(robot: Robot, driven: DriveState) -> Robot:
+        soon, rate = foreseen(drive, driven, robot.body, robot.state, game.dt)
+        return replace(robot, soon=soon, turn_time=drive.turn_time, turn_rate=rate)
+
+    return tuple(map(one, robots, drives))
 
 
 Row = tuple[GameState, Int[Array, ""] | None]
@@ -119,9 +122,8 @@ def rows_of(states: GameState, role: Role) -> tuple[GameState, Int[Array, " rows
             return BySide.of(role, ours[number:] + ours[:number], values[role.other])
 
         def of_one(state: GameState) -> GameState:
-            rates = state.turn_rates and state.turn_rates[number:] + state.turn_rates[:number]
-            status = state.status and turned(state.status)
-            return replace(state, robots=turned(state.robots), status=status, turn_rates=rates)
+            drives, status = state.drives and state.drives[number:] + state.drives[:number], state.status
+            return replace(state, robots=turned(state.robots), status=status and turned(status), drives=drives)
 
         return jax.vmap(of_one)(states)
 

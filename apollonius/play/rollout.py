@@ -16,8 +16,8 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 from apollonius.agents.policy import Memory, mixed
 from apollonius.agents.pool import AbstractPlayers, Pool, Read
 from apollonius.game.game import Game
-from apollonius.game.sensing import DriveStates, drive_of, respond, turn_rates
-from apollonius.game.types import ROLES, Action, Actions, Bits, BySide, GameState, Role, Timestep, choose
+from apollonius.game.sensing import drive_of, respond
+from apollonius.game.types import ROLES, Action, Actions, Bits, BySide, DriveStates, GameState, Role, Timestep, choose
 from apollonius.observe import tracking
 from apollonius.observe.observation import WHOLE, perceive
 from apollonius.observe.tracking import Sightings, Track, update
@@ -114,7 +114,7 @@ def look_around(
             track: Track | None, state: GameState, bits: Bits, drives: DriveStates
         ) -> tuple[Track | None, GameState]:
             track, state = update(game, role, track, state, bits)
-            return track, replace(state, turn_rates=turn_rates(drives))
+            return track, replace(state, drives=drives)
 
         side = games.sides[role]
         return jax.vmap(one)(side.track, games.state, bits[role], side.drives)

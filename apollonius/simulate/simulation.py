@@ -1,7 +1,7 @@
 """Games between robots with bodies, which the game's own referee judges, beside the same games by the rules."""
 
 from dataclasses import dataclass, replace
-from math import inf
+from math import ceil, inf
 from typing import Any
 
 import jax
@@ -106,9 +106,9 @@ def _with_drive(game: Game, drive: Drive) -> Game:
 
     def slower(role: Role) -> sensing.Drive:
         own = drive_of(game.drives, role)
-        lag = (own.lag or 0) + (drive.latency + drive.lag) / float(game.dt)
+        late = ceil((drive.latency + drive.lag) / float(game.dt) - 1e-6)
         time = float(game.bodies[role][0].u2_max) / _turn_acceleration(game, drive, role)
-        return sensing.Drive(lag, time)
+        return sensing.Drive((own.lag or 0) + late, time)
 
     return replace(game, drives=sensing.Drives(*ROLES.map(slower)))
 

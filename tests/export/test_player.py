@@ -184,7 +184,7 @@ class Swinging(AbstractPolicy):
 def test_with_a_drive_it_knows_its_turn_rate_by_the_commands_that_it_gave():
     game = replace(find_game("paper"), drives=Drives(pursuer=Drive(lag=2, turn_time=0.45)))
     made, own, _ = beside_the_package(Player("swinging", Role.PURSUER, game, Swinging(), Swinging()))
-    assert made[:5, 0].tolist() == [5, 5, 5, 5, 3], "two steps late, and 0.18 rad/s more in each"
+    assert made[:5, 0].tolist() == [5, 5, 3, 5, 3], "0.18 rad/s by each, those on their way too"
     assert 0.2 < (made == 3).mean() < 0.8
     np.testing.assert_array_equal(made, own)
 

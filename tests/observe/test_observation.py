@@ -14,9 +14,9 @@ from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.presets import in_teams
-from apollonius.game.sensing import Drive, Drives
+from apollonius.game.sensing import MOST_LAG, Drive, Drives
 from apollonius.game.teams import Teams
-from apollonius.game.types import NUM_ACTIONS, RobotStatus, Role
+from apollonius.game.types import NUM_ACTIONS, DriveState, RobotStatus, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.braking import HOLD, clearances_after
 from apollonius.observe.egocentric import AHEAD, COURSES, EGOCENTRIC, NEAR, RAYS
@@ -129,39 +129,42 @@ def test_braking_is_the_clearance_of_a_shield_that_holds_actions_for_as_long():
     assert np.quantile(wrong, 0.99) < 0.06
 
 
-def test_braking_goes_by_the_drive_and_by_the_turn_rate_that_it_has():
+def test_braking_goes_by_the_drive_and_by_the_commands_on_their_way():
     """Against the drive's own course in steps of 0.02 s, on which the chart's clearance is looked up."""
     body, drive = Unicycle(radius=0.15), Drive(lag=2, turn_time=0.6)
-    game, fine = divided(pursuer=body, drives=Drives(pursuer=drive)), replace(drive, lag=None)
+    game, at_once = divided(pursuer=body, drives=Drives(pursuer=drive)), Drive(turn_time=0.6)
     starts = replace(game.starts, speed="moving", clearance=0.02)
     states = jax.vmap(lambda key: starts.sample(key, game.arena, game.bodies))(jax.random.split(jax.random.key(0), 40))
-    rates = jax.random.uniform(jax.random.key(1), (40,), minval=-0.8, maxval=0.8)
+    shares = jax.random.uniform(jax.random.key(1), (40, 3, 2), minval=-1, maxval=1) * jnp.array([[[0.3, 0.8]]])
+    pending = jnp.pad(shares[:, 1:], ((0, 0), (0, MOST_LAG - 2), (0, 0)))
+    drives = jax.vmap(DriveState)(pending, shares[:, 0, 1])
     chart = game.arena.chart
     assert chart is not None
 
-    def least(robot, rate, action, turn):
+    def least(robot, driven, action, turn):
+        asked = [driven.pending[1], driven.pending[0], jnp.stack(body.controls(action)), jnp.stack([-0.3, 0.8 * turn])]
+
         def on(now, step):
             robot, driven = now
-            controls = jnp.where(step < 15, jnp.stack(body.controls(action)), jnp.stack([-0.3, 0.8 * turn]))
-            held, driven = fine.respond(driven, body, controls / jnp.array([0.3, 0.8]), 0.02)
+            controls = jnp.stack(asked)[jnp.minimum(step // 5, 3)]
+            held, driven = at_once.respond(driven, body, controls / jnp.array([0.3, 0.8]), 0.02)
             robot = body.move(robot, *held, 0.02)
             return (robot, driven), chart.clearance(robot.x, robot.y)
 
-        driven = replace(fine.begin(), turn_rate=rate)
         return jnp.min(jax.lax.scan(on, (robot, driven), jnp.arange(250))[1]) - body.radius
 
-    def seen_by(state, *rates):
-        known = replace(state, turn_rates=rates or None)
+    def seen_by(state, *drives):
+        known = replace(state, drives=drives or None)
         return clearances_after(chart, look(game, known, Role.PURSUER).own)
 
     turns, actions = jnp.array([-1.0, 0.0, 1.0]), jnp.arange(NUM_ACTIONS)
     each = jax.vmap(jax.vmap(least, in_axes=(None, None, None, 0)), in_axes=(None, None, 0, None))
-    expected = jnp.max(jax.vmap(each, in_axes=(0, 0, None, None))(states.pursuer, rates, actions, turns), axis=2)
-    wrong = np.abs(np.asarray(jax.vmap(seen_by)(states, rates) - expected))
+    expected = jnp.max(jax.vmap(each, in_axes=(0, 0, None, None))(states.pursuer, drives, actions, turns), axis=2)
+    wrong = np.abs(np.asarray(jax.vmap(seen_by)(states, drives) - expected))
     assert np.median(wrong) < 0.003
     assert np.quantile(wrong, 0.97) < 0.03
     unknown = jax.vmap(seen_by)(states)
-    assert np.quantile(np.abs(np.asarray(unknown - expected)), 0.97) > 0.1, "of a robot that turns as it is told to"
+    assert np.quantile(np.abs(np.asarray(unknown - expected)), 0.97) > 0.1, "of a robot that does at once as it is told"
 
 
 def test_a_robot_that_can_hardly_brake_still_has_numbers():
@@ -251,13 +254,13 @@ def test_who_is_out_is_not_seen():
 
 def test_each_robot_of_a_team_knows_its_own_turn_rate():
     game = replace(in_teams(Game(arena=ROOM), 3, 1), drives=Drives(pursuer=Drive(turn_time=0.5)))
-    known = jax.vmap(lambda state, *rates: replace(state, turn_rates=rates))
-    states = known(reset_batch(game, jax.random.key(0), 2), *jnp.array([[0.1, 0.4], [0.2, 0.5], [0.3, 0.6]]))
-    read, rows = perceive(WHOLE, game, states, Role.PURSUER)
+    drives = [DriveState(None, jnp.array(rates)) for rates in ([0.1, 0.4], [0.2, 0.5], [0.3, 0.6])]
+    known = jax.vmap(lambda state, *drives: replace(state, drives=drives))
+    read, rows = perceive(WHOLE, game, known(reset_batch(game, jax.random.key(0), 2), *drives), Role.PURSUER)
     views = jax.vmap(read)(rows)
     assert views.own.turn_rate == pytest.approx([0.1, 0.4, 0.2, 0.5, 0.3, 0.6])
     assert views.mates[0].turn_rate == pytest.approx([0.2, 0.5, 0.3, 0.6, 0.1, 0.4])
-    assert (views.own.lag, views.opponents[0].turn_time) == (None, None)
+    assert (views.own.turn_time.tolist(), views.opponents[0].turn_time) == ([0.5] * 6, None)
 
 
 def test_of_many_mates_the_nearest_are_seen():

@@ -312,11 +312,11 @@ def test_sensors_and_drives_of_the_game_count_for_bodies_too(curve):
 
 
 class Careful(AbstractPolicy):
-    """Turns left until it does so at half its rate, if it knows how late its commands are; else stays."""
+    """Turns left until it will do so at half its rate, if it knows its turn time; else stays."""
 
     def __call__(self, seen, memory, bits):
         own = seen.own
-        told = jnp.isclose(own.lag, 0.1) & jnp.isclose(own.turn_time, 0.4)
+        told = jnp.isclose(own.turn_time, 0.4)
         return jnp.where(told & (own.turn_rate < 0.4), 5, 4).astype(jnp.int32), memory
 
 
@@ -324,5 +324,5 @@ def test_players_know_what_their_drives_can_do_and_how_fast_they_turn(curve):
     _, *start = curve[0]
     drive = replace(IDEAL, latency=0.04, lag=0.06, turn_acceleration=2.0)
     actions = simulate(GAME, BySide(solo(Careful()), solo(Still())), *start, drive).course(0)[1][:, 0]
-    assert actions[:3].tolist() == [5, 5, 5], "0.2 rad/s more in each step but the first, 0.04 s late"
-    assert set(actions[3:]) == {4, 5}, "it turns on whenever it does not turn"
+    assert actions[:3].tolist() == [5, 5, 4], "0.12 rad/s after one step, 0.2 more by the command on its way"
+    assert set(actions[3:]) == {4, 5}, "it turns on whenever it would not turn"
