@@ -19,9 +19,10 @@ from apollonius.agents.trained import find_trained
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import from_dict
 from apollonius.catalogue import find_player
+from apollonius.game.drive import Drives, drive_of
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
-from apollonius.game.sensing import Drives, Percept, Sensing, drive_of
+from apollonius.game.sensing import Percept, Sensing
 from apollonius.game.types import Bits, BySide, DriveState, GameState, RobotState, RobotStatus, Role
 from apollonius.io.errors import require
 from apollonius.observe.tracking import Track, believed, delayed, learn

@@ -12,12 +12,13 @@ from jaxtyping import Array, Int, PRNGKeyArray, UInt32
 from apollonius.game import validation
 from apollonius.game.arena import Arena
 from apollonius.game.chart import Chart
+from apollonius.game.drive import Drives
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.judge import fates, judge
 from apollonius.game.reward import Reward, leads
 from apollonius.game.scenario import Scenario
-from apollonius.game.sensing import Drives, Sensing
+from apollonius.game.sensing import Sensing
 from apollonius.game.starts import Starts
 from apollonius.game.teams import Body, Teams
 from apollonius.game.types import (

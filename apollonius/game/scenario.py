@@ -11,10 +11,11 @@ import numpy as np
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from apollonius.game.arena import Arena, Disc
+from apollonius.game.drive import Drives
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Polygon
-from apollonius.game.sensing import Drives, Sensing
+from apollonius.game.sensing import Sensing
 from apollonius.game.types import Real, Role
 from apollonius.game.validation import check_parts
 from apollonius.io.errors import require

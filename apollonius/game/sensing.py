@@ -1,39 +1,33 @@
-"""Sensors and drives of the robots of a side. Without sensors robots see everything, exactly and at once, as in the
-paper; mates know of each other, and share what they see.
+"""Sensors of the robots of a side. Without them robots see everything, exactly and at once, as in the paper; mates know
+of each other, and share what they see.
 """
 
 import functools
 import operator
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
 
 from apollonius.game.arena import Arena
-from apollonius.game.dynamics import Unicycle, wrap_angle
+from apollonius.game.dynamics import wrap_angle
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.types import (
-    Action,
     Bits,
     BySide,
-    Controls,
-    DriveState,
-    DriveStates,
     Flag,
     GameState,
     Real,
     RobotState,
     Role,
     Scalar,
-    choose,
 )
 from apollonius.io.errors import require
 
-MOST_DELAY = MOST_LAG = 10
-"""Longest delay of what is seen, and of commands [steps]."""
+MOST_DELAY = 10
+"""Longest delay of what is seen [steps]."""
 BOUND = 3.0
 """Standard deviations beyond which there are no errors."""
 _OWN, _OPPONENTS, _DROPPED = 2, 3, 4
@@ -162,91 +156,3 @@ def sense(sensors: Sensors, arena: Arena, state: GameState, role: Role, bits: Bi
         seen=tuple(map(is_seen, theirs, state.active[role.other])),
         looked=looked,
     )
-
-
-class Drive(eqx.Module):
-    """The drive of each robot of a side; None stands for no limit.
-
-    Attributes:
-        lag: whole steps by which commands are late.
-        turn_time: time to change the turn rate by u2_max [s].
-    """
-
-    lag: Real | None = None
-    turn_time: Real | None = None
-
-    def check(self, name: str) -> None:
-        """Refuse impossible numbers."""
-        bound = f"a whole number of steps from 0 to {MOST_LAG}, or left out"
-        lag, time = self.lag, self.turn_time
-        require(lag is None or (0 <= lag <= MOST_LAG and lag == int(lag)), f"{name}.lag", lag, bound)
-        require(time is None or time >= 0, f"{name}.turn_time", time, "0 s or more, or left out")
-
-    def begin(self) -> DriveState:
-        """Return the drive of a robot at rest."""
-        pending = None if self.lag is None else jnp.zeros((MOST_LAG, 2))
-        return DriveState(pending, None if self.turn_time is None else jnp.zeros(()))
-
-    def respond(self, state: DriveState, body: Unicycle, action: Action, dt: Real) -> tuple[Controls, DriveState]:
-        """Return the controls u1 [m/s^2] and u2 [rad/s] that the robot holds in this step, and the drive after it."""
-        u1, u2 = body.controls(action)
-        if self.lag is not None:
-            assert state.pending is not None, "the drive began with the same limits"
-            known = jnp.concatenate([jnp.stack([u1, u2])[None], state.pending])
-            u1, u2 = known[jnp.asarray(self.lag).astype(jnp.int32)]
-            state = replace(state, pending=known[:MOST_LAG])
-        if self.turn_time is not None:
-            assert state.turn_rate is not None, "the drive began with the same limits"
-            u2, after = turning(body, self.turn_time, state.turn_rate, u2, dt)
-            state = replace(state, turn_rate=after)
-        return (u1, u2), state
-
-
-def foreseen(
-    drive: Drive, state: DriveState, body: Unicycle, robot: RobotState, dt: Real
-) -> tuple[RobotState, Scalar | None]:
-    """Return a robot when a command that is given now takes effect, and its turn rate then [rad/s], by the commands
-    that are on their way.
-    """
-    if (pending := state.pending) is None or drive.lag is None:
-        return robot, state.turn_rate
-    lag = jnp.asarray(drive.lag).astype(jnp.int32)
-
-    def on(now: tuple[RobotState, Scalar], step: Array) -> tuple[tuple[RobotState, Scalar], None]:
-        (robot, rate), (u1, u2) = now, pending[jnp.maximum(lag - 1 - step, 0)]
-        mean, after = (u2, u2) if drive.turn_time is None else turning(body, drive.turn_time, rate, u2, dt)
-        return choose(step < lag, (body.move(robot, u1, mean, dt), after), now), None
-
-    rate = jnp.zeros(()) if state.turn_rate is None else state.turn_rate
-    (robot, rate), _ = jax.lax.scan(on, (robot, rate), jnp.arange(MOST_LAG))
-    return robot, None if state.turn_rate is None else rate
-
-
-def turning(body: Unicycle, turn_time: Real, rate: Scalar, asked: Scalar, dt: Real) -> tuple[Scalar, Scalar]:
-    """Return the mean turn rate over a time `dt` [s], by which the robot turns, and the one after it [rad/s].
-
-    It changes from one rate towards another at a constant rate until that is reached, by u2_max in `turn_time` [s].
-    """
-    most = body.u2_max * dt / jnp.maximum(turn_time, 1e-6)
-    made = jnp.clip(asked - rate, -most, most)
-    return rate + made - made * jnp.abs(made) / jnp.maximum(2 * most, 1e-9), rate + made
-
-
-class Drives(BySide[Drive | None]):
-    """The drives of both sides; None for robots that do at once what their players ask for."""
-
-    pursuer: Drive | None = None
-    evader: Drive | None = None
-
-
-def drive_of(drives: Drives | None, role: Role) -> Drive:
-    """Return the drive of each robot of a side."""
-    return (drives and drives[role]) or Drive()
-
-
-def respond(
-    drive: Drive, states: DriveStates, bodies: Sequence[Unicycle], actions: Sequence[Action], dt: Real
-) -> tuple[tuple[Controls, ...], DriveStates]:
-    """Return the controls that robots with such a drive hold in this step, and their drives after it."""
-    made = [drive.respond(*robot, dt) for robot in zip(states, bodies, actions, strict=True)]
-    return tuple(controls for controls, _ in made), tuple(after for _, after in made)

@@ -9,8 +9,9 @@ import numpy as np
 from jaxtyping import Float
 
 from apollonius.game.arena import Arena
+from apollonius.game.drive import Drives
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.sensing import Drives, Sensing
+from apollonius.game.sensing import Sensing
 from apollonius.game.starts import Starts
 from apollonius.game.types import BySide
 from apollonius.io.errors import InvalidInput, require

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from apollonius.game.chart import Chart
-from apollonius.game.sensing import turning
+from apollonius.game.drive import turning
 from apollonius.game.types import NUM_ACTIONS, Action, Real, RobotState, Scalar
 from apollonius.observe.view import Robot
 

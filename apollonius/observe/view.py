@@ -10,10 +10,10 @@ from jaxtyping import Array, Float, Int
 
 from apollonius.game.arena import Arena
 from apollonius.game.chart import Chart
+from apollonius.game.drive import drive_of, foreseen
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.game import Game
-from apollonius.game.sensing import drive_of, foreseen
 from apollonius.game.teams import Teams, nearest
 from apollonius.game.types import BySide, DriveState, DriveStates, Flag, GameState, Real, RobotState, Role, Scalar
 from apollonius.io.errors import InvalidInput

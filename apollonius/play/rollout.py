@@ -15,8 +15,8 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 
 from apollonius.agents.policy import Memory, mixed
 from apollonius.agents.pool import AbstractPlayers, Pool, Read
+from apollonius.game.drive import drive_of, respond
 from apollonius.game.game import Game
-from apollonius.game.sensing import drive_of, respond
 from apollonius.game.types import ROLES, Action, Actions, Bits, BySide, DriveStates, GameState, Role, Timestep, choose
 from apollonius.observe import tracking
 from apollonius.observe.observation import WHOLE, perceive

@@ -12,12 +12,12 @@ from jaxtyping import Array, Bool, Float, Float32, Int, PRNGKeyArray
 from apollonius.agents.pool import Pool
 from apollonius.evaluate.match import Match, MatchResult, begin, count
 from apollonius.evaluate.statistics import paired_difference_interval
-from apollonius.game import sensing
+from apollonius.game import drive as game_drive
+from apollonius.game.drive import drive_of, respond
 from apollonius.game.dynamics import stack_actions
 from apollonius.game.game import Game
 from apollonius.game.judge import judge
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
-from apollonius.game.sensing import drive_of, respond
 from apollonius.game.types import ROLES, Action, BySide, GameState, Outcome, Role, choose
 from apollonius.io.limits import SIMULATED_GAMES
 from apollonius.play import rollout
@@ -104,13 +104,13 @@ def _turn_acceleration(game: Game, drive: Drive, role: Role) -> float:
 def _with_drive(game: Game, drive: Drive) -> Game:
     """Return the game as its players know it, whose robots have this drive too."""
 
-    def slower(role: Role) -> sensing.Drive:
+    def slower(role: Role) -> game_drive.Drive:
         own = drive_of(game.drives, role)
         late = ceil((drive.latency + drive.lag) / float(game.dt) - 1e-6)
         time = float(game.bodies[role][0].u2_max) / _turn_acceleration(game, drive, role)
-        return sensing.Drive((own.lag or 0) + late, time)
+        return game_drive.Drive((own.lag or 0) + late, time)
 
-    return replace(game, drives=sensing.Drives(*ROLES.map(slower)))
+    return replace(game, drives=game_drive.Drives(*ROLES.map(slower)))
 
 
 def _turning(games: Games, rates: Float[np.ndarray, "games robots"]) -> Games:
@@ -138,7 +138,7 @@ def record_course(simulated: Simulated, match: Match, index: int) -> Replay:
 
 @jax.jit
 def _choose(
-    game: Game, drives: sensing.Drives | None, players: BySide[Pool], games: Games, key: PRNGKeyArray
+    game: Game, drives: game_drive.Drives | None, players: BySide[Pool], games: Games, key: PRNGKeyArray
 ) -> tuple[Array, Float[Array, "games robots 2"], BySide[SideState]]:
     """Return all robots' actions in a game, the controls u1 [m/s^2] and u2 [rad/s] that their bodies get, late by the
     lag of these drives, and the sides after.

@@ -24,9 +24,10 @@ from apollonius.envs.gymnasium import OneSide
 from apollonius.envs.live import as_actions
 from apollonius.envs.vector import ManyGames
 from apollonius.game.arena import Arena
+from apollonius.game.drive import Drive, Drives
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
-from apollonius.game.sensing import Drive, Drives, Sensing, Sensors
+from apollonius.game.sensing import Sensing, Sensors
 from apollonius.game.starts import Starts
 from apollonius.game.types import GameState, Outcome, RobotState, RobotStatus, Role
 from apollonius.io.errors import InvalidInput

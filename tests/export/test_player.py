@@ -26,9 +26,9 @@ from apollonius.export.parity import Cases, _is_as_good, as_given, cases_of, com
 from apollonius.export.player import Player, find_exportable, side_of
 from apollonius.export.translate import translated
 from apollonius.export.writing import check, write_c
+from apollonius.game.drive import Drive, Drives
 from apollonius.game.game import reset_batch
 from apollonius.game.scenario import stack_arenas
-from apollonius.game.sensing import Drive, Drives
 from apollonius.game.types import BySide, Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.play.rollout import begin, step_games

@@ -10,11 +10,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from apollonius.game.arena import Arena, Disc
+from apollonius.game.drive import MOST_LAG, Drive, Drives, drive_of
 from apollonius.game.dynamics import Unicycle, action_levels, sinc, unit_vector, wrap_angle
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.presets import in_teams, make_game, randomised
 from apollonius.game.scenario import Spread
-from apollonius.game.sensing import BOUND, MOST_LAG, Drive, Drives, Noise, Sensors, drive_of, sense
+from apollonius.game.sensing import BOUND, Noise, Sensors, sense
 from apollonius.game.types import ROLES, BySide, Role
 from apollonius.play.rollout import step_driven
 from tests.acting import robot, state_of

@@ -11,13 +11,14 @@ import pytest
 
 from apollonius.arenas.file import find_game, from_dict, load_game, to_dict
 from apollonius.game.arena import Arena, Disc
+from apollonius.game.drive import Drive, Drives
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import in_teams, make_game, paper, randomised
 from apollonius.game.reward import Reward
 from apollonius.game.scenario import Spread
-from apollonius.game.sensing import Drive, Drives, Noise, Sensing, Sensors
+from apollonius.game.sensing import Noise, Sensing, Sensors
 from apollonius.game.starts import Starts
 from apollonius.game.teams import Teams
 from apollonius.game.types import NUM_ACTIONS, ROLES, BySide, GameState, Outcome, RobotState, RobotStatus

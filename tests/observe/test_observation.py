@@ -11,10 +11,10 @@ import pytest
 from apollonius.agents.shield import Backup
 from apollonius.arenas.charting import charted
 from apollonius.game.arena import Arena, Disc
+from apollonius.game.drive import MOST_LAG, Drive, Drives
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.presets import in_teams
-from apollonius.game.sensing import MOST_LAG, Drive, Drives
 from apollonius.game.teams import Teams
 from apollonius.game.types import NUM_ACTIONS, DriveState, RobotStatus, Role
 from apollonius.io.errors import InvalidInput

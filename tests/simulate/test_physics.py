@@ -16,13 +16,14 @@ from apollonius.agents.pool import solo
 from apollonius.arenas.file import find_game
 from apollonius.evaluate.match import Match, play_games
 from apollonius.game.arena import Arena, Disc
+from apollonius.game.drive import Drive as Slow
+from apollonius.game.drive import Drives
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.occupancy import OccupancyMap, distance_field
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
-from apollonius.game.sensing import Drive as Slow
-from apollonius.game.sensing import Drives, Sensing, Sensors
+from apollonius.game.sensing import Sensing, Sensors
 from apollonius.game.types import BySide, Outcome, RobotState, RobotStatus
 from apollonius.io.errors import InvalidInput
 from apollonius.observe import paper
