@@ -28,6 +28,9 @@ class LearnerConfig:
     """Class of the networks that it trains."""
     observation: str = "encoded"
     """Name of the observation that the network reads (`apollonius.observe`)."""
+    keeps: str = ""
+    """Name of an observation with which `observation` begins: only the weights of the further numbers learn, so that it
+    plays as before where these are 0. None for a network that learns as a whole."""
     width: int = 256
     """Units of each hidden layer (Fig. 3)."""
     depth: int = 4
@@ -57,7 +60,9 @@ class LearnerConfig:
     """Env steps before the first update."""
 
     def __post_init__(self) -> None:
-        find_observation(self.observation)
+        extends = find_observation(self.observation).extends
+        bound = f"'{extends}', with which '{self.observation}' begins, or left out" if extends else "left out"
+        require(self.keeps in ("", extends), "keeps", self.keeps, bound)
         require_positive(self, "n_step", "final_n_step", "learning_rate", "final_learning_rate", "averaging", "batch")
         require_positive(self, "env_steps_per_update", "games", "replay_capacity")
         require_within(self, 1, MOST_WIDTH, "width")
