@@ -14,16 +14,7 @@ import jax.numpy as jnp
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import wrap_angle
 from apollonius.game.fusion_barrier import fusion_barrier
-from apollonius.game.types import (
-    Bits,
-    BySide,
-    Flag,
-    GameState,
-    Real,
-    RobotState,
-    Role,
-    Scalar,
-)
+from apollonius.game.types import Bits, BySide, Flag, GameState, Real, RobotState, Role, Scalar
 from apollonius.io.errors import require
 
 MOST_DELAY = 10

@@ -22,7 +22,7 @@ from apollonius.agents.pool import AbstractPlayers, Apart, solo
 from apollonius.agents.trained import exploring, greedy
 from apollonius.game.types import NUM_ACTIONS, BySide, Scalar
 from apollonius.learn import dqn
-from apollonius.learn.learner_config import linear
+from apollonius.learn.learner_config import DQNConfig, linear
 from apollonius.learn.loop import Metrics, iterated
 from apollonius.learn.queries import queries, starts_of
 from apollonius.learn.replay_buffer import ReplayBuffer, add
@@ -129,13 +129,14 @@ def _fit(
 ) -> tuple[dqn.DQNLearner, Scalar]:
     """Make some updates from the labels; return their losses, added up."""
     config = plan.learner
+    assert isinstance(config, DQNConfig)
     rate = linear(config.learning_rate, config.final_learning_rate, plan.stage.env_steps, env_steps)
 
     def update(learner: dqn.DQNLearner, key: PRNGKeyArray) -> tuple[dqn.DQNLearner, Scalar]:
         rows = jax.random.randint(key, (config.batch,), 0, buffer.filled)
         labels = jax.tree.map(lambda leaf: leaf[rows], buffer.rows)
         value, gradient = eqx.filter_value_and_grad(_error)(learner.network, labels)
-        return dqn.step(learner, gradient, rate, config.averaging), value
+        return dqn.step(learner, gradient, rate, config), value
 
     learner, losses = jax.lax.scan(update, learner, jax.random.split(key, _config(plan).updates))
     return learner, jnp.sum(losses)

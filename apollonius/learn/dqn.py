@@ -63,9 +63,7 @@ def loss(network: QNetwork, target: QNetwork, batch: Batch, double: bool) -> Sca
 def update(learner: DQNLearner, batch: Batch, learning_rate: Scalar, config: DQNConfig) -> tuple[DQNLearner, Scalar]:
     """Return the learner after one step of Adam on a batch, and the loss before it."""
     value, gradient = eqx.filter_value_and_grad(loss)(learner.network, learner.target, batch, config.double)
-    if config.keeps:
-        gradient = of_further_inputs(gradient, learner.network, find_observation(config.keeps).size)
-    return step(learner, gradient, learning_rate, config.averaging), value
+    return step(learner, gradient, learning_rate, config), value
 
 
 def of_further_inputs(gradient: QNetwork, network: QNetwork, first: int) -> QNetwork:
@@ -78,13 +76,15 @@ def of_further_inputs(gradient: QNetwork, network: QNetwork, first: int) -> QNet
     return eqx.tree_at(lambda this: this.layers[0].weight, jax.tree.map(jnp.zeros_like, gradient), weight)
 
 
-def step(learner: DQNLearner, gradient: Any, learning_rate: Scalar, averaging: float) -> DQNLearner:
+def step(learner: DQNLearner, gradient: Any, learning_rate: Scalar, config: DQNConfig) -> DQNLearner:
     """Return the learner after one step of Adam along a gradient; the averaged weights go towards the network."""
+    if config.keeps:
+        gradient = of_further_inputs(gradient, learner.network, find_observation(config.keeps).size)
     direction, optimiser = _adam.update(gradient, learner.optimiser)
     network = eqx.apply_updates(learner.network, jax.tree.map(lambda step: -learning_rate * step, direction))
     average = network
-    if averaging < 1:
-        average = jax.tree.map(lambda old, new: old + averaging * (new - old), learner.average, network)
+    if config.averaging < 1:
+        average = jax.tree.map(lambda old, new: old + config.averaging * (new - old), learner.average, network)
     return DQNLearner(network, learner.target, average, optimiser, learner.updates + 1)
 
 

@@ -28,9 +28,6 @@ class LearnerConfig:
     """Class of the networks that it trains."""
     observation: str = "encoded"
     """Name of the observation that the network reads (`apollonius.observe`)."""
-    keeps: str = ""
-    """Name of an observation with which `observation` begins: only the weights of the further numbers learn, so that it
-    plays as before where these are 0. None for a network that learns as a whole."""
     width: int = 256
     """Units of each hidden layer (Fig. 3)."""
     depth: int = 4
@@ -60,9 +57,7 @@ class LearnerConfig:
     """Env steps before the first update."""
 
     def __post_init__(self) -> None:
-        extends = find_observation(self.observation).extends
-        bound = f"'{extends}', with which '{self.observation}' begins, or left out" if extends else "left out"
-        require(self.keeps in ("", extends), "keeps", self.keeps, bound)
+        find_observation(self.observation)
         require_positive(self, "n_step", "final_n_step", "learning_rate", "final_learning_rate", "averaging", "batch")
         require_positive(self, "env_steps_per_update", "games", "replay_capacity")
         require_within(self, 1, MOST_WIDTH, "width")
@@ -123,6 +118,9 @@ class DQNConfig(LearnerConfig):
     """Deep Q-learning (section II-B), for the nine discrete actions."""
 
     network = QNetwork
+    keeps: str = ""
+    """Name of an observation with which `observation` begins: only the weights of the further numbers learn, so that it
+    plays as before where these are 0. Without a name all weights learn."""
     double: bool = True
     """Let the online network choose and the target network value the next action (double Q-learning)."""
     target_period: int = 128_000
@@ -134,6 +132,9 @@ class DQNConfig(LearnerConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        extends = find_observation(self.observation).extends
+        bound = f"'{extends}', with which '{self.observation}' begins, or left out" if extends else "left out"
+        require(self.keeps in ("", extends), "keeps", self.keeps, bound)
         require_positive(self, "target_period")
         require_within(self, 0, 1, "final_epsilon", "exploration_fraction")
 
