@@ -97,12 +97,12 @@ def to_dict(config: Any) -> dict[str, Any]:
 def from_dict(kind: type[T], data: dict[str, Any], source: str, folder: Path = Path()) -> T:
     """Return a configuration from nested dictionaries; missing values have their defaults.
 
-    A game within a configuration can be the name of a preset. The walls of an arena with a map are the map's ends,
+    A game within a configuration can be a name, as of `find_game`. The walls of an arena with a map are the map's ends,
     unless the record gives others. Files that it names lie in the folder. Raises InvalidInput for an unknown key, and
     for a value that is of the wrong kind or impossible, with the source of the data.
     """
     hooks = {
-        Game: lambda given: make_game(given) if isinstance(given, str) else given,
+        Game: lambda given: find_game(given) if isinstance(given, str) else given,
         Arena: partial(_with_map, folder=folder),
         Scenario: lambda named: named if isinstance(named, Scenario) else find_scenario(named),
     }

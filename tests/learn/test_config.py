@@ -9,7 +9,7 @@ from functools import partial
 import jax.numpy as jnp
 import pytest
 
-from apollonius.arenas.file import to_dict
+from apollonius.arenas.file import find_game, to_dict
 from apollonius.arenas.suite import find_scenario
 from apollonius.game.game import Game
 from apollonius.game.presets import in_teams, make_game
@@ -123,7 +123,7 @@ def test_a_config_comes_back_from_its_file(config, tmp_path):
 def test_every_example_of_a_training_is_one(monkeypatch):
     few = find_scenario("suite-v1/discs-00,discs-01")
     monkeypatch.setattr("apollonius.arenas.file.find_scenario", lambda name: few)  # hundreds take their time
-    for name in ("hunter", "robust", "team", "optimal_evader", "optimal_pursuer"):
+    for name in ("hunter", "robust", "team", "pursuer_teams", "optimal_evader", "optimal_pursuer"):
         assert load_config(REPOSITORY / "examples" / f"{name}.toml") != RunConfig()
     tasks = load_config(REPOSITORY / "examples" / "pursuer_first.toml").distillation.tasks
     assert make_game("paper") in [task.game for task in tasks], "with its discs"
@@ -133,13 +133,14 @@ def test_a_game_is_a_preset_or_tables_and_a_table_in_part_keeps_the_defaults_of_
     path = tmp_path / "config.toml"
     for text, config in (
         ('game = "team-3v1"', RunConfig(game=make_game("team-3v1"))),
+        ('game = "team-2v1/blocks"', RunConfig(game=find_game("team-2v1/blocks"))),
         ("[game]\ndt = 0.05", RunConfig(game=Game(dt=0.05))),
         ("[self_play]\nevaluations = 3\n", RunConfig(self_play=SelfPlayConfig(evaluations=3))),
     ):
         path.write_text(text)
         assert load_config(path) == config
     path.write_text('game = "papre"')
-    with pytest.raises(InvalidInput, match="no game is called 'papre': choose one of paper, "):
+    with pytest.raises(InvalidInput, match="no game is called 'papre': did you mean 'paper'"):
         load_config(path)
 
 
