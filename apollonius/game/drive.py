@@ -60,11 +60,8 @@ class Drive(eqx.Module):
             known = jnp.concatenate([jnp.stack([u1, u2])[None], state.pending])
             u1, u2 = known[jnp.asarray(self.lag).astype(jnp.int32)]
             state = replace(state, pending=known[:MOST_LAG])
-        if self.turn_time is not None:
-            assert state.turn_rate is not None, "the drive began with the same limits"
-            u2, after = turning(body, self.turn_time, state.turn_rate, u2, dt)
-            state = replace(state, turn_rate=after)
-        return (u1, u2), state
+        u2, rate = turning(body, self.turn_time, state.turn_rate, u2, dt)
+        return (u1, u2), replace(state, turn_rate=rate)
 
 
 def foreseen(
@@ -77,21 +74,25 @@ def foreseen(
         return robot, state.turn_rate
     lag = jnp.asarray(drive.lag).astype(jnp.int32)
 
-    def on(now: tuple[RobotState, Scalar], step: Array) -> tuple[tuple[RobotState, Scalar], None]:
+    def on(now: tuple[RobotState, Scalar | None], step: Array) -> tuple[tuple[RobotState, Scalar | None], None]:
         (robot, rate), (u1, u2) = now, pending[jnp.maximum(lag - 1 - step, 0)]
-        mean, after = (u2, u2) if drive.turn_time is None else turning(body, drive.turn_time, rate, u2, dt)
+        mean, after = turning(body, drive.turn_time, rate, u2, dt)
         return choose(step < lag, (body.move(robot, u1, mean, dt), after), now), None
 
-    rate = jnp.zeros(()) if state.turn_rate is None else state.turn_rate
-    (robot, rate), _ = jax.lax.scan(on, (robot, rate), jnp.arange(MOST_LAG))
-    return robot, None if state.turn_rate is None else rate
+    return jax.lax.scan(on, (robot, state.turn_rate), jnp.arange(MOST_LAG))[0]
 
 
-def turning(body: Unicycle, turn_time: Real, rate: Scalar, asked: Scalar, dt: Real) -> tuple[Scalar, Scalar]:
+def turning(
+    body: Unicycle, turn_time: Real | None, rate: Scalar | None, asked: Scalar, dt: Real
+) -> tuple[Scalar, Scalar | None]:
     """Return the mean turn rate over a time `dt` [s], by which the robot turns, and the one after it [rad/s].
 
     It changes from one rate towards another at a constant rate until that is reached, by u2_max in `turn_time` [s].
+    Without a turn time it is at once what is asked for, and None is returned for the one after it.
     """
+    if turn_time is None:
+        return asked, None
+    assert rate is not None, "a drive with a turn time has a turn rate"
     most = body.u2_max * dt / jnp.maximum(turn_time, 1e-6)
     made = jnp.clip(asked - rate, -most, most)
     return rate + made - made * jnp.abs(made) / jnp.maximum(2 * most, 1e-9), rate + made

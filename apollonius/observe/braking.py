@@ -6,7 +6,7 @@ from jaxtyping import Array, Float
 
 from apollonius.game.chart import Chart
 from apollonius.game.drive import turning
-from apollonius.game.types import NUM_ACTIONS, Action, Real, RobotState, Scalar
+from apollonius.game.types import NUM_ACTIONS, Action, RobotState, Scalar
 from apollonius.observe.view import Robot
 
 HOLD = 0.1
@@ -19,8 +19,8 @@ _SHARPEST = 3.0
 """Largest turn from one place to the next [rad]."""
 
 
-Way = tuple[RobotState, Scalar, Scalar, Scalar]
-"""A robot on its way to rest, its turn rate [rad/s], its clearance there and the least so far [m]."""
+Way = tuple[RobotState, Scalar | None, Scalar, Scalar]
+"""A robot on its way to rest, its turn rate [rad/s] if it has one, its clearance there and the least so far [m]."""
 
 
 def clearances_after(chart: Chart, robot: Robot) -> Float[Array, "9"]:
@@ -36,18 +36,13 @@ def clearances_after(chart: Chart, robot: Robot) -> Float[Array, "9"]:
     shares = slower[:-1] - slower[1:]
     braking, soon = jnp.maximum(body.u1_max, _LEAST_BRAKING), robot.soon or robot.state
 
-    def turned(rate: Scalar | None, asked: Scalar, duration: Real) -> tuple[Scalar, Scalar]:
-        if robot.turn_time is None or rate is None:
-            return asked, asked
-        return turning(body, robot.turn_time, rate, asked, duration)
-
     def until_soon() -> Scalar:
         here, there = (chart.clearance(state.x, state.y) for state in (robot.state, soon))
         return _between(here, there, jnp.hypot(soon.x - robot.state.x, soon.y - robot.state.y))
 
     def after(action: Action) -> Scalar:
         u1, u2 = body.controls(action)
-        mean, rate = turned(robot.turn_rate, u2, HOLD)
+        mean, rate = turning(body, robot.turn_time, robot.turn_rate, u2, HOLD)
         held = body.move(soon, u1, mean, HOLD)
         here = chart.clearance(held.x, held.y)
         begun = held, rate, here, here if robot.soon is None else jnp.minimum(here, until_soon())
@@ -59,7 +54,7 @@ def clearances_after(chart: Chart, robot: Robot) -> Float[Array, "9"]:
         def on(before: Way, duration: Scalar) -> tuple[Way, None]:
             state, rate, clearance, least = before
             asked = turn * jnp.minimum(body.u2_max, _SHARPEST / jnp.maximum(duration, 1e-3))
-            mean, rate = turned(rate, asked, duration)
+            mean, rate = turning(body, robot.turn_time, rate, asked, duration)
             end = body.move(state, -braking, mean, duration)
             there, length = chart.clearance(end.x, end.y), jnp.hypot(end.x - state.x, end.y - state.y)
             return (end, rate, there, jnp.minimum(least, _between(clearance, there, length))), None

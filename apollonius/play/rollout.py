@@ -6,6 +6,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -17,7 +18,7 @@ from apollonius.agents.policy import Memory, mixed
 from apollonius.agents.pool import AbstractPlayers, Pool, Read
 from apollonius.game.drive import drive_of, respond
 from apollonius.game.game import Game
-from apollonius.game.types import ROLES, Action, Actions, Bits, BySide, DriveStates, GameState, Role, Timestep, choose
+from apollonius.game.types import ROLES, Action, Actions, BySide, DriveStates, GameState, Role, Timestep, choose
 from apollonius.observe import tracking
 from apollonius.observe.observation import WHOLE, perceive
 from apollonius.observe.tracking import Sightings, Track, update
@@ -110,14 +111,9 @@ def look_around(
     """Return what both sides know after a look, by random bits of each, and what `perceive` makes of it."""
 
     def known(role: Role) -> tuple[Track | None, GameState]:
-        def one(
-            track: Track | None, state: GameState, bits: Bits, drives: DriveStates
-        ) -> tuple[Track | None, GameState]:
-            track, state = update(game, role, track, state, bits)
-            return track, replace(state, drives=drives)
-
         side = games.sides[role]
-        return jax.vmap(one)(side.track, games.state, bits[role], side.drives)
+        track, states = jax.vmap(partial(update, game, role))(side.track, games.state, bits[role])
+        return track, jax.vmap(lambda state, drives: replace(state, drives=drives))(states, side.drives)
 
     both = ROLES.map(known)
     seen = ROLES.map(lambda role: perceive(players[role].observation, game, both[role][1], role))
@@ -156,13 +152,8 @@ def step_games(
 
     def experience(role: Role) -> Experience:
         observations = numbers(role, seen[role]), numbers(role, next_seen[role])
-        made = (
-            observations[0],
-            of_robots(actions[role]),
-            rewards[role],
-            observations[1],
-            played.sides[role].episode_return,
-        )
+        returned = played.sides[role].episode_return
+        made = observations[0], of_robots(actions[role]), rewards[role], observations[1], returned
         if games.state.status is None:
             return Experience(*made, games.sides[role].member)
         active, stays = (of_robots(state.active[role]) for state in (games.state, after.state))

@@ -56,9 +56,9 @@ def simulate(
 
     Players see the bodies' states through the sensors of the game, once in every step, and know what their drives can
     do. The lag of the game's drives comes before the latency of the bodies' own; of two turn accelerations the smaller
-    one holds. A step is judged as in the game, from
-    where the bodies' axles are at its two ends and with the radii of the game's robots, so that what differs from the
-    game is how the robots move and nothing else. A robot that is out of play brakes.
+    one holds. A step is judged as in the game, from where the bodies' axles are at its two ends and with the radii of
+    the game's robots, so that what differs from the game is how the robots move and nothing else. A robot that is out
+    of play brakes.
 
     Starts are leaves `[games]`; the key is consumed. Errors are those of `Physics`.
     """
@@ -73,7 +73,7 @@ def simulate(
     outcome, alive = np.full(count, int(Outcome.ONGOING), np.int32), np.arange(count)
     log: list[tuple[np.ndarray, ...]] = []
     while alive.size:
-        games = _turning(games, references.turn_rate)
+        games = _with_turn_rates(games, references.turn_rate)
         actions, controls, sides = _choose(known, game.drives, players, games, key)
         gone = ~np.stack([active for side in games.state.active for active in side], axis=1)
         braking = np.clip(-references.v / float(game.dt), -strongest, strongest)
@@ -113,7 +113,7 @@ def _with_drive(game: Game, drive: Drive) -> Game:
     return replace(game, drives=game_drive.Drives(*ROLES.map(slower)))
 
 
-def _turning(games: Games, rates: Float[np.ndarray, "games robots"]) -> Games:
+def _with_turn_rates(games: Games, rates: Float[np.ndarray, "games robots"]) -> Games:
     """Return games in which robots know their turn rates [rad/s]."""
     each = iter(jnp.asarray(rates, jnp.float32).T)
 
