@@ -91,7 +91,7 @@ def measure_training(config: DQNConfig, stage: str) -> dict[str, Any]:
     while int(state.env_steps) < config.learning_starts:
         run(0)
     seconds = timed(run, 9)
-    updates = len(state.learners) * plan.iterations_per_chunk * config.updates_per_iteration
+    updates = len(state.learners) * plan.learner.iterations_per_chunk * config.updates_per_iteration
     steps = plan.env_steps_per_chunk
     return {"games": config.games, "env_steps_per_second": steps / seconds, "updates_per_second": updates / seconds}
 

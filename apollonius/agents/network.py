@@ -172,6 +172,14 @@ def widened(network: Network, reads: AbstractObservation) -> Network:
     return replace(network, layers=(wide, *network.layers[1:]), observation=reads)
 
 
+def scaled(network: Network, factor: float) -> Network:
+    """Return a network whose outputs are another one's, times a factor."""
+    last = network.layers[-1]
+    assert last.bias is not None
+    weights = last.weight * factor, last.bias * factor
+    return eqx.tree_at(lambda made: (made.layers[-1].weight, made.layers[-1].bias), network, weights)
+
+
 def make_network(observation: str, width: int, depth: int, key: PRNGKeyArray) -> QNetwork:
     """Return a network of `depth` hidden layers of `width` units with random weights. The key is consumed."""
     reads = find_observation(observation)

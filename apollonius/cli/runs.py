@@ -56,13 +56,12 @@ def run_track(options: argparse.Namespace) -> int:
 def train_and_judge(folder: Path) -> bool:
     """Train the run of a folder, from its checkpoint if it has one, and judge it; return False if it was stopped."""
     from apollonius.evaluate.pairings import evaluate_run
-    from apollonius.learn.config import DISTILLATION
     from apollonius.learn.folder import load_config
     from apollonius.learn.run import train
 
     config = load_config(folder / "config.toml")
     finished = train(folder)
-    if finished and config.stages != DISTILLATION:
+    if finished and config.one_side is None:
         evaluate_run(folder, config.game)
     return finished
 

@@ -159,9 +159,8 @@ def _train_and_judge(config: "RunConfig", folder: Path, options: argparse.Namesp
         print(match_table(match, result), end="\n\n", flush=True)
 
     run = Run(config, folder, report)
-    distils = config.stages == "distillation"
     go_on(f"go on with: apollonius resume {folder}")
-    if distils and config.distillation.solves:
+    if config.stages == "distillation" and config.distillation.solves:
         for game in each_alone(config.game):
             solved_game(display, game, config.distillation.grid, folder / TABLES)
     trackers += [Tracker(to, folder, config)] if to else []
@@ -174,9 +173,9 @@ def _train_and_judge(config: "RunConfig", folder: Path, options: argparse.Namesp
             track.close()
     if not finished:
         raise KeyboardInterrupt
-    if distils:
+    if config.one_side is not None:
         (agent,) = (folder / "agents").glob("*.safetensors")
-        finish(options, folder, then=command("exploit", config.distillation.role, agent))
+        finish(options, folder, then=command("exploit", config.one_side.role, agent))
         return 0
     display.begin("judging", compiles=True)
     evaluate_run(folder, config.game, tell, display.report)

@@ -11,7 +11,7 @@ from equinox import tree_at
 from equinox.nn import Linear
 from jaxtyping import Array, Float
 
-from apollonius.agents.network import QNetwork
+from apollonius.agents.network import Network, QNetwork
 from apollonius.game.types import NUM_ACTIONS, Real
 from apollonius.learn.distillation import Labels
 from apollonius.learn.replay_buffer import ReplayBuffer
@@ -22,11 +22,19 @@ COST = 30.0
 _ROWS = 20_000
 
 
-def cautious(network: QNetwork, observations: Float[Array, "rows size"], wanted: Real, price: Real) -> QNetwork:
-    """Return a network that values each action as another one does, less `COST` for what is missing of the `wanted`
-    clearance [m] after it, where a lost game has the price `price`.
+def costs(observations: Float[Array, "*rows size"], wanted: Real, price: Real) -> Float[Array, "*rows 9"]:
+    """Return what each action costs for what is missing of the `wanted` clearance [m], where a lost game has a price.
 
-    It reads `egocentric` or what begins with it. The units that are given up are the nine of each layer that vary least
+    Observations are `egocentric` or begin with it.
+    """
+    after = observations[..., BRAKING : BRAKING + NUM_ACTIONS]
+    return COST * ROOM * price * jax.nn.relu(wanted / ROOM - after)
+
+
+def cautious(network: QNetwork, observations: Float[Array, "rows size"], wanted: Real, price: Real) -> QNetwork:
+    """Return a network that values each action as another one does, less its `costs`.
+
+    The units that are given up are the nine of each layer that vary least
     in the observations: their means go into the next layer's biases, so that units that are never active change
     nothing.
     """
@@ -54,3 +62,22 @@ def sampled(buffer: ReplayBuffer[Labels]) -> Float[Array, "rows size"]:
     """Return observations of a student's buffer, evenly spaced, `_ROWS` or a few more."""
     filled = int(buffer.filled)
     return buffer.rows[0][: filled : max(1, filled // _ROWS)]
+
+
+def bold(network: Network) -> Network:
+    """Return what a cautious network was without its costs, or the network itself if it is not cautious.
+
+    In a training that moves all weights the units that carry them would drift, and what drifts by a hundredth costs
+    several lost games.
+    """
+    actions, carried = jnp.arange(NUM_ACTIONS), BRAKING + jnp.arange(NUM_ACTIONS)
+    if not isinstance(network, QNetwork) or network.observation.size <= BRAKING:
+        return network
+    for number, layer in enumerate(network.layers[:-1]):
+        reads = jnp.zeros((NUM_ACTIONS, layer.weight.shape[1])).at[actions, carried].set(1.0 if number else -1.0)
+        alike = jnp.all(layer.weight[None] == reads[:, None], axis=2)
+        if not jnp.all(jnp.any(alike, axis=1)):
+            return network
+        carried = jnp.argmax(alike, axis=1)
+    weight = network.layers[-1].weight.at[actions, carried].set(0.0)
+    return tree_at(lambda one: one.layers[-1].weight, network, weight)

@@ -14,9 +14,17 @@ from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput, require
 from apollonius.io.limits import SEED, TRAININGS
 from apollonius.learn.learner_config import DQNConfig, LearnerConfig, SACConfig
-from apollonius.learn.stage_config import DistillationConfig, Plan, SelfPlayConfig, StageConfig
+from apollonius.learn.ppo_config import PPOConfig
+from apollonius.learn.stage_config import (
+    DistillationConfig,
+    OneSideConfig,
+    Plan,
+    ResponseConfig,
+    SelfPlayConfig,
+    StageConfig,
+)
 
-FIXED_TARGET, SELF_PLAY, DISTILLATION = STAGES = "fixed-target", "self-play", "distillation"
+FIXED_TARGET, SELF_PLAY, DISTILLATION, RESPONSE = STAGES = "fixed-target", "self-play", "distillation", "response"
 
 
 def require_pay_in_play(game: Game, role: Role) -> None:
@@ -35,20 +43,25 @@ class RunConfig:
 
     seed: int = 0
     """Seed of everything random in the run."""
-    stages: Literal["fixed-target", "self-play", "both", "distillation"] = "both"
-    """Algorithm 1, Algorithm 2 with both sides from scratch, or the curriculum of both; or one side from a teacher."""
+    stages: Literal["fixed-target", "self-play", "both", "distillation", "response"] = "both"
+    """Algorithm 1, Algorithm 2 with both sides from scratch, or the curriculum of both; or one side from a teacher, or
+    against opponents that do not learn."""
     game: Game = field(default_factory=lambda: make_game("paper"))
     """The game, number by number."""
     dqn: DQNConfig = field(default_factory=DQNConfig)
     """How each side learns, by deep Q-learning, unless `sac` is given."""
     sac: SACConfig | None = None
     """How each side learns by soft actor-critic, so that its actions are continuous; None where it does not."""
+    ppo: PPOConfig = field(default_factory=PPOConfig)
+    """How the side of a response learns."""
     fixed_target: StageConfig = field(default_factory=StageConfig)
     """Stage 1: the pursuer against evaders that do not learn."""
     self_play: SelfPlayConfig = field(default_factory=SelfPlayConfig)
     """Stage 2: both against each other."""
     distillation: DistillationConfig = field(default_factory=DistillationConfig)
     """One side from a teacher."""
+    response: ResponseConfig = field(default_factory=ResponseConfig)
+    """One side against opponents that do not learn."""
     evaders: tuple[str, ...] = ("still",)
     """Players that the pursuer of stage 1 learns to catch: `still`, as in Algorithm 1, or others, of whom each game
     meets one."""
@@ -56,7 +69,7 @@ class RunConfig:
     """Agent that the pursuer of a lone stage starts from; None is from scratch. Where `team` is
     trained, one that reads `egocentric` is extended by weights of 0 for what is new."""
     evader: str | None = None
-    """Agent that the evader of a lone self-play or distillation starts from; None is from scratch (Algorithm 2)."""
+    """Agent that the evader of a lone stage starts from; None is from scratch (Algorithm 2)."""
 
     def __post_init__(self) -> None:
         SEED.require("seed", self.seed)
@@ -64,7 +77,7 @@ class RunConfig:
             self.game.require_two("soft actor-critic")
         for role in (Role.PURSUER,) if self.stages == FIXED_TARGET else Role:
             require_pay_in_play(self.game, role)
-        past, games = self.self_play.opponents, self.learner.games
+        past, games = self.self_play.opponents, (self.sac or self.dqn).games
         fits = past.share == 0 or past.slot_games(games) > 0
         require(fits, "games", games, f"more, so that {past.scheme} has one for each of 2 x {past.slots} slots")
         longest = games * self.game.max_steps
@@ -76,9 +89,13 @@ class RunConfig:
             value, bound = getattr(self, name), f"left out where stages is '{self.stages}', which begins without it"
             shown = ", ".join(value) if name == "evaders" else value
             require(value == default or name in used, name, shown, bound)
+        if self.stages == RESPONSE:
+            games, bound = self.ppo.games, "as many at least as opponents, so that each has one"
+            require(games >= len(self.response.opponents), "ppo.games", games, bound)
+        if self.one_side is not None:
+            require(self.sac is None, "sac", "given", f"left out for a {self.stages}, whose actions are the nine")
         if self.stages != DISTILLATION:
             return
-        require(self.sac is None, "sac", "given", "left out for distillation, which fits the values of nine actions")
         stage, games = self.distillation, self.dqn.games
         if stage.solves:
             self.game.require_two("a distillation by tables")
@@ -94,14 +111,27 @@ class RunConfig:
         return f"P_{Path(self.evaders[0]).stem}" if len(self.evaders) == 1 else "P_pool"
 
     @property
+    def kind(self) -> str:
+        """The name of agents of the last stage after their side, as in P_curriculum and E_response."""
+        if self.one_side is not None:
+            return {DISTILLATION: "distilled", RESPONSE: "response"}[self.stages]
+        return "scratch" if self.stages == SELF_PLAY and self.pursuer is None else "curriculum"
+
+    @property
+    def one_side(self) -> OneSideConfig | None:
+        """The stage in which one side learns, if that is the one."""
+        return {DISTILLATION: self.distillation, RESPONSE: self.response}.get(self.stages)
+
+    @property
     def learner(self) -> LearnerConfig:
-        """The numbers of the algorithm that both sides learn by."""
-        return self.sac or self.dqn
+        """The numbers of the algorithm that learns."""
+        return self.ppo if self.stages == RESPONSE else self.sac or self.dqn
 
     @property
     def plans(self) -> dict[str, Plan]:
-        """The plans of the stages in their order, by name; the tasks of a distillation are in its settings."""
-        stages = (self.fixed_target, self.self_play, replace(self.distillation, tasks=()))
+        """The plans of the stages in their order, by name; the tasks of one side are in its settings."""
+        of_one_side = (replace(stage, tasks=()) for stage in (self.distillation, self.response))
+        stages = (self.fixed_target, self.self_play, *of_one_side)
         asked = STAGES[:2] if self.stages == "both" else [self.stages]
         return {name: Plan(self.learner, stage) for name, stage in zip(STAGES, stages, strict=True) if name in asked}
 

@@ -26,8 +26,9 @@ from apollonius.learn.learner_config import DQNConfig, linear
 from apollonius.learn.loop import Metrics, iterated
 from apollonius.learn.queries import queries, starts_of
 from apollonius.learn.replay_buffer import ReplayBuffer, add
+from apollonius.learn.setting import equal_parts
 from apollonius.learn.stage_config import DistillationConfig, Plan
-from apollonius.learn.teacher import Setting
+from apollonius.learn.teacher import Lessons
 from apollonius.learn.train_state import LearnerState, TrainState, first_learner
 from apollonius.observe.observation import perceive
 from apollonius.play.rollout import Games, begin, collect
@@ -45,7 +46,7 @@ Labels = tuple[Float[Array, "rows size"], Float[Array, "rows 9"]]
 
 
 def start_distillation(
-    plan: Plan, settings: Sequence[Setting], key: PRNGKeyArray, network: Network | None = None
+    plan: Plan, settings: Sequence[Lessons], key: PRNGKeyArray, network: Network | None = None
 ) -> TrainState:
     """Return the state before the first step, from random weights where there is no network. The key is consumed."""
     network_key, start_key, train_key = jax.random.split(key, 3)
@@ -54,6 +55,7 @@ def start_distillation(
     begun = [_first_games(plan, learner.network, *each) for each in zip(settings, keys, strict=True)]
     asked = functools.partial(queries, _config(plan))
     block = max(len(jax.eval_shape(asked, *each, key)[2]) for each in zip(settings, begun, strict=True))
+    assert isinstance(plan.learner, DQNConfig)
     rows, size = max(1, plan.learner.replay_capacity // block) * block, learner.network.observation.size
     head, filled, iterations, env_steps, episodes = (jnp.zeros((), jnp.int32) for _ in range(5))
     buffer = ReplayBuffer((jnp.zeros((rows, size)), jnp.zeros((rows, NUM_ACTIONS))), head, filled)
@@ -62,13 +64,13 @@ def start_distillation(
 
 
 @functools.partial(jax.jit, static_argnames="plan")
-def _first_games(plan: Plan, network: QNetwork, setting: Setting, key: PRNGKeyArray) -> Games:
+def _first_games(plan: Plan, network: QNetwork, setting: Lessons, key: PRNGKeyArray) -> Games:
     bits = jnp.zeros((2, plan.learner.games), jnp.uint32)
     return begin(setting.game, starts_of(setting, plan.learner.games, key), _players(plan, network, setting, key), bits)
 
 
 def distillation(
-    plan: Plan, state: TrainState, settings: Sequence[Setting], done: int = 0
+    plan: Plan, state: TrainState, settings: Sequence[Lessons], done: int = 0
 ) -> Iterator[tuple[TrainState, Metrics]]:
     """Train the stage chunk by chunk, in settings that take turns; each state is consumed by the next one."""
     for chunk in range(done, plan.chunks):
@@ -80,15 +82,15 @@ def distillation(
 
 
 @functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
-def _play_and_learn(plan: Plan, state: TrainState, setting: Setting) -> tuple[TrainState, Metrics]:
+def _play_and_learn(plan: Plan, state: TrainState, setting: Lessons) -> tuple[TrainState, Metrics]:
     """Train one chunk in one setting, whose games are played on."""
     after, metrics = jax.lax.scan(
-        lambda state, _: _iterate(plan, state, setting), state, None, plan.iterations_per_chunk
+        lambda state, _: _iterate(plan, state, setting), state, None, plan.learner.iterations_per_chunk
     )
     return after, jax.tree.map(lambda leaf: jnp.sum(leaf, axis=0), metrics)
 
 
-def _iterate(plan: Plan, state: TrainState, setting: Setting) -> tuple[TrainState, Metrics]:
+def _iterate(plan: Plan, state: TrainState, setting: Lessons) -> tuple[TrainState, Metrics]:
     """Query the teacher, play some steps of every game, fit the student."""
     role, game, config = _config(plan).side, setting.game, plan.learner
     side, key = state.learners[role], jax.random.fold_in(state.key, state.iterations)
@@ -97,7 +99,7 @@ def _iterate(plan: Plan, state: TrainState, setting: Setting) -> tuple[TrainStat
     network = side.learner.network
     known, states, learns = queries(_config(plan), setting, state.games, query_key)
     _, seen = perceive(network.observation, game, known, role)
-    values = setting.teacher.values(game, states, role)
+    values = setting.price * setting.teacher.values(game, states, role)
     buffer = add(side.buffer, (seen, jnp.where(learns[:, None], values, jnp.nan)))
     starts = jax.tree.map(lambda leaf: leaf[None], starts_of(setting, config.games, start_key))
     players = _players(plan, network, setting, player_key)
@@ -107,7 +109,7 @@ def _iterate(plan: Plan, state: TrainState, setting: Setting) -> tuple[TrainStat
     return iterated(state, games, played, env_steps, {role: (LearnerState(learner, buffer), loss)})
 
 
-def _players(plan: Plan, network: QNetwork, setting: Setting, key: PRNGKeyArray) -> BySide[AbstractPlayers]:
+def _players(plan: Plan, network: QNetwork, setting: Lessons, key: PRNGKeyArray) -> BySide[AbstractPlayers]:
     """Return the student, whose random actions last for a round, and its opponents, each in games of its own."""
     config, table, games = _config(plan), setting.table, plan.learner.games
     robots = len(setting.game.bodies[config.side])
@@ -117,9 +119,8 @@ def _players(plan: Plan, network: QNetwork, setting: Setting, key: PRNGKeyArray)
     if table is not None:
         searches = (RolloutSearch(table.zero_sum_game, table.table, greedy(network), *ahead) for ahead in _PLANS)
         players += [Holding(search, plan.learner.steps_per_iteration) for search in searches]
-    kinds, left = len(setting.opponents), games - config.near_sighted - config.far_sighted
-    shares = [left // kinds + (number < left % kinds) for number in range(kinds)]
-    shares += [config.near_sighted, config.far_sighted]
+    left = games - config.near_sighted - config.far_sighted
+    shares = [*equal_parts(left, len(setting.opponents)), config.near_sighted, config.far_sighted]
     opponents = [pair for pair in zip(players, shares, strict=False) if pair[1]]
     return BySide.of(config.side, student, Apart(*map(tuple, zip(*opponents, strict=True))))
 

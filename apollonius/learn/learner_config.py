@@ -1,5 +1,6 @@
 """Learning in numbers: what all algorithms share, deep Q-learning, soft actor-critic."""
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -11,6 +12,9 @@ from apollonius.game.types import Real, Scalar
 from apollonius.io.errors import require, require_positive, require_within
 from apollonius.io.limits import PARALLEL_GAMES, TRANSITIONS
 from apollonius.observe.registry import find_observation
+
+_CHUNK_ENV_STEPS = 8192
+"""Env steps between two looks from outside (progress, checkpoints, Ctrl-C), where iterations are small enough."""
 
 
 def linear(start: Real, end: Real, over: Real, env_steps: Int[Array, ""]) -> Scalar:
@@ -34,56 +38,35 @@ class LearnerConfig:
     """Number of hidden layers (Fig. 3)."""
     gamma: float = 0.99
     """Discount of a step (section IV)."""
-    n_step: int = 16
-    """Rewards summed before a value is bootstrapped, at the start of a stage: far-reaching, but of high variance."""
-    final_n_step: int = 4
-    """Rewards summed at the end of a stage, reached in a straight line: less noise, and closer to the value of the best
-    action than of the explored one (annealed as in Schwarzer et al., "Bigger, Better, Faster", 2023)."""
     learning_rate: float = 5e-4
     """Adam's step size at the start of a stage."""
     final_learning_rate: float = 2e-5
     """Adam's step size at the end of a stage, reached in a straight line."""
-    averaging: float = 3e-4
-    """Part of the way that the averaged weights go towards the network at each update; 1 plays the network itself."""
     batch: int = 256
     """Transitions in an update."""
-    env_steps_per_update: int = 512
-    """Env steps between two updates of each learner."""
     games: int = 512
     """Games played at a time."""
-    replay_capacity: int = 524_288
-    """Transitions kept, of teams those of each robot."""
-    learning_starts: int = 40_000
-    """Env steps before the first update."""
 
     def __post_init__(self) -> None:
         find_observation(self.observation)
-        require_positive(self, "n_step", "final_n_step", "learning_rate", "final_learning_rate", "averaging", "batch")
-        require_positive(self, "env_steps_per_update", "games", "replay_capacity")
+        require_positive(self, "learning_rate", "final_learning_rate", "batch", "games")
         require_within(self, 1, MOST_WIDTH, "width")
         require_within(self, 1, MOST_LAYERS, "depth")
-        require_within(self, 0, 1, "gamma", "averaging", "learning_rate")
+        require_within(self, 0, 1, "gamma", "learning_rate")
         PARALLEL_GAMES.require("games", self.games)
-        TRANSITIONS.require("replay_capacity", self.replay_capacity)
         TRANSITIONS.require("batch", self.batch)
-        require(self.final_n_step <= self.n_step, "final_n_step", self.final_n_step, f"at most n_step = {self.n_step}")
         falls = self.final_learning_rate <= self.learning_rate
         require(falls, "final_learning_rate", self.final_learning_rate, f"at most learning_rate = {self.learning_rate}")
-        steps, bound = self.env_steps_per_update, f"a multiple or a divisor of games = {self.games}"
-        require(max(self.games, steps) % min(self.games, steps) == 0, "env_steps_per_update", steps, bound)
-        rows = 2 * (self.n_step + self.steps_per_iteration)
-        bound = f"at least {rows * self.games} for these games and n_step"
-        require(self.rows >= rows, "replay_capacity", self.replay_capacity, bound)
 
     @property
+    @abstractmethod
     def steps_per_iteration(self) -> int:
         """Steps every game plays between two rounds of updates."""
-        return max(1, self.env_steps_per_update // self.games)
 
     @property
-    def updates_per_iteration(self) -> int:
-        """Updates in a round."""
-        return max(1, self.games // self.env_steps_per_update)
+    @abstractmethod
+    def iterations_per_chunk(self) -> int:
+        """Rounds of play and updates in one compiled call."""
 
     @property
     def env_steps_per_iteration(self) -> int:
@@ -91,9 +74,9 @@ class LearnerConfig:
         return self.steps_per_iteration * self.games
 
     @property
-    def rows(self) -> int:
-        """Time steps the replay holds: the capacity, rounded down to whole iterations."""
-        return self.replay_capacity // self.env_steps_per_iteration * self.steps_per_iteration
+    def idle(self) -> int:
+        """Env steps before the first update."""
+        return 0
 
     def fits(self, network: Network) -> bool:
         """Return whether training can go on from a network: by its class, its size and the observation it reads."""
@@ -114,7 +97,60 @@ class LearnerConfig:
 
 
 @dataclass(frozen=True)
-class DQNConfig(LearnerConfig):
+class ReplayConfig(LearnerConfig):
+    """The numbers of the algorithms that learn from a replay buffer."""
+
+    n_step: int = 16
+    """Rewards summed before a value is bootstrapped, at the start of a stage: far-reaching, but of high variance."""
+    final_n_step: int = 4
+    """Rewards summed at the end of a stage, reached in a straight line: less noise, and closer to the value of the best
+    action than of the explored one (annealed as in Schwarzer et al., "Bigger, Better, Faster", 2023)."""
+    averaging: float = 3e-4
+    """Part of the way that the averaged weights go towards the network at each update; 1 plays the network itself."""
+    env_steps_per_update: int = 512
+    """Env steps between two updates of each learner."""
+    replay_capacity: int = 524_288
+    """Transitions kept, of teams those of each robot."""
+    learning_starts: int = 40_000
+    """Env steps before the first update."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "n_step", "final_n_step", "averaging", "env_steps_per_update", "replay_capacity")
+        require_within(self, 0, 1, "averaging")
+        TRANSITIONS.require("replay_capacity", self.replay_capacity)
+        require(self.final_n_step <= self.n_step, "final_n_step", self.final_n_step, f"at most n_step = {self.n_step}")
+        steps, bound = self.env_steps_per_update, f"a multiple or a divisor of games = {self.games}"
+        require(max(self.games, steps) % min(self.games, steps) == 0, "env_steps_per_update", steps, bound)
+        rows = 2 * (self.n_step + self.steps_per_iteration)
+        bound = f"at least {rows * self.games} for these games and n_step"
+        require(self.rows >= rows, "replay_capacity", self.replay_capacity, bound)
+
+    @property
+    def steps_per_iteration(self) -> int:
+        return max(1, self.env_steps_per_update // self.games)
+
+    @property
+    def iterations_per_chunk(self) -> int:
+        return max(8, _CHUNK_ENV_STEPS // self.env_steps_per_iteration)
+
+    @property
+    def updates_per_iteration(self) -> int:
+        """Updates in a round."""
+        return max(1, self.games // self.env_steps_per_update)
+
+    @property
+    def rows(self) -> int:
+        """Time steps the replay holds: the capacity, rounded down to whole iterations."""
+        return self.replay_capacity // self.env_steps_per_iteration * self.steps_per_iteration
+
+    @property
+    def idle(self) -> int:
+        return self.learning_starts
+
+
+@dataclass(frozen=True)
+class DQNConfig(ReplayConfig):
     """Deep Q-learning (section II-B), for the nine discrete actions."""
 
     network = QNetwork
@@ -144,7 +180,7 @@ class DQNConfig(LearnerConfig):
 
 
 @dataclass(frozen=True)
-class SACConfig(LearnerConfig):
+class SACConfig(ReplayConfig):
     """Soft actor-critic (Haarnoja et al., "Soft actor-critic algorithms and applications", 2018), for pairs of action
     levels; n-step returns as in deep Q-learning.
     """

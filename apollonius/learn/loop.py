@@ -17,7 +17,7 @@ from apollonius.agents.pool import Pool
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import ROLES, BySide, GameState, Outcome, Role, Scalar, choose
 from apollonius.learn import archive, dqn, replay_buffer, sac
-from apollonius.learn.learner_config import DQNConfig, SACConfig, linear
+from apollonius.learn.learner_config import DQNConfig, ReplayConfig, SACConfig, linear
 from apollonius.learn.stage_config import Plan
 from apollonius.learn.train_state import Learner, LearnerState, TrainState, players
 from apollonius.play.rollout import Games, Transition, begin, collect
@@ -64,7 +64,7 @@ def play_and_learn(plan: Plan, game: Game, state: TrainState, fixed: Mapping[Rol
         fresh = jax.tree.map(lambda leaf: jax.lax.dynamic_index_in_dim(leaf, index % rows, keepdims=False), starts)
         return _iterate(plan, game, state, fixed, fresh)
 
-    after, metrics = jax.lax.scan(one_iteration, state, jnp.arange(plan.iterations_per_chunk))
+    after, metrics = jax.lax.scan(one_iteration, state, jnp.arange(plan.learner.iterations_per_chunk))
     return after, jax.tree.map(lambda leaf: jnp.sum(leaf, axis=0), metrics)
 
 
@@ -77,7 +77,7 @@ def _iterate(
     games, played = collect(game, playing, state.games, starts, play_key, config.steps_per_iteration)
     env_steps = state.env_steps + config.env_steps_per_iteration
     learned = {
-        role: _learn(plan, side, _row(played, role), env_steps, learn_keys[role])
+        role: _learn(plan, side, row_of(played, role), env_steps, learn_keys[role])
         for role, side in state.learners.items()
     }
     return iterated(state, games, played, env_steps, learned, _recorded(plan, game, state, played))
@@ -114,6 +114,7 @@ def _learn(
 ) -> tuple[LearnerState, Scalar]:
     """Store one side's transitions and make its updates; return their losses, added up."""
     config, stage = plan.learner, plan.stage.env_steps
+    assert isinstance(config, ReplayConfig)
     buffer = replay_buffer.add(side.buffer, new)
     rate = linear(config.learning_rate, config.final_learning_rate, stage, env_steps)
     n_step = jnp.round(linear(config.n_step, config.final_n_step, stage, env_steps)).astype(jnp.int32)
@@ -138,7 +139,7 @@ def _learn(
     return LearnerState(learner, buffer), loss
 
 
-def _row(played: Transition, role: Role) -> replay_buffer.Row:
+def row_of(played: Transition, role: Role) -> replay_buffer.Row:
     """Return one side's transitions, of a team those of each robot, whose game is over when it is out of play."""
     side, flags = played.sides[role], (played.terminated, played.truncated)
     made = side.observation, side.action, side.reward, side.next_observation

@@ -11,7 +11,7 @@ from apollonius.game.dynamics import Unicycle, wrap_angle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import GameState, Real, RobotState, Scalar, choose
 from apollonius.learn.stage_config import DistillationConfig
-from apollonius.learn.teacher import Setting
+from apollonius.learn.teacher import Lessons
 from apollonius.observe.tracking import update
 from apollonius.play.rollout import Games
 
@@ -24,7 +24,7 @@ _EDGE = 0.02
 
 
 def queries(
-    config: DistillationConfig, setting: Setting, games: Games, key: PRNGKeyArray
+    config: DistillationConfig, setting: Lessons, games: Games, key: PRNGKeyArray
 ) -> tuple[GameState, GameState, Bool[Array, " rows"]]:
     """Return states to learn from, as the student knows them and as they are, and which of its robots learn there.
 
@@ -46,7 +46,7 @@ def queries(
     return seen, games.state, jnp.concatenate([active & fresh for active in games.state.active[role]])
 
 
-def starts_of(setting: Setting, games: int, key: PRNGKeyArray) -> GameState:
+def starts_of(setting: Lessons, games: int, key: PRNGKeyArray) -> GameState:
     """Return starts of games: with tables `fresh_starts`, else as the game draws them. The key is consumed."""
     return reset_batch(setting.game, key, games) if setting.table is None else fresh_starts(setting.game, games, key)
 

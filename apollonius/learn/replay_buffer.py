@@ -19,7 +19,7 @@ class Row(eqx.Module):
     observation: Float[Array, "*steps games size"]
     action: Int[Array, "*steps games"] | Float[Array, "*steps games 2"]
     reward: Float[Array, "*steps games"]
-    next_observation: Float[Array, "*steps games size"]
+    next_observation: Float[Array, "*steps games next"]
     terminated: Bool[Array, "*steps games"]
     truncated: Bool[Array, "*steps games"]
     active: Bool[Array, "*steps games"] | None = None

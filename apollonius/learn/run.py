@@ -5,31 +5,32 @@ so they follow the clock: a run that is killed and resumed ends with the same bi
 """
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from apollonius.agents.network import Network, QNetwork
+from apollonius.agents.network import Network, QNetwork, scaled
 from apollonius.agents.pool import Pool, solo
 from apollonius.agents.store import describe, save_agent
 from apollonius.agents.trained import greedy, load_network
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import to_dict
-from apollonius.catalogue import find_pool
+from apollonius.catalogue import find_player, find_pool, price_of_losing
 from apollonius.game.game import sample_starts
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.types import ROLES, BySide, Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.io.interrupts import asked
 from apollonius.learn import loop, train_state
-from apollonius.learn.caution import cautious, sampled
-from apollonius.learn.config import DISTILLATION, FIXED_TARGET, SELF_PLAY, STAGES, RunConfig
+from apollonius.learn.caution import bold, cautious, sampled
+from apollonius.learn.config import DISTILLATION, FIXED_TARGET, RESPONSE, SELF_PLAY, STAGES, RunConfig
 from apollonius.learn.distillation import distillation, start_distillation
 from apollonius.learn.folder import (
     Evaluation,
@@ -41,9 +42,11 @@ from apollonius.learn.folder import (
     save_checkpoint,
 )
 from apollonius.learn.metrics import MetricsLine, append_metrics, begin_metrics, measure
+from apollonius.learn.ppo import response, start_response
 from apollonius.learn.progress import keep_state
-from apollonius.learn.teacher import TABLES, Setting, make_settings
-from apollonius.learn.train_state import TrainState
+from apollonius.learn.setting import settings_of
+from apollonius.learn.teacher import TABLES, make_lessons
+from apollonius.learn.train_state import LearnerState, TrainState
 from apollonius.observe.registry import find_observation
 from apollonius.play.playout import play_out
 
@@ -83,9 +86,11 @@ class Run:
         self.fixed = {FIXED_TARGET: {Role.EVADER: self.evaders}}
 
     @cached_property
-    def settings(self) -> list[Setting]:
-        """Teachers and opponents of a distillation; games are solved for it that are not yet."""
-        return make_settings(self.config, self.game, self.folder / TABLES)
+    def settings(self) -> Sequence[Any]:
+        """Games and opponents of a side that learns alone; in a distillation lessons, for which games are solved."""
+        if self.config.stages == DISTILLATION:
+            return make_lessons(self.config, self.game, self.folder / TABLES)
+        return settings_of(self.config.response, self.config.ppo, self.game)
 
     def execute(self) -> bool:
         """Train to the end of the last stage. Returns False if stopped early.
@@ -120,8 +125,9 @@ class Run:
     def start(self, stage: str, networks: BySide[Network | None]) -> Saved:
         """Return the beginning of a stage whose networks go on from these."""
         plan, key = self.plans[stage], jax.random.fold_in(jax.random.key(self.config.seed), STAGES.index(stage))
-        if stage == DISTILLATION:
-            return Saved(start_distillation(plan, self.settings, key, networks[self.config.distillation.side]), None)
+        if (one_side := self.config.one_side) is not None:
+            begin = start_distillation if stage == DISTILLATION else start_response
+            return Saved(begin(plan, self.settings, key, networks[one_side.side]), None)
         train = train_state.start(plan, plan.stage.trained_in(self.game), key, self.fixed.get(stage, {}), networks)
         return Saved(train, _pursuer(train) if stage == FIXED_TARGET else None)
 
@@ -129,8 +135,9 @@ class Run:
         """Train one stage from here. Returns its last state, and whether it ended by itself."""
         train, best, stage = saved.train, saved.best, standing.stage
         plan = self.plans[stage]
-        if stage == DISTILLATION:
-            chunks = distillation(plan, train, self.settings, standing.chunks)
+        if self.config.one_side is not None:
+            play_on = distillation if stage == DISTILLATION else response
+            chunks = play_on(plan, train, self.settings, standing.chunks)
         else:
             game, fixed = plan.stage.trained_in(self.game), self.fixed.get(stage, {})
             chunks = loop.chunks(plan, game, train, fixed, standing.chunks)
@@ -165,11 +172,11 @@ class Run:
     def _evaluate(self, stage: str, train: TrainState) -> Evaluation:
         """Play greedily from fixed starts, with fixed players for a side that does not learn."""
         game, fixed = self.game, self.evaders
-        if stage == DISTILLATION:
+        if self.config.one_side is not None:
             game, fixed = self.settings[0].game, solo(self.settings[0].opponents[0])
 
         def players(role: Role) -> Pool:
-            return solo(greedy(train.learners[role].learner.average)) if role in train.learners else fixed
+            return solo(greedy(self._finished(train.learners[role]))) if role in train.learners else fixed
 
         start_key, play_key = jax.random.split(jax.random.key(_EVALUATION_SEED))
         starts = sample_starts(game, start_key, self.plans[stage].stage.evaluation_games)
@@ -190,22 +197,26 @@ class Run:
         return evaluation.outcomes["captured"] > standing.best.outcomes["captured"]
 
     def _save_agents(self, train: TrainState, before: int, standing: Standing) -> None:
-        """Save the agents at the snapshots of self-play, and that of a distillation at its end."""
+        """Save the agents at the snapshots of self-play, and that of a side that learns alone at its end."""
         plan, stage = self.plans[standing.stage], standing.stage
-        kind = "curriculum" if FIXED_TARGET in self.plans or self.config.pursuer else "scratch"
-        times = {SELF_PLAY: self.config.self_play.snapshots, DISTILLATION: 1}.get(stage, 0)
+        times = {SELF_PLAY: self.config.self_play.snapshots, FIXED_TARGET: 0}.get(stage, 1)
         record: dict[str, object] = {"env_steps": int(train.env_steps), "episodes": int(train.episodes)}
-        if stage == DISTILLATION:
-            record["price"] = float(self.settings[0].teacher.unit)
+        if self.config.one_side is not None:
+            record["price"] = float(self.settings[0].price)
         for percent in (round(100 * number / times) for number in range(1, times + 1)):
             if before < -(-plan.chunks * percent // 100) <= standing.chunks:
                 for role, side in train.learners.items():
-                    name = f"{role.name[0]}_{'distilled' if stage == DISTILLATION else kind}"
-                    network, wanted = side.learner.average, self.config.distillation.caution
-                    if stage == DISTILLATION and wanted > 0:
-                        assert isinstance(network, QNetwork)
-                        network = cautious(network, sampled(side.buffer), wanted, self.settings[0].teacher.unit)
-                    self._save_agent(network, role, name, record, stage, percent)
+                    self._save_agent(
+                        self._finished(side), role, f"{role.name[0]}_{self.config.kind}", record, stage, percent
+                    )
+
+    def _finished(self, side: LearnerState) -> Network:
+        """Return the network that plays when it counts, the averaged one, cautious where that is wanted."""
+        network, one_side = side.learner.average, self.config.one_side
+        if one_side is None or one_side.caution == 0:
+            return network
+        assert isinstance(network, QNetwork)
+        return cautious(network, sampled(side.buffer), one_side.caution, self.settings[0].price)
 
     def _save_agent(
         self, network: Network, role: Role, name: str, record: Mapping[str, object], stage: str, percent: int = 100
@@ -225,7 +236,13 @@ def train(folder: Path) -> bool:
 def load_first(config: RunConfig, role: Role) -> Network | None:
     """Return the network that a side starts from, if the config names one; raises InvalidInput if it does not fit."""
     name = BySide(config.pursuer, config.evader)[role]
-    return None if name is None else config.learner.fitted(load_network(name, role), role.name.lower(), name)
+    if name is None:
+        return None
+    network = config.learner.fitted(load_network(name, role), role.name.lower(), name)
+    if config.stages != RESPONSE:
+        return network
+    price = price_of_losing(find_player(name, role, config.game), config.game)
+    return scaled(bold(network), 1 / (config.ppo.temperature * price))
 
 
 def _pursuer(train: TrainState) -> Network:

@@ -1,4 +1,4 @@
-"""The stages of a training in numbers: the two of the curriculum, and distillation; and the plan of a stage."""
+"""The stages of a training in numbers: the two of the curriculum, those of one side, and the plan of a stage."""
 
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -12,9 +12,6 @@ from apollonius.io.errors import require, require_positive, require_within
 from apollonius.io.limits import GAMES
 from apollonius.learn.learner_config import LearnerConfig
 from apollonius.learn.opponents import OpponentConfig
-
-_CHUNK_ENV_STEPS = 8192
-"""Env steps between two looks from outside (progress, checkpoints, Ctrl-C), where iterations are small enough."""
 
 
 @dataclass(frozen=True)
@@ -78,30 +75,67 @@ class SelfPlayConfig(StageConfig):
 
 @dataclass(frozen=True)
 class Task:
-    """A further game of a distillation, with its own teacher and as many opponents as the stage; none for the same."""
+    """A further game of one side's stage, with as many opponents as the stage, and in a distillation a teacher; what is
+    left out is as in the stage.
+    """
 
     game: Game
-    teacher: str
+    teacher: str = ""
     opponents: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
-class DistillationConfig(StageConfig):
-    """One side learns a teacher's action values, in the states of its own games."""
+class OneSideConfig(StageConfig):
+    """A stage in which one side learns, in one or several games, against opponents that do not."""
+
+    evaluations: int = 10
+    evaluation_games: int = 300
+    role: Literal["pursuer", "evader"] = "evader"
+    """The side that learns."""
+    opponents: tuple[str, ...] = ("P_optimal",)
+    """Its opponents, each in an equal part of the games."""
+    caution: float = 0.0
+    """Clearance after braking [m] that the agent wants (`apollonius.learn.caution`); 0 for none."""
+    tasks: tuple[Task, ...] = ()
+    """Further games, which take turns with the run's own."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require(len(self.opponents) >= 1, "opponents", "none", "one at least")
+        require_within(self, 0, 10**9, "caution")
+        alike = all(len(task.opponents) in (0, len(self.opponents)) for task in self.tasks)
+        require(alike, "tasks: opponents", "given", f"{len(self.opponents)} names, as those of the stage, or left out")
+
+    @property
+    def side(self) -> Role:
+        return Role[self.role.upper()]
+
+
+@dataclass(frozen=True)
+class ResponseConfig(OneSideConfig):
+    """One side learns a best response by proximal policy optimisation."""
+
+    env_steps: int = 16_000_000
+    progress: float = 0.0
+    failure: float = 15.0
+
+
+@dataclass(frozen=True)
+class DistillationConfig(OneSideConfig):
+    """One side learns a teacher's action values, in the states of its own games.
+
+    Values of the teachers of further tasks count in units of lost games.
+    """
 
     env_steps: int = 50_000_000
     pursuer_epsilon: float = 0.04
     """Share of random actions of a learning pursuer, each held for a round; constant."""
     evader_epsilon: float = 0.04
     """Share of random actions of a learning evader, each held for a round; constant."""
-    evaluations: int = 10
-    evaluation_games: int = 300
-    role: Literal["pursuer", "evader"] = "evader"
-    """The side that learns."""
     teacher: str = TABLE
     """Source of the action values: `table`, the player by the game solved for that side, or an agent trained by DQN."""
     opponents: tuple[str, ...] = (TABLE, "random", "P_optimal", "P_curriculum", "intercept")
-    """Its opponents, each in an equal part of the games: `table` is the other side's."""
+    """Its opponents, each in an equal part of the games that attackers leave: `table` is the other side's."""
     near_sighted: int = 192
     """Games against an attacker that knows the student and looks one hold of ten steps ahead."""
     far_sighted: int = 64
@@ -112,23 +146,16 @@ class DistillationConfig(StageConfig):
     """Clearance [m] below which labels weigh it against the teacher's values; 0 ignores clearance."""
     updates: int = 8
     """Updates in a round."""
-    caution: float = 0.0
-    """Clearance after braking [m] that the student's agent wants (`apollonius.learn.caution`); 0 for none."""
     informed: float = 3.0
     """Time since a side with sensors saw an opponent [s] up to which it learns what its teacher, who sees it, does."""
-    tasks: tuple[Task, ...] = ()
-    """Further games, which take turns with the run's own; their teachers' values count in units of lost games."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self, "updates")
-        require(len(self.opponents) >= 1, "opponents", "none", "one at least")
-        require_within(self, 0, 10**9, "clearance", "near_sighted", "far_sighted", "caution", "informed")
+        require_within(self, 0, 10**9, "clearance", "near_sighted", "far_sighted", "informed")
         bound = "left out: tables know the rules' own robots only"
         require(not (self.randomise and self.solves), "randomise", "some numbers", bound)
         require(not (self.tasks and self.solves), "tasks", "some", "left out where tables of solved games are needed")
-        alike = all(len(task.opponents) in (0, len(self.opponents)) for task in self.tasks)
-        require(alike, "tasks: opponents", "given", f"{len(self.opponents)} names, as those of the stage, or left out")
         require(self.grid is None or len(self.grid) == 4, "grid", self.grid, "four numbers of nodes, or left out")
 
     @property
@@ -136,10 +163,6 @@ class DistillationConfig(StageConfig):
         """True if somebody needs the tables of solved games."""
         searches = self.near_sighted + self.far_sighted + self.clearance > 0
         return searches or TABLE in (self.teacher, *self.opponents)
-
-    @property
-    def side(self) -> Role:
-        return Role[self.role.upper()]
 
 
 @dataclass(frozen=True)
@@ -155,14 +178,9 @@ class Plan:
         return self.stage.opponents if isinstance(self.stage, SelfPlayConfig) else OpponentConfig()
 
     @property
-    def iterations_per_chunk(self) -> int:
-        """Rounds of play and updates in one compiled call."""
-        return max(8, _CHUNK_ENV_STEPS // self.learner.env_steps_per_iteration)
-
-    @property
     def env_steps_per_chunk(self) -> int:
         """Env steps in one compiled call."""
-        return self.iterations_per_chunk * self.learner.env_steps_per_iteration
+        return self.learner.iterations_per_chunk * self.learner.env_steps_per_iteration
 
     @property
     def chunks(self) -> int:
@@ -176,7 +194,7 @@ class Plan:
 
     def share(self, env_steps: int) -> float:
         """Return the share of the stage's work that is done after some env steps: of those that updates go with."""
-        total, idle = self.chunks * self.env_steps_per_chunk, self.learner.learning_starts
+        total, idle = self.chunks * self.env_steps_per_chunk, self.learner.idle
         idle = idle if idle < total else 0
         return max(0, env_steps - idle) / (total - idle)
 

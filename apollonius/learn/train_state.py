@@ -7,20 +7,39 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import optax
 from jaxtyping import Array, Int, PRNGKeyArray
 
-from apollonius.agents.network import Network
+from apollonius.agents.network import Layers, Network, QNetwork
 from apollonius.agents.pool import Assigned, Pool, solo
 from apollonius.agents.trained import exploring, greedy
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import ROLES, BySide, Role
 from apollonius.learn import archive, dqn, replay_buffer, sac
-from apollonius.learn.learner_config import DQNConfig, SACConfig
+from apollonius.learn.learner_config import DQNConfig, ReplayConfig, SACConfig
 from apollonius.learn.stage_config import Plan
 from apollonius.observe.registry import find_observation
 from apollonius.play.rollout import begin
 
-Learner = dqn.DQNLearner | sac.SACLearner
+
+class PPOLearner(eqx.Module):
+    """One side's network, whose values are logits, the critic of its observations, and the optimisers of both.
+
+    `updates` counts the updates so far.
+    """
+
+    network: QNetwork
+    critic: Layers
+    optimisers: tuple[optax.OptState, ...]
+    updates: Int[Array, ""]
+
+    @property
+    def average(self) -> QNetwork:
+        """The network itself: a round changes it little."""
+        return self.network
+
+
+Learner = dqn.DQNLearner | sac.SACLearner | PPOLearner
 """One side's networks and optimisers: `network` plays while it learns, `average` in evaluations."""
 NO_NETWORKS: BySide[Network | None] = BySide(None, None)
 """Both sides start from random weights."""
@@ -37,7 +56,8 @@ class TrainState(eqx.Module):
     """Everything that changes while a stage is trained.
 
     `key` is folded with the number of iterations, never replaced. `env_steps` counts steps of single games. `archives`
-    hold the earlier versions of both sides; None where the scheme has none. A distillation has games in each setting.
+    hold the earlier versions of both sides; None where the scheme has none. A side that learns alone has games in each
+    setting.
     """
 
     games: Any
@@ -61,6 +81,7 @@ def start(
     A `fixed` side does not learn; sides that do go on from their networks, or start from random weights.
     """
     config, learning = plan.learner, [role for role in Role if role not in fixed]
+    assert isinstance(config, ReplayConfig)
     *network_keys, stage_key = jax.random.split(key, 1 + len(learning))
 
     def first(role: Role, key: PRNGKeyArray) -> LearnerState:

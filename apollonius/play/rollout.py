@@ -37,7 +37,7 @@ class Experience(eqx.Module):
     observation: Float[Array, "*rows size"]
     action: Int[Array, "*rows"] | Float[Array, "*rows 2"]
     reward: Float[Array, "*rows"]
-    next_observation: Float[Array, "*rows size"]
+    next_observation: Float[Array, "*rows next"]
     episode_return: Float[Array, "*rows"]
     member: Int[Array, "*batch"]
     active: Bool[Array, "*rows"] | None = None
@@ -126,9 +126,12 @@ def step_games(
     games: Games,
     bits: UInt32[Array, "2 games"],
     observes: bool = True,
+    foresees: bool = True,
 ) -> tuple[Games, Transition]:
-    """Play every game one step on, by fresh random bits of each side, without resets; where nobody `observes`
-    transitions have no observations, which take long to trace.
+    """Play every game one step on, by fresh random bits of each side, without resets.
+
+    Where nobody `observes` transitions have no observations, which take long to trace, where nobody `foresees` none of
+    what they led to.
     """
     tracks, seen = look_around(game, players, games, bits)
     acted = ROLES.map(lambda role: decide(players[role], games.sides[role], seen[role], bits[role]))
@@ -143,15 +146,15 @@ def step_games(
         return SideState(before.member, returns, acted[role][1], tracks[role], drives[role])
 
     played = Games(after.state, ROLES.map(side_after))
-    next_seen = look_around(game, players, played, ~bits)[1] if observes else seen
+    next_seen = look_around(game, players, played, ~bits)[1] if observes and foresees else seen
 
-    def numbers(role: Role, seen: Any) -> Float[Array, "games *robots _"]:
+    def numbers(role: Role, seen: Any, wanted: bool) -> Float[Array, "games *robots _"]:
         nothing = [jnp.zeros((bits.shape[1], 0))] * len(actions[role])
         whole = players[role].observation == WHOLE
-        return of_robots(nothing if whole or not observes else jnp.split(seen[1], len(actions[role])))
+        return of_robots(nothing if whole or not wanted else jnp.split(seen[1], len(actions[role])))
 
     def experience(role: Role) -> Experience:
-        observations = numbers(role, seen[role]), numbers(role, next_seen[role])
+        observations = numbers(role, seen[role], observes), numbers(role, next_seen[role], observes and foresees)
         returned = played.sides[role].episode_return
         made = observations[0], of_robots(actions[role]), rewards[role], observations[1], returned
         if games.state.status is None:
@@ -199,9 +202,10 @@ def collect(
     starts: GameState,
     key: PRNGKeyArray,
     steps: int,
+    foresees: bool = True,
 ) -> tuple[Games, Transition]:
     """Play on for a number of steps; a finished game begins again, with newly drawn members of both pools. The key is
-    consumed. Returns the games after them, and the transitions, leaves `[steps, games]`.
+    consumed. Returns the games after them, and the transitions, leaves `[steps, games]`, as `step_games`.
 
     A game that finishes at step t takes its own column of row `t % rows` of the starts, leaves `[rows, games]`. They
     are drawn beforehand, as drawing one for every game at every step costs more than the step.
@@ -211,7 +215,7 @@ def collect(
 
     def one_step(games: Games, step: Int[Array, ""]) -> tuple[Games, Transition]:
         bits = random_bits(fold_in(key, step), (2 * kinds, batch))
-        after, transition = step_games(game, players, games, bits[:2])
+        after, transition = step_games(game, players, games, bits[:2], foresees=foresees)
         fresh_state = jax.tree.map(lambda row: jax.lax.dynamic_index_in_dim(row, step % rows, keepdims=False), starts)
         fresh = begin(game, fresh_state, players, bits[-2:])
         return jax.vmap(choose)(transition.ended, fresh, after), transition

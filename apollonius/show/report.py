@@ -19,7 +19,7 @@ from apollonius.game.game import Game
 from apollonius.game.outcome import PURSUER_WINS, names_of
 from apollonius.io.document import parse_json, read_bytes, write_atomically
 from apollonius.io.errors import require
-from apollonius.learn.config import DISTILLATION
+from apollonius.learn.config import FIXED_TARGET, SELF_PLAY
 from apollonius.learn.folder import load_config
 from apollonius.learn.metrics import load_metrics
 from apollonius.play.replay import Replay, as_data
@@ -103,7 +103,7 @@ def load_matches(path: Path) -> list[Judged]:
 def report_of(folder: Path) -> dict[str, Any]:
     """Return all that the report of a training run shows, finished or not, by the names in `report.html`."""
     config, lines = load_config(folder / "config.toml", folder), load_metrics(folder / "metrics.jsonl", within=folder)
-    stages = {name: plan.stage for name, plan in config.plans.items() if name != DISTILLATION}
+    stages = {name: plan.stage for name, plan in config.plans.items() if name in (FIXED_TARGET, SELF_PLAY)}
     by_stage = {name: [line for line in lines if line.stage == name] for name in stages}
     done = {name: found[-1].env_steps if found else 0 for name, found in by_stage.items()}
     matches = load_matches(folder / "evaluation.json")

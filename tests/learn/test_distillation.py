@@ -19,13 +19,13 @@ from apollonius.game.sensing import Sensing, Sensors
 from apollonius.game.types import NUM_ACTIONS, BySide, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import distillation
-from apollonius.learn.caution import COST, cautious
+from apollonius.learn.caution import COST, bold, cautious
 from apollonius.learn.config import RunConfig
 from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.queries import fresh_starts, queries, query_states, starts_of
 from apollonius.learn.run import Run
 from apollonius.learn.stage_config import DistillationConfig, Task
-from apollonius.learn.teacher import COSTLIEST, DEEPEST, STEEPNESS, Clearance, Teacher, make_settings
+from apollonius.learn.teacher import COSTLIEST, DEEPEST, STEEPNESS, Clearance, Teacher, make_lessons
 from apollonius.observe.egocentric import EGOCENTRIC
 from apollonius.play.rollout import begin as begin_games
 from apollonius.play.rollout import collect
@@ -61,7 +61,7 @@ def test_games_that_opponents_cannot_share_evenly_are_all_played(monkeypatch):
     """109 for two, and those of both attackers."""
     for part in ("joint", "safety"):  # the tables' values do not matter here
         monkeypatch.setattr(f"apollonius.solve.{part}.iterate", lambda sweep, table, *rest: Solved(table, 1, 0.0))
-    (setting,) = make_settings(RUN, GAME, None)
+    (setting,) = make_lessons(RUN, GAME, None)
     plan = replace(RUN, distillation=replace(STAGE, near_sighted=15)).plans["distillation"]
     network = make_network("encoded", 32, 1, jax.random.key(0))
     players = distillation._players(plan, network, setting, jax.random.key(1))
@@ -100,8 +100,8 @@ def values_of(teacher, game, states):
 def test_a_teacher_says_the_values_of_its_player_and_cuts_off_how_bad_is_bad(student, visited):
     blank, says = jax.tree.map(np.zeros_like, student), jnp.array([5, 4, 3, 2, 1, 0, -1, -10, 4.5])
     player = eqx.tree_at(lambda one: one.network.layers[-1].bias, blank, says)
-    values = values_of(Teacher(player, 10.0, 10.0, None), GAME, visited)
-    expected = 5 - 10 * np.minimum(np.array([0, 1, 2, 3, 4, 5, 6, 15, 0.5]) / 10, DEEPEST)
+    values = values_of(Teacher(player, 10.0, None), GAME, visited)
+    expected = 0.5 - np.minimum(np.array([0, 1, 2, 3, 4, 5, 6, 15, 0.5]) / 10, DEEPEST)
     np.testing.assert_allclose(values, np.tile(expected, (400, 1)), atol=1e-6)
 
 
@@ -118,7 +118,7 @@ def test_where_room_is_short_what_a_teacher_prefers_counts_in_proportion(visited
     np.testing.assert_allclose(eqx.filter_jit(room.weighed)(behind, visited.evader), behind / 4 - cost, atol=1e-6)
 
 
-def test_a_cautious_agent_takes_what_clearance_is_missing_off_the_values_and_changes_nothing_else():
+def test_a_cautious_agent_takes_what_clearance_is_missing_off_the_values_until_it_is_bold_again():
     """The units that never vary are given up, whatever they add."""
     network, keys = make_network("egocentric", 32, 2, jax.random.key(0)), jax.random.split(jax.random.key(1), 2)
     for number in (0, 1):
@@ -131,21 +131,24 @@ def test_a_cautious_agent_takes_what_clearance_is_missing_off_the_values_and_cha
     assert 0.3 < np.mean(missing > 0) < 0.8
     np.testing.assert_allclose(careful.batch(seen), network.batch(seen) - 2 * COST * missing, atol=2e-5)
     assert jax.tree.structure(careful) == jax.tree.structure(network)
+    np.testing.assert_allclose(bold(careful).batch(seen), network.batch(seen), atol=2e-5)
+    for never in (network, make_network("encoded", 32, 2, jax.random.key(0))):
+        assert bold(never) is never
 
 
 def test_caution_needs_an_observation_that_knows_the_room_to_brake():
     config = replace(RUN, dqn=replace(FITTING, observation="encoded"), distillation=replace(SEEING, caution=0.05))
     with pytest.raises(InvalidInput, match=r"observation = encoded is not possible.*egocentric or team"):
-        make_settings(config, GAME, None)
+        make_lessons(config, GAME, None)
 
 
 @pytest.mark.slow
 def test_the_agent_of_a_run_is_as_cautious_as_its_config_says(tmp_path):
     fitting = replace(FITTING, observation="egocentric", games=32, env_steps_per_update=32)
-    bold = replace(RUN, dqn=fitting, distillation=replace(SEEING, env_steps=8192, evaluation_games=8))
-    careful = replace(bold, distillation=replace(bold.distillation, caution=0.06))
-    folders = begin(tmp_path / "bold", bold), begin(tmp_path / "careful", careful)
-    assert all(Run(config, folder).execute() for config, folder in zip((bold, careful), folders, strict=True))
+    daring = replace(RUN, dqn=fitting, distillation=replace(SEEING, env_steps=8192, evaluation_games=8))
+    careful = replace(daring, distillation=replace(daring.distillation, caution=0.06))
+    folders = begin(tmp_path / "daring", daring), begin(tmp_path / "careful", careful)
+    assert all(Run(config, folder).execute() for config, folder in zip((daring, careful), folders, strict=True))
     made, wary = (load_agent(folder / "agents" / "P_distilled.safetensors").network for folder in folders)
     (pressed,) = jnp.zeros((1, EGOCENTRIC.size)).at[:, -1].set(-1.0)
     given_up = np.abs(np.asarray(made(pressed) - wary(pressed)))
@@ -154,7 +157,7 @@ def test_the_agent_of_a_run_is_as_cautious_as_its_config_says(tmp_path):
 
 @pytest.fixture(scope="module")
 def setting():
-    return make_settings(RUN, GAME, None)[0]
+    return make_lessons(RUN, GAME, None)[0]
 
 
 @pytest.fixture(scope="module")
@@ -171,7 +174,7 @@ def test_each_of_several_arenas_has_a_teacher_that_says_what_it_would_alone(sett
     monkeypatch.setattr(
         "apollonius.learn.teacher.each_alone", lambda game: [replace(GAME, arena=one) for one in arenas]
     )
-    settings = make_settings(RUN, in_arenas(GAME, arenas), None)
+    settings = make_lessons(RUN, in_arenas(GAME, arenas), None)
     assert len(settings) == 2
     assert len({jax.tree.structure(one) for one in settings}) == 1
     assert len({tuple(map(np.shape, jax.tree.leaves(one))) for one in settings}) == 1
@@ -207,7 +210,7 @@ SHORT_SIGHTED = replace(GAME, sensors=Sensing(pursuer=Sensors(range=1.5)))
 
 def learning(game, student):
     """The setting of a student with that game, and a function from starts that says what it is asked after a time."""
-    (setting,) = make_settings(replace(RUN, game=game, distillation=SEEING), game, None)
+    (setting,) = make_lessons(replace(RUN, game=game, distillation=SEEING), game, None)
     players = BySide(solo(student), solo(setting.opponents[1]))
 
     @functools.partial(jax.jit, static_argnames="steps")
@@ -251,19 +254,16 @@ def test_where_there_is_nothing_to_learn_nothing_is_learned(student):
         np.testing.assert_allclose(one, other / 2, atol=1e-6)
 
 
-def test_a_task_has_its_own_game_teacher_and_opponents_and_values_in_the_unit_of_the_first(visited):
+def test_a_task_has_its_own_game_teacher_and_opponents_and_the_price_of_the_first():
     taught_by_a_table = Task(make_game("paper"), "E_optimal", ("P_optimal", "still"))
     stage = replace(
         SEEING, role="evader", teacher="E_scratch", opponents=("still", "random"), tasks=(taught_by_a_table,)
     )
-    own, further = make_settings(replace(RUN, game=SHORT_SIGHTED, distillation=stage), SHORT_SIGHTED, None)
+    own, further = make_lessons(replace(RUN, game=SHORT_SIGHTED, distillation=stage), SHORT_SIGHTED, None)
     assert (own.game.sensors, further.game.sensors) == (SHORT_SIGHTED.sensors, None)
     assert further.game.arena == taught_by_a_table.game.arena
     assert [type(one) for one in further.opponents] == [Greedy, type(own.opponents[0])]
-    assert (own.teacher.scale, further.teacher.scale, further.teacher.unit) == (10.0, 1.0, 10.0)
-    alone = replace(further.teacher, unit=1.0)
-    found, usual = (values_of(teacher, further.game, visited) for teacher in (further.teacher, alone))
-    np.testing.assert_allclose(found, 10 * usual, rtol=1e-4, atol=1e-4)
+    assert (own.teacher.scale, further.teacher.scale, further.price) == (10.0, 1.0, 10.0)
 
 
 @pytest.mark.slow
@@ -294,4 +294,4 @@ def test_a_run_that_is_stopped_goes_on_to_the_same_end(uninterrupted, tmp_path):
 )
 def test_players_that_cannot_take_part_are_refused(change, message):
     with pytest.raises(InvalidInput, match=message):
-        make_settings(replace(RUN, game=SHORT_SIGHTED, distillation=replace(SEEING, **change)), SHORT_SIGHTED, None)
+        make_lessons(replace(RUN, game=SHORT_SIGHTED, distillation=replace(SEEING, **change)), SHORT_SIGHTED, None)

@@ -1,0 +1,237 @@
+"""A best response by proximal policy optimisation (Schulman et al., 2017): one side against others that do not learn.
+
+The network's values of the nine actions, taken as logits, are a policy that draws its actions; where it counts, the
+best one is played. In an update no action becomes much more or less likely than in the games that it is learned from,
+so that an agent gets better at its opponents without losing what it knew, as it does by deep Q-learning.
+"""
+
+import functools
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import optax
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
+
+from apollonius.agents.network import Layers, Network, QNetwork, apply_to_batch, inferred, make_layers, make_network
+from apollonius.agents.policy import Memory
+from apollonius.agents.pool import AbstractPlayers, Apart, solo
+from apollonius.agents.trained import AbstractByNetwork
+from apollonius.game.game import Game, reset_batch
+from apollonius.game.types import Bits, BySide, Scalar
+from apollonius.learn.caution import costs
+from apollonius.learn.learner_config import linear
+from apollonius.learn.loop import Metrics, iterated, row_of
+from apollonius.learn.ppo_config import PPOConfig
+from apollonius.learn.replay_buffer import ReplayBuffer, Row, add
+from apollonius.learn.setting import Setting, equal_parts
+from apollonius.learn.stage_config import Plan, ResponseConfig
+from apollonius.learn.train_state import LearnerState, PPOLearner, TrainState
+from apollonius.play.rollout import Games, begin, collect
+
+_HIDDEN = 256, 256
+"""Units of the critic's hidden layers."""
+_ROUNDS_OF_STARTS = 8
+"""Starts that a column of games has for a round; one whose games are shorter begins from some again."""
+_ROUNDS_SEEN = 16
+"""Rounds of which some observations are kept, to find the units that a network has little use for in all its games."""
+_adam = tuple(optax.chain(optax.clip_by_global_norm(most), optax.scale_by_adam()) for most in (0.5, 1.0))
+
+
+class Drawing(AbstractByNetwork):
+    """The action drawn by a network's values as logits, less the costs of missing clearance.
+
+    Attributes:
+        wanted: clearance after braking [m], or 0.
+        price: what a lost game costs in the values.
+    """
+
+    network: QNetwork
+    wanted: float = eqx.field(static=True)
+    price: float = eqx.field(static=True)
+
+    def __call__(self, seen: Float[Array, " size"], memory: Memory, bits: Bits) -> tuple[Int[Array, ""], Memory]:
+        below = jnp.cumsum(jax.nn.softmax(self.less_costs(inferred(self.network, seen), seen)))
+        drawn = (bits >> 8).astype(jnp.float32) / 2**24
+        return jnp.minimum(jnp.sum(drawn >= below), below.size - 1).astype(jnp.int32), memory
+
+    def log_probabilities(self, observations: Float[Array, "rows size"]) -> Float[Array, "rows 9"]:
+        return jax.nn.log_softmax(self.less_costs(self.network.batch(observations), observations))
+
+    def less_costs(self, values: Float[Array, "*rows 9"], observations: Float[Array, "*rows size"]) -> Array:
+        return values - costs(observations, self.wanted, self.price) if self.wanted else values
+
+
+def start_response(
+    plan: Plan, settings: Sequence[Setting], key: PRNGKeyArray, network: Network | None = None
+) -> TrainState:
+    """Return the state before the first step, from random weights where there is no network, whose values are logits.
+    The key is consumed.
+    """
+    (config, stage), (network_key, critic_key, start_key, train_key) = _configs(plan), jax.random.split(key, 4)
+    first = network or make_network(config.observation, config.width, config.depth, network_key)
+    assert isinstance(first, QNetwork)
+    own, size = jax.tree.map(jnp.copy, first), first.observation.size
+    critic = make_layers([size, *_HIDDEN, 1], critic_key)
+    optimisers = tuple(
+        adam.init(eqx.filter(part, eqx.is_array)) for adam, part in zip(_adam, (own, critic), strict=True)
+    )
+    head, filled, iterations, env_steps, episodes, updates = (jnp.zeros((), jnp.int32) for _ in range(6))
+    seen = ReplayBuffer((jnp.zeros((_ROUNDS_SEEN * _kept_of_a_round(config), size)),), head, filled)
+    learners = {stage.side: LearnerState(PPOLearner(own, critic, optimisers, updates), seen)}
+    keys = jax.random.split(start_key, len(settings))
+    begun = tuple(_first_games(plan, own, *each) for each in zip(settings, keys, strict=True))
+    return TrainState(begun, learners, train_key, iterations, env_steps, episodes)
+
+
+@functools.partial(jax.jit, static_argnames="plan")
+def _first_games(plan: Plan, network: QNetwork, setting: Setting, key: PRNGKeyArray) -> Games:
+    bits = jnp.zeros((2, plan.learner.games), jnp.uint32)
+    return begin(setting.game, reset_batch(setting.game, key, bits.shape[1]), _players(plan, network, setting), bits)
+
+
+def _players(plan: Plan, network: QNetwork, setting: Setting) -> BySide[AbstractPlayers]:
+    """Return the learner and its opponents, each in games of its own."""
+    config, stage = _configs(plan)
+    games = equal_parts(config.games, len(setting.opponents))
+    learner = solo(_drawing(plan, network))
+    return BySide.of(stage.side, learner, Apart(setting.opponents, tuple(games)))
+
+
+def _drawing(plan: Plan, network: QNetwork) -> Drawing:
+    config, stage = _configs(plan)
+    return Drawing(network, stage.caution, 1 / config.temperature)
+
+
+def response(
+    plan: Plan, state: TrainState, settings: Sequence[Setting], done: int = 0
+) -> Iterator[tuple[TrainState, Metrics]]:
+    """Train the stage round by round, in settings that take turns; each state is consumed by the next one."""
+    for chunk in range(done, plan.chunks):
+        number, games = chunk % len(settings), list(state.games)
+        state, metrics = _play_and_learn(plan, replace(state, games=games[number]), settings[number])
+        games[number] = state.games
+        state = replace(state, games=tuple(games))
+        yield state, metrics
+
+
+@functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
+def _play_and_learn(plan: Plan, state: TrainState, setting: Setting) -> tuple[TrainState, Metrics]:
+    """Play a round in a setting, and learn from it."""
+    (config, stage), game = _configs(plan), setting.game
+    play_key, start_key, learn_key = jax.random.split(jax.random.fold_in(state.key, state.iterations), 3)
+    learner = state.learners[stage.side].learner
+    assert isinstance(learner, PPOLearner)
+    drawn = reset_batch(game, start_key, _ROUNDS_OF_STARTS * config.games)
+    starts = jax.tree.map(lambda leaf: leaf.reshape(_ROUNDS_OF_STARTS, config.games, *leaf.shape[1:]), drawn)
+    players = _players(plan, learner.network, setting)
+    games, played = collect(game, players, state.games, starts, play_key, config.steps, foresees=False)
+    env_steps = state.env_steps + config.env_steps_per_iteration
+    row = row_of(played, stage.side)
+    after, error = _learn(plan, learner, _in_units(game, row), state.iterations, env_steps, learn_key)
+    seen, kept = row.observation.reshape(-1, row.observation.shape[-1]), _kept_of_a_round(config)
+    buffer = add(state.learners[stage.side].buffer, (seen[:: len(seen) // kept][:kept],))
+    return iterated(state, games, played, env_steps, {stage.side: (LearnerState(after, buffer), error)})
+
+
+def _kept_of_a_round(config: PPOConfig) -> int:
+    """Return how many of a round's observations are kept."""
+    return max(1, config.env_steps_per_iteration // _ROUNDS_SEEN)
+
+
+def _in_units(game: Game, row: Row) -> Row:
+    """Return transitions with rewards in units of a capture's."""
+    unit = game.reward.capture if game.reward.profile == "paper" else 1.0
+    return replace(row, reward=row.reward / unit)
+
+
+def advantages(config: PPOConfig, row: Row, values: Float[Array, "steps games"]) -> Float[Array, "steps games"]:
+    """Return how much better each action was than the policy, by `values` of the observations and the rewards that
+    followed: generalised advantage estimation (Schulman et al., 2016).
+
+    A game that is truncated, and one that the last step leaves under way, is worth what it was before that step.
+    """
+    following = jnp.concatenate([values[1:], values[-1:]])
+    following = jnp.where(row.terminated, 0.0, jnp.where(row.truncated, values, following))
+    errors = row.reward + config.gamma * following - values
+
+    def earlier(later: Array, step: tuple[Array, Array]) -> tuple[Array, Array]:
+        error, ended = step
+        advantage = error + config.gamma * config.trace * jnp.where(ended, 0.0, later)
+        return advantage, advantage
+
+    ended = row.terminated | row.truncated
+    return jax.lax.scan(earlier, jnp.zeros_like(values[0]), (errors, ended), reverse=True)[1]
+
+
+class _Lesson(eqx.Module):
+    """What an update learns from: observations and actions, their logarithmic probabilities in the games, their
+    advantages, the critic's targets, and which count.
+    """
+
+    observation: Float[Array, "rows size"]
+    action: Int[Array, " rows"]
+    probability: Float[Array, " rows"]
+    advantage: Float[Array, " rows"]
+    value: Float[Array, " rows"]
+    counts: Bool[Array, " rows"]
+
+
+def _learn(
+    plan: Plan, learner: PPOLearner, row: Row, iterations: Int[Array, ""], env_steps: Int[Array, ""], key: PRNGKeyArray
+) -> tuple[PPOLearner, Scalar]:
+    """Learn from a round; return the learner after it and the critic's errors, added up over its updates."""
+    (config, stage), shape = _configs(plan), row.reward.shape
+    flat = jax.tree.map(lambda leaf: leaf.reshape(row.reward.size, *leaf.shape[2:]), row)
+    values = apply_to_batch(learner.critic, flat.observation)[:, 0]
+    gained = advantages(config, row, values.reshape(shape)).ravel()
+    before = _of(_drawing(plan, learner.network).log_probabilities(flat.observation), flat.action)
+    counts = jnp.ones(len(values), bool) if flat.active is None else flat.active
+    lesson = _Lesson(flat.observation, flat.action, before, gained, gained + values, counts)
+    keys = jax.random.split(key, config.epochs)
+    order = jnp.concatenate([jax.random.permutation(key, len(values)) for key in keys])
+    rate = linear(config.learning_rate, config.final_learning_rate, stage.env_steps, env_steps)
+    rates = jnp.where(iterations < config.critic_first, 0.0, rate), linear(
+        config.critic_learning_rate, config.final_learning_rate, stage.env_steps, env_steps
+    )  # fmt: skip
+
+    def update(learner: PPOLearner, rows: Int[Array, " batch"]) -> tuple[PPOLearner, Scalar]:
+        parts = learner.network, learner.critic
+        some = jax.tree.map(lambda leaf: leaf[rows], lesson)
+        (_, error), gradients = eqx.filter_value_and_grad(_loss, has_aux=True)(parts, plan, some)
+        each = zip(_adam, gradients, learner.optimisers, strict=True)
+        directions, optimisers = zip(*(adam.update(gradient, own) for adam, gradient, own in each), strict=True)
+        network, critic = (
+            eqx.apply_updates(part, jax.tree.map(lambda step, rate=rate: -rate * step, direction))
+            for part, direction, rate in zip(parts, directions, rates, strict=True)
+        )
+        return PPOLearner(network, critic, optimisers, learner.updates + 1), error
+
+    learner, errors = jax.lax.scan(update, learner, order.reshape(-1, config.batch))
+    return learner, jnp.sum(errors)
+
+
+def _loss(parts: tuple[QNetwork, Layers], plan: Plan, lesson: _Lesson) -> tuple[Scalar, Scalar]:
+    """Return the loss of both networks on a batch, and the critic's mean squared error in it."""
+    (network, critic), (config, _) = parts, _configs(plan)
+    logarithms = _drawing(plan, network).log_probabilities(lesson.observation)
+    ratio = jnp.exp(_of(logarithms, lesson.action) - lesson.probability)
+    mean = functools.partial(jnp.mean, where=lesson.counts)
+    gain = (lesson.advantage - mean(lesson.advantage)) / (jnp.std(lesson.advantage, where=lesson.counts) + 1e-6)
+    clipped = jnp.clip(ratio, 1 - config.clip, 1 + config.clip)
+    gains = mean(jnp.minimum(ratio * gain, clipped * gain))
+    entropy = -mean(jnp.sum(jnp.exp(logarithms) * logarithms, axis=1))
+    error = mean((apply_to_batch(critic, lesson.observation)[:, 0] - lesson.value) ** 2)
+    return error - gains - config.entropy * entropy, error
+
+
+def _of(logarithms: Float[Array, "rows 9"], actions: Int[Array, " rows"]) -> Float[Array, " rows"]:
+    return jnp.take_along_axis(logarithms, actions[:, None], axis=1)[:, 0]
+
+
+def _configs(plan: Plan) -> tuple[PPOConfig, ResponseConfig]:
+    assert isinstance(plan.learner, PPOConfig)
+    assert isinstance(plan.stage, ResponseConfig)
+    return plan.learner, plan.stage

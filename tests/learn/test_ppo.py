@@ -1,0 +1,243 @@
+"""A best response: actions drawn, advantages, what an update changes, and a run with several tasks."""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.agents.network import apply_to_batch, make_network
+from apollonius.agents.store import load_agent
+from apollonius.arenas.file import find_game
+from apollonius.game.presets import make_game
+from apollonius.game.types import Role
+from apollonius.io.errors import InvalidInput
+from apollonius.learn import ppo
+from apollonius.learn.caution import COST, costs
+from apollonius.learn.config import RunConfig
+from apollonius.learn.ppo_config import PPOConfig
+from apollonius.learn.replay_buffer import Row
+from apollonius.learn.run import Run, load_first
+from apollonius.learn.setting import settings_of
+from apollonius.learn.stage_config import ResponseConfig, Task
+from apollonius.observe.egocentric import BRAKING, EGOCENTRIC, ROOM
+from apollonius.observe.registry import find_observation
+from tests.learn.test_run import agents, assert_same_end, begin, metrics, stop_after
+
+PPO = PPOConfig(
+    observation="encoded", width=32, depth=1, games=32, steps=16, batch=128, epochs=3, critic_first=0, clip=0.1,
+    learning_rate=3e-3, final_learning_rate=3e-3, gamma=0.9, trace=0.8, entropy=0.01,
+)  # fmt: skip
+STAGE = ResponseConfig(opponents=("still", "random"), env_steps=2048, evaluations=1, evaluation_games=8)
+RUN = RunConfig(stages="response", game=replace(make_game("paper"), max_steps=40), ppo=PPO, response=STAGE)
+PLAN = RUN.plans["response"]
+SIZE = find_observation("encoded").size
+
+
+def random_row(key, **changes):
+    """Transitions of 16 steps of 32 games, of which some end."""
+    keys = jax.random.split(key, 5)
+    ended = jax.random.randint(keys[3], (16, 32), 0, 12)
+    row = Row(
+        observation=jax.random.normal(keys[0], (16, 32, SIZE)),
+        action=jax.random.randint(keys[1], (16, 32), 0, 9),
+        reward=jax.random.normal(keys[2], (16, 32)),
+        next_observation=jnp.zeros((16, 32, 0)),
+        terminated=ended == 0,
+        truncated=ended == 1,
+    )
+    return replace(row, **changes)
+
+
+@pytest.fixture(scope="module")
+def learner():
+    (setting,) = settings_of(STAGE, PPO, RUN.game)
+    state = ppo.start_response(PLAN, [setting], jax.random.key(1))
+    return state.learners[Role.EVADER].learner
+
+
+def learned(learner, row, plan=PLAN, iterations=0):
+    return eqx.filter_jit(ppo._learn)(plan, learner, row, jnp.int32(iterations), jnp.int32(0), jax.random.key(2))
+
+
+def test_actions_are_drawn_as_often_as_their_values_as_logits_say():
+    network = make_network("encoded", 8, 1, jax.random.key(0))
+    seen, bits = jnp.ones(SIZE), jax.random.bits(jax.random.key(1), (40_000,), jnp.uint32)
+    player = ppo.Drawing(network, 0.0, 1.0)
+    drawn = jax.vmap(lambda bits: player(seen, (), bits)[0])(bits)
+    odds = np.exp(np.asarray(network(seen), float))
+    np.testing.assert_allclose(np.bincount(drawn, minlength=9) / 40_000, odds / odds.sum(), atol=0.01)
+    logarithms = player.log_probabilities(seen[None])[0]
+    np.testing.assert_allclose(np.exp(logarithms), odds / odds.sum(), atol=1e-6)
+    assert int(player(seen, (), jnp.uint32(0xFFFFFFFF))[0]) == 8
+
+
+def test_what_leaves_too_little_room_to_brake_is_drawn_by_what_it_costs():
+    """An action that lacks 2 cm costs six tenths of a lost game: here 3 in its logarithm."""
+    network = make_network("egocentric", 8, 1, jax.random.key(0))
+    room = jnp.full(9, 0.4).at[4].set(0.03 / ROOM)
+    seen = jax.random.normal(jax.random.key(1), (EGOCENTRIC.size,)).at[BRAKING:].set(room)
+    bold, careful = (ppo.Drawing(network, wanted, 5.0) for wanted in (0.0, 0.05))
+    differences = [each.less_costs(network(seen), seen) for each in (bold, careful)]
+    np.testing.assert_allclose(differences[0] - differences[1], 0.02 * COST * 5.0 * np.eye(9)[4], atol=1e-4)
+    np.testing.assert_allclose(costs(seen, 0.05, 5.0), differences[0] - differences[1], atol=1e-4)
+
+
+def test_advantages_are_what_followed_less_what_was_expected():
+    """By the sum over the steps that follow, each of one game alone."""
+    row, values = random_row(jax.random.key(0)), np.asarray(jax.random.normal(jax.random.key(9), (16, 32)))
+    found = np.asarray(ppo.advantages(PPO, row, jnp.asarray(values)))
+    ended = np.asarray(row.terminated | row.truncated)
+    for game in range(32):
+        for first in (0, 5, 15):
+            expected, weight = 0.0, 1.0
+            for step in range(first, 16):
+                goes_on = step < 15 and not ended[step, game]
+                after = values[step + 1, game] if goes_on else values[step, game]
+                after = 0.0 if row.terminated[step, game] else after
+                expected += weight * (row.reward[step, game] + 0.9 * after - values[step, game])
+                weight *= 0.9 * 0.8
+                if ended[step, game]:
+                    break
+            np.testing.assert_allclose(found[first, game], expected, atol=1e-4)
+
+
+def lesson_of(learner, key, **changes):
+    keys = jax.random.split(key, 4)
+    lesson = ppo._Lesson(
+        observation=jax.random.normal(keys[0], (64, SIZE)),
+        action=jax.random.randint(keys[1], (64,), 0, 9),
+        probability=-2.2 + 0.3 * jax.random.normal(keys[2], (64,)),
+        advantage=2 + 3 * jax.random.normal(keys[3], (64,)),
+        value=jnp.linspace(-1, 1, 64),
+        counts=jnp.arange(64) % 4 > 0,
+    )
+    return replace(lesson, **changes)
+
+
+def test_the_loss_is_that_of_schulman_and_others_over_what_counts(learner):
+    lesson = lesson_of(learner, jax.random.key(3))
+    found, error = ppo._loss((learner.network, learner.critic), PLAN, lesson)
+    values, some = np.asarray(learner.network.batch(lesson.observation), float), np.asarray(lesson.counts)
+    odds = np.exp(values) / np.exp(values).sum(axis=1, keepdims=True)
+    ratio = odds[np.arange(64), lesson.action] / np.exp(np.asarray(lesson.probability, float))
+    gained = np.asarray(lesson.advantage, float)
+    gained = (gained - gained[some].mean()) / gained[some].std()
+    gains = np.minimum(ratio * gained, np.clip(ratio, 0.9, 1.1) * gained)[some].mean()
+    entropy = -(odds * np.log(odds)).sum(axis=1)[some].mean()
+    judged = np.asarray(apply_to_batch(learner.critic, lesson.observation))[:, 0]
+    expected = ((judged - np.asarray(lesson.value)) ** 2)[some].mean()
+    np.testing.assert_allclose(error, expected, rtol=1e-4)
+    np.testing.assert_allclose(found, expected - gains - 0.01 * entropy, rtol=1e-4, atol=1e-5)
+
+
+def test_what_pays_becomes_likelier_and_in_a_round_less_so_the_narrower_the_clip(learner):
+    """Here action 3 ends a game well."""
+    row = random_row(jax.random.key(4), terminated=jnp.ones((16, 32), bool))
+    row = replace(row, reward=(row.action == 3).astype(jnp.float32))
+
+    def share(learner):
+        logarithms = ppo._drawing(PLAN, learner.network).log_probabilities(row.observation.reshape(-1, SIZE))
+        return np.exp(np.asarray(logarithms))[:, 3]
+
+    after, _ = learned(learner, row)
+    assert np.mean(share(after) > share(learner)) > 0.99
+    freely, _ = learned(learner, row, replace(PLAN, learner=replace(PPO, clip=1.0)))
+    assert np.median(share(after)) < 0.9 * np.median(share(freely))
+    assert int(after.updates) == 3 * 4
+    for _ in range(30):
+        after, error = learned(after, row)
+    assert share(after).mean() > 2.5 * share(learner).mean()
+    assert float(error) / 12 < 0.11, "the critic knows how often that pays, no more"
+
+
+def test_the_critic_learns_first_and_robots_out_of_play_teach_nothing(learner):
+    row, plan = random_row(jax.random.key(5)), replace(PLAN, learner=replace(PPO, critic_first=2))
+    waits, _ = learned(learner, row, plan, iterations=1)
+    assert eqx.tree_equal(waits.network, learner.network)
+    assert not eqx.tree_equal(waits.critic, learner.critic)
+    assert not eqx.tree_equal(learned(learner, row, plan, iterations=2)[0].network, learner.network)
+    active = jnp.arange(32) % 2 == 0
+    halves = [
+        replace(row, active=jnp.broadcast_to(active, (16, 32)), reward=jnp.where(active, row.reward, other))
+        for other in (0.0, 5.0)
+    ]
+    one, other = (learned(learner, each)[0] for each in halves)
+    assert eqx.tree_equal(one.network, other.network)
+
+
+def test_a_response_goes_on_from_an_agent_whose_values_become_logits():
+    """A lost game costs 10 in the values of `E_scratch`, and at a temperature of 0.1 of one 10 in its logits."""
+    given = replace(RUN, evader="E_scratch", ppo=replace(PPO, width=256, depth=4, temperature=0.1))
+    first, agent = load_first(given, Role.EVADER), load_first(replace(given, stages="self-play"), Role.EVADER)
+    seen = jax.random.normal(jax.random.key(0), (5, SIZE))
+    np.testing.assert_allclose(first.batch(seen), agent.batch(seen), rtol=1e-5)
+    colder = load_first(replace(given, ppo=replace(given.ppo, temperature=0.01)), Role.EVADER)
+    np.testing.assert_allclose(colder.batch(seen), 10 * agent.batch(seen), rtol=1e-5)
+
+
+TEAMS = replace(
+    RUN,
+    game=replace(find_game("team-2v1"), max_steps=30),
+    ppo=replace(PPO, observation="team", games=8, steps=16, batch=32),
+    response=replace(
+        STAGE, role="pursuer", env_steps=512, caution=0.05, tasks=(Task(replace(make_game("paper"), max_steps=30)),)
+    ),
+)
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory):
+    folder = begin(tmp_path_factory.mktemp("response") / "run", TEAMS)
+    assert Run(TEAMS, folder).execute()
+    return folder
+
+
+@pytest.mark.slow
+def test_a_run_in_twos_and_alone_leaves_a_cautious_agent(uninterrupted):
+    assert list(agents(uninterrupted)) == ["P_response"]
+    header = load_agent(uninterrupted / "agents" / "P_response.safetensors").header
+    assert header.training["price"] == 1 / TEAMS.ppo.temperature
+    lines = metrics(uninterrupted)
+    assert [line["env_steps"] for line in lines] == [128, 256, 384, 512]
+    assert sum(lines[-1]["evaluation"]["outcomes"].values()) == 8
+
+
+@pytest.mark.slow
+def test_a_response_that_is_stopped_goes_on_to_the_same_end(uninterrupted, tmp_path):
+    folder = begin(tmp_path / "run", TEAMS)
+    assert not Run(TEAMS, folder, should_stop=stop_after(2)).execute()
+    assert Run(TEAMS, folder).execute()
+    assert_same_end(folder, uninterrupted)
+
+
+def test_settings_are_those_of_the_tasks_with_opponents_of_their_own():
+    tasks = Task(make_game("paper")), Task(find_game("office"), opponents=("flee", "still"))
+    settings = settings_of(replace(STAGE, role="pursuer", tasks=tasks), PPO, RUN.game)
+    kinds = [[type(one).__name__ for one in setting.opponents] for setting in settings]
+    assert kinds == [["Still", "Uniform"], ["Still", "Uniform"], ["Flee", "Still"]]
+    assert settings[2].game.arena.x_max > settings[1].game.arena.x_max == settings[0].game.arena.x_max
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"ppo": replace(PPO, games=1, batch=16)}, "ppo.games = 1"),
+        ({"response": replace(STAGE, opponents=("nobody", "still"))}, "called 'nobody'"),
+        ({"response": replace(STAGE, caution=0.05)}, "know the room to brake"),
+    ],
+)
+def test_responses_that_cannot_be_are_refused(change, message):
+    def settings():
+        one = replace(RUN, **change)
+        return settings_of(one.response, one.ppo, one.game)
+
+    with pytest.raises(InvalidInput, match=message):
+        settings()
+
+
+def test_a_batch_divides_the_transitions_of_a_round():
+    with pytest.raises(InvalidInput, match=r"batch = 100 .* games x steps = 512"):
+        replace(PPO, batch=100)
