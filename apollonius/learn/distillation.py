@@ -23,7 +23,7 @@ from apollonius.agents.trained import exploring, greedy
 from apollonius.game.types import NUM_ACTIONS, BySide, Scalar
 from apollonius.learn import dqn
 from apollonius.learn.learner_config import DQNConfig, linear
-from apollonius.learn.loop import Metrics, iterated
+from apollonius.learn.loop import Metrics, in_turns, iterated
 from apollonius.learn.queries import queries, starts_of
 from apollonius.learn.replay_buffer import ReplayBuffer, add
 from apollonius.learn.setting import equal_parts
@@ -73,12 +73,7 @@ def distillation(
     plan: Plan, state: TrainState, settings: Sequence[Lessons], done: int = 0
 ) -> Iterator[tuple[TrainState, Metrics]]:
     """Train the stage chunk by chunk, in settings that take turns; each state is consumed by the next one."""
-    for chunk in range(done, plan.chunks):
-        number, games = chunk % len(settings), list(state.games)
-        state, metrics = _play_and_learn(plan, replace(state, games=games[number]), settings[number])
-        games[number] = state.games
-        state = replace(state, games=tuple(games))
-        yield state, metrics
+    return in_turns(_play_and_learn, plan, state, settings, done)
 
 
 @functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")

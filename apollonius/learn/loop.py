@@ -5,8 +5,9 @@ earlier versions (`apollonius.learn.archive`), which are drawn again at interval
 """
 
 import functools
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -48,6 +49,24 @@ def chunks(
         if plan.renews_after(chunk):
             state = renew_opponents(plan, game, state)
         state, metrics = play_and_learn(plan, game, state, fixed)
+        yield state, metrics
+
+
+def in_turns(
+    play: Callable[[Plan, TrainState, Any], tuple[TrainState, Metrics]],
+    plan: Plan,
+    state: TrainState,
+    settings: Sequence[Any],
+    done: int,
+) -> Iterator[tuple[TrainState, Metrics]]:
+    """Train a stage of one side chunk by chunk, in settings that take turns, each with games of its own; each state is
+    consumed by the next one.
+    """
+    for chunk in range(done, plan.chunks):
+        number, games = chunk % len(settings), list(state.games)
+        state, metrics = play(plan, replace(state, games=games[number]), settings[number])
+        games[number] = state.games
+        state = replace(state, games=tuple(games))
         yield state, metrics
 
 

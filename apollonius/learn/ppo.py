@@ -23,7 +23,7 @@ from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import Bits, BySide, Scalar
 from apollonius.learn.caution import costs
 from apollonius.learn.learner_config import linear
-from apollonius.learn.loop import Metrics, iterated, row_of
+from apollonius.learn.loop import Metrics, in_turns, iterated, row_of
 from apollonius.learn.ppo_config import PPOConfig
 from apollonius.learn.replay_buffer import ReplayBuffer, Row, add
 from apollonius.learn.setting import Setting, equal_parts
@@ -109,12 +109,7 @@ def response(
     plan: Plan, state: TrainState, settings: Sequence[Setting], done: int = 0
 ) -> Iterator[tuple[TrainState, Metrics]]:
     """Train the stage round by round, in settings that take turns; each state is consumed by the next one."""
-    for chunk in range(done, plan.chunks):
-        number, games = chunk % len(settings), list(state.games)
-        state, metrics = _play_and_learn(plan, replace(state, games=games[number]), settings[number])
-        games[number] = state.games
-        state = replace(state, games=tuple(games))
-        yield state, metrics
+    return in_turns(_play_and_learn, plan, state, settings, done)
 
 
 @functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
