@@ -168,6 +168,13 @@ def test_the_critic_learns_first_and_robots_out_of_play_teach_nothing(learner):
     assert eqx.tree_equal(one.network, other.network)
 
 
+@pytest.mark.parametrize(("profile", "unit"), [("paper", 8.0), ("zero-sum", 1.0)])
+def test_rewards_count_in_units_of_a_capture(profile, unit):
+    row, reward = random_row(jax.random.key(6)), replace(RUN.game.reward, profile=profile, capture=8.0)
+    found = ppo._in_units(replace(RUN.game, reward=reward), row)
+    np.testing.assert_allclose(found.reward, row.reward / unit, rtol=1e-6)
+
+
 def test_a_response_goes_on_from_an_agent_whose_values_become_logits():
     """A lost game costs 10 in the values of `E_scratch`, and at a temperature of 0.1 of one 10 in its logits."""
     given = replace(RUN, evader="E_scratch", ppo=replace(PPO, width=256, depth=4, temperature=0.1))
