@@ -53,7 +53,7 @@ class RunConfig:
     sac: SACConfig | None = None
     """How each side learns by soft actor-critic, so that its actions are continuous; None where it does not."""
     ppo: PPOConfig = field(default_factory=PPOConfig)
-    """How the side of a response learns."""
+    """The algorithm by which the side of a response learns, proximal policy optimisation."""
     fixed_target: StageConfig = field(default_factory=StageConfig)
     """Stage 1: the pursuer against evaders that do not learn."""
     self_play: SelfPlayConfig = field(default_factory=SelfPlayConfig)

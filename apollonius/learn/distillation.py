@@ -7,7 +7,7 @@ search (`solve.players`). The teacher labels these states and others, and the ne
 """
 
 import functools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import equinox as eqx
@@ -23,7 +23,7 @@ from apollonius.agents.trained import exploring, greedy
 from apollonius.game.types import NUM_ACTIONS, BySide, Scalar
 from apollonius.learn import dqn
 from apollonius.learn.learner_config import DQNConfig, linear
-from apollonius.learn.loop import Metrics, in_turns, iterated
+from apollonius.learn.loop import Metrics, iterated
 from apollonius.learn.queries import queries, starts_of
 from apollonius.learn.replay_buffer import ReplayBuffer, add
 from apollonius.learn.setting import equal_parts
@@ -69,15 +69,8 @@ def _first_games(plan: Plan, network: QNetwork, setting: Lessons, key: PRNGKeyAr
     return begin(setting.game, starts_of(setting, plan.learner.games, key), _players(plan, network, setting, key), bits)
 
 
-def distillation(
-    plan: Plan, state: TrainState, settings: Sequence[Lessons], done: int = 0
-) -> Iterator[tuple[TrainState, Metrics]]:
-    """Train the stage chunk by chunk, in settings that take turns; each state is consumed by the next one."""
-    return in_turns(_play_and_learn, plan, state, settings, done)
-
-
 @functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
-def _play_and_learn(plan: Plan, state: TrainState, setting: Lessons) -> tuple[TrainState, Metrics]:
+def play_and_learn(plan: Plan, state: TrainState, setting: Lessons) -> tuple[TrainState, Metrics]:
     """Train one chunk in one setting, whose games are played on."""
     after, metrics = jax.lax.scan(
         lambda state, _: _iterate(plan, state, setting), state, None, plan.learner.iterations_per_chunk

@@ -1,12 +1,11 @@
 """A best response by proximal policy optimisation (Schulman et al., 2017): one side against others that do not learn.
 
 The network's values of the nine actions, taken as logits, are a policy that draws its actions; where it counts, the
-best one is played. In an update no action becomes much more or less likely than in the games that it is learned from,
-so that an agent gets better at its opponents without losing what it knew, as it does by deep Q-learning.
+best one is played. In an update no action becomes much more or less likely than in the games that it is learned from.
 """
 
 import functools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import equinox as eqx
@@ -23,7 +22,7 @@ from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import Bits, BySide, Scalar
 from apollonius.learn.caution import costs
 from apollonius.learn.learner_config import linear
-from apollonius.learn.loop import Metrics, in_turns, iterated, row_of
+from apollonius.learn.loop import Metrics, iterated, row_of
 from apollonius.learn.ppo_config import PPOConfig
 from apollonius.learn.replay_buffer import ReplayBuffer, Row, add
 from apollonius.learn.setting import Setting, equal_parts
@@ -33,8 +32,8 @@ from apollonius.play.rollout import Games, begin, collect
 
 _HIDDEN = 256, 256
 """Units of the critic's hidden layers."""
-_ROUNDS_OF_STARTS = 8
-"""Starts that a column of games has for a round; one whose games are shorter begins from some again."""
+_STARTS = 8
+"""Starts of each column of games in a round; shorter games begin from some again."""
 _ROUNDS_SEEN = 16
 """Rounds of which some observations are kept, to find the units that a network has little use for in all its games."""
 _adam = tuple(optax.chain(optax.clip_by_global_norm(most), optax.scale_by_adam()) for most in (0.5, 1.0))
@@ -102,25 +101,18 @@ def _players(plan: Plan, network: QNetwork, setting: Setting) -> BySide[Abstract
 
 def _drawing(plan: Plan, network: QNetwork) -> Drawing:
     config, stage = _configs(plan)
-    return Drawing(network, stage.caution, 1 / config.temperature)
-
-
-def response(
-    plan: Plan, state: TrainState, settings: Sequence[Setting], done: int = 0
-) -> Iterator[tuple[TrainState, Metrics]]:
-    """Train the stage round by round, in settings that take turns; each state is consumed by the next one."""
-    return in_turns(_play_and_learn, plan, state, settings, done)
+    return Drawing(network, stage.caution, config.price)
 
 
 @functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
-def _play_and_learn(plan: Plan, state: TrainState, setting: Setting) -> tuple[TrainState, Metrics]:
+def play_and_learn(plan: Plan, state: TrainState, setting: Setting) -> tuple[TrainState, Metrics]:
     """Play a round in a setting, and learn from it."""
     (config, stage), game = _configs(plan), setting.game
     play_key, start_key, learn_key = jax.random.split(jax.random.fold_in(state.key, state.iterations), 3)
     learner = state.learners[stage.side].learner
     assert isinstance(learner, PPOLearner)
-    drawn = reset_batch(game, start_key, _ROUNDS_OF_STARTS * config.games)
-    starts = jax.tree.map(lambda leaf: leaf.reshape(_ROUNDS_OF_STARTS, config.games, *leaf.shape[1:]), drawn)
+    drawn = reset_batch(game, start_key, _STARTS * config.games)
+    starts = jax.tree.map(lambda leaf: leaf.reshape(_STARTS, config.games, *leaf.shape[1:]), drawn)
     players = _players(plan, learner.network, setting)
     games, played = collect(game, players, state.games, starts, play_key, config.steps, foresees=False)
     env_steps = state.env_steps + config.env_steps_per_iteration
@@ -162,8 +154,8 @@ def advantages(config: PPOConfig, row: Row, values: Float[Array, "steps games"])
 
 
 class _Lesson(eqx.Module):
-    """What an update learns from: observations and actions, their logarithmic probabilities in the games, their
-    advantages, the critic's targets, and which count.
+    """The rows that updates learn from: observations and actions, their logarithmic probabilities in the games, their
+    advantages, the critic's targets, and whether they count.
     """
 
     observation: Float[Array, "rows size"]

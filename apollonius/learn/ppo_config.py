@@ -47,6 +47,11 @@ class PPOConfig(LearnerConfig):
         require(whole, "batch", self.batch, f"a divisor of games x steps = {self.env_steps_per_iteration:,}")
 
     @property
+    def price(self) -> float:
+        """The price of a lost game in the logits."""
+        return 1 / self.temperature
+
+    @property
     def steps_per_iteration(self) -> int:
         return self.steps
 

@@ -28,10 +28,9 @@ from apollonius.game.outcome import counts_by_name
 from apollonius.game.types import ROLES, BySide, Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.io.interrupts import asked
-from apollonius.learn import loop, train_state
+from apollonius.learn import distillation, loop, ppo, train_state
 from apollonius.learn.caution import bold, cautious, sampled
 from apollonius.learn.config import DISTILLATION, FIXED_TARGET, RESPONSE, SELF_PLAY, STAGES, RunConfig
-from apollonius.learn.distillation import distillation, start_distillation
 from apollonius.learn.folder import (
     Evaluation,
     Standing,
@@ -42,7 +41,6 @@ from apollonius.learn.folder import (
     save_checkpoint,
 )
 from apollonius.learn.metrics import MetricsLine, append_metrics, begin_metrics, measure
-from apollonius.learn.ppo import response, start_response
 from apollonius.learn.progress import keep_state
 from apollonius.learn.setting import settings_of
 from apollonius.learn.teacher import TABLES, make_lessons
@@ -126,7 +124,7 @@ class Run:
         """Return the beginning of a stage whose networks go on from these."""
         plan, key = self.plans[stage], jax.random.fold_in(jax.random.key(self.config.seed), STAGES.index(stage))
         if (one_side := self.config.one_side) is not None:
-            begin = start_distillation if stage == DISTILLATION else start_response
+            begin = distillation.start_distillation if stage == DISTILLATION else ppo.start_response
             return Saved(begin(plan, self.settings, key, networks[one_side.side]), None)
         train = train_state.start(plan, plan.stage.trained_in(self.game), key, self.fixed.get(stage, {}), networks)
         return Saved(train, _pursuer(train) if stage == FIXED_TARGET else None)
@@ -136,8 +134,8 @@ class Run:
         train, best, stage = saved.train, saved.best, standing.stage
         plan = self.plans[stage]
         if self.config.one_side is not None:
-            play_on = distillation if stage == DISTILLATION else response
-            chunks = play_on(plan, train, self.settings, standing.chunks)
+            play = (distillation if stage == DISTILLATION else ppo).play_and_learn
+            chunks = loop.in_turns(play, plan, train, self.settings, standing.chunks)
         else:
             game, fixed = plan.stage.trained_in(self.game), self.fixed.get(stage, {})
             chunks = loop.chunks(plan, game, train, fixed, standing.chunks)
@@ -242,7 +240,7 @@ def load_first(config: RunConfig, role: Role) -> Network | None:
     if config.stages != RESPONSE:
         return network
     price = price_of_losing(find_player(name, role, config.game), config.game)
-    return scaled(bold(network), 1 / (config.ppo.temperature * price))
+    return scaled(bold(network), config.ppo.price / price)
 
 
 def _pursuer(train: TrainState) -> Network:

@@ -42,9 +42,9 @@ def settings_of(stage: ResponseConfig, learner: PPOConfig, game: Game) -> list[S
     """
     require_room_to_brake(stage, learner)
     settings = list[Setting]()
-    for task, known in tasks_of(stage, learner, game):
+    for task, known in tasks_of(stage, learner, Task(game, opponents=stage.opponents)):
         here, players = cast(stage.side, task, known)
-        settings.append(Setting(here, opponents_in(players, task, stage.side), 1 / learner.temperature))
+        settings.append(Setting(here, opponents_in(players, task, stage.side), learner.price))
     return settings
 
 
@@ -54,9 +54,9 @@ def require_room_to_brake(stage: OneSideConfig, learner: LearnerConfig) -> None:
     require(stage.caution == 0 or find_observation(reads).charted, "observation", reads, bound)
 
 
-def tasks_of(stage: OneSideConfig, learner: LearnerConfig, game: Game) -> Iterator[tuple[Task, Game]]:
+def tasks_of(stage: OneSideConfig, learner: LearnerConfig, own: Task) -> Iterator[tuple[Task, Game]]:
     """Yield the tasks of a stage, the run's own first, each with nothing left out, and its game as it is trained in."""
-    known, own = list[Game](), Task(game, getattr(stage, "teacher", ""), stage.opponents)
+    known = list[Game]()
     for task in (own, *stage.tasks):
         known.append(_charted_as(task.game, known, find_observation(learner.observation).charted))
         whole = replace(task, teacher=task.teacher or own.teacher, opponents=task.opponents or own.opponents)

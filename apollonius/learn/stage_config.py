@@ -119,6 +119,11 @@ class ResponseConfig(OneSideConfig):
     progress: float = 0.0
     failure: float = 15.0
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        taught = [task.teacher for task in self.tasks if task.teacher]
+        require(not taught, "tasks: teacher", ", ".join(taught), "left out: a response has none")
+
 
 @dataclass(frozen=True)
 class DistillationConfig(OneSideConfig):

@@ -140,7 +140,7 @@ def make_lessons(config: RunConfig, game: Game, folder: Path | None) -> list[Les
 def _lessons_of_tasks(config: RunConfig, game: Game) -> list[Lessons]:
     """Return the lessons in the run's own game and the further tasks, all at the price of the first teacher."""
     stage, found = config.distillation, list[Lessons]()
-    for task, known in tasks_of(stage, config.learner, game):
+    for task, known in tasks_of(stage, config.learner, Task(game, stage.teacher, stage.opponents)):
         here, players = cast(stage.side, task, known)
         found.append(_lessons(stage.side, task, players, here, None))
     return [replace(one, price=found[0].price) for one in found]

@@ -21,7 +21,7 @@ from apollonius.learn.folder import create_run, load_config
 from apollonius.learn.learner_config import PROFILES, DQNConfig, SACConfig, linear
 from apollonius.learn.opponents import OpponentConfig
 from apollonius.learn.progress import STATE, State, keep_state, progress_of
-from apollonius.learn.stage_config import DistillationConfig, SelfPlayConfig, StageConfig, Task
+from apollonius.learn.stage_config import DistillationConfig, ResponseConfig, SelfPlayConfig, StageConfig, Task
 from tests.documents import REPOSITORY
 from tests.learn.tiny import RUN
 
@@ -87,6 +87,7 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
         (DistillationConfig, {"updates": 0}, "updates = 0"),
         (DistillationConfig, {"randomise": (Spread(("pursuer.v_max",), 1.0, 2.0),)}, "randomise = "),
         (DistillationConfig, {"tasks": (replace(TASK, opponents=()),)}, "tasks = some .*left out where tables"),
+        (ResponseConfig, {"tasks": (TASK,)}, "tasks: teacher = P_optimal .*has none"),
         (DistillationConfig, {"tasks": (TASK,), **FREE}, "tasks: opponents = given .* 2 names"),
         (RunConfig, {"stages": "distillation", "sac": SACConfig()}, "sac = given .*must be left out"),
         (RunConfig, {"stages": "distillation", "dqn": DQNConfig(games=256)}, "games = 256 .*more than the 256"),
