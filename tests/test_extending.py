@@ -160,7 +160,7 @@ def test_a_new_robot_is_read_from_files_and_turns_as_fast_as_it_is_steered():
 @needs_gcc
 def test_a_new_robot_is_the_same_in_c_and_its_shield_brakes_as_it_drives():
     game = from_dict(WithCars, STEERED, "a file")
-    player = find_exportable("shielded:P_optimal", Role.PURSUER, game)
+    player = find_exportable("shielded:P_curriculum", Role.PURSUER, game)
     in_c, cases = Compiled(translated(player.decide, *player.arguments, name="car")), cases_of(player, 500)
     assert compare(lambda *given: in_c(player.policy, player.game, *given)[:2], player, cases).errors == 0
     starts = jax.jit(reset_batch, static_argnums=2)(game, jax.random.key(0), 200)
@@ -244,6 +244,6 @@ def test_players_that_do_not_go_together_make_no_pool(names):
 
 def test_it_is_known_who_has_learned_in_another_arena_only():
     maze, charts = find_game("maze"), charted(PAPER)
-    asked = [("P_optimal", one) for one in (PAPER, charts, maze)] + [("pursuer", maze), ("still", maze)]
+    asked = [("P_curriculum", one) for one in (PAPER, charts, maze)] + [("pursuer", maze), ("still", maze)]
     found = [learned_elsewhere(find_player(name, Role.PURSUER, game), game) for name, game in asked]
     assert found == [False, False, True, False, False]

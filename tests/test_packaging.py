@@ -72,7 +72,7 @@ def test_without_extras_it_plays_and_has_its_page_and_its_templates(built, tmp_p
     where = "import apollonius, importlib.util as u; print(apollonius.__file__, u.find_spec('matplotlib'))"
     file, matplotlib = run(bin_ / "python", "-c", where, cwd=tmp_path).split()
     assert (file.startswith(f"{tmp_path / 'plain'}/lib"), matplotlib) == (True, "None")
-    arguments = ("evaluate", "P_optimal", "E_scratch", "--game", "office", "--games", "20", "--json")
+    arguments = ("evaluate", "P_curriculum", "E_scratch", "--game", "office", "--games", "20", "--json")
     assert sum(json.loads(run(bin_ / "apollonius", *arguments, cwd=tmp_path))["outcomes"].values()) == 20
     run(bin_ / "apollonius", "play", "--site", "site", cwd=tmp_path)
     assert {"index.html", "compiled.js", "style.css"} <= {path.name for path in (tmp_path / "site").iterdir()}

@@ -106,7 +106,6 @@ def run_random(options: argparse.Namespace) -> int:
 
 ZOO = {
     "pursuer": "learned from three teachers in 416 arenas, plays in any, alone or in a team",
-    "P_optimal": "learned from a hunter to keep clear, hard to exploit",
     "P_smooth": "steers without steps",
     "P_curriculum": "of the paper: self-play after P_stage1", "P_scratch": "of the paper: self-play alone",
     "P_random": "of the paper: learned from a random evader", "P_stage1": "of the paper: standing targets only",

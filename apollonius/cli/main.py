@@ -27,7 +27,7 @@ COMMANDS = {
         "runs": (add_runs, "list training runs: state, share done, last evaluation, machine", "runs/sweep"),
     },
     "Judge": {
-        "evaluate": (add_evaluate, "play many games between two agents and count", "P_optimal E_scratch --games 1000"),
+        "evaluate": (add_evaluate, "play many games between two agents and count", "pursuer E_scratch --games 1000"),
         "tournament": (add_tournament, "play every pursuer against every evader", "--games 1000"),
         "exploit": (add_exploit, "attack an agent with opponents that know it", "evader E_scratch"),
         "suite": (add_suite, "judge an agent by the benchmark, or check a card", "judge pursuer --out pursuer.json"),
@@ -42,7 +42,7 @@ COMMANDS = {
         "show": (add_show, "a game as a picture or an animation, and as a replay file", "pursuer evader --game office"),
         "players": (add_players, "list all players and what they do", ""),
         "play": (add_play, "play in a browser against a trained agent", "--as pursuer"),
-        "slice": (add_slice, "an agent's action values and actions over the arena", "P_optimal --opponent 5 5"),
+        "slice": (add_slice, "an agent's action values and actions over the arena", "P_curriculum --opponent 5 5"),
         "report": (add_report, "a training run as one HTML page, games included", "runs/mine"),
     },
     "Arenas and robots of your own": {

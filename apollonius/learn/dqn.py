@@ -12,7 +12,6 @@ from apollonius.agents.network import Network, QNetwork, make_network
 from apollonius.game.types import Scalar, choose
 from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.replay_buffer import Batch
-from apollonius.observe.registry import find_observation
 
 
 class DQNLearner(eqx.Module):
@@ -66,20 +65,8 @@ def update(learner: DQNLearner, batch: Batch, learning_rate: Scalar, config: DQN
     return step(learner, gradient, learning_rate, config), value
 
 
-def of_further_inputs(gradient: QNetwork, network: QNetwork, first: int) -> QNetwork:
-    """Return the gradient by the first layer's weights of the inputs from number `first` on; 0 by all others, and by
-    those of units that read none of these inputs, if others do: such a unit carries something of its own
-    (`apollonius.learn.caution`).
-    """
-    read = jnp.any(network.layers[0].weight[:, first:] != 0, axis=1)
-    weight = jnp.where((read | ~jnp.any(read))[:, None], gradient.layers[0].weight, 0.0).at[:, :first].set(0.0)
-    return eqx.tree_at(lambda this: this.layers[0].weight, jax.tree.map(jnp.zeros_like, gradient), weight)
-
-
 def step(learner: DQNLearner, gradient: Any, learning_rate: Scalar, config: DQNConfig) -> DQNLearner:
     """Return the learner after one step of Adam along a gradient; the averaged weights go towards the network."""
-    if config.keeps:
-        gradient = of_further_inputs(gradient, learner.network, find_observation(config.keeps).size)
     direction, optimiser = _adam.update(gradient, learner.optimiser)
     network = eqx.apply_updates(learner.network, jax.tree.map(lambda step: -learning_rate * step, direction))
     average = network

@@ -78,12 +78,6 @@ class LearnerConfig:
         """Env steps before the first update."""
         return 0
 
-    def fits(self, network: Network) -> bool:
-        """Return whether training can go on from a network: by its class, its size and the observation it reads."""
-        reads = {self.observation, find_observation(self.observation).extends}
-        size = len(network.layers) - 1, int(network.layers[0].out_features)
-        return type(network) is self.network and network.observation.name in reads and size == (self.depth, self.width)
-
     def fitted(self, network: Network, name: str, value: object) -> Network:
         """Return a network to go on from; one that reads a part of the observation has weights of 0 for the rest.
 
@@ -91,8 +85,9 @@ class LearnerConfig:
         """
         wanted = f"{self.network.__name__} of {self.depth} layers of {self.width} that reads '{self.observation}'"
         bound = f"a {wanted}, as this config trains, not one that reads '{network.observation.name}' or of another size"
-        require(self.fits(network), name, value, bound)
-        reads = find_observation(self.observation)
+        reads, size = find_observation(self.observation), (len(network.layers) - 1, int(network.layers[0].out_features))
+        alike = type(network) is self.network and network.observation.name in {reads.name, reads.extends}
+        require(alike and size == (self.depth, self.width), name, value, bound)
         return network if network.observation is reads else widened(network, reads)
 
 
@@ -154,9 +149,6 @@ class DQNConfig(ReplayConfig):
     """Deep Q-learning (section II-B), for the nine discrete actions."""
 
     network = QNetwork
-    keeps: str = ""
-    """Name of an observation with which `observation` begins: only the weights of the further numbers learn, so that it
-    plays as before where these are 0. Without a name all weights learn."""
     double: bool = True
     """Let the online network choose and the target network value the next action (double Q-learning)."""
     target_period: int = 128_000
@@ -168,9 +160,6 @@ class DQNConfig(ReplayConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        extends = find_observation(self.observation).extends
-        bound = f"'{extends}', with which '{self.observation}' begins, or left out" if extends else "left out"
-        require(self.keeps in ("", extends), "keeps", self.keeps, bound)
         require_positive(self, "target_period")
         require_within(self, 0, 1, "final_epsilon", "exploration_fraction")
 

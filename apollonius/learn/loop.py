@@ -57,7 +57,7 @@ def in_turns(
     plan: Plan,
     state: TrainState,
     settings: Sequence[Any],
-    done: int,
+    done: int = 0,
 ) -> Iterator[tuple[TrainState, Metrics]]:
     """Train a stage of one side chunk by chunk, in settings that take turns, each with games of its own; each state is
     consumed by the next one.

@@ -14,13 +14,23 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
-from apollonius.agents.network import Layers, Network, QNetwork, apply_to_batch, inferred, make_layers, make_network
+from apollonius.agents.network import (
+    Layers,
+    Network,
+    QNetwork,
+    apply_to_batch,
+    inferred,
+    make_layers,
+    make_network,
+    scaled,
+)
 from apollonius.agents.policy import Memory
 from apollonius.agents.pool import AbstractPlayers, Apart, solo
 from apollonius.agents.trained import AbstractByNetwork
+from apollonius.catalogue import find_player, price_of_losing
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.types import Bits, BySide, Scalar
-from apollonius.learn.caution import costs
+from apollonius.game.types import Bits, BySide, Role, Scalar
+from apollonius.learn.caution import bold, costs
 from apollonius.learn.learner_config import linear
 from apollonius.learn.loop import Metrics, iterated, row_of
 from apollonius.learn.ppo_config import PPOConfig
@@ -61,6 +71,12 @@ class Drawing(AbstractByNetwork):
 
     def less_costs(self, values: Float[Array, "*rows 9"], observations: Float[Array, "*rows size"]) -> Array:
         return values - costs(observations, self.wanted, self.price) if self.wanted else values
+
+
+def learning_from(network: Network, learner: PPOConfig, name: str, role: Role, game: Game) -> Network:
+    """Return an agent's network as the first one of a response: without caution, its values as logits."""
+    price = price_of_losing(find_player(name, role, game), game)
+    return scaled(bold(network), learner.price / price)
 
 
 def start_response(

@@ -16,20 +16,20 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from apollonius.agents.network import Network, QNetwork, scaled
+from apollonius.agents.network import Network, QNetwork
 from apollonius.agents.pool import Pool, solo
 from apollonius.agents.store import describe, save_agent
 from apollonius.agents.trained import greedy, load_network
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import to_dict
-from apollonius.catalogue import find_player, find_pool, price_of_losing
+from apollonius.catalogue import find_pool
 from apollonius.game.game import sample_starts
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.types import ROLES, BySide, Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.io.interrupts import asked
 from apollonius.learn import distillation, loop, ppo, train_state
-from apollonius.learn.caution import bold, cautious, sampled
+from apollonius.learn.caution import cautious, sampled
 from apollonius.learn.config import DISTILLATION, FIXED_TARGET, RESPONSE, SELF_PLAY, STAGES, RunConfig
 from apollonius.learn.folder import (
     Evaluation,
@@ -239,8 +239,7 @@ def load_first(config: RunConfig, role: Role) -> Network | None:
     network = config.learner.fitted(load_network(name, role), role.name.lower(), name)
     if config.stages != RESPONSE:
         return network
-    price = price_of_losing(find_player(name, role, config.game), config.game)
-    return scaled(bold(network), config.ppo.price / price)
+    return ppo.learning_from(network, config.ppo, name, role, config.game)
 
 
 def _pursuer(train: TrainState) -> Network:

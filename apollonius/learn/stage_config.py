@@ -92,7 +92,7 @@ class OneSideConfig(StageConfig):
     evaluation_games: int = 300
     role: Literal["pursuer", "evader"] = "evader"
     """The side that learns."""
-    opponents: tuple[str, ...] = ("P_optimal",)
+    opponents: tuple[str, ...] = ("pursuer",)
     """Its opponents, each in an equal part of the games."""
     caution: float = 0.0
     """Clearance after braking [m] that the agent wants (`apollonius.learn.caution`); 0 for none."""
@@ -139,7 +139,7 @@ class DistillationConfig(OneSideConfig):
     """Share of random actions of a learning evader, each held for a round; constant."""
     teacher: str = TABLE
     """Source of the action values: `table`, the player by the game solved for that side, or an agent trained by DQN."""
-    opponents: tuple[str, ...] = (TABLE, "random", "P_optimal", "P_curriculum", "intercept")
+    opponents: tuple[str, ...] = (TABLE, "random", "pursuer", "P_curriculum", "intercept")
     """Its opponents, each in an equal part of the games that attackers leave: `table` is the other side's."""
     near_sighted: int = 192
     """Games against an attacker that knows the student and looks one hold of ten steps ahead."""

@@ -28,10 +28,6 @@ LEARNERS = Path(__file__).parent / "learners"
 """The pursuer of one short training after shares of it: 0, 1, 5, 25 and 100 %."""
 YOU = "you"
 """The name of a person in place of an agent's."""
-AT_HOME = ("paper", "zero-sum")
-"""Games in the arena where most agents were trained."""
-BEST = BySide("P_optimal", "E_optimal")
-"""The usual opponents there; everywhere else, and in teams, those for any arena."""
 ANY_ARENA = ("egocentric", "team")
 """Observations of agents that play in any arena."""
 READS = ("paper", "encoded", *ANY_ARENA)
@@ -51,7 +47,7 @@ class Choice:
     which the page knows them; a game of teams is listed as the game of two.
     """
 
-    pursuer: str = f"{SHIELDED}{BEST[Role.PURSUER]}"
+    pursuer: str = f"{SHIELDED}{ANY[Role.PURSUER]}"
     evader: str = YOU
     game: str = "paper"
     difficulty: str = "fair"
@@ -79,7 +75,7 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     games = {} if of_two in game_names() else {Path(of_two).stem: find_game(of_two)}
     side = person.other
     is_first = against is None and person == Role.EVADER and (game, seed) == ("paper", 0)
-    name = against or SHIELDED + (BEST if game in AT_HOME else ANY)[side]
+    name = against or SHIELDED + ANY[side]
     bare = name.removeprefix(SHIELDED)
     agents: dict[str, Path] = {}
     if bare.endswith(OWN):

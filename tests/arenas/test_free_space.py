@@ -153,9 +153,9 @@ def test_players_with_charts_are_warned_of_it_and_others_are_not():
 
 def test_arenas_that_are_wrong_and_agents_that_have_not_learned_there_are_told_of_in_a_line_each():
     closed = floor(0.55, radius=0.3)
-    agents = [find_player(name, Role.PURSUER, closed) for name in ("P_optimal", "P_stage1", "pure-pursuit")]
+    agents = [find_player(name, Role.PURSUER, closed) for name in ("P_curriculum", "P_stage1", "pure-pursuit")]
     learned, *wrong = warned(closed, agents)
-    assert learned == "P_optimal, P_stage1 have learned in another arena; pursuer plays in any"
+    assert learned == "P_curriculum, P_stage1 have learned in another arena; pursuer plays in any"
     parted = [line.partition(" falls into 2 parts")[0] for line in wrong]
     assert parted == [f"floor.toml: the {side}'s free space" for side in ("pursuer", "evader")]
     assert warned(closed, name="office") == []
@@ -167,7 +167,7 @@ WARNING = {
     "exploit": ["regret still", "exploit pursuer still"],
     "solve": ["pursuers paper", "solve safety"],
     "show": ["slice P_stage1 --opponent 5 5", "play"],
-    "export": ["export P_optimal --to c --out P_optimal.c --game paper"],
+    "export": ["export P_curriculum --to c --out P_curriculum.c --game paper"],
 }
 """Commands by the file of the command line that warns."""
 

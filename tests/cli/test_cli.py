@@ -99,7 +99,7 @@ def test_help_version_and_refusals_import_nothing_that_takes_time():
         "    except SystemExit as leaving:\n        print(leaving.code)\n"
         "heavy = ('jax', 'numpy', 'matplotlib', 'scipy', 'scipy.stats', 'equinox', 'optax', 'rich')\n"
         "print('imported:', [name for name in heavy if name in sys.modules])",
-        "", "--version", "evaluate random still --games 10000000000", "evaluate P_optmal still", "report folder",
+        "", "--version", "evaluate random still --games 10000000000", "evaluate P_curriculm still", "report folder",
         "evaluate a.safetensors still", "show game.json", "evaluate nowhere/P still", "show evader still",
     )  # fmt: skip
     assert (result.returncode, result.stderr.count("\n")) == (0, 7)
@@ -176,11 +176,11 @@ def test_slice_draws_an_agent_that_reads_a_chart(capsys):
 REFUSED = {
     "play --no-browser": "unrecognized arguments: --no-browser; see apollonius play --help",
     "fly": "fly", "trian": "did you mean 'train'", "train --preset quik": "did you mean 'quick'",
-    "evaluate random": "EVADER", "evaluate P_optmal still": "did you mean 'P_optimal'",
-    "evaluate P_optimal E_pool": "'E_pool': choose one of random, still, flee, flee-aware",
+    "evaluate random": "EVADER", "evaluate P_curriculm still": "did you mean 'P_curriculum'",
+    "evaluate P_curriculum E_pool": "'E_pool': choose one of random, still, flee, flee-aware",
     "evaluate nobody still": "'nobody': choose one of random, still", "show shielded:nobody still": "'nobody'",
-    "evaluate P_optimal still --game ofice": "did you mean 'office'",
-    "evaluate P_optimal still --game team-3v1/ofice": "did you mean 'office'",
+    "evaluate P_curriculum still --game ofice": "did you mean 'office'",
+    "evaluate P_curriculum still --game team-3v1/ofice": "did you mean 'office'",
     "train --game chess": "paper, four-small, one-large, zero-sum",
     'train --stage fixed-target --vary evaders=["nobody"]': "'nobody': choose one of random, still",
     'train --stage fixed-target --vary evaders=["random","still"]': "random, still is not possible",
@@ -235,7 +235,7 @@ SEVERAL = "suite-v1/maze-00,maze-01"
 IN_ONE = (
     "simulate random random", "show random random", "evaluate random random --record 1", "regret random",
     "solve safety", "slice random --opponent 5 5", "exploit pursuer random", "play",
-    "export P_optimal --to c --out a.c",
+    "export P_curriculum --to c --out a.c",
 )  # fmt: skip
 REFUSED |= dict.fromkeys([f"{words} --game {SEVERAL}" for words in IN_ONE], "name one, as suite-v1/maze-00.")
 REFUSED |= dict.fromkeys([f"pursuers {SEVERAL}", f"arena check {SEVERAL}"], "name one, as suite-v1/maze-00.")
@@ -250,7 +250,7 @@ RUNS = dict.fromkeys(("mine/agents/P_one.safetensors", "runs/first/agents/P_one.
 OLD = {"run/agents/P_stage1.safetensors": "precious", "run/config.toml": "sede = 3"}
 """A run that somebody may still need."""
 AMONG_FILES = [
-    (RUNS, "evaluate P_optima still", ["no agent is called 'P_optima': did you mean 'P_optimal'?"]),
+    (RUNS, "evaluate P_curriculu still", ["no agent is called 'P_curriculu': did you mean 'P_curriculum'?"]),
     (RUNS, "evaluate evader still", ["PURSUER: 'evader' plays the evader, not the pursuer"]),
     (RUNS, "show pursuer shielded:zoo/pursuer", ["EVADER: 'shielded:zoo/pursuer' plays the pursuer, not the evader"]),
     (RUNS, "tournament --evaders intercept", ["--evaders: 'intercept' plays the pursuer"]),

@@ -138,7 +138,7 @@ def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
 
     assert set(judge.TRACKS) == set(benchmark.PANELS)
     assert set(options.LENGTHS) == set(config.PRESETS)
-    assert [*exploit.ATTACKERS] == ["table", "zoo", *attackers.SEARCHES, attackers.PLANNER, *attackers.LEARNING]
+    assert [*exploit.ATTACKERS] == ["table", "zoo", *attackers.SEARCHES, attackers.PLANNER, attackers.LEARNED]
     assert list(built_in.PLAYERS) == list(names.BUILT_IN)
     assert tuple(presets.PRESETS) == games.PRESETS
     assert set(train.PROFILES) == set(learner_config.PROFILES)

@@ -29,8 +29,8 @@ TEAM = in_teams(make_game("paper"), 2, 1)
 WINS, HUNTED = (in_teams(make_game("zero-sum"), *size) for size in ((2, 1), (1, 2)))
 
 
-TASK = Task(make_game("paper"), "P_optimal", ("still",))
-FREE = {"near_sighted": 0, "far_sighted": 0, "clearance": 0.0, "teacher": "P_optimal", "opponents": ("still", "flee")}
+TASK = Task(make_game("paper"), "P_curriculum", ("still",))
+FREE = {"near_sighted": 0, "far_sighted": 0, "clearance": 0.0, "teacher": "P_scratch", "opponents": ("still", "flee")}
 
 
 def met_by(scheme, **numbers):
@@ -61,8 +61,6 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
         (RunConfig, {"evaders": ("random",)}, "evaders = random .*left out .*'both'"),
         (StageConfig, {"progress": -1.0}, "progress = -1.0 .*from 0 to"),
         (StageConfig, {"failure": float("inf")}, "failure = inf .*from 0 to"),
-        (DQNConfig, {"observation": "team", "keeps": "encoded"}, "keeps = encoded .*'egocentric', with which 'team'"),
-        (DQNConfig, {"keeps": "encoded"}, "keeps = encoded .*left out"),
         (DQNConfig, {"observation": "raster"}, "observation = raster .*paper, encoded, egocentric"),
         (RunConfig, {"seed": 2**32}, "seed = 4294967296 .*at least 0"),
         (RunConfig, {"stages": "both", "pursuer": "P_stage1"}, "pursuer = P_stage1 .*left out .*'both'"),
@@ -87,7 +85,7 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
         (DistillationConfig, {"updates": 0}, "updates = 0"),
         (DistillationConfig, {"randomise": (Spread(("pursuer.v_max",), 1.0, 2.0),)}, "randomise = "),
         (DistillationConfig, {"tasks": (replace(TASK, opponents=()),)}, "tasks = some .*left out where tables"),
-        (ResponseConfig, {"tasks": (TASK,)}, "tasks: teacher = P_optimal .*has none"),
+        (ResponseConfig, {"tasks": (TASK,)}, "tasks: teacher = P_curriculum .*has none"),
         (DistillationConfig, {"tasks": (TASK,), **FREE}, "tasks: opponents = given .* 2 names"),
         (RunConfig, {"stages": "distillation", "sac": SACConfig()}, "sac = given .*must be left out"),
         (RunConfig, {"stages": "distillation", "dqn": DQNConfig(games=256)}, "games = 256 .*more than the 256"),
@@ -124,9 +122,9 @@ def test_a_config_comes_back_from_its_file(config, tmp_path):
 def test_every_example_of_a_training_is_one(monkeypatch):
     few = find_scenario("suite-v1/discs-00,discs-01")
     monkeypatch.setattr("apollonius.arenas.file.find_scenario", lambda name: few)  # hundreds take their time
-    for name in ("hunter", "robust", "team", "pursuer_teams", "optimal_evader", "optimal_pursuer", "response"):
+    for name in ("any_chase", "evader", "optimal_evader", "pursuer", "response", "robust"):
         assert load_config(REPOSITORY / "examples" / f"{name}.toml") != RunConfig()
-    tasks = load_config(REPOSITORY / "examples" / "pursuer_first.toml").distillation.tasks
+    tasks = load_config(REPOSITORY / "examples" / "pursuer.toml").response.tasks
     assert make_game("paper") in [task.game for task in tasks], "with its discs"
 
 

@@ -47,7 +47,7 @@ FITTING = DQNConfig(
 )  # fmt: skip
 RUN = RunConfig(stages="distillation", game=GAME, dqn=FITTING, distillation=STAGE)
 SEEING = replace(
-    STAGE, role="pursuer", teacher="P_optimal", opponents=("still", "flee"), near_sighted=0, far_sighted=0,
+    STAGE, role="pursuer", teacher="P_curriculum", opponents=("still", "flee"), near_sighted=0, far_sighted=0,
     clearance=0.0, informed=0.35, evaluations=1,
 )  # fmt: skip
 
@@ -255,7 +255,7 @@ def test_where_there_is_nothing_to_learn_nothing_is_learned(student):
 
 
 def test_a_task_has_its_own_game_teacher_and_opponents_and_the_price_of_the_first():
-    taught_by_a_table = Task(make_game("paper"), "E_optimal", ("P_optimal", "still"))
+    taught_by_a_table = Task(make_game("paper"), "E_optimal", ("P_curriculum", "still"))
     stage = replace(
         SEEING, role="evader", teacher="E_scratch", opponents=("still", "random"), tasks=(taught_by_a_table,)
     )
@@ -268,7 +268,10 @@ def test_a_task_has_its_own_game_teacher_and_opponents_and_the_price_of_the_firs
 
 @pytest.mark.slow
 def test_a_run_with_sensors_and_further_tasks_learns(tmp_path):
-    further = Task(make_game("paper"), "P_optimal", ("E_optimal", "flee")), Task(make_game("team-2v1"), "P_optimal")
+    further = (
+        Task(make_game("paper"), "P_curriculum", ("E_optimal", "flee")),
+        Task(make_game("team-2v1"), "P_curriculum"),
+    )
     longer = replace(SEEING, updates=24, env_steps=163_840, tasks=further)
     wider = replace(FITTING, width=64, depth=2)
     run = replace(RUN, game=SHORT_SIGHTED, dqn=wider, distillation=longer)

@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import chisquare, norm
 
 from apollonius.agents.classical import Uniform
-from apollonius.agents.network import make_actor, make_layers, make_network, widened
+from apollonius.agents.network import make_actor, make_layers, make_network
 from apollonius.agents.pool import solo
 from apollonius.game.types import Role
 from apollonius.learn import dqn, replay_buffer, sac
@@ -19,8 +19,6 @@ from apollonius.learn.learner_config import DQNConfig, SACConfig
 from apollonius.learn.loop import play_and_learn
 from apollonius.learn.stage_config import Plan, SelfPlayConfig, StageConfig
 from apollonius.learn.train_state import LearnerState, TrainState, players
-from apollonius.observe.egocentric import EGOCENTRIC
-from apollonius.observe.team import TEAM
 from tests.acting import identical
 from tests.learn.tiny import CHUNK, GAME, SMALL, start
 
@@ -150,23 +148,6 @@ RATE = jnp.asarray(1e-2)
 
 
 sac_update, init = (jax.jit(one, static_argnames="config") for one in (sac.update, sac.init))
-
-
-def test_a_network_that_keeps_how_it_plays_a_game_of_two_learns_what_to_make_of_mates():
-    """Of a layer with a unit that reads no mates, and of one just widened, where none does yet."""
-    config = DQNConfig(observation="team", keeps="egocentric", width=8, depth=2, averaging=1.0)
-    alone, rows = EGOCENTRIC.size, jax.random.normal(jax.random.key(1), (2, 64, TEAM.size))
-    nothing = jnp.zeros(64)
-    batch = replay_buffer.Batch(rows[0], jnp.arange(64) % 9, nothing, rows[1], nothing)
-    first, narrow = (make_network(reads, 8, 2, jax.random.key(0)) for reads in ("team", "egocentric"))
-    carries = eqx.tree_at(lambda this: this.layers[0].weight, first, first.layers[0].weight.at[2, alone:].set(0.0))
-    for network, learn in ((carries, {0, 1, 3, 4, 5, 6, 7}), (widened(narrow, TEAM), set(range(8)))):
-        learner = dqn.init(config, jax.random.key(0), network)
-        after = update(learner, batch, jnp.asarray(1e-3), config)[0].network
-        changed = np.asarray(after.layers[0].weight != network.layers[0].weight)
-        assert not changed[:, :alone].any()
-        assert set(np.flatnonzero(changed[:, alone:].any(axis=1))) == learn
-        assert identical(eqx.tree_at(lambda this: this.layers[0].weight, after, network.layers[0].weight), network)
 
 
 def random_batch(seed, size=32):

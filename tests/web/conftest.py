@@ -21,7 +21,7 @@ def address(tmp_path_factory):
     (folder / "hall.toml").write_text('[arena]\nmap = "floor.yaml"\n')
     games = {"hall": find_game(str(folder / "hall.toml"))}
     spiral = {"spiral": Path(__file__).with_name("spiral.wasm")}
-    chosen = Choice("shielded:P_optimal", "you", difficulty="sharp", agents=spiral, games=games)
+    chosen = Choice("shielded:pursuer", "you", difficulty="sharp", agents=spiral, games=games)
     write_site(folder / "site", chosen)
     with serving(folder / "site") as server:
         yield f"http://localhost:{server.server_port}/"

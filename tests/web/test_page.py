@@ -63,7 +63,7 @@ def test_a_person_plays_a_game_to_its_end(desk, tmp_path):
     assert page.inner_text("#go") == "Try again"
     assert page.inner_text("#pursuer-score") == "1"
     replay = load_replay(desk.save(tmp_path / "game.json"))
-    assert (replay.pursuer, replay.evader, replay.outcome.name) == ("shielded:P_optimal", "you", "EVADER_OUT_OF_RANGE")
+    assert (replay.pursuer, replay.evader, replay.outcome.name) == ("shielded:pursuer", "you", "EVADER_OUT_OF_RANGE")
     assert {7, 8} <= set(replay.actions[:, 1].tolist())
     assert replay.first_difference() is None
     page.click("#go")
@@ -328,9 +328,9 @@ def test_an_agent_that_cannot_be_loaded_is_said(desk):
     page = desk.open("?pursuer=still")
     page.route("**/agents/*", lambda route: route.fulfill(status=404))
     page.click("#menu")
-    page.select_option("#pursuer", "P_optimal")
+    page.select_option("#pursuer", "P_curriculum")
     page.click("#play")
-    playwright.expect(page.locator("#message")).to_have_text(re.compile("P_optimal cannot be loaded"))
+    playwright.expect(page.locator("#message")).to_have_text(re.compile("P_curriculum cannot be loaded"))
     assert page.is_disabled("#go")
     page.unroute("**/agents/*")
     page.click("#menu")

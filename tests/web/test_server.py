@@ -171,12 +171,12 @@ def test_colours_are_those_of_all_pictures():
 
 def test_a_person_meets_the_best_unless_told_otherwise():
     choice = choose(Role.EVADER, None, "paper", 3)
-    assert (choice.pursuer, choice.evader, choice.seed, choice.agents) == ("shielded:P_optimal", YOU, 3, {})
+    assert (choice.pursuer, choice.evader, choice.seed, choice.agents) == ("shielded:pursuer", YOU, 3, {})
     assert choose(Role.EVADER, None, "team-3v1", 3).pursuer == "shielded:pursuer"
     assert choose(Role.PURSUER, None, "maze", 3).evader == "shielded:evader"
     assert choose(Role.PURSUER, "random", "robot", 0).evader == "random"
     assert choose(Role.EVADER, None, "paper", 0).level == 1
-    asked = choose(Role.EVADER, "P_optimal", "paper", 0)
+    asked = choose(Role.EVADER, "P_curriculum", "paper", 0)
     assert (asked.level, asked.difficulty) == (None, "sharp")
 
 

@@ -23,7 +23,7 @@ export const LEVELS = [
   { name: "Nine houses", side: EVADER, against: "pursuer", difficulty: "fair", game: "blocks", seconds: 60 },
   { name: "Hunting in the office", side: PURSUER, against: "flee-aware", difficulty: "fair", game: "office", seconds: 100 },
   { name: "The maze", side: EVADER, against: "pursuer", difficulty: "fair", game: "maze", seconds: 60 },
-  { name: "Three pillars, sharp", side: EVADER, against: "P_optimal", difficulty: "sharp", game: "paper", seconds: 100 },
+  { name: "Three pillars, sharp", side: EVADER, against: "pursuer", difficulty: "sharp", game: "paper", seconds: 100 },
   { name: "The warehouse", side: EVADER, against: "pursuer", difficulty: "sharp", game: "warehouse", seconds: 100 },
   { name: "In the fog", side: EVADER, against: "pursuer", difficulty: "sharp", game: "blocks", seconds: 60, isFoggy: true },
   { name: "Hide and seek", side: PURSUER, against: "flee-aware", difficulty: "sharp", game: "office", seconds: 100, isFoggy: true },
