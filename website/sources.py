@@ -65,6 +65,12 @@ def leaderboard() -> str:
     return "\n## The cards\n\n" + "\n".join(rows) + "\n"
 
 
+def what_is_known() -> str:
+    """Return the README's part of that name."""
+    text = (REPOSITORY / "README.md").read_text()
+    return "\n" + text[text.index("## What is known") : text.index("## Documentation")]
+
+
 def documents() -> dict[str, Path]:
     """Return the files behind the site's pages, by the pages' names; generated pages have none."""
     paths = [path for path in sorted(DOCS.rglob("*.md")) if path.name not in _ONLY_IN_THE_REPOSITORY]
@@ -88,6 +94,8 @@ def write_sources(folder: Path) -> None:
             text += leaderboard()
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         page = at_home(text, path)
+        if name == "index.md":
+            page += at_home(what_is_known(), REPOSITORY / "README.md")
         if name.startswith("tutorials/") and path.stem != "index":
             (folder / name).with_suffix(".ipynb").write_text(notebook(text))
             title, _, below = page.partition("\n")

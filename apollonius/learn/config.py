@@ -129,8 +129,8 @@ class RunConfig:
 
     @property
     def plans(self) -> dict[str, Plan]:
-        """The plans of the stages in their order, by name; the tasks of one side are in its settings."""
-        of_one_side = (replace(stage, tasks=()) for stage in (self.distillation, self.response))
+        """The plans of the stages in their order, by name; the tasks of a response are in its settings."""
+        of_one_side = self.distillation, replace(self.response, tasks=())
         stages = (self.fixed_target, self.self_play, *of_one_side)
         asked = STAGES[:2] if self.stages == "both" else [self.stages]
         return {name: Plan(self.learner, stage) for name, stage in zip(STAGES, stages, strict=True) if name in asked}

@@ -3,7 +3,7 @@
 The student plays, greedy but for some random actions, against several opponents; among them some that know it and
 search (`solve.players`). The teacher labels these states and others, and the network is fitted to the labels
 (Ross, Gordon, Bagnell, "A reduction of imitation learning and structured prediction to no-regret online learning",
-2011; Rusu et al., "Policy distillation", 2016, with several tasks too).
+2011; Rusu et al., "Policy distillation", 2016).
 """
 
 import functools

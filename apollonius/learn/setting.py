@@ -1,6 +1,6 @@
 """The games of a stage in which one side learns, and its opponents there."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import equinox as eqx
@@ -41,10 +41,12 @@ def settings_of(stage: ResponseConfig, learner: PPOConfig, game: Game) -> list[S
     caution is wanted of a network that knows no room to brake.
     """
     require_room_to_brake(stage, learner)
-    settings = list[Setting]()
-    for task, known in tasks_of(stage, learner, Task(game, opponents=stage.opponents)):
-        here, players = cast(stage.side, task, known)
-        settings.append(Setting(here, opponents_in(players, task, stage.side), learner.price))
+    reads, known, settings = find_observation(learner.observation).charted, list[Game](), list[Setting]()
+    for task in (Task(game), *stage.tasks):
+        known.append(_charted_as(task.game, known, reads))
+        names = task.opponents or stage.opponents
+        here, players = cast(stage.trained_in(known[-1]), {stage.side.other: names})
+        settings.append(Setting(here, tuple(players[name, stage.side.other].policy for name in names), learner.price))
     return settings
 
 
@@ -52,15 +54,6 @@ def require_room_to_brake(stage: OneSideConfig, learner: LearnerConfig) -> None:
     """Refuse caution of a network whose observation does not have the room to brake."""
     reads, bound = learner.observation, "egocentric or team, which know the room to brake, or no caution"
     require(stage.caution == 0 or find_observation(reads).charted, "observation", reads, bound)
-
-
-def tasks_of(stage: OneSideConfig, learner: LearnerConfig, own: Task) -> Iterator[tuple[Task, Game]]:
-    """Yield the tasks of a stage, the run's own first, each with nothing left out, and its game as it is trained in."""
-    known = list[Game]()
-    for task in (own, *stage.tasks):
-        known.append(_charted_as(task.game, known, find_observation(learner.observation).charted))
-        whole = replace(task, teacher=task.teacher or own.teacher, opponents=task.opponents or own.opponents)
-        yield whole, stage.trained_in(known[-1])
 
 
 def _charted_as(game: Game, others: Sequence[Game], are_read: bool) -> Game:
@@ -72,13 +65,8 @@ def _charted_as(game: Game, others: Sequence[Game], are_read: bool) -> Game:
     return charted(game, are_read)
 
 
-def cast(role: Role, task: Task, game: Game) -> tuple[Game, Players]:
-    """Return a game, with charts where its players read them, and these: opponents, and the learner's teacher."""
-    named: Iterable[tuple[str, Role]] = {(name, role.other) for name in task.opponents} | {(task.teacher, role)}
-    players = {each: find_player(*each, game) for each in named if each[0] not in ("", TABLE)}
+def cast(game: Game, names: Mapping[Role, Sequence[str]]) -> tuple[Game, Players]:
+    """Return a game, with charts where its players of these names read them, and these; `TABLE` is nobody here."""
+    asked = {(name, role) for role in names for name in names[role] if name != TABLE}
+    players = {each: find_player(*each, game) for each in asked}
     return charted(game, any(player.policy.charted for player in players.values())), players
-
-
-def opponents_in(players: Players, task: Task, role: Role) -> tuple[AbstractPolicy, ...]:
-    """Return the opponents of a learner in a task."""
-    return tuple(players[name, role.other].policy for name in task.opponents)

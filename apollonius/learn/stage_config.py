@@ -75,18 +75,15 @@ class SelfPlayConfig(StageConfig):
 
 @dataclass(frozen=True)
 class Task:
-    """A further game of one side's stage, with as many opponents as the stage, and in a distillation a teacher; what is
-    left out is as in the stage.
-    """
+    """A further game of a response, with as many opponents as its stage, or with the same."""
 
     game: Game
-    teacher: str = ""
     opponents: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class OneSideConfig(StageConfig):
-    """A stage in which one side learns, in one or several games, against opponents that do not."""
+    """A stage in which one side learns, against opponents that do not."""
 
     evaluations: int = 10
     evaluation_games: int = 300
@@ -96,15 +93,11 @@ class OneSideConfig(StageConfig):
     """Its opponents, each in an equal part of the games."""
     caution: float = 0.0
     """Clearance after braking [m] that the agent wants (`apollonius.learn.caution`); 0 for none."""
-    tasks: tuple[Task, ...] = ()
-    """Further games, which take turns with the run's own."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require(len(self.opponents) >= 1, "opponents", "none", "one at least")
         require_within(self, 0, 10**9, "caution")
-        alike = all(len(task.opponents) in (0, len(self.opponents)) for task in self.tasks)
-        require(alike, "tasks: opponents", "given", f"{len(self.opponents)} names, as those of the stage, or left out")
 
     @property
     def side(self) -> Role:
@@ -113,24 +106,23 @@ class OneSideConfig(StageConfig):
 
 @dataclass(frozen=True)
 class ResponseConfig(OneSideConfig):
-    """One side learns a best response by proximal policy optimisation."""
+    """One side learns a best response by proximal policy optimisation, in one or several games."""
 
     env_steps: int = 16_000_000
     progress: float = 0.0
     failure: float = 15.0
+    tasks: tuple[Task, ...] = ()
+    """Further games, which take turns with the run's own."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        taught = [task.teacher for task in self.tasks if task.teacher]
-        require(not taught, "tasks: teacher", ", ".join(taught), "left out: a response has none")
+        alike = all(len(task.opponents) in (0, len(self.opponents)) for task in self.tasks)
+        require(alike, "tasks: opponents", "given", f"{len(self.opponents)} names, as those of the stage, or left out")
 
 
 @dataclass(frozen=True)
 class DistillationConfig(OneSideConfig):
-    """One side learns a teacher's action values, in the states of its own games.
-
-    Values of the teachers of further tasks count in units of lost games.
-    """
+    """One side learns a teacher's action values, in the states of its own games."""
 
     env_steps: int = 50_000_000
     pursuer_epsilon: float = 0.04
@@ -160,7 +152,6 @@ class DistillationConfig(OneSideConfig):
         require_within(self, 0, 10**9, "clearance", "near_sighted", "far_sighted", "informed")
         bound = "left out: tables know the rules' own robots only"
         require(not (self.randomise and self.solves), "randomise", "some numbers", bound)
-        require(not (self.tasks and self.solves), "tasks", "some", "left out where tables of solved games are needed")
         require(self.grid is None or len(self.grid) == 4, "grid", self.grid, "four numbers of nodes, or left out")
 
     @property

@@ -17,8 +17,8 @@ from apollonius.game.game import Game
 from apollonius.game.types import NUM_ACTIONS, GameState, Real, RobotState, Role, Scalar
 from apollonius.io.errors import require
 from apollonius.learn.config import RunConfig
-from apollonius.learn.setting import Players, Setting, cast, opponents_in, require_room_to_brake, tasks_of
-from apollonius.learn.stage_config import Task
+from apollonius.learn.setting import Players, Setting, cast, require_room_to_brake
+from apollonius.learn.stage_config import DistillationConfig
 from apollonius.observe.observation import perceive
 from apollonius.solve.grid import Grid, make_grid
 from apollonius.solve.motion import Motion, last, motion_of
@@ -104,7 +104,7 @@ class Lessons(Setting):
 
 
 def make_lessons(config: RunConfig, game: Game, folder: Path | None) -> list[Lessons]:
-    """Return the lessons of a run: one for each task, or where tables are needed one in each arena.
+    """Return the lessons of a run: one, or where tables are needed one in each arena.
 
     Games are solved whose tables do not lie in the folder. The lessons in all arenas have one shape, so that one
     compilation serves all. Raises InvalidInput when a player cannot be found, the teacher does not value the nine
@@ -112,8 +112,10 @@ def make_lessons(config: RunConfig, game: Game, folder: Path | None) -> list[Les
     """
     stage, role, scenario = config.distillation, config.distillation.side, game.scenario
     require_room_to_brake(stage, config.learner)
+    asked = {role: (stage.teacher,), role.other: stage.opponents}
     if not stage.solves:
-        return _lessons_of_tasks(config, game)
+        here, players = cast(stage.trained_in(game), asked)
+        return [_lessons(stage, players, here, None)]
     kinds = "robots of several kinds"
     require(scenario is None or scenario.kinds is None, "game", kinds, "of one kind: the solved game has its robots")
     alone = each_alone(game)
@@ -122,11 +124,10 @@ def make_lessons(config: RunConfig, game: Game, folder: Path | None) -> list[Les
 
     def lessons(number: int, one: Game) -> Lessons:
         here = game if scenario is None else game.in_place(jnp.asarray(number))
-        task = Task(here, stage.teacher, stage.opponents)
-        here, players = cast(role, task, here)
+        here, players = cast(here, asked)
         tables = cached_tables(one, stage.grid, folder, played=here)
         players |= {(TABLE, side): Named(TABLE, tables[side]) for side in Role}
-        found = _lessons(role, task, players, here, tables[role.other])
+        found = _lessons(stage, players, here, tables[role.other])
         if stage.clearance == 0:
             return found
         grid = make_grid(here.arena, here.body(role), counts)
@@ -137,19 +138,10 @@ def make_lessons(config: RunConfig, game: Game, folder: Path | None) -> list[Les
     return [lessons(number, one) for number, one in enumerate(alone)]
 
 
-def _lessons_of_tasks(config: RunConfig, game: Game) -> list[Lessons]:
-    """Return the lessons in the run's own game and the further tasks, all at the price of the first teacher."""
-    stage, found = config.distillation, list[Lessons]()
-    for task, known in tasks_of(stage, config.learner, Task(game, stage.teacher, stage.opponents)):
-        here, players = cast(stage.side, task, known)
-        found.append(_lessons(stage.side, task, players, here, None))
-    return [replace(one, price=found[0].price) for one in found]
-
-
-def _lessons(role: Role, task: Task, players: Players, game: Game, table: SaddlePolicy | None) -> Lessons:
-    found = players[task.teacher, role]
+def _lessons(stage: DistillationConfig, players: Players, game: Game, table: SaddlePolicy | None) -> Lessons:
+    found, other = players[stage.teacher, stage.side], stage.side.other
     policy, bound = found.policy, "one that values the nine actions: table, or an agent trained by DQN"
-    require(isinstance(policy, AbstractActionValuePolicy), "teacher", task.teacher, bound)
+    require(isinstance(policy, AbstractActionValuePolicy), "teacher", stage.teacher, bound)
     assert isinstance(policy, AbstractActionValuePolicy)
-    price = price_of_losing(found, game)
-    return Lessons(game, opponents_in(players, task, role), price, Teacher(policy, price, None), table)
+    opponents, price = tuple(players[name, other].policy for name in stage.opponents), price_of_losing(found, game)
+    return Lessons(game, opponents, price, Teacher(policy, price, None), table)

@@ -3,7 +3,7 @@
 import math
 import os
 import platform
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import partial
 
 import jax.numpy as jnp
@@ -29,8 +29,7 @@ TEAM = in_teams(make_game("paper"), 2, 1)
 WINS, HUNTED = (in_teams(make_game("zero-sum"), *size) for size in ((2, 1), (1, 2)))
 
 
-TASK = Task(make_game("paper"), "P_curriculum", ("still",))
-FREE = {"near_sighted": 0, "far_sighted": 0, "clearance": 0.0, "teacher": "P_scratch", "opponents": ("still", "flee")}
+TASK = Task(make_game("paper"), ("still", "flee"))
 
 
 def met_by(scheme, **numbers):
@@ -84,9 +83,7 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
         (DistillationConfig, {"grid": (3, 3)}, "four numbers of nodes"),
         (DistillationConfig, {"updates": 0}, "updates = 0"),
         (DistillationConfig, {"randomise": (Spread(("pursuer.v_max",), 1.0, 2.0),)}, "randomise = "),
-        (DistillationConfig, {"tasks": (replace(TASK, opponents=()),)}, "tasks = some .*left out where tables"),
-        (ResponseConfig, {"tasks": (TASK,)}, "tasks: teacher = P_curriculum .*has none"),
-        (DistillationConfig, {"tasks": (TASK,), **FREE}, "tasks: opponents = given .* 2 names"),
+        (ResponseConfig, {"tasks": (TASK,)}, "tasks: opponents = given .* 1 names"),
         (RunConfig, {"stages": "distillation", "sac": SACConfig()}, "sac = given .*must be left out"),
         (RunConfig, {"stages": "distillation", "dqn": DQNConfig(games=256)}, "games = 256 .*more than the 256"),
     ],

@@ -24,7 +24,7 @@ from apollonius.learn.config import RunConfig
 from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.queries import fresh_starts, queries, query_states, starts_of
 from apollonius.learn.run import Run
-from apollonius.learn.stage_config import DistillationConfig, Task
+from apollonius.learn.stage_config import DistillationConfig
 from apollonius.learn.teacher import COSTLIEST, DEEPEST, STEEPNESS, Clearance, Teacher, make_lessons
 from apollonius.observe.egocentric import EGOCENTRIC
 from apollonius.play.rollout import begin as begin_games
@@ -254,25 +254,9 @@ def test_where_there_is_nothing_to_learn_nothing_is_learned(student):
         np.testing.assert_allclose(one, other / 2, atol=1e-6)
 
 
-def test_a_task_has_its_own_game_teacher_and_opponents_and_the_price_of_the_first():
-    taught_by_a_table = Task(make_game("paper"), "E_optimal", ("P_curriculum", "still"))
-    stage = replace(
-        SEEING, role="evader", teacher="E_scratch", opponents=("still", "random"), tasks=(taught_by_a_table,)
-    )
-    own, further = make_lessons(replace(RUN, game=SHORT_SIGHTED, distillation=stage), SHORT_SIGHTED, None)
-    assert (own.game.sensors, further.game.sensors) == (SHORT_SIGHTED.sensors, None)
-    assert further.game.arena == taught_by_a_table.game.arena
-    assert [type(one) for one in further.opponents] == [Greedy, type(own.opponents[0])]
-    assert (own.teacher.scale, further.teacher.scale, further.price) == (10.0, 1.0, 10.0)
-
-
 @pytest.mark.slow
-def test_a_run_with_sensors_and_further_tasks_learns(tmp_path):
-    further = (
-        Task(make_game("paper"), "P_curriculum", ("E_optimal", "flee")),
-        Task(make_game("team-2v1"), "P_curriculum"),
-    )
-    longer = replace(SEEING, updates=24, env_steps=163_840, tasks=further)
+def test_a_run_with_sensors_learns(tmp_path):
+    longer = replace(SEEING, updates=24, env_steps=163_840)
     wider = replace(FITTING, width=64, depth=2)
     run = replace(RUN, game=SHORT_SIGHTED, dqn=wider, distillation=longer)
     folder = begin(tmp_path / "run", run)
