@@ -25,6 +25,7 @@ from apollonius.game.presets import make_game
 from apollonius.game.sensing import Percept, Sensing
 from apollonius.game.types import Bits, BySide, DriveState, GameState, RobotState, RobotStatus, Role
 from apollonius.io.errors import require
+from apollonius.observe.registry import find_observation
 from apollonius.observe.tracking import Track, believed, delayed, learn
 from apollonius.observe.tracking import begin as known_first
 from apollonius.observe.view import look
@@ -150,13 +151,13 @@ def side_of(name: str, given: str | None = None) -> Role:
 
 
 def home_of(name: str) -> Game:
-    """Return the game that a player was made for, `paper` for none; raises InvalidInput for many arenas."""
+    """Return the game that a player was made for, `paper` for none; raises InvalidInput for one of any arena."""
     bare = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
     if bare in PLAYERS:
         return make_game("paper")
     header = find_trained(bare)[0].header
     require(header.game, "game", "missing", f"one arena, since '{name}' does not say what it was made for")
-    in_one = header.game.get("scenario") is None
+    in_one = header.game.get("scenario") is None and not find_observation(header.observation).charted
     require(in_one, "game", "missing", f"one arena, as office, since '{name}' plays in any")
     return from_dict(Game, header.game, f"'{name}'")
 
