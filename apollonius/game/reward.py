@@ -30,8 +30,6 @@ class Reward(eqx.Module):
         along_paths: pay progress along the shortest way between the robots (`Chart.way`) instead of the straight line:
             before a wall standing still pays no more than driving round. The game needs charts
             (`apollonius.arenas.charting`).
-        zero_sum_within: distance [m] up to which progress is zero-sum: beyond it the evader, too, is paid for coming
-            closer (the partial zero-sum reward of Zhong et al., "AD-VAT", ICLR 2019); None for everywhere, as in Eq. 9.
     """
 
     profile: Literal["paper", "zero-sum"] = eqx.field(static=True, default="paper")
@@ -39,7 +37,6 @@ class Reward(eqx.Module):
     failure: Real = 10.0
     progress: Real = 3.0
     along_paths: bool = eqx.field(static=True, default=False)
-    zero_sum_within: Real | None = None
 
     @property
     def time_limit_wins(self) -> bool:
@@ -49,8 +46,6 @@ class Reward(eqx.Module):
     def check(self) -> None:
         """Refuse impossible names and numbers."""
         require(self.profile in ("paper", "zero-sum"), "reward.profile", self.profile, "paper or zero-sum")
-        within, bound = self.zero_sum_within, "more than 0 m, or left out for everywhere"
-        require(within is None or within > 0, "reward.zero_sum_within", within, bound)
 
     def __call__(
         self, outcome: Int[Array, ""], robots: BySide[tuple[Fate, ...]], leads: Sequence[tuple[Scalar, Scalar]]
@@ -80,20 +75,12 @@ class Reward(eqx.Module):
         def pursuer(robot: Fate) -> Scalar:
             return jnp.where(robot.failed & ~won, -self.failure, jnp.where(robot.active, shared, 0.0))
 
-        def evader(robot: Fate, before: Scalar, after: Scalar, closer: Scalar) -> Scalar:
-            leaving = -closer
-            if (within := self.zero_sum_within) is not None:
-                beyond = jnp.maximum(after - within, 0.0) - jnp.maximum(before - within, 0.0)
-                leaving = leaving - 2 * self.progress * beyond
-            prize = jnp.where(reached, self.capture, leaving)
+        def evader(robot: Fate, closer: Scalar) -> Scalar:
+            prize = jnp.where(reached, self.capture, -closer)
             going = jnp.where(robot.failed, -self.failure, jnp.where(robot.active, prize, 0.0))
             return jnp.where(robot.captured, -self.capture, going)
 
-        evaders = zip(robots.evader, leads, closing, strict=True)
-        return BySide(
-            tuple(map(pursuer, robots.pursuer)),
-            tuple(evader(robot, before, after, closer) for robot, (before, after), closer in evaders),
-        )
+        return BySide(tuple(map(pursuer, robots.pursuer)), tuple(map(evader, robots.evader, closing)))
 
 
 def leads(before: GameState, after: GameState, chart: Chart | None) -> list[tuple[Scalar, Scalar]]:

@@ -33,7 +33,6 @@ _OPTIONAL = (
     "arena.chart",
     "scenario",
     "teams",
-    "reward.zero_sum_within",
     "sensors",
     "drives",
 )

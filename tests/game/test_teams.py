@@ -262,7 +262,6 @@ IMPOSSIBLE = [
         ["starts.separation = 10.0", "at most", "smaller or the arena larger"],
     ),
     ({"reward": Reward(capture=NAN)}, ["reward.capture = nan", "a finite number"]),
-    ({"reward": Reward(zero_sum_within=0.0)}, ["reward.zero_sum_within = 0.0", "more than 0 m"]),
     ({"reward": misnamed(Reward(), "profile", "fair")}, ["reward.profile = fair", "paper or zero-sum"]),
     ({"starts": misnamed(Starts(), "speed", "fast")}, ["starts.speed = fast", "rest or moving"]),
     *[

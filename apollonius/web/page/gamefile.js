@@ -60,7 +60,7 @@ export const DEFAULT = {
   capture_distance: 0.3,
   dt: 0.1,
   max_steps: 1000,
-  reward: { profile: "paper", capture: 10, failure: 10, progress: 3, along_paths: false, zero_sum_within: undefined },
+  reward: { profile: "paper", capture: 10, failure: 10, progress: 3, along_paths: false },
   starts: { speed: "rest", clearance: 0.3, separation: 1 },
 };
 const DISC = { x: null, y: null, radius: null };
@@ -134,8 +134,6 @@ function check(game, ends) {
   const { dt, capture_distance: capture, max_steps: steps, starts, arena, reward } = game;
   require(["paper", "zero-sum"].includes(reward.profile), "reward.profile", reward.profile, "paper or zero-sum");
   require(typeof reward.along_paths === "boolean", "reward.along_paths", reward.along_paths, "true or false");
-  const within = reward.zero_sum_within ?? 1;
-  require(Number.isFinite(within) && within > 0 && within <= MAX_SIZE, "reward.zero_sum_within", within, "more than 0 m");
   require(["rest", "moving"].includes(starts.speed), "starts.speed", starts.speed, "rest or moving");
   require(dt >= SHORTEST, "dt", dt, `at least ${SHORTEST} s, which the page keeps up with`);
   require(Math.fround(capture) > 0, "capture_distance", capture, "more than 0 m");
