@@ -10,7 +10,7 @@ from typing import Any, Literal
 from apollonius.arenas.file import from_dict, to_dict
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
-from apollonius.game.types import Role
+from apollonius.game.types import BySide, Role
 from apollonius.io.errors import InvalidInput, require
 from apollonius.io.limits import SEED, TRAININGS
 from apollonius.learn.learner_config import DQNConfig, LearnerConfig, SACConfig
@@ -92,6 +92,8 @@ class RunConfig:
         if self.stages == RESPONSE:
             games, bound = self.ppo.games, "as many at least as opponents, so that each has one"
             require(games >= len(self.response.opponents), "ppo.games", games, bound)
+            first, bound = BySide(self.pursuer, self.evader)[self.response.side], "0 for an agent from random weights"
+            require(first or self.response.kept == 0, "response.kept", self.response.kept, bound)
         if self.one_side is not None:
             require(self.sac is None, "sac", "given", f"left out for a {self.stages}, whose actions are the nine")
         if self.stages != DISTILLATION:

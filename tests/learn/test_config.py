@@ -83,6 +83,8 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
         (DistillationConfig, {"grid": (3, 3)}, "four numbers of nodes"),
         (DistillationConfig, {"updates": 0}, "updates = 0"),
         (DistillationConfig, {"randomise": (Spread(("pursuer.v_max",), 1.0, 2.0),)}, "randomise = "),
+        (ResponseConfig, {"kept": 1.5}, "kept = 1.5"),
+        (RunConfig, {"stages": "response", "response": ResponseConfig(kept=0.5)}, "response.kept = 0.5 .*random"),
         (ResponseConfig, {"tasks": (TASK,)}, "tasks: opponents = given .* 1 names"),
         (RunConfig, {"stages": "distillation", "sac": SACConfig()}, "sac = given .*must be left out"),
         (RunConfig, {"stages": "distillation", "dqn": DQNConfig(games=256)}, "games = 256 .*more than the 256"),

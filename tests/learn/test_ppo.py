@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from apollonius.agents.network import apply_to_batch, make_network
-from apollonius.agents.store import load_agent
-from apollonius.arenas.file import find_game
+from apollonius.agents.store import describe, load_agent, save_agent
+from apollonius.arenas.file import find_game, to_dict
 from apollonius.game.presets import make_game
-from apollonius.game.types import Role
+from apollonius.game.types import BySide, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import ppo
 from apollonius.learn.caution import COST, costs
@@ -218,6 +218,18 @@ def test_a_response_that_is_stopped_goes_on_to_the_same_end(uninterrupted, tmp_p
     assert not Run(TEAMS, folder, should_stop=stop_after(2)).execute()
     assert Run(TEAMS, folder).execute()
     assert_same_end(folder, uninterrupted)
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.25, 1.0])
+def test_an_agent_keeps_a_share_of_the_weights_that_it_began_with(kept, tmp_path):
+    first = tmp_path / "first.safetensors"
+    save_agent(describe(make_network("encoded", 32, 1, jax.random.key(3)), Role.EVADER, to_dict(RUN.game), {}), first)
+    run = replace(RUN, evader=str(first), response=replace(STAGE, kept=kept))
+    begun, (after,) = load_first(run, Role.EVADER).layers, make_network("encoded", 32, 1, jax.random.key(4)).layers[:1]
+    side = Run(run, tmp_path).start("response", BySide(None, load_first(run, Role.EVADER))).train.learners[Role.EVADER]
+    moved = eqx.tree_at(lambda learner: learner.network.layers[0], side.learner, after)
+    (weight, *_) = jax.tree.leaves(Run(run, tmp_path)._finished(replace(side, learner=moved)).layers)
+    np.testing.assert_allclose(weight, kept * begun[0].weight + (1 - kept) * after.weight, atol=1e-6)
 
 
 def test_settings_are_those_of_the_tasks_with_opponents_of_their_own():
