@@ -34,9 +34,8 @@ def costs(observations: Float[Array, "*rows size"], wanted: Real, price: Real) -
 def cautious(network: QNetwork, observations: Float[Array, "rows size"], wanted: Real, price: Real) -> QNetwork:
     """Return a network that values each action as another one does, less its `costs`.
 
-    The units that are given up are the nine of each layer that vary least
-    in the observations: their means go into the next layer's biases, so that units that are never active change
-    nothing.
+    The units that are given up are the nine of each layer that vary least in the observations: their means go into the
+    next layer's biases, so that units that are never active change nothing.
     """
     actions, layers, hidden = jnp.arange(NUM_ACTIONS), list[Linear](), observations
     carried, means = BRAKING + actions, jnp.zeros(NUM_ACTIONS)

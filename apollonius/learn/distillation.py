@@ -87,7 +87,7 @@ def _iterate(plan: Plan, state: TrainState, setting: Lessons) -> tuple[TrainStat
     network = side.learner.network
     known, states, learns = queries(_config(plan), setting, state.games, query_key)
     _, seen = perceive(network.observation, game, known, role)
-    values = setting.price * setting.teacher.values(game, states, role)
+    values = setting.values(states, role)
     buffer = add(side.buffer, (seen, jnp.where(learns[:, None], values, jnp.nan)))
     starts = jax.tree.map(lambda leaf: leaf[None], starts_of(setting, config.games, start_key))
     players = _players(plan, network, setting, player_key)

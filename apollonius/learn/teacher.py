@@ -68,39 +68,27 @@ class Clearance(eqx.Module):
         return ease * behind - jnp.minimum(STEEPNESS * (most - left), COSTLIEST)
 
 
-class Teacher(eqx.Module):
-    """A player that values all nine actions, and the clearance that they leave to the student's robot, or None.
-
-    A lost game has the price `scale` in its values.
-    """
-
-    policy: AbstractActionValuePolicy
-    scale: Real
-    clearance: Clearance | None
-
-    def values(self, game: Game, states: GameState, role: Role) -> Float[Array, "games 9"]:
-        """Return one side's values of the nine actions in states, leaves `[games]`, in lost games; the best has the
-        player's value.
-        """
-        read, rows = perceive(self.policy.observation, game, states, role)
-        bits = jnp.zeros((), jnp.uint32)
-        values = jax.vmap(lambda row: self.policy.weigh(read(row), self.policy.memory, bits)[0])(rows)
-        best = jnp.max(values, axis=1, keepdims=True)
-        behind = jnp.maximum((values - best) / self.scale, -DEEPEST)
-        if self.clearance is not None:
-            behind = jax.vmap(self.clearance.weighed)(behind, states.robots[role][0])
-        return best / self.scale + behind - jnp.max(behind, axis=1, keepdims=True)
-
-
 class Lessons(Setting):
-    """A setting with the student's teacher.
+    """A setting with a teacher, which values all nine actions, and the clearance that they leave, or None.
 
     Some games are those of attackers, who look ahead by a table, the other side's player by the game solved in this one
     arena; None without any.
     """
 
-    teacher: Teacher
+    teacher: AbstractActionValuePolicy
+    clearance: Clearance | None
     table: SaddlePolicy | None
+
+    def values(self, states: GameState, role: Role) -> Float[Array, "games 9"]:
+        """Return one side's values of the nine actions in states, leaves `[games]`; the best has the teacher's own."""
+        read, rows = perceive(self.teacher.observation, self.game, states, role)
+        bits = jnp.zeros((), jnp.uint32)
+        values = jax.vmap(lambda row: self.teacher.weigh(read(row), self.teacher.memory, bits)[0])(rows)
+        best = jnp.max(values, axis=1, keepdims=True)
+        behind = jnp.maximum((values - best) / self.price, -DEEPEST)
+        if self.clearance is not None:
+            behind = jax.vmap(self.clearance.weighed)(behind, states.robots[role][0])
+        return best + self.price * (behind - jnp.max(behind, axis=1, keepdims=True))
 
 
 def make_lessons(config: RunConfig, game: Game, folder: Path | None) -> list[Lessons]:
@@ -132,8 +120,7 @@ def make_lessons(config: RunConfig, game: Game, folder: Path | None) -> list[Les
             return found
         grid = make_grid(here.arena, here.body(role), counts)
         safety = solve_safety(here, role, grid, grids[0][1])
-        clearance = Clearance(motion_of(here, role, _AHEAD), grid, safety.table, stage.clearance)
-        return replace(found, teacher=replace(found.teacher, clearance=clearance))
+        return replace(found, clearance=Clearance(motion_of(here, role, _AHEAD), grid, safety.table, stage.clearance))
 
     return [lessons(number, one) for number, one in enumerate(alone)]
 
@@ -143,5 +130,5 @@ def _lessons(stage: DistillationConfig, players: Players, game: Game, table: Sad
     policy, bound = found.policy, "one that values the nine actions: table, or an agent trained by DQN"
     require(isinstance(policy, AbstractActionValuePolicy), "teacher", stage.teacher, bound)
     assert isinstance(policy, AbstractActionValuePolicy)
-    opponents, price = tuple(players[name, other].policy for name in stage.opponents), price_of_losing(found, game)
-    return Lessons(game, opponents, price, Teacher(policy, price, None), table)
+    opponents = tuple(players[name, other].policy for name in stage.opponents)
+    return Lessons(game, opponents, price_of_losing(found, game), policy, None, table)

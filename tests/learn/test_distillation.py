@@ -25,7 +25,7 @@ from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.queries import fresh_starts, queries, query_states, starts_of
 from apollonius.learn.run import Run
 from apollonius.learn.stage_config import DistillationConfig
-from apollonius.learn.teacher import COSTLIEST, DEEPEST, STEEPNESS, Clearance, Teacher, make_lessons
+from apollonius.learn.teacher import COSTLIEST, DEEPEST, STEEPNESS, Clearance, Lessons, make_lessons
 from apollonius.observe.egocentric import EGOCENTRIC
 from apollonius.play.rollout import begin as begin_games
 from apollonius.play.rollout import collect
@@ -92,16 +92,16 @@ def student():
     return Greedy(make_network("paper", 4, 1, jax.random.key(3)))
 
 
-def values_of(teacher, game, states):
+def values_of(lessons, states):
     """What a teacher says of an evader's actions."""
-    return eqx.filter_jit(teacher.values)(game, states, Role.EVADER)
+    return eqx.filter_jit(lessons.values)(states, Role.EVADER)
 
 
 def test_a_teacher_says_the_values_of_its_player_and_cuts_off_how_bad_is_bad(student, visited):
     blank, says = jax.tree.map(np.zeros_like, student), jnp.array([5, 4, 3, 2, 1, 0, -1, -10, 4.5])
     player = eqx.tree_at(lambda one: one.network.layers[-1].bias, blank, says)
-    values = values_of(Teacher(player, 10.0, None), GAME, visited)
-    expected = 0.5 - np.minimum(np.array([0, 1, 2, 3, 4, 5, 6, 15, 0.5]) / 10, DEEPEST)
+    values = values_of(Lessons(GAME, (), 10.0, player, None, None), visited)
+    expected = 5 - np.minimum(np.array([0, 1, 2, 3, 4, 5, 6, 15, 0.5]), 10 * DEEPEST)
     np.testing.assert_allclose(values, np.tile(expected, (400, 1)), atol=1e-6)
 
 
@@ -178,8 +178,8 @@ def test_each_of_several_arenas_has_a_teacher_that_says_what_it_would_alone(sett
     assert len(settings) == 2
     assert len({jax.tree.structure(one) for one in settings}) == 1
     assert len({tuple(map(np.shape, jax.tree.leaves(one))) for one in settings}) == 1
-    here, there = (values_of(one.teacher, one.game, visited) for one in settings)
-    alone = values_of(setting.teacher, GAME, visited)
+    here, there = (values_of(one, visited) for one in settings)
+    alone = values_of(setting, visited)
     np.testing.assert_allclose(here, alone, atol=1e-4)
     assert np.abs(there - here).max() > 0.01
 
@@ -195,7 +195,7 @@ def test_a_run_leaves_an_agent_that_has_learned_what_the_table_says(uninterrupte
     losses = [line["losses"]["evader"] for line in metrics(uninterrupted)]
     assert losses[-1] < losses[0] / 2
     asked = jax.jit(query_states)(GAME, visited, jax.random.key(5))
-    values = np.asarray(values_of(setting.teacher, GAME, asked))
+    values = np.asarray(values_of(setting, asked))
 
     def lost(network):
         """What the best action by a network costs by what the teacher says."""
@@ -219,7 +219,7 @@ def learning(game, student):
         key, again = jax.random.key(1), jax.tree.map(lambda leaf: leaf[None], starts)
         games, _ = collect(game, players, games, again, key, steps) if steps else (games, None)
         known, states, learns = queries(SEEING, setting, games, key)
-        return games, known, states, learns, setting.teacher.values(game, states, Role.PURSUER)
+        return games, known, states, learns, setting.values(states, Role.PURSUER)
 
     return setting, asked
 
