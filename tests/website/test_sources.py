@@ -67,6 +67,12 @@ def test_a_toml_block_without_a_name_is_text():
     assert "".join(cell["source"] for cell in cells).endswith("See here, [there](https://b.org).")
 
 
+def test_the_home_page_tells_what_the_readme_knows(tmp_path):
+    write_sources(tmp_path)
+    home = (tmp_path / "index.md").read_text()
+    assert "](benchmarks/leaderboard.md" in home.partition("## What is known")[2]
+
+
 def test_a_tutorial_offers_its_notebook_below_its_title(tmp_path):
     write_sources(tmp_path / "sources")
     tutorials = tmp_path / "sources" / "tutorials"

@@ -1,0 +1,59 @@
+"""Starts that the zoo's evader survives, and a planner that knows the pursuer: `python benchmarks/survival.py OUT`.
+
+Every sixth held-out arena of `suite-v1` and every fifth of `suite-v2`, points, games of 60 s against `pursuer`, from
+the same starts for both; 1 is survived. Some 20 minutes of a core.
+"""
+
+import argparse
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from apollonius.arenas.charting import charted
+from apollonius.arenas.suite import suite_arena, suite_names
+from apollonius.catalogue import find_player
+from apollonius.evaluate.match import Match, play_games
+from apollonius.exploit.attack import Attack
+from apollonius.exploit.attackers import PLANNER, Means, attackers_of
+from apollonius.game.game import Game
+from apollonius.game.outcome import evader_winning
+from apollonius.game.scenario import stack_arenas
+from apollonius.game.types import BySide, Role
+
+SECONDS, EVERY = 60, {"suite-v1": 6, "suite-v2": 5}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--games", type=int, default=4, help="in each arena (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=11, help="of the starts (default: %(default)s)")
+    options = parser.parse_args()
+    places = [(suite, name) for suite, every in EVERY.items() for name in suite_names(suite, "held-out")[::every]]
+    alone = [suite_arena(*place) for place in places]
+    stacked, found = stack_arenas(alone), dict[str, dict[str, list[int]]]()
+    for number, (place, arena) in enumerate(zip(places, alone, strict=True)):
+        chart = charted(Game(arena=arena)).arena.chart
+        # Of one shape, so that steps compile once.
+        here = jax.tree.map(lambda leaf, number=number: leaf[number], stacked)
+        here = replace(here, chart=jax.tree.map(jnp.asarray, chart))
+        game = replace(Game(arena=here), max_steps=SECONDS * 10)
+        pursuer = find_player("pursuer", Role.PURSUER, game)
+        attack = Attack(Role.PURSUER, "pursuer")
+        vars(attack).update(rules=game, player=pursuer)
+        (planner,) = attackers_of(PLANNER, attack, Means(None, options.out.parent))
+        for evader in (planner, find_player("evader", Role.EVADER, game)):
+            match = Match(game, BySide(pursuer, evader), options.games, options.seed)
+            outcome = np.asarray(play_games(match, slots=options.games).outcome)
+            survived = np.isin(outcome, evader_winning(time_limit_wins=True)).astype(int).tolist()
+            found.setdefault("/".join(place), {})[evader.name] = survived
+        print("/".join(place), found["/".join(place)], flush=True)
+    options.out.write_text(json.dumps(found, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
