@@ -13,12 +13,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from apollonius.agents.kind import Named
 from apollonius.arenas.charting import charted
 from apollonius.arenas.suite import suite_arena, suite_names
 from apollonius.catalogue import find_player
 from apollonius.evaluate.match import Match, play_games
-from apollonius.exploit.attack import Attack
-from apollonius.exploit.attackers import PLANNER, Means, attackers_of
+from apollonius.exploit.attackers import PLANNER, planner_against
 from apollonius.game.game import Game
 from apollonius.game.outcome import evader_winning
 from apollonius.game.scenario import stack_arenas
@@ -43,9 +43,7 @@ def main() -> None:
         here = replace(here, chart=jax.tree.map(jnp.asarray, chart))
         game = replace(Game(arena=here), max_steps=SECONDS * 10)
         pursuer = find_player("pursuer", Role.PURSUER, game)
-        attack = Attack(Role.PURSUER, "pursuer")
-        vars(attack).update(rules=game, player=pursuer)
-        (planner,) = attackers_of(PLANNER, attack, Means(None, options.out.parent))
+        planner = Named(PLANNER, planner_against(pursuer, Role.PURSUER, game))
         for evader in (planner, find_player("evader", Role.EVADER, game)):
             match = Match(game, BySide(pursuer, evader), options.games, options.seed)
             outcome = np.asarray(play_games(match, slots=options.games).outcome)
