@@ -109,8 +109,7 @@ ZOO = {
     "P_smooth": "steers without steps",
     "P_curriculum": "of the paper: self-play after P_stage1", "P_scratch": "of the paper: self-play alone",
     "P_random": "of the paper: learned from a random evader", "P_stage1": "of the paper: standing targets only",
-    "evader": "learned in 416 arenas, plays in any", "E_optimal": "learned from the solved game",
-    "E_smooth": "steers without steps",
+    "evader": "learned in 416 arenas, plays in any", "E_smooth": "steers without steps",
     "E_curriculum": "of the paper: self-play after P_stage1", "E_scratch": "of the paper: self-play alone",
 }  # fmt: skip
 """Agents that ship with the package, in a few words."""

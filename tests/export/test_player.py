@@ -246,12 +246,12 @@ def test_a_program_reads_the_files_and_drives_in_any_game_of_that_size(tmp_path,
     states, sources = np.array([[2, 7, 0, 0], [8, 7, 0.5, 0]], np.float32), set()
     sanitizers = ["-fsanitize=address,undefined", "-fno-sanitize-recover"]
     for game in ("paper", "robot"):
-        player = exportable(game, "E_optimal")
-        write_c(player, tmp_path / "E_optimal.c", states=100)
+        player = exportable(game, "E_scratch")
+        write_c(player, tmp_path / "E_scratch.c", states=100)
         if not sources:
-            program = ["gcc", *FLAGS, "main.c", "E_optimal.c", "-lm", "-o", "clean", *sanitizers]
+            program = ["gcc", *FLAGS, "main.c", "E_scratch.c", "-lm", "-o", "clean", *sanitizers]
             subprocess.run(program, check=True, cwd=tmp_path)
-        sources.add((tmp_path / "E_optimal.c").read_bytes())
+        sources.add((tmp_path / "E_scratch.c").read_bytes())
         said = subprocess.check_output(["./clean"], cwd=tmp_path).split()
         made = jax.jit(player.decide)(player.policy, player.game, states, None, (), np.uint32(0))
         assert [*map(float, said)] == pytest.approx([int(made["action"]), *map(float, made["controls"])])
@@ -278,7 +278,7 @@ def test_the_command_writes_files_and_says_what_they_are(tmp_path, capsys, monke
 @needs_gcc
 def test_whole_games_in_c_end_as_the_packages_and_a_shield_holds_in_them():
     games = int(os.environ.get("GAMES", "300"))
-    pursuer, evader = exportable("paper", "shielded:P_curriculum"), exportable("paper", "E_optimal")
+    pursuer, evader = exportable("paper", "shielded:P_curriculum"), exportable("paper", "E_scratch")
 
     def play(pursuer_policy, evader_policy, game, start):
         """Return how a whole game ends, and after how many steps."""
