@@ -180,6 +180,11 @@ def scaled(network: Network, factor: float) -> Network:
     return eqx.tree_at(lambda made: (made.layers[-1].weight, made.layers[-1].bias), network, weights)
 
 
+def between(network: Network, other: Network, share: float) -> Network:
+    """Return a network with weights between two, a share of the way to the other's."""
+    return jax.tree.map(lambda here, there: here + share * (there - here), network, other)
+
+
 def make_network(observation: str, width: int, depth: int, key: PRNGKeyArray) -> QNetwork:
     """Return a network of `depth` hidden layers of `width` units with random weights. The key is consumed."""
     reads = find_observation(observation)

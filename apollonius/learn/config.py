@@ -93,7 +93,7 @@ class RunConfig:
             games, bound = self.ppo.games, "as many at least as opponents, so that each has one"
             require(games >= len(self.response.opponents), "ppo.games", games, bound)
             first, bound = BySide(self.pursuer, self.evader)[self.response.side], "0 for an agent from random weights"
-            require(first or self.ppo.anchor == 0, "ppo.anchor", self.ppo.anchor, bound)
+            require(first or self.response.kept == 0, "response.kept", self.response.kept, bound)
         if self.one_side is not None:
             require(self.sac is None, "sac", "given", f"left out for a {self.stages}, whose actions are the nine")
         if self.stages != DISTILLATION:

@@ -19,16 +19,18 @@ from apollonius.agents.network import (
     Network,
     QNetwork,
     apply_to_batch,
+    inferred,
     make_layers,
     make_network,
     scaled,
 )
+from apollonius.agents.policy import Memory
 from apollonius.agents.pool import AbstractPlayers, Apart, solo
+from apollonius.agents.trained import AbstractByNetwork
 from apollonius.catalogue import find_player, price_of_losing
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.types import BySide, Role, Scalar
-from apollonius.learn.caution import bold
-from apollonius.learn.drawing import Drawing
+from apollonius.game.types import Bits, BySide, Role, Scalar
+from apollonius.learn.caution import bold, costs
 from apollonius.learn.learner_config import linear
 from apollonius.learn.loop import Metrics, iterated, row_of
 from apollonius.learn.ppo_config import PPOConfig
@@ -47,6 +49,30 @@ _ROUNDS_SEEN = 16
 _adam = tuple(optax.chain(optax.clip_by_global_norm(most), optax.scale_by_adam()) for most in (0.5, 1.0))
 
 
+class Drawing(AbstractByNetwork):
+    """The action drawn by a network's values as logits, less the costs of missing clearance.
+
+    Attributes:
+        wanted: clearance after braking [m], or 0.
+        price: what a lost game costs in the values.
+    """
+
+    network: QNetwork
+    wanted: float = eqx.field(static=True)
+    price: float = eqx.field(static=True)
+
+    def __call__(self, seen: Float[Array, " size"], memory: Memory, bits: Bits) -> tuple[Int[Array, ""], Memory]:
+        below = jnp.cumsum(jax.nn.softmax(self.less_costs(inferred(self.network, seen), seen)))
+        drawn = (bits >> 8).astype(jnp.float32) / 2**24
+        return jnp.minimum(jnp.sum(drawn >= below), below.size - 1).astype(jnp.int32), memory
+
+    def log_probabilities(self, observations: Float[Array, "rows size"]) -> Float[Array, "rows 9"]:
+        return jax.nn.log_softmax(self.less_costs(self.network.batch(observations), observations))
+
+    def less_costs(self, values: Float[Array, "*rows 9"], observations: Float[Array, "*rows size"]) -> Array:
+        return values - costs(observations, self.wanted, self.price) if self.wanted else values
+
+
 def learning_from(network: Network, learner: PPOConfig, name: str, role: Role, game: Game) -> Network:
     """Return an agent's network as the first one of a response: without caution, its values as logits."""
     price = price_of_losing(find_player(name, role, game), game)
@@ -62,17 +88,17 @@ def start_response(
     (config, stage), (network_key, critic_key, start_key, train_key) = _configs(plan), jax.random.split(key, 4)
     first = network or make_network(config.observation, config.width, config.depth, network_key)
     assert isinstance(first, QNetwork)
-    (own, begun), size = jax.tree.map(jnp.copy, (first, first)), first.observation.size
+    own, size = jax.tree.map(jnp.copy, first), first.observation.size
     critic = make_layers([size, *_HIDDEN, 1], critic_key)
     optimisers = tuple(
         adam.init(eqx.filter(part, eqx.is_array)) for adam, part in zip(_adam, (own, critic), strict=True)
     )
     head, filled, iterations, env_steps, episodes, updates = (jnp.zeros((), jnp.int32) for _ in range(6))
     seen = ReplayBuffer((jnp.zeros((_ROUNDS_SEEN * _kept_of_a_round(config), size)),), head, filled)
-    learners = {stage.side: LearnerState(PPOLearner(own, begun, critic, optimisers, updates), seen)}
+    learners = {stage.side: LearnerState(PPOLearner(own, critic, optimisers, updates), seen)}
     keys = jax.random.split(start_key, len(settings))
-    games = tuple(_first_games(plan, own, *each) for each in zip(settings, keys, strict=True))
-    return TrainState(games, learners, train_key, iterations, env_steps, episodes)
+    begun = tuple(_first_games(plan, own, *each) for each in zip(settings, keys, strict=True))
+    return TrainState(begun, learners, train_key, iterations, env_steps, episodes)
 
 
 @functools.partial(jax.jit, static_argnames="plan")
@@ -91,7 +117,7 @@ def _players(plan: Plan, network: QNetwork, setting: Setting) -> BySide[Abstract
 
 def _drawing(plan: Plan, network: QNetwork) -> Drawing:
     config, stage = _configs(plan)
-    return Drawing(network, stage.caution, config.price, config.hold)
+    return Drawing(network, stage.caution, config.price)
 
 
 @functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
@@ -144,14 +170,13 @@ def advantages(config: PPOConfig, row: Row, values: Float[Array, "steps games"])
 
 
 class _Lesson(eqx.Module):
-    """The rows that updates learn from: observations and actions, their logarithmic probabilities in the games, those
-    of all actions by the first network, their advantages, the critic's targets, and whether they count.
+    """The rows that updates learn from: observations and actions, their logarithmic probabilities in the games, their
+    advantages, the critic's targets, and whether they count.
     """
 
     observation: Float[Array, "rows size"]
     action: Int[Array, " rows"]
     probability: Float[Array, " rows"]
-    first: Float[Array, "rows 9"]
     advantage: Float[Array, " rows"]
     value: Float[Array, " rows"]
     counts: Bool[Array, " rows"]
@@ -167,8 +192,7 @@ def _learn(
     gained = advantages(config, row, values.reshape(shape)).ravel()
     before = _of(_drawing(plan, learner.network).log_probabilities(flat.observation), flat.action)
     counts = jnp.ones(len(values), bool) if flat.active is None else flat.active
-    first = _drawing(plan, learner.first).log_probabilities(flat.observation)
-    lesson = _Lesson(flat.observation, flat.action, before, first, gained, gained + values, counts)
+    lesson = _Lesson(flat.observation, flat.action, before, gained, gained + values, counts)
     keys = jax.random.split(key, config.epochs)
     order = jnp.concatenate([jax.random.permutation(key, len(values)) for key in keys])
     rate = linear(config.learning_rate, config.final_learning_rate, stage.env_steps, env_steps)
@@ -186,7 +210,7 @@ def _learn(
             eqx.apply_updates(part, jax.tree.map(lambda step, rate=rate: -rate * step, direction))
             for part, direction, rate in zip(parts, directions, rates, strict=True)
         )
-        return PPOLearner(network, learner.first, critic, optimisers, learner.updates + 1), error
+        return PPOLearner(network, critic, optimisers, learner.updates + 1), error
 
     learner, errors = jax.lax.scan(update, learner, order.reshape(-1, config.batch))
     return learner, jnp.sum(errors)
@@ -203,8 +227,7 @@ def _loss(parts: tuple[QNetwork, Layers], plan: Plan, lesson: _Lesson) -> tuple[
     gains = mean(jnp.minimum(ratio * gain, clipped * gain))
     entropy = -mean(jnp.sum(jnp.exp(logarithms) * logarithms, axis=1))
     error = mean((apply_to_batch(critic, lesson.observation)[:, 0] - lesson.value) ** 2)
-    away = mean(jnp.sum(jnp.exp(lesson.first) * (lesson.first - logarithms), axis=1))
-    return error - gains - config.entropy * entropy + config.anchor * away, error
+    return error - gains - config.entropy * entropy, error
 
 
 def _of(logarithms: Float[Array, "rows 9"], actions: Int[Array, " rows"]) -> Float[Array, " rows"]:

@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from apollonius.agents.network import Network, QNetwork
+from apollonius.agents.network import Network, QNetwork, between
 from apollonius.agents.pool import Pool, solo
 from apollonius.agents.store import describe, save_agent
 from apollonius.agents.trained import greedy, load_network
@@ -209,8 +209,10 @@ class Run:
                     )
 
     def _finished(self, side: LearnerState) -> Network:
-        """Return the network that plays when it counts: averaged, and cautious where it is wanted."""
-        network, one_side = side.learner.average, self.config.one_side
+        """Return the network that plays when it counts: averaged, or a response between it and the first; cautious."""
+        network, one_side, kept = side.learner.average, self.config.one_side, self.config.response.kept
+        if self.config.stages == RESPONSE and kept and (first := load_first(self.config, self.config.response.side)):
+            network = between(network, first, kept)
         if one_side is None or one_side.caution == 0:
             return network
         assert isinstance(network, QNetwork)

@@ -113,9 +113,13 @@ class ResponseConfig(OneSideConfig):
     failure: float = 15.0
     tasks: tuple[Task, ...] = ()
     """Further games, which take turns with the run's own."""
+    kept: float = 0.0
+    """Share of its first network in the weights of the agent, which then forgets less (Wortsman et al., "Robust
+    fine-tuning of zero-shot models", 2022)."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        require_within(self, 0, 1, "kept")
         alike = all(len(task.opponents) in (0, len(self.opponents)) for task in self.tasks)
         require(alike, "tasks: opponents", "given", f"{len(self.opponents)} names, as those of the stage, or left out")
 

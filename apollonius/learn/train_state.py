@@ -25,11 +25,10 @@ from apollonius.play.rollout import begin
 class PPOLearner(eqx.Module):
     """One side's network, whose values are logits, the critic of its observations, and the optimisers of both.
 
-    `first` is the network before the first update; `updates` counts the updates so far.
+    `updates` counts the updates so far.
     """
 
     network: QNetwork
-    first: QNetwork
     critic: Layers
     optimisers: tuple[optax.OptState, ...]
     updates: Int[Array, ""]

@@ -9,15 +9,14 @@ import numpy as np
 import pytest
 
 from apollonius.agents.network import apply_to_batch, make_network
-from apollonius.agents.store import load_agent
-from apollonius.arenas.file import find_game
+from apollonius.agents.store import describe, load_agent, save_agent
+from apollonius.arenas.file import find_game, to_dict
 from apollonius.game.presets import make_game
-from apollonius.game.types import Role
+from apollonius.game.types import BySide, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import ppo
 from apollonius.learn.caution import COST, costs
 from apollonius.learn.config import RunConfig
-from apollonius.learn.drawing import Drawing
 from apollonius.learn.ppo_config import PPOConfig
 from apollonius.learn.replay_buffer import Row
 from apollonius.learn.run import Run, load_first
@@ -66,28 +65,13 @@ def learned(learner, row, plan=PLAN, iterations=0):
 def test_actions_are_drawn_as_often_as_their_values_as_logits_say():
     network = make_network("encoded", 8, 1, jax.random.key(0))
     seen, bits = jnp.ones(SIZE), jax.random.bits(jax.random.key(1), (40_000,), jnp.uint32)
-    player = Drawing(network, 0.0, 1.0, 1.0)
-    drawn = jax.vmap(lambda bits: player(seen, player.memory, bits)[0])(bits)
+    player = ppo.Drawing(network, 0.0, 1.0)
+    drawn = jax.vmap(lambda bits: player(seen, (), bits)[0])(bits)
     odds = np.exp(np.asarray(network(seen), float))
     np.testing.assert_allclose(np.bincount(drawn, minlength=9) / 40_000, odds / odds.sum(), atol=0.01)
     logarithms = player.log_probabilities(seen[None])[0]
     np.testing.assert_allclose(np.exp(logarithms), odds / odds.sum(), atol=1e-6)
-    assert int(player(seen, jnp.uint32(1), jnp.uint32(0xFFFFFFFF))[0]) == 8
-
-
-def test_a_random_number_is_held_and_each_action_keeps_its_probability():
-    player = Drawing(make_network("encoded", 8, 1, jax.random.key(0)), 0.0, 1.0, 5.0)
-    bits = jax.random.bits(jax.random.key(1), (200, 500), jnp.uint32)
-
-    def step(held, bits):
-        drawn, held = jax.vmap(lambda held, bits: player(jnp.ones(SIZE), held, bits))(held, bits)
-        return held, (drawn, held)
-
-    drawn, held = (np.asarray(each) for each in jax.lax.scan(step, jnp.full(500, player.memory), bits)[1])
-    assert 0.19 < (held[1:] != held[:-1]).mean() < 0.21
-    odds = np.exp(np.asarray(player.log_probabilities(jnp.ones((1, SIZE)))[0]))
-    np.testing.assert_allclose(np.bincount(drawn.ravel(), minlength=9) / drawn.size, odds, atol=0.01)
-    assert (held[0] == bits[0]).all(), "a game begins with a number of its own"
+    assert int(player(seen, (), jnp.uint32(0xFFFFFFFF))[0]) == 8
 
 
 def test_what_leaves_too_little_room_to_brake_is_drawn_by_what_it_costs():
@@ -95,7 +79,7 @@ def test_what_leaves_too_little_room_to_brake_is_drawn_by_what_it_costs():
     network = make_network("egocentric", 8, 1, jax.random.key(0))
     room = jnp.full(9, 0.4).at[4].set(0.03 / ROOM)
     seen = jax.random.normal(jax.random.key(1), (EGOCENTRIC.size,)).at[BRAKING:].set(room)
-    bold, careful = (Drawing(network, wanted, 5.0, 1.0) for wanted in (0.0, 0.05))
+    bold, careful = (ppo.Drawing(network, wanted, 5.0) for wanted in (0.0, 0.05))
     differences = [each.less_costs(network(seen), seen) for each in (bold, careful)]
     np.testing.assert_allclose(differences[0] - differences[1], 0.02 * COST * 5.0 * np.eye(9)[4], atol=1e-4)
     np.testing.assert_allclose(costs(seen, 0.05, 5.0), differences[0] - differences[1], atol=1e-4)
@@ -126,7 +110,6 @@ def lesson_of(learner, key, **changes):
         observation=jax.random.normal(keys[0], (64, SIZE)),
         action=jax.random.randint(keys[1], (64,), 0, 9),
         probability=-2.2 + 0.3 * jax.random.normal(keys[2], (64,)),
-        first=jax.nn.log_softmax(jax.random.normal(keys[2], (64, 9))),
         advantage=2 + 3 * jax.random.normal(keys[3], (64,)),
         value=jnp.linspace(-1, 1, 64),
         counts=jnp.arange(64) % 4 > 0,
@@ -148,10 +131,6 @@ def test_the_loss_is_that_of_schulman_and_others_over_what_counts(learner):
     expected = ((judged - np.asarray(lesson.value)) ** 2)[some].mean()
     np.testing.assert_allclose(error, expected, rtol=1e-4)
     np.testing.assert_allclose(found, expected - gains - 0.01 * entropy, rtol=1e-4, atol=1e-5)
-    anchored, _ = ppo._loss((learner.network, learner.critic), replace(PLAN, learner=replace(PPO, anchor=0.5)), lesson)
-    first = np.asarray(lesson.first, float)
-    away = (np.exp(first) * (first - np.log(odds))).sum(axis=1)[some].mean()
-    np.testing.assert_allclose(anchored - found, 0.5 * away, rtol=1e-3)
 
 
 def test_what_pays_becomes_likelier_and_in_a_round_less_so_the_narrower_the_clip(learner):
@@ -172,19 +151,6 @@ def test_what_pays_becomes_likelier_and_in_a_round_less_so_the_narrower_the_clip
         after, error = learned(after, row)
     assert share(after).mean() > 2.5 * share(learner).mean()
     assert float(error) / 12 < 0.11, "the critic knows how often that pays, no more"
-
-
-def test_an_anchor_holds_the_policy_where_it_began(learner):
-    row = random_row(jax.random.key(4), terminated=jnp.ones((16, 32), bool))
-    row, moved = replace(row, reward=(row.action == 3).astype(jnp.float32)), list[float]()
-    for anchor in (0.0, 1.0):
-        plan, after = replace(PLAN, learner=replace(PPO, anchor=anchor)), learner
-        for _ in range(5):
-            after, _ = learned(after, row, plan)
-        assert eqx.tree_equal(after.first, learner.network)
-        values = [each.network.batch(row.observation[0]) for each in (after, learner)]
-        moved.append(float(jnp.mean(jnp.abs(values[0] - values[1]))))
-    assert moved[1] < moved[0] / 2
 
 
 def test_the_critic_learns_first_and_robots_out_of_play_teach_nothing(learner):
@@ -252,6 +218,18 @@ def test_a_response_that_is_stopped_goes_on_to_the_same_end(uninterrupted, tmp_p
     assert not Run(TEAMS, folder, should_stop=stop_after(2)).execute()
     assert Run(TEAMS, folder).execute()
     assert_same_end(folder, uninterrupted)
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.25, 1.0])
+def test_an_agent_keeps_a_share_of_the_weights_that_it_began_with(kept, tmp_path):
+    first = tmp_path / "first.safetensors"
+    save_agent(describe(make_network("encoded", 32, 1, jax.random.key(3)), Role.EVADER, to_dict(RUN.game), {}), first)
+    run = replace(RUN, evader=str(first), response=replace(STAGE, kept=kept))
+    begun, (after,) = load_first(run, Role.EVADER).layers, make_network("encoded", 32, 1, jax.random.key(4)).layers[:1]
+    side = Run(run, tmp_path).start("response", BySide(None, load_first(run, Role.EVADER))).train.learners[Role.EVADER]
+    moved = eqx.tree_at(lambda learner: learner.network.layers[0], side.learner, after)
+    (weight, *_) = jax.tree.leaves(Run(run, tmp_path)._finished(replace(side, learner=moved)).layers)
+    np.testing.assert_allclose(weight, kept * begun[0].weight + (1 - kept) * after.weight, atol=1e-6)
 
 
 def test_settings_are_those_of_the_tasks_with_opponents_of_their_own():
