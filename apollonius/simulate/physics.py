@@ -220,3 +220,8 @@ class Physics:
             along_x, along_y = speeds[:, joint.dofadr[0] : joint.dofadr[0] + 2].T
             columns += [x, y, along_x * np.cos(heading) + along_y * np.sin(heading), heading]
         return np.stack(columns, axis=-1)
+
+    def turn_rates(self, states: Float64[np.ndarray, "games numbers"]) -> Float64[np.ndarray, "games robots"]:
+        """Return how fast robots turn in states [rad/s], as a gyroscope measures it."""
+        first = 1 + self.model.nq
+        return np.stack([states[:, first + self.model.joint(side).dofadr[0] + 5] for side in self.robots], axis=-1)

@@ -54,11 +54,11 @@ def simulate(
 ) -> Simulated:
     """Play each of the given starts to its end with bodies; the players draw the same random bits as in `play_out`.
 
-    Players see the bodies' states through the sensors of the game, once in every step, and know what their drives can
-    do. The lag of the game's drives comes before the latency of the bodies' own; of two turn accelerations the smaller
-    one holds. A step is judged as in the game, from where the bodies' axles are at its two ends and with the radii of
-    the game's robots, so that what differs from the game is how the robots move and nothing else. A robot that is out
-    of play brakes.
+    Players see the bodies' states through the sensors of the game, once in every step, and know how fast they turn and
+    what their drives can do. The lag of the game's drives comes before the latency of the bodies' own; of two turn
+    accelerations the smaller one holds. A step is judged as in the game, from where the bodies' axles are at its two
+    ends and with the radii of the game's robots, so that what differs from the game is how the robots move and nothing
+    else. A robot that is out of play brakes.
 
     Starts are leaves `[games]`; the key is consumed. Errors are those of `Physics`.
     """
@@ -73,7 +73,7 @@ def simulate(
     outcome, alive = np.full(count, int(Outcome.ONGOING), np.int32), np.arange(count)
     log: list[tuple[np.ndarray, ...]] = []
     while alive.size:
-        games = _with_turn_rates(games, references.turn_rate)
+        games = _with_turn_rates(games, physics.turn_rates(bodies))
         actions, controls, sides = _choose(known, game.drives, players, games, key)
         gone = ~np.stack([active for side in games.state.active for active in side], axis=1)
         braking = np.clip(-references.v / float(game.dt), -strongest, strongest)
@@ -114,7 +114,7 @@ def _with_drive(game: Game, drive: Drive) -> Game:
 
 
 def _with_turn_rates(games: Games, rates: Float[np.ndarray, "games robots"]) -> Games:
-    """Return games in which robots know their turn rates [rad/s]."""
+    """Return games in which robots know these turn rates [rad/s]."""
     each = iter(jnp.asarray(rates, jnp.float32).T)
 
     def side(state: SideState) -> SideState:

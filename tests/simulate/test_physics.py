@@ -90,11 +90,10 @@ HERE = np.array([[2.0, 5.0, 0.0, 0.5, 8.0, 8.0, 0.6, -2.5], [1.0, 1.0, 0.3, 3.1,
 
 
 def drive_on(physics, rows, v, turn_rate, seconds):
-    """Rows after the pursuer was driven at a speed and turn rate, the evader being told to stand."""
+    """States after the pursuer was driven at a speed and turn rate, the evader being told to stand."""
     asked = np.concatenate([physics.drive.wheel_speeds(np.array(v), np.array(turn_rate)), np.zeros(2)])
     steps = round(seconds / physics.step)
-    after = physics.advance(physics.place(rows), np.tile(asked, (len(rows), steps, 1)))
-    return physics.measure(after)
+    return physics.advance(physics.place(rows), np.tile(asked, (len(rows), steps, 1)))
 
 
 def test_robots_are_placed_as_they_are_measured():
@@ -103,7 +102,9 @@ def test_robots_are_placed_as_they_are_measured():
 
 
 def test_the_robot_goes_as_fast_and_turns_as_far_as_its_wheels_say():
-    after = drive_on(Physics(PAPER, Drive()), HERE[:1], 0.5, 0.4, 3.0)
+    physics = Physics(PAPER, Drive())
+    driven = drive_on(physics, HERE[:1], 0.5, 0.4, 3.0)
+    after = physics.measure(driven)
     x, y, v, heading = after[0, :4]
     assert v == pytest.approx(0.5, rel=0.02)
     assert heading == pytest.approx(0.5 + 1.2, rel=0.06)  # it took a while to get going
@@ -111,13 +112,14 @@ def test_the_robot_goes_as_fast_and_turns_as_far_as_its_wheels_say():
     ideal = (2 + radius * (np.sin(1.7) - np.sin(0.5)), 5 - radius * (np.cos(1.7) - np.cos(0.5)))
     assert np.hypot(x - ideal[0], y - ideal[1]) < 0.1
     assert after[0, 6] == pytest.approx(0.0, abs=0.01)  # the evader's wheels were told to stand
+    assert physics.turn_rates(driven)[0] == pytest.approx([0.4, 0.0], abs=0.02)
 
 
 @pytest.mark.parametrize(("radius", "stops"), [(0.2, True), (0.0, False)])
 def test_a_wall_holds_a_robot_that_has_a_radius(radius, stops):
     rows = np.array([[9.0, 5.0, 0.0, 0.0, 2.0, 5.0, 0.0, 0.0]])
     physics = Physics(replace(PAPER, pursuer=Unicycle(radius=radius)), Drive())
-    x = drive_on(physics, rows, 0.5, 0.0, 4.0)[0, 0]
+    x = physics.measure(drive_on(physics, rows, 0.5, 0.0, 4.0))[0, 0]
     assert (x < 10 - radius + 0.02) == stops
 
 
@@ -327,3 +329,5 @@ def test_players_know_what_their_drives_can_do_and_how_fast_they_turn(curve):
     actions = simulate(GAME, BySide(solo(Careful()), solo(Still())), *start, drive).course(0)[1][:, 0]
     assert actions[:3].tolist() == [5, 5, 4], "0.12 rad/s after one step, 0.2 more by the command on its way"
     assert set(actions[3:]) == {4, 5}, "it turns on whenever it would not turn"
+    ice = replace(drive, friction=1e-3)
+    assert set(simulate(GAME, BySide(solo(Careful()), solo(Still())), *start, ice).course(0)[1][:, 0]) == {5}
