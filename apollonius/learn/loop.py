@@ -21,7 +21,7 @@ from apollonius.learn import archive, dqn, replay_buffer, sac
 from apollonius.learn.learner_config import DQNConfig, ReplayConfig, SACConfig, linear
 from apollonius.learn.stage_config import Plan
 from apollonius.learn.train_state import Learner, LearnerState, TrainState, players
-from apollonius.play.rollout import Games, Transition, begin, collect
+from apollonius.play.rollout import Transition, begin, collect
 
 _STARTS_PER_CHUNK = 4096
 """Initial states drawn before each chunk; a game that ends takes one."""
@@ -104,7 +104,7 @@ def _iterate(
 
 def iterated(
     state: TrainState,
-    games: Games,
+    games: Any,
     played: Transition,
     env_steps: Int[Array, ""],
     learned: Mapping[Role, tuple[LearnerState, Scalar]],

@@ -19,26 +19,25 @@ from apollonius.agents.network import (
     Network,
     QNetwork,
     apply_to_batch,
-    inferred,
     make_layers,
     make_network,
     scaled,
 )
-from apollonius.agents.policy import Memory
 from apollonius.agents.pool import AbstractPlayers, Apart, solo
-from apollonius.agents.trained import AbstractByNetwork
 from apollonius.catalogue import find_player, price_of_losing
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.types import Bits, BySide, Role, Scalar
-from apollonius.learn.caution import bold, costs
+from apollonius.game.types import BySide, Role, Scalar
+from apollonius.learn.caution import bold
+from apollonius.learn.drawing import Drawing
 from apollonius.learn.learner_config import linear
 from apollonius.learn.loop import Metrics, iterated, row_of
 from apollonius.learn.ppo_config import PPOConfig
+from apollonius.learn.practice import Practice, no_losses, outcomes_lost_by, with_losses, with_retries
 from apollonius.learn.replay_buffer import ReplayBuffer, Row, add
 from apollonius.learn.setting import Setting, equal_parts
 from apollonius.learn.stage_config import Plan, ResponseConfig
 from apollonius.learn.train_state import LearnerState, PPOLearner, TrainState
-from apollonius.play.rollout import Games, begin, collect
+from apollonius.play.rollout import begin, collect
 
 _HIDDEN = 256, 256
 """Units of the critic's hidden layers."""
@@ -47,30 +46,6 @@ _STARTS = 8
 _ROUNDS_SEEN = 16
 """Rounds of which some observations are kept, to find the units that a network has little use for in all its games."""
 _adam = tuple(optax.chain(optax.clip_by_global_norm(most), optax.scale_by_adam()) for most in (0.5, 1.0))
-
-
-class Drawing(AbstractByNetwork):
-    """The action drawn by a network's values as logits, less the costs of missing clearance.
-
-    Attributes:
-        wanted: clearance after braking [m], or 0.
-        price: what a lost game costs in the values.
-    """
-
-    network: QNetwork
-    wanted: float = eqx.field(static=True)
-    price: float = eqx.field(static=True)
-
-    def __call__(self, seen: Float[Array, " size"], memory: Memory, bits: Bits) -> tuple[Int[Array, ""], Memory]:
-        below = jnp.cumsum(jax.nn.softmax(self.less_costs(inferred(self.network, seen), seen)))
-        drawn = (bits >> 8).astype(jnp.float32) / 2**24
-        return jnp.minimum(jnp.sum(drawn >= below), below.size - 1).astype(jnp.int32), memory
-
-    def log_probabilities(self, observations: Float[Array, "rows size"]) -> Float[Array, "rows 9"]:
-        return jax.nn.log_softmax(self.less_costs(self.network.batch(observations), observations))
-
-    def less_costs(self, values: Float[Array, "*rows 9"], observations: Float[Array, "*rows size"]) -> Array:
-        return values - costs(observations, self.wanted, self.price) if self.wanted else values
 
 
 def learning_from(network: Network, learner: PPOConfig, name: str, role: Role, game: Game) -> Network:
@@ -102,9 +77,10 @@ def start_response(
 
 
 @functools.partial(jax.jit, static_argnames="plan")
-def _first_games(plan: Plan, network: QNetwork, setting: Setting, key: PRNGKeyArray) -> Games:
+def _first_games(plan: Plan, network: QNetwork, setting: Setting, key: PRNGKeyArray) -> Practice:
     bits = jnp.zeros((2, plan.learner.games), jnp.uint32)
-    return begin(setting.game, reset_batch(setting.game, key, bits.shape[1]), _players(plan, network, setting), bits)
+    starts = reset_batch(setting.game, key, bits.shape[1])
+    return Practice(begin(setting.game, starts, _players(plan, network, setting), bits), no_losses(starts))
 
 
 def _players(plan: Plan, network: QNetwork, setting: Setting) -> BySide[AbstractPlayers]:
@@ -117,26 +93,29 @@ def _players(plan: Plan, network: QNetwork, setting: Setting) -> BySide[Abstract
 
 def _drawing(plan: Plan, network: QNetwork) -> Drawing:
     config, stage = _configs(plan)
-    return Drawing(network, stage.caution, config.price)
+    return Drawing(network, stage.caution, config.price, config.hold)
 
 
 @functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
 def play_and_learn(plan: Plan, state: TrainState, setting: Setting) -> tuple[TrainState, Metrics]:
     """Play a round in a setting, and learn from it."""
     (config, stage), game = _configs(plan), setting.game
-    play_key, start_key, learn_key = jax.random.split(jax.random.fold_in(state.key, state.iterations), 3)
+    key, before = jax.random.fold_in(state.key, state.iterations), state.games
+    play_key, start_key, retry_key, learn_key = jax.random.split(key, 4)
     learner = state.learners[stage.side].learner
     assert isinstance(learner, PPOLearner)
-    drawn = reset_batch(game, start_key, _STARTS * config.games)
+    drawn = with_retries(stage.retries, reset_batch(game, start_key, _STARTS * config.games), before.lost, retry_key)
     starts = jax.tree.map(lambda leaf: leaf.reshape(_STARTS, config.games, *leaf.shape[1:]), drawn)
     players = _players(plan, learner.network, setting)
-    games, played = collect(game, players, state.games, starts, play_key, config.steps, foresees=False)
+    games, played = collect(game, players, before.games, starts, play_key, config.steps, foresees=False)
     env_steps = state.env_steps + config.env_steps_per_iteration
     row = row_of(played, stage.side)
     after, error = _learn(plan, learner, _in_units(game, row), state.iterations, env_steps, learn_key)
     seen, kept = row.observation.reshape(-1, row.observation.shape[-1]), _kept_of_a_round(config)
     buffer = add(state.learners[stage.side].buffer, (seen[:: len(seen) // kept][:kept],))
-    return iterated(state, games, played, env_steps, {stage.side: (LearnerState(after, buffer), error)})
+    losses = outcomes_lost_by(stage.side, game.reward)
+    practice = Practice(games, with_losses(before.lost, before.games.state, played.outcome, losses))
+    return iterated(state, practice, played, env_steps, {stage.side: (LearnerState(after, buffer), error)})
 
 
 def _kept_of_a_round(config: PPOConfig) -> int:

@@ -29,6 +29,8 @@ class PPOConfig(LearnerConfig):
     """Decay of a step in the estimate of advantages (lambda: Schulman et al., 2016)."""
     entropy: float = 1e-3
     """Weight of the entropy of actions."""
+    hold: float = 1.0
+    """Steps for which the random number that chooses an action is held, on average."""
     temperature: float = 3e-3
     """Difference between two actions of the first network [lost games] that makes one e times as likely: for one whose
     values lie closer together, a lower one."""
@@ -39,6 +41,7 @@ class PPOConfig(LearnerConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        require_within(self, 1, 256, "hold")
         require_positive(self, "steps", "epochs", "clip", "temperature", "critic_learning_rate")
         require_within(self, 0, 1, "clip", "trace", "entropy", "critic_learning_rate")
         require_within(self, 0, 2**31, "critic_first")

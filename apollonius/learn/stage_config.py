@@ -113,13 +113,17 @@ class ResponseConfig(OneSideConfig):
     failure: float = 15.0
     tasks: tuple[Task, ...] = ()
     """Further games, which take turns with the run's own."""
+    retries: float = 0.0
+    """Share of games that begin in a state of one that was lost within the next round (Florensa et al., "Reverse
+    curriculum generation for reinforcement learning", 2017, begin near the goal): where few games are lost, most of
+    what is played teaches nothing."""
     kept: float = 0.0
     """Share of its first network in the weights of the agent, which then forgets less (Wortsman et al., "Robust
     fine-tuning of zero-shot models", 2022)."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_within(self, 0, 1, "kept")
+        require_within(self, 0, 1, "retries", "kept")
         alike = all(len(task.opponents) in (0, len(self.opponents)) for task in self.tasks)
         require(alike, "tasks: opponents", "given", f"{len(self.opponents)} names, as those of the stage, or left out")
 

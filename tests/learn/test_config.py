@@ -20,6 +20,7 @@ from apollonius.learn.config import PRESETS, RunConfig, sweep
 from apollonius.learn.folder import create_run, load_config
 from apollonius.learn.learner_config import PROFILES, DQNConfig, SACConfig, linear
 from apollonius.learn.opponents import OpponentConfig
+from apollonius.learn.ppo_config import PPOConfig
 from apollonius.learn.progress import STATE, State, keep_state, progress_of
 from apollonius.learn.stage_config import DistillationConfig, ResponseConfig, SelfPlayConfig, StageConfig, Task
 from tests.documents import REPOSITORY
@@ -84,6 +85,8 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
         (DistillationConfig, {"updates": 0}, "updates = 0"),
         (DistillationConfig, {"randomise": (Spread(("pursuer.v_max",), 1.0, 2.0),)}, "randomise = "),
         (ResponseConfig, {"kept": 1.5}, "kept = 1.5"),
+        (ResponseConfig, {"retries": 1.5}, "retries = 1.5"),
+        (PPOConfig, {"hold": 0.5}, "hold = 0.5"),
         (RunConfig, {"stages": "response", "response": ResponseConfig(kept=0.5)}, "response.kept = 0.5 .*random"),
         (ResponseConfig, {"tasks": (TASK,)}, "tasks: opponents = given .* 1 names"),
         (RunConfig, {"stages": "distillation", "sac": SACConfig()}, "sac = given .*must be left out"),

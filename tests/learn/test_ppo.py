@@ -17,6 +17,7 @@ from apollonius.io.errors import InvalidInput
 from apollonius.learn import ppo
 from apollonius.learn.caution import COST, costs
 from apollonius.learn.config import RunConfig
+from apollonius.learn.drawing import Drawing
 from apollonius.learn.ppo_config import PPOConfig
 from apollonius.learn.replay_buffer import Row
 from apollonius.learn.run import Run, load_first
@@ -65,13 +66,28 @@ def learned(learner, row, plan=PLAN, iterations=0):
 def test_actions_are_drawn_as_often_as_their_values_as_logits_say():
     network = make_network("encoded", 8, 1, jax.random.key(0))
     seen, bits = jnp.ones(SIZE), jax.random.bits(jax.random.key(1), (40_000,), jnp.uint32)
-    player = ppo.Drawing(network, 0.0, 1.0)
-    drawn = jax.vmap(lambda bits: player(seen, (), bits)[0])(bits)
+    player = Drawing(network, 0.0, 1.0, 1.0)
+    drawn = jax.vmap(lambda bits: player(seen, player.memory, bits)[0])(bits)
     odds = np.exp(np.asarray(network(seen), float))
     np.testing.assert_allclose(np.bincount(drawn, minlength=9) / 40_000, odds / odds.sum(), atol=0.01)
     logarithms = player.log_probabilities(seen[None])[0]
     np.testing.assert_allclose(np.exp(logarithms), odds / odds.sum(), atol=1e-6)
-    assert int(player(seen, (), jnp.uint32(0xFFFFFFFF))[0]) == 8
+    assert int(player(seen, jnp.uint32(1), jnp.uint32(0xFFFFFFFF))[0]) == 8
+
+
+def test_a_random_number_is_held_and_each_action_keeps_its_probability():
+    player = Drawing(make_network("encoded", 8, 1, jax.random.key(0)), 0.0, 1.0, 5.0)
+    bits = jax.random.bits(jax.random.key(1), (200, 500), jnp.uint32)
+
+    def step(held, bits):
+        drawn, held = jax.vmap(lambda held, bits: player(jnp.ones(SIZE), held, bits))(held, bits)
+        return held, (drawn, held)
+
+    drawn, held = (np.asarray(each) for each in jax.lax.scan(step, jnp.full(500, player.memory), bits)[1])
+    assert 0.19 < (held[1:] != held[:-1]).mean() < 0.21
+    odds = np.exp(np.asarray(player.log_probabilities(jnp.ones((1, SIZE)))[0]))
+    np.testing.assert_allclose(np.bincount(drawn.ravel(), minlength=9) / drawn.size, odds, atol=0.01)
+    assert (held[0] == bits[0]).all(), "a game begins with a number of its own"
 
 
 def test_what_leaves_too_little_room_to_brake_is_drawn_by_what_it_costs():
@@ -79,7 +95,7 @@ def test_what_leaves_too_little_room_to_brake_is_drawn_by_what_it_costs():
     network = make_network("egocentric", 8, 1, jax.random.key(0))
     room = jnp.full(9, 0.4).at[4].set(0.03 / ROOM)
     seen = jax.random.normal(jax.random.key(1), (EGOCENTRIC.size,)).at[BRAKING:].set(room)
-    bold, careful = (ppo.Drawing(network, wanted, 5.0) for wanted in (0.0, 0.05))
+    bold, careful = (Drawing(network, wanted, 5.0, 1.0) for wanted in (0.0, 0.05))
     differences = [each.less_costs(network(seen), seen) for each in (bold, careful)]
     np.testing.assert_allclose(differences[0] - differences[1], 0.02 * COST * 5.0 * np.eye(9)[4], atol=1e-4)
     np.testing.assert_allclose(costs(seen, 0.05, 5.0), differences[0] - differences[1], atol=1e-4)

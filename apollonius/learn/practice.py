@@ -1,0 +1,63 @@
+"""Practice: games that begin where others were lost."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Int, PRNGKeyArray
+
+from apollonius.game.outcome import PURSUER_WINS, evader_winning
+from apollonius.game.reward import Reward
+from apollonius.game.types import GameState, Outcome, Role, choose
+from apollonius.learn.replay_buffer import ReplayBuffer
+from apollonius.play.rollout import Games
+
+_KEPT = 4096
+"""States that are kept."""
+_TOO_LATE = 15
+"""Steps before the end of a lost game from which on it is not begun again."""
+
+
+class Practice(eqx.Module):
+    """The games of a setting under way, and states of games that the learner lost within a round."""
+
+    games: Games
+    lost: ReplayBuffer[GameState]
+
+
+def no_losses(states: GameState) -> ReplayBuffer[GameState]:
+    """Return an empty ring for states like these, leaves `[games]`."""
+    rows = jax.tree.map(lambda leaf: jnp.zeros((_KEPT, *leaf.shape[1:]), leaf.dtype), states)
+    return ReplayBuffer(rows, jnp.zeros((), jnp.int32), jnp.zeros((), jnp.int32))
+
+
+def outcomes_lost_by(role: Role, reward: Reward) -> Int[Array, " outcomes"]:
+    """Return the outcomes in which one side loses."""
+    winning = PURSUER_WINS if role == Role.EVADER else evader_winning(reward.time_limit_wins)
+    return jnp.array(winning, jnp.int32)
+
+
+def with_losses(
+    lost: ReplayBuffer[GameState],
+    states: GameState,
+    outcome: Int[Array, "steps games"],
+    losses: Int[Array, " outcomes"],
+) -> ReplayBuffer[GameState]:
+    """Return the ring with those of some states, leaves `[games]`, from which the games were lost in the steps that
+    followed, but not at once.
+    """
+    ended, rows = outcome != Outcome.ONGOING, len(lost.rows.steps)
+    end = jnp.argmax(ended, axis=0)
+    first = jnp.take_along_axis(outcome, end[None], axis=0)[0]
+    new = jnp.any(ended, axis=0) & (end >= _TOO_LATE) & jnp.isin(first, losses)
+    row = jnp.where(new, (lost.head + jnp.cumsum(new) - 1) % rows, rows)
+    begun = eqx.tree_at(lambda batch: batch.steps, states, jnp.zeros_like(states.steps))
+    kept = jax.tree.map(lambda ring, leaf: ring.at[row].set(leaf, mode="drop"), lost.rows, begun)
+    return ReplayBuffer(kept, (lost.head + jnp.sum(new)) % rows, jnp.minimum(lost.filled + jnp.sum(new), rows))
+
+
+def with_retries(share: float, drawn: GameState, lost: ReplayBuffer[GameState], key: PRNGKeyArray) -> GameState:
+    """Return starts, a share of which are states of lost games as soon as there are some. The key is consumed."""
+    which, row, count = *jax.random.split(key), len(drawn.steps)
+    again = jax.random.bernoulli(which, share, (count,)) & (lost.filled > 0)
+    index = jax.random.randint(row, (count,), 0, jnp.maximum(lost.filled, 1))
+    return jax.vmap(choose)(again, jax.tree.map(lambda leaf: leaf[index], lost.rows), drawn)

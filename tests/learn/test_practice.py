@@ -1,0 +1,66 @@
+"""Which states are kept of lost games, and how many games begin in them."""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.game.game import reset_batch
+from apollonius.game.presets import make_game
+from apollonius.game.types import Outcome, Role
+from apollonius.learn import practice
+
+GAME = make_game("paper")
+LATE = jnp.arange(100, 106, dtype=jnp.int32)
+STATES = eqx.tree_at(lambda states: states.steps, reset_batch(GAME, jax.random.key(0), 6), LATE)
+ENDS = [(20, Outcome.CAPTURED), (14, Outcome.CAPTURED), (30, Outcome.PURSUER_HIT_OBSTACLE), (39, Outcome.NO_RESULT)]
+
+
+def played(*ends):
+    """Games of 40 steps that end so, the others not; a game that begins again is captured in the last step."""
+    outcome = np.full((40, 6), int(Outcome.ONGOING), np.int32)
+    outcome[39] = int(Outcome.CAPTURED)
+    outcome[39, len(ends) :] = int(Outcome.ONGOING)
+    for column, (step, kind) in enumerate(ends):
+        outcome[step, column] = int(kind)
+    return jnp.asarray(outcome)
+
+
+@pytest.mark.parametrize(
+    ("role", "profile", "expected"),
+    [(Role.EVADER, "paper", [0]), (Role.PURSUER, "paper", [2]), (Role.PURSUER, "zero-sum", [2, 3])],
+)
+def test_states_are_kept_from_which_a_game_was_lost_though_not_at_once(role, profile, expected):
+    outcomes = practice.outcomes_lost_by(role, replace(GAME.reward, profile=profile))
+    empty = practice.no_losses(STATES)
+    lost = practice.with_losses(empty, STATES, played(*ENDS), outcomes)
+    assert int(lost.filled) == int(lost.head) == len(expected)
+    np.testing.assert_array_equal(lost.rows.pursuer.x[: len(expected)], STATES.pursuer.x[jnp.array(expected)])
+    assert (lost.rows.steps == 0).all(), "its time begins anew"
+
+
+def test_the_latest_take_the_place_of_the_oldest(monkeypatch):
+    monkeypatch.setattr(practice, "_KEPT", 4)
+    lost, captured = practice.no_losses(STATES), [(20, Outcome.CAPTURED)] * 3
+    for _ in range(2):
+        lost = practice.with_losses(lost, STATES, played(*captured), jnp.array([int(Outcome.CAPTURED)]))
+    assert (int(lost.filled), int(lost.head)) == (4, 2)
+    np.testing.assert_array_equal(lost.rows.evader.y, STATES.evader.y[jnp.array([1, 2, 2, 0])])
+
+
+@pytest.mark.parametrize(("filled", "share", "expected"), [(0, 1.0, 0.0), (2, 0.0, 0.0), (2, 0.3, 0.3), (2, 1.0, 1.0)])
+def test_a_share_of_games_begins_where_others_were_lost_as_soon_as_some_were(filled, share, expected):
+    captured = [(20, Outcome.CAPTURED)] * filled
+    empty = practice.no_losses(STATES)
+    lost = practice.with_losses(empty, STATES, played(*captured), jnp.array([int(Outcome.CAPTURED)]))
+    drawn = reset_batch(GAME, jax.random.key(1), 2000)
+    starts = practice.with_retries(share, drawn, lost, jax.random.key(2))
+    again = np.isin(starts.pursuer.x, STATES.pursuer.x)
+    assert again.mean() == pytest.approx(expected, abs=0.03)
+    kept = eqx.filter(jax.tree.map(lambda new, old: new[~again] == old[~again], starts, drawn), eqx.is_array)
+    assert all(np.all(leaf) for leaf in jax.tree.leaves(kept))
+    if expected:
+        assert set(np.asarray(starts.evader.y)[again]) == set(np.asarray(STATES.evader.y[:filled])), "each of them"
