@@ -32,7 +32,7 @@ from apollonius.learn.drawing import Drawing
 from apollonius.learn.learner_config import linear
 from apollonius.learn.loop import Metrics, iterated, row_of
 from apollonius.learn.ppo_config import PPOConfig
-from apollonius.learn.practice import Practice, no_losses, outcomes_lost_by, with_losses, with_retries
+from apollonius.learn.practice import Practice, no_losses, with_losses, with_retries
 from apollonius.learn.replay_buffer import ReplayBuffer, Row, add
 from apollonius.learn.setting import Setting, equal_parts
 from apollonius.learn.stage_config import Plan, ResponseConfig
@@ -113,8 +113,8 @@ def play_and_learn(plan: Plan, state: TrainState, setting: Setting) -> tuple[Tra
     after, error = _learn(plan, learner, _in_units(game, row), state.iterations, env_steps, learn_key)
     seen, kept = row.observation.reshape(-1, row.observation.shape[-1]), _kept_of_a_round(config)
     buffer = add(state.learners[stage.side].buffer, (seen[:: len(seen) // kept][:kept],))
-    losses = outcomes_lost_by(stage.side, game.reward)
-    practice = Practice(games, with_losses(before.lost, before.games.state, played.outcome, losses))
+    ended = played.outcome, stage.side, game.reward.time_limit_wins
+    practice = Practice(games, with_losses(before.lost, before.games.state, *ended))
     return iterated(state, practice, played, env_steps, {stage.side: (LearnerState(after, buffer), error)})
 
 

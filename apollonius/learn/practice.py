@@ -5,8 +5,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
-from apollonius.game.outcome import PURSUER_WINS, evader_winning
-from apollonius.game.reward import Reward
+from apollonius.game.outcome import evader_wins, pursuer_wins
 from apollonius.game.types import GameState, Outcome, Role, choose
 from apollonius.learn.replay_buffer import ReplayBuffer
 from apollonius.play.rollout import Games
@@ -30,25 +29,20 @@ def no_losses(states: GameState) -> ReplayBuffer[GameState]:
     return ReplayBuffer(rows, jnp.zeros((), jnp.int32), jnp.zeros((), jnp.int32))
 
 
-def outcomes_lost_by(role: Role, reward: Reward) -> Int[Array, " outcomes"]:
-    """Return the outcomes in which one side loses."""
-    winning = PURSUER_WINS if role == Role.EVADER else evader_winning(reward.time_limit_wins)
-    return jnp.array(winning, jnp.int32)
-
-
 def with_losses(
     lost: ReplayBuffer[GameState],
     states: GameState,
     outcome: Int[Array, "steps games"],
-    losses: Int[Array, " outcomes"],
+    role: Role,
+    time_limit_wins: bool,
 ) -> ReplayBuffer[GameState]:
-    """Return the ring with those of some states, leaves `[games]`, from which the games were lost in the steps that
-    followed, but not at once.
+    """Return the ring with those of some states, leaves `[games]`, from which one side lost in the steps that followed,
+    but not at once.
     """
-    ended, rows = outcome != Outcome.ONGOING, len(lost.rows.steps)
-    end = jnp.argmax(ended, axis=0)
+    end, rows = jnp.argmax(outcome != Outcome.ONGOING, axis=0), len(lost.rows.steps)
     first = jnp.take_along_axis(outcome, end[None], axis=0)[0]
-    new = jnp.any(ended, axis=0) & (end >= _TOO_LATE) & jnp.isin(first, losses)
+    won = pursuer_wins(first) if role == Role.EVADER else evader_wins(first, time_limit_wins)
+    new = won & (end >= _TOO_LATE)
     row = jnp.where(new, (lost.head + jnp.cumsum(new) - 1) % rows, rows)
     begun = eqx.tree_at(lambda batch: batch.steps, states, jnp.zeros_like(states.steps))
     kept = jax.tree.map(lambda ring, leaf: ring.at[row].set(leaf, mode="drop"), lost.rows, begun)

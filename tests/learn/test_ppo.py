@@ -184,6 +184,25 @@ def test_the_critic_learns_first_and_robots_out_of_play_teach_nothing(learner):
     assert eqx.tree_equal(one.network, other.network)
 
 
+def test_games_begin_again_where_others_were_lost():
+    """A pursuer that stands marks its game: it is where it was at the start."""
+    stage, learner = replace(STAGE, opponents=("still",), retries=1.0), replace(PPO, steps=128)
+    plan = replace(PLAN, learner=learner, stage=stage)
+    (setting,) = settings_of(stage, learner, replace(RUN.game, max_steps=1000))
+    state = ppo.start_response(plan, [setting], jax.random.key(1))
+    begun = np.asarray(state.games[0].games.state.evader.x)
+    after, _ = ppo.play_and_learn(plan, replace(state, games=state.games[0]), setting)
+    lost = jax.tree.map(lambda leaf: np.asarray(leaf)[: int(after.games.lost.filled)], after.games.lost.rows)
+    assert 0 < len(lost.steps) < 32
+    assert np.isin(lost.evader.x, begun).all(), "as they were before the round"
+    under_way = np.asarray(after.games.games.state.steps)
+    again, _ = ppo.play_and_learn(plan, after, setting)
+    games = again.games.games.state
+    new = np.asarray(games.steps) != under_way + 128
+    assert new.any()
+    assert np.isin(np.asarray(games.pursuer.x)[new], lost.pursuer.x).all()
+
+
 @pytest.mark.parametrize(("profile", "unit"), [("paper", 8.0), ("zero-sum", 1.0)])
 def test_rewards_count_in_units_of_a_capture(profile, unit):
     row, reward = random_row(jax.random.key(6)), replace(RUN.game.reward, profile=profile, capture=8.0)
@@ -204,9 +223,14 @@ def test_a_response_goes_on_from_an_agent_whose_values_become_logits():
 TEAMS = replace(
     RUN,
     game=replace(find_game("team-2v1"), max_steps=30),
-    ppo=replace(PPO, observation="team", games=8, steps=16, batch=32),
+    ppo=replace(PPO, observation="team", games=8, steps=16, batch=32, hold=4.0),
     response=replace(
-        STAGE, role="pursuer", env_steps=512, caution=0.05, tasks=(Task(replace(make_game("paper"), max_steps=30)),)
+        STAGE,
+        role="pursuer",
+        env_steps=512,
+        caution=0.05,
+        retries=0.5,
+        tasks=(Task(replace(make_game("paper"), max_steps=30)),),
     ),
 )
 

@@ -1,7 +1,5 @@
 """Which states are kept of lost games, and how many games begin in them."""
 
-from dataclasses import replace
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -30,13 +28,11 @@ def played(*ends):
 
 
 @pytest.mark.parametrize(
-    ("role", "profile", "expected"),
-    [(Role.EVADER, "paper", [0]), (Role.PURSUER, "paper", [2]), (Role.PURSUER, "zero-sum", [2, 3])],
+    ("role", "time_limit_wins", "expected"),
+    [(Role.EVADER, False, [0]), (Role.PURSUER, False, [2]), (Role.PURSUER, True, [2, 3])],
 )
-def test_states_are_kept_from_which_a_game_was_lost_though_not_at_once(role, profile, expected):
-    outcomes = practice.outcomes_lost_by(role, replace(GAME.reward, profile=profile))
-    empty = practice.no_losses(STATES)
-    lost = practice.with_losses(empty, STATES, played(*ENDS), outcomes)
+def test_states_are_kept_from_which_a_game_was_lost_though_not_at_once(role, time_limit_wins, expected):
+    lost = practice.with_losses(practice.no_losses(STATES), STATES, played(*ENDS), role, time_limit_wins)
     assert int(lost.filled) == int(lost.head) == len(expected)
     np.testing.assert_array_equal(lost.rows.pursuer.x[: len(expected)], STATES.pursuer.x[jnp.array(expected)])
     assert (lost.rows.steps == 0).all(), "its time begins anew"
@@ -46,7 +42,7 @@ def test_the_latest_take_the_place_of_the_oldest(monkeypatch):
     monkeypatch.setattr(practice, "_KEPT", 4)
     lost, captured = practice.no_losses(STATES), [(20, Outcome.CAPTURED)] * 3
     for _ in range(2):
-        lost = practice.with_losses(lost, STATES, played(*captured), jnp.array([int(Outcome.CAPTURED)]))
+        lost = practice.with_losses(lost, STATES, played(*captured), Role.EVADER, False)
     assert (int(lost.filled), int(lost.head)) == (4, 2)
     np.testing.assert_array_equal(lost.rows.evader.y, STATES.evader.y[jnp.array([1, 2, 2, 0])])
 
@@ -55,7 +51,7 @@ def test_the_latest_take_the_place_of_the_oldest(monkeypatch):
 def test_a_share_of_games_begins_where_others_were_lost_as_soon_as_some_were(filled, share, expected):
     captured = [(20, Outcome.CAPTURED)] * filled
     empty = practice.no_losses(STATES)
-    lost = practice.with_losses(empty, STATES, played(*captured), jnp.array([int(Outcome.CAPTURED)]))
+    lost = practice.with_losses(empty, STATES, played(*captured), Role.EVADER, False)
     drawn = reset_batch(GAME, jax.random.key(1), 2000)
     starts = practice.with_retries(share, drawn, lost, jax.random.key(2))
     again = np.isin(starts.pursuer.x, STATES.pursuer.x)
