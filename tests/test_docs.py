@@ -130,8 +130,13 @@ def test_every_link_leads_somewhere(document):
             assert not anchor or anchor in anchors(target), link
 
 
-FEWER = {r"^([\w.]+=[\d.]+:[\d.]+):\d+$": r"\1:2", r"^0-9$": "0-1", r"^(dqn\.\w+=[^,]+),.*$": r"\1"}
-"""Values of a sweep, and the fewer that a walk takes."""
+FEWER = {
+    r"^([\w.]+=[\d.]+:[\d.]+):\d+$": r"\1:2",
+    r"^0-9$": "0-1",
+    r"^(dqn\.\w+=[^,]+),.*$": r"\1",
+    "E_response": "E_curriculum",
+}
+"""Values of a sweep, and the fewer that a walk takes; the agents of the training that it makes."""
 GRIDS = {"game": "5x5x3x8", "safety": "21x21x5x16", "reach": "21x21x9x16"}
 ELSEWHERE = {"make", "pip", "source", "gcc", "python3", "python", "reproduce", "exploit", "simulate", "replay"}
 """Commands that a walk leaves out: the tests of their rooms run them, and a test changes no installation."""
