@@ -15,13 +15,13 @@ from apollonius.arenas.file import from_dict, to_dict
 from apollonius.game.dynamics import stack_actions
 from apollonius.game.game import Game
 from apollonius.game.judge import statuses_along
-from apollonius.game.types import NUM_ACTIONS, BySide, GameState, Outcome, RobotState, Role
+from apollonius.game.types import NUM_ACTIONS, ROLES, BySide, DriveStates, GameState, Outcome, RobotState, Role
 from apollonius.game.validation import MAX_SIZE
 from apollonius.io.document import parse_json, read_bytes, to_json, write_atomically
 from apollonius.io.errors import require
 from apollonius.io.limits import MOST_COUNTED, SEED
 from apollonius.play.playout import AbstractWatcher, play_out
-from apollonius.play.rollout import Transition
+from apollonius.play.rollout import Transition, drives_at_start, step_driven
 
 FORMAT = 1
 """Version of the file format."""
@@ -78,14 +78,16 @@ def play_actions(game: Game, start: GameState, actions: AllActions) -> tuple[Gam
     """Return states before the first action and after each, leaves `[steps + 1]`, and the outcome of each step."""
     unpaid = replace(game, reward=replace(game.reward, along_paths=False))  # needs no charts
 
-    def one_step(
-        state: GameState, action: Shaped[Array, "robots ..."]
-    ) -> tuple[GameState, tuple[GameState, Int[Array, ""]]]:
-        pursuers = len(state.robots.pursuer)
-        after = unpaid.step(state, list(action[:pursuers]), list(action[pursuers:]))
-        return after.state, (after.state, after.outcome)
+    pursuers, drives = len(start.robots.pursuer), ROLES.map(lambda role: drives_at_start(game, start, role))
 
-    _, (states, outcomes) = jax.lax.scan(one_step, start, actions)
+    def one_step(
+        now: tuple[GameState, BySide[DriveStates]], action: Shaped[Array, "robots ..."]
+    ) -> tuple[tuple[GameState, BySide[DriveStates]], tuple[GameState, Int[Array, ""]]]:
+        sides = BySide(tuple(action[:pursuers]), tuple(action[pursuers:]))
+        after, drives = step_driven(unpaid, *now, sides)
+        return (after.state, drives), (after.state, after.outcome)
+
+    _, (states, outcomes) = jax.lax.scan(one_step, (start, drives), actions)
     return jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), start, states), outcomes
 
 

@@ -94,10 +94,15 @@ def begin(game: Game, starts: GameState, players: BySide[AbstractPlayers], bits:
         returns = of_robots([jnp.zeros(own.shape, jnp.float32)] * robots)
         believes = players[role].observation == WHOLE  # no numbers are made of a belief
         track = jax.vmap(lambda state: tracking.begin(game, state, role, believes))(starts)
-        drives = jax.vmap(lambda state: (drive_of(game.at(state).drives, role).begin(),) * robots)(starts)
+        drives = jax.vmap(lambda state: drives_at_start(game, state, role))(starts)
         return SideState(players[role].sample(own), returns, first, track, drives)
 
     return Games(starts, ROLES.map(side))
+
+
+def drives_at_start(game: Game, state: GameState, role: Role) -> DriveStates:
+    """Return the drives of a side's robots before the first step."""
+    return (drive_of(game.at(state).drives, role).begin(),) * len(state.robots[role])
 
 
 def of_robots(values: Sequence[Array]) -> Array:

@@ -24,6 +24,7 @@ from apollonius.agents.pool import solo, stack
 from apollonius.agents.trained import SquashedGaussian
 from apollonius.evaluate.match import Match, play_games, record_game
 from apollonius.game.arena import Arena, Disc
+from apollonius.game.drive import Drive, Drives
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.presets import in_teams, make_game, randomised
@@ -233,10 +234,15 @@ RECORDED = 24
 MATCH = Match.of_names(make_game("paper"), "P_stage1", "random", RECORDED, seed=3)
 
 
-def test_a_trace_is_the_course_of_the_game_that_was_played_out():
-    results = play_games(MATCH)
+SLOW = Drives(Drive(lag=2.0, turn_time=0.5), Drive(turn_time=0.9))
+
+
+@pytest.mark.parametrize("drives", [None, SLOW], ids=["at once", "slow drives"])
+def test_a_trace_is_the_course_of_the_game_that_was_played_out(drives):
+    match = replace(MATCH, game=replace(MATCH.game, drives=drives))
+    results = play_games(match)
     for index in range(0, RECORDED, 12):
-        course = record_game(MATCH, index)
+        course = record_game(match, index)
         assert (course.outcome, len(course.actions)) == (results.outcome[index], results.steps[index])
         assert course.first_difference() is None
     assert len(set(results.steps[::12].tolist())) > 1
