@@ -77,7 +77,6 @@ def trace(game: Game, players: BySide[Pool], starts: GameState, key: PRNGKeyArra
 def play_actions(game: Game, start: GameState, actions: AllActions) -> tuple[GameState, Int[Array, " steps"]]:
     """Return states before the first action and after each, leaves `[steps + 1]`, and the outcome of each step."""
     unpaid = replace(game, reward=replace(game.reward, along_paths=False))  # needs no charts
-
     pursuers, drives = len(start.robots.pursuer), ROLES.map(lambda role: drives_at_start(game, start, role))
 
     def one_step(
