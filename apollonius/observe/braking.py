@@ -24,9 +24,8 @@ Way = tuple[RobotState, Scalar | None, Scalar, Scalar]
 
 
 def clearances_after(chart: Chart, robot: Robot) -> Float[Array, "9"]:
-    """Return the clearance [m] of a robot's body after each action: once it takes effect the action is held for `HOLD`,
-    and then the robot brakes to rest while it turns right, drives straight or turns left, whichever keeps the most
-    clearance.
+    """Return the clearance [m] of a robot's body from when each action takes effect: it is held for `HOLD`, and then
+    the robot brakes to rest while it turns right, drives straight or turns left, whichever keeps the most clearance.
 
     These are the manoeuvres of `apollonius.agents.shield`, by the chart instead of the rules' exact contact, and by the
     robot's drive as far as that is known.
@@ -36,17 +35,12 @@ def clearances_after(chart: Chart, robot: Robot) -> Float[Array, "9"]:
     shares = slower[:-1] - slower[1:]
     braking, soon = jnp.maximum(body.u1_max, _LEAST_BRAKING), robot.soon or robot.state
 
-    def until_soon() -> Scalar:
-        here, there = (chart.clearance(state.x, state.y) for state in (robot.state, soon))
-        return _between(here, there, jnp.hypot(soon.x - robot.state.x, soon.y - robot.state.y))
-
     def after(action: Action) -> Scalar:
         u1, u2 = body.controls(action)
         mean, rate = turning(body, robot.turn_time, robot.turn_rate, u2, HOLD)
         held = body.move(soon, u1, mean, HOLD)
         here = chart.clearance(held.x, held.y)
-        begun = held, rate, here, here if robot.soon is None else jnp.minimum(here, until_soon())
-        return jnp.max(jax.vmap(lambda turn: to_rest(begun, turn))(turns)) - body.radius
+        return jnp.max(jax.vmap(lambda turn: to_rest((held, rate, here, here), turn))(turns)) - body.radius
 
     def to_rest(begun: Way, turn: Scalar) -> Scalar:
         durations = shares * jnp.maximum(begun[0].v, 0.0) / braking

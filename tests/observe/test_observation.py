@@ -130,7 +130,7 @@ def test_braking_is_the_clearance_of_a_shield_that_holds_actions_for_as_long():
 
 
 def test_braking_goes_by_the_drive_and_by_the_commands_on_their_way():
-    """Against the drive's own course in steps of 0.02 s, on which the chart's clearance is looked up."""
+    """Against the drive's own course, after the action, in steps of 0.02 s, by the chart's clearance."""
     body, drive = Unicycle(radius=0.15), Drive(lag=2, turn_time=0.6)
     game, at_once = divided(pursuer=body, drives=Drives(pursuer=drive)), Drive(turn_time=0.6)
     starts = replace(game.starts, speed="moving", clearance=0.02)
@@ -149,7 +149,7 @@ def test_braking_goes_by_the_drive_and_by_the_commands_on_their_way():
             controls = jnp.stack(asked)[jnp.minimum(step // 5, 3)]
             held, driven = at_once.respond(driven, body, controls / jnp.array([0.3, 0.8]), 0.02)
             robot = body.move(robot, *held, 0.02)
-            return (robot, driven), chart.clearance(robot.x, robot.y)
+            return (robot, driven), jnp.where(step < 14, jnp.inf, chart.clearance(robot.x, robot.y))
 
         return jnp.min(jax.lax.scan(on, (robot, driven), jnp.arange(250))[1]) - body.radius
 
@@ -165,6 +165,18 @@ def test_braking_goes_by_the_drive_and_by_the_commands_on_their_way():
     assert np.quantile(wrong, 0.97) < 0.03
     unknown = jax.vmap(seen_by)(states)
     assert np.quantile(np.abs(np.asarray(unknown - expected)), 0.97) > 0.1, "of a robot that does at once as it is told"
+
+
+def test_actions_differ_however_near_commands_on_their_way_pass_a_wall():
+    """No action can change what happens before it takes effect."""
+    game = divided(drives=Drives(pursuer=Drive(lag=2)))
+    along = replace(
+        state((2.0, 0.04, 0.5, 0.0), (5.0, 4.0, 1.2, 0.0)), drives=(DriveState(jnp.zeros((MOST_LAG, 2)), None),)
+    )
+    chart = game.arena.chart
+    assert chart is not None
+    right, straight, left = clearances_after(chart, look(game, along, Role.PURSUER).own)[:3]
+    assert right + 0.002 < straight < left - 0.002
 
 
 def test_a_robot_that_can_hardly_brake_still_has_numbers():
