@@ -1,15 +1,17 @@
 """Networks: an observation in, the value of each action out (Fig. 3), or a distribution over pairs of action levels."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from apollonius.agents.batching import batched_by
+from apollonius.game.dynamics import MIRRORED
 from apollonius.game.types import NUM_ACTIONS
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.registry import find_observation
@@ -21,17 +23,32 @@ _BLOCK = 64
 
 
 class QNetwork(eqx.Module):
-    """The value of each of the 9 actions (Fig. 3)."""
+    """The value of each of the 9 actions (Fig. 3).
+
+    Attributes:
+        symmetric: whether an action has the mean of what the layers say of it and of its mirror image in the mirror
+            image of what is seen, so that right and left are the same to it (as in Abdolhosseini et al., "On learning
+            symmetric locomotion", 2019, with a network for the whole policy instead of its loss).
+    """
 
     layers: Layers
     observation: AbstractObservation = eqx.field(static=True)
+    symmetric: bool = eqx.field(static=True, default=False)
 
     def __call__(self, observation: Float[Array, " size"]) -> Float[Array, "9"]:
-        return apply(self.layers, observation)
+        return self.by(apply, observation)
 
     def batch(self, observations: Float[Array, "batch size"]) -> Float[Array, "batch 9"]:
         """Return the outputs for a batch, with a quicker gradient than that of a `vmap`."""
-        return apply_to_batch(self.layers, observations)
+        return self.by(apply_to_batch, observations)
+
+    def by(self, layers: Callable[[Layers, Array], Array], seen: Float[Array, "*batch size"]) -> Array:
+        """Return the outputs, where `layers` is how layers are applied."""
+        values = layers(self.layers, seen)
+        if not self.symmetric:
+            return values
+        assert self.observation.mirror, "it knows its mirror image"
+        return (values + layers(self.layers, self.observation.mirror(seen))[..., np.array(MIRRORED)]) / 2
 
 
 class GaussianActor(eqx.Module):
@@ -88,8 +105,9 @@ def apply(layers: Layers, inputs: Float[Array, " in"]) -> Float[Array, " out"]:
 
 def inferred(network: Network, observation: Float[Array, " size"]) -> Any:
     """Return what a network says of one observation, quicker than itself under `vmap`, and without a gradient."""
-    outputs = _inferred(network.layers, observation)
-    return outputs if isinstance(network, QNetwork) else network.of_outputs(outputs)
+    if isinstance(network, QNetwork):
+        return network.by(_inferred, observation)
+    return network.of_outputs(_inferred(network.layers, observation))
 
 
 @batched_by(lambda size, batched, layers, inputs: _apply_together(layers, inputs))
@@ -185,10 +203,10 @@ def between(network: Network, other: Network, share: float) -> Network:
     return jax.tree.map(lambda here, there: here + share * (there - here), network, other)
 
 
-def make_network(observation: str, width: int, depth: int, key: PRNGKeyArray) -> QNetwork:
+def make_network(observation: str, width: int, depth: int, key: PRNGKeyArray, symmetric: bool = False) -> QNetwork:
     """Return a network of `depth` hidden layers of `width` units with random weights. The key is consumed."""
     reads = find_observation(observation)
-    return QNetwork(make_layers([reads.size, *[width] * depth, NUM_ACTIONS], key), reads)
+    return QNetwork(make_layers([reads.size, *[width] * depth, NUM_ACTIONS], key), reads, symmetric)
 
 
 def make_actor(observation: str, width: int, depth: int, key: PRNGKeyArray) -> GaussianActor:

@@ -2,7 +2,7 @@
 
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +45,8 @@ class AgentHeader:
     """Actions it chooses between; 0 where actions are pairs of levels."""
     network: str = "values"
     """Kind of its network: the `values` of the actions, or the `gaussian` of their levels."""
+    symmetric: bool = False
+    """Whether it values actions as their mirror images (`apollonius.agents.network`)."""
 
     def __post_init__(self) -> None:
         require(self.role in ("pursuer", "evader"), "role", self.role, "pursuer or evader")
@@ -73,6 +75,7 @@ def describe(network: Network, role: Role, game: dict[str, Any], training: dict[
         training=training,
         num_actions=_ACTIONS[kind],
         network=kind,
+        symmetric=isinstance(network, QNetwork) and network.symmetric,
     )
     return Agent(network, header)
 
@@ -91,6 +94,8 @@ def load_agent(path: Path) -> Agent:
     with _opened_agent(path) as (file, header):
         made = header.observation, header.width, header.depth
         template = eqx.filter_eval_shape(lambda: _MAKE[header.network](*made, jax.random.key(0)))
+        if isinstance(template, QNetwork):
+            template = replace(template, symmetric=header.symmetric)
         misfit = f"'{path}' has weights that do not fit its header: copy or train it again."
         if header.num_actions != _ACTIONS[header.network]:
             raise InvalidInput(misfit)
@@ -126,4 +131,6 @@ def _checked(path: Path, fields: dict[str, Any]) -> AgentHeader:
         raise InvalidInput(
             f"'{path}' was made for the observation {made_for}; this program has {known}: train it again."
         )
+    mirrored = reads.mirror is not None and header.network == "values"
+    require(mirrored or not header.symmetric, "symmetric", True, f"false where a network is of '{header.observation}'")
     return header

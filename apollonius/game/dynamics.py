@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, Shaped
 
-from apollonius.game.types import Action, Controls, Real, RobotState, Scalar
+from apollonius.game.types import NUM_ACTIONS, Action, Controls, Real, RobotState, Scalar
 from apollonius.io.errors import require
 
 MAX_TURN = 2.0
@@ -41,6 +41,10 @@ def _horner(x: Scalar, *coefficients: float) -> Scalar:
     for coefficient in reversed(coefficients[:-1]):
         value = value * x + coefficient
     return value
+
+
+MIRRORED = tuple(3 * (action // 3) + 2 - action % 3 for action in range(NUM_ACTIONS))
+"""The discrete actions with right and left exchanged."""
 
 
 def action_levels(action: Action) -> tuple[Scalar, Scalar]:

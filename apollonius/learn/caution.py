@@ -5,6 +5,8 @@ the differences between good actions. So the edge is not learned: nine units of 
 of a wanted clearance after braking (`apollonius.observe.braking`).
 """
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 from equinox import tree_at
@@ -54,7 +56,7 @@ def cautious(network: QNetwork, observations: Float[Array, "rows size"], wanted:
             bias = bias.at[units].set(0.0 if number else wanted / ROOM)
             carried, means = units, jnp.mean(hidden[:, units], axis=0)
         layers.append(tree_at(lambda one: (one.weight, one.bias), layer, (weight, bias)))
-    return QNetwork(tuple(layers), network.observation)
+    return replace(network, layers=tuple(layers))
 
 
 def sampled(buffer: ReplayBuffer[Labels]) -> Float[Array, "rows size"]:

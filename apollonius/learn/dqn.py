@@ -32,7 +32,7 @@ _adam = optax.scale_by_adam()
 
 def init(config: DQNConfig, key: PRNGKeyArray, network: Network | None = None) -> DQNLearner:
     """Return a learner that starts from a copy of a network, or from random weights. The key is consumed."""
-    first = network or make_network(config.observation, config.width, config.depth, key)
+    first = network or make_network(config.observation, config.width, config.depth, key, config.symmetric)
     assert isinstance(first, QNetwork)
     own, target, average = (jax.tree.map(jnp.copy, first) for _ in range(3))
     return DQNLearner(own, target, average, _adam.init(eqx.filter(own, eqx.is_array)), jnp.zeros((), jnp.int32))

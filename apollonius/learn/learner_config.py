@@ -1,7 +1,7 @@
 """Learning in numbers: what all algorithms share, deep Q-learning, soft actor-critic."""
 
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import jax.numpy as jnp
@@ -36,6 +36,8 @@ class LearnerConfig:
     """Units of each hidden layer (Fig. 3)."""
     depth: int = 4
     """Number of hidden layers (Fig. 3)."""
+    symmetric: bool = False
+    """Whether left and right are the same to the network: for one of action values that reads egocentric or team."""
     gamma: float = 0.99
     """Discount of a step (section IV)."""
     learning_rate: float = 5e-4
@@ -48,7 +50,8 @@ class LearnerConfig:
     """Games played at a time."""
 
     def __post_init__(self) -> None:
-        find_observation(self.observation)
+        mirrored = self.network is QNetwork and find_observation(self.observation).mirror is not None
+        require(mirrored or not self.symmetric, "symmetric", True, f"false with '{self.observation}' or with sac")
         require_positive(self, "learning_rate", "final_learning_rate", "batch", "games")
         require_within(self, 1, MOST_WIDTH, "width")
         require_within(self, 1, MOST_LAYERS, "depth")
@@ -79,7 +82,8 @@ class LearnerConfig:
         return 0
 
     def fitted(self, network: Network, name: str, value: object) -> Network:
-        """Return a network to go on from; one that reads a part of the observation has weights of 0 for the rest.
+        """Return a network to go on from; one that reads a part of the observation has weights of 0 for the rest, and a
+        symmetric one stays so.
 
         Raises InvalidInput when it does not fit, by the name and value that the user gave.
         """
@@ -88,7 +92,8 @@ class LearnerConfig:
         reads, size = find_observation(self.observation), (len(network.layers) - 1, int(network.layers[0].out_features))
         alike = type(network) is self.network and network.observation.name in {reads.name, reads.extends}
         require(alike and size == (self.depth, self.width), name, value, bound)
-        return network if network.observation is reads else widened(network, reads)
+        whole = network if network.observation is reads else widened(network, reads)
+        return replace(whole, symmetric=True) if self.symmetric and isinstance(whole, QNetwork) else whole
 
 
 @dataclass(frozen=True)

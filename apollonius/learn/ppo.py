@@ -61,7 +61,7 @@ def start_response(
     The key is consumed.
     """
     (config, stage), (network_key, critic_key, start_key, train_key) = _configs(plan), jax.random.split(key, 4)
-    first = network or make_network(config.observation, config.width, config.depth, network_key)
+    first = network or make_network(config.observation, config.width, config.depth, network_key, config.symmetric)
     assert isinstance(first, QNetwork)
     own, size = jax.tree.map(jnp.copy, first), first.observation.size
     critic = make_layers([size, *_HIDDEN, 1], critic_key)

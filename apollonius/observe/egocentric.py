@@ -5,9 +5,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from apollonius.game.chart import Chart
+from apollonius.game.dynamics import MIRRORED
 from apollonius.game.types import NUM_ACTIONS, Real, RobotState, Scalar
 from apollonius.observe.braking import clearances_after
-from apollonius.observe.observation import AbstractObservation, clearances_ahead, turned
+from apollonius.observe.observation import AbstractObservation, Mirror, clearances_ahead, turned
 from apollonius.observe.view import Robot, View
 
 RAYS = 32
@@ -27,6 +28,21 @@ SPEED, _U1, _U2, _LENGTH = 1.2, 0.3, 0.8, 0.3
 
 Courses = tuple[Float[Array, "16"], Float[Array, "16"], Float[Array, "16"]]
 """Ranges [m], cosines and sines of `COURSES` directions, the first one ahead."""
+
+
+def _mirror() -> Mirror:
+    """Return what a mirror image makes of the numbers: directions on the left and on the right are exchanged."""
+    rays, longer = 23, 23 + RAYS + 3
+    shorter = longer + COURSES
+    first, braking = shorter + 2, shorter + 2 + COURSES
+
+    def around(start: int, directions: int) -> list[int]:
+        return [start + -number % directions for number in range(directions)]
+
+    order = [*range(rays), *around(rays, RAYS), *range(rays + RAYS, longer), *around(longer, COURSES)]
+    order += [shorter, shorter + 1, *around(first, COURSES), *(braking + action for action in MIRRORED)]
+    to_the_left = 9, 14, shorter + 1
+    return Mirror(tuple(order), tuple(-1 if number in to_the_left else 1 for number in order))
 
 
 class Egocentric(AbstractObservation):
@@ -52,6 +68,7 @@ class Egocentric(AbstractObservation):
     name = "egocentric"
     size = 23 + RAYS + 5 + 2 * COURSES + NUM_ACTIONS
     charted = True
+    mirror = _mirror()
 
     def __call__(self, view: View) -> Float[Array, " size"]:
         """Return the numbers of a view; raises InvalidInput in an arena without a chart."""

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from apollonius.game.arena import Arena
@@ -34,6 +35,18 @@ WHOLE = Whole()
 
 
 @dataclass(frozen=True)
+class Mirror:
+    """What the mirror image of a view makes of its numbers: another order, and the other sign of some."""
+
+    order: tuple[int, ...]
+    signs: tuple[int, ...]
+
+    def __call__(self, numbers: Float[Array, "*rows size"]) -> Float[Array, "*rows size"]:
+        """Return the numbers of the mirror images."""
+        return numbers[..., np.array(self.order)] * jnp.broadcast_to(np.array(self.signs, np.float32), numbers.shape)
+
+
+@dataclass(frozen=True)
 class AbstractObservation(Whole):
     """The numbers that a network reads."""
 
@@ -43,6 +56,9 @@ class AbstractObservation(Whole):
     """The number of numbers."""
     extends: ClassVar[str | None] = None
     """Name of the observation that the first numbers are, if any: its networks can be trained further with this one."""
+
+    mirror: ClassVar[Mirror | None] = None
+    """What a mirror image makes of them, where that is known."""
 
     @abstractmethod
     def __call__(self, view: View) -> Float[Array, " size"]:

@@ -9,13 +9,22 @@ from apollonius.game.chart import CellWeights, Chart
 from apollonius.game.teams import by_distance, distance_squared
 from apollonius.game.types import RobotState, Scalar
 from apollonius.observe.egocentric import EGOCENTRIC, SPEED, on_two_scales
-from apollonius.observe.observation import AbstractObservation, turned
+from apollonius.observe.observation import AbstractObservation, Mirror, turned
 from apollonius.observe.view import Robot, View
 
 MATES, OPPONENTS = 3, 2
 """Mates, and opponents besides the nearest; of more, those whose centres are nearest."""
 OF_A_ROBOT = 13
 """Numbers of each other robot."""
+
+
+def _mirror() -> Mirror:
+    """Return what a mirror image makes of the numbers: those of a robot that are positive to the left change sign."""
+    first = EGOCENTRIC.mirror
+    assert first, "it has one"
+    signs = [-1 if number in (2, 6, 8) else 1 for number in range(OF_A_ROBOT)] * (MATES + OPPONENTS)
+    more = range(EGOCENTRIC.size, EGOCENTRIC.size + len(signs))
+    return Mirror((*first.order, *more), (*first.signs, *signs))
 
 
 class Team(AbstractObservation):
@@ -35,6 +44,7 @@ class Team(AbstractObservation):
     size = EGOCENTRIC.size + (MATES + OPPONENTS) * OF_A_ROBOT
     charted = True
     extends = EGOCENTRIC.name
+    mirror = _mirror()
 
     def __call__(self, view: View) -> Float[Array, " size"]:
         """Return the numbers of a view; errors as of `egocentric`."""

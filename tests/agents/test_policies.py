@@ -27,6 +27,8 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import NUM_ACTIONS, BySide, Role
 from apollonius.io.document import write_atomically
 from apollonius.io.errors import InvalidInput
+from apollonius.observe.egocentric import EGOCENTRIC
+from apollonius.observe.team import TEAM
 from apollonius.play.rollout import begin, collect
 from tests.acting import act, act_in_rows, identical
 from tests.solve.small import SMALL
@@ -148,6 +150,21 @@ def test_a_batch_has_the_values_of_each_observation_and_their_gradients():
     for one, other in zip(jax.tree.leaves(slopes), jax.tree.leaves(theirs), strict=True):
         assert np.abs(other).max() > 1e-4
         np.testing.assert_allclose(one, other, atol=1e-7, rtol=1e-4)
+
+
+@pytest.mark.parametrize("observation", [EGOCENTRIC, TEAM])
+def test_a_symmetric_network_does_not_tell_left_from_right(observation):
+    """And what it says of an action is the mean of both sides, one by one, in a batch and as a player."""
+    plain = make_network(observation.name, 16, 2, jax.random.key(0))
+    network = replace(plain, symmetric=True)
+    seen = jax.random.normal(jax.random.key(1), (5, observation.size))
+    mirrored, exchanged = observation.mirror(seen), [2, 1, 0, 5, 4, 3, 8, 7, 6]
+    values, expected = network.batch(seen), (plain.batch(seen) + plain.batch(mirrored)[:, exchanged]) / 2
+    np.testing.assert_allclose(values, expected, atol=1e-6)
+    np.testing.assert_allclose(network.batch(mirrored), values[:, exchanged], atol=1e-6)
+    np.testing.assert_allclose(jax.vmap(network)(seen), values, atol=1e-6)
+    np.testing.assert_allclose(jax.vmap(Greedy(network).values)(seen), values, atol=1e-6)
+    assert np.abs(values - plain.batch(seen)).max() > 0.01
 
 
 @pytest.mark.parametrize(

@@ -223,5 +223,9 @@ def test_an_agent_that_reads_egocentric_goes_on_in_teams(tmp_path):
     weight = np.asarray(wide.layers[0].weight)
     np.testing.assert_array_equal(weight[:, : network.observation.size], network.layers[0].weight)
     assert not weight[:, network.observation.size :].any()
+    assert not wide.symmetric
+    assert load_first(replace(config, dqn=replace(config.dqn, symmetric=True)), Role.PURSUER).symmetric
+    save_agent(describe(replace(network, symmetric=True), Role.PURSUER, {}, {}), path)
+    assert load_first(config, Role.PURSUER).symmetric
     with pytest.raises(InvalidInput, match="'paper'"):
         load_first(replace(config, dqn=replace(DQN, observation="paper")), Role.PURSUER)

@@ -200,7 +200,7 @@ def look_together(game, states):
     return perceive(TEAM, game, states, Role.PURSUER)[1]
 
 
-def together(pursuers, evaders, out=()):
+def together(pursuers, evaders, out=(), arena=ROOM):
     """What each pursuer sees, of rows of (x, y, v, heading); those with these numbers, pursuers first, are out.
 
     All teams are filled up to the same size with robots that are out, so that few programs are compiled.
@@ -211,7 +211,7 @@ def together(pursuers, evaders, out=()):
         plays = [number < len(side) and first + number not in out for number in range(size)]
         statuses.append([RobotStatus.ACTIVE if one else RobotStatus.HIT_OBSTACLE for one in plays])
     states = jax.tree.map(lambda leaf: leaf[None], state_of(*places, statuses))
-    return np.asarray(look_together(in_teams(divided(), 5, 2), states))[: len(pursuers)]
+    return np.asarray(look_together(in_teams(charted(Game(arena=arena)), 5, 2), states))[: len(pursuers)]
 
 
 def slots(numbers):
@@ -257,6 +257,19 @@ def test_robots_come_by_distance_whatever_their_numbers():
     np.testing.assert_allclose(ours[[0, 2, 1]], again, atol=1e-6)
     np.testing.assert_array_equal(slots(ours[0])[:, 0], [1, 1, 0, 1, 0])
     np.testing.assert_allclose(slots(ours[0])[:2, 3], [1 / 3, 1 / (1 + math.hypot(1, 3))], atol=1e-5)
+
+
+def test_a_mirror_image_has_the_numbers_that_the_mirror_says():
+    """Of the room with its door at the bottom, and of robots of which no two are alike; from the floor to the top."""
+    (wall,) = ROOM.polygons
+    corners = tuple((x, 8.0 - y) for x, y in reversed(wall.vertices))
+    upside_down = replace(ROOM, polygons=(replace(wall, vertices=corners),))
+    team = [(2.0, 3.0, 0.6, 0.5), MATE, THIRD], [PREY, OTHER]
+    images = ([(x, 8.0 - y, v, -heading) for x, y, v, heading in side] for side in team)
+    numbers, image = jnp.asarray(together(*team)), together(*images, arena=upside_down)
+    np.testing.assert_allclose(TEAM.mirror(numbers), image, atol=0.1)
+    np.testing.assert_allclose(EGOCENTRIC.mirror(numbers[:, :FIRST]), image[:, :FIRST], atol=0.1)
+    assert (np.abs(numbers - image) > 0.04).any(axis=0)[[9, 14, FIRST + 2, FIRST + 6, FIRST + 8, FIRST - 1]].all()
 
 
 def test_who_is_out_is_not_seen():
