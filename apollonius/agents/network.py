@@ -26,9 +26,8 @@ class QNetwork(eqx.Module):
     """The value of each of the 9 actions (Fig. 3).
 
     Attributes:
-        symmetric: whether an action has the mean of what the layers say of it and of its mirror image in the mirror
-            image of what is seen, so that right and left are the same to it (as in Abdolhosseini et al., "On learning
-            symmetric locomotion", 2019, with a network for the whole policy instead of its loss).
+        symmetric: whether an action has the mean of what the layers say of it and, in the mirror image of what is seen,
+            of its mirror image. The game is the same there (van der Pol et al., "MDP homomorphic networks", 2020).
     """
 
     layers: Layers

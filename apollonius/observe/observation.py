@@ -58,7 +58,7 @@ class AbstractObservation(Whole):
     """Name of the observation that the first numbers are, if any: its networks can be trained further with this one."""
 
     mirror: ClassVar[Mirror | None] = None
-    """What a mirror image makes of them, where that is known."""
+    """What a mirror image does to the numbers, where that is known."""
 
     @abstractmethod
     def __call__(self, view: View) -> Float[Array, " size"]:
