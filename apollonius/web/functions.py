@@ -8,18 +8,20 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
 from apollonius.agents.searching import Search, is_found
 from apollonius.agents.shield import MARGIN
 from apollonius.arenas.charting import clearances, paths
 from apollonius.game.chart import NO_PATH, Chart, entries
-from apollonius.game.dynamics import Unicycle
+from apollonius.game.dynamics import MIRRORED, Unicycle
 from apollonius.game.game import Game
 from apollonius.game.sensing import Sensing, Sensors
-from apollonius.game.types import GameState, RobotState, RobotStatus, Role, Scalar, choose
+from apollonius.game.types import NUM_ACTIONS, GameState, RobotState, RobotStatus, Role, Scalar, choose
 from apollonius.observe import tracking
 from apollonius.observe.belief import NEVER
+from apollonius.observe.team import TEAM
 from apollonius.observe.view import look
 from apollonius.web.handed import AnyBackup, Field, Floor, Known, Robots, at
 from apollonius.web.site import ROBOTS
@@ -75,15 +77,20 @@ def network(
     weights: Float[Array, " weights"],
     sizes: Int[Array, " layers"],
     count: Int[Array, ""],
+    symmetric: Int[Array, ""],
     inputs: Float[Array, " inputs"],
 ) -> Float[Array, " outputs"]:
-    """Return the outputs of fully connected layers with ReLU between them.
+    """Return the outputs of fully connected layers with ReLU between them, as `apollonius.agents.network.QNetwork`.
 
     Args:
         weights: of each layer, for every `UNITS` units their biases and then, input by input, their weights.
         sizes: numbers of inputs of each layer, and of outputs of the last one.
         count: of layers.
+        symmetric: 1 for a network that is, else 0.
     """
+    assert TEAM.mirror, "it begins with that of egocentric"
+    image = inputs.at[: TEAM.size].set(TEAM.mirror(inputs[: TEAM.size]))
+    exchanged = np.array([*MIRRORED, *range(NUM_ACTIONS, UNITS)])
 
     def layer(number: Int[Array, ""], carry: tuple[Array, Array]) -> tuple[Array, Array]:
         at, hidden = carry
@@ -103,7 +110,13 @@ def network(
 
         return at + blocks * block, jax.lax.fori_loop(0, blocks, some, jnp.zeros_like(hidden))
 
-    return jax.lax.fori_loop(0, count, layer, (jnp.zeros((), jnp.int32), inputs))[1][:UNITS]
+    def add_side(side: Int[Array, ""], total: Array) -> Array:
+        seen = jnp.where(side == 0, inputs, image)
+        said = jax.lax.fori_loop(0, count, layer, (jnp.zeros((), jnp.int32), seen))[1][:UNITS]
+        return total + jnp.where(side == 0, said, said[exchanged])
+
+    total = jax.lax.fori_loop(0, 1 + symmetric, add_side, jnp.zeros(UNITS, jnp.float32))
+    return total / (1 + symmetric).astype(jnp.float32)
 
 
 def clearance_after(robots: Robots, levels: Levels, dt: Scalar, floor: Floor, field: Field) -> Scalar:

@@ -134,7 +134,7 @@ def _examples() -> dict[str, Any]:
         "sizes": whole(MOST_LAYERS + 2),
         "inputs": real(MOST_WIDTH),
         **dict.fromkeys(("x", "y", "side", "radius", "capture_distance", "dt"), number),
-        **dict.fromkeys(("left", "count"), whole()),
+        **dict.fromkeys(("left", "count", "symmetric"), whole()),
     }
 
 

@@ -37,13 +37,15 @@ from tests.export.test_translate import needs_gcc
 from tests.web.test_parity import as_on_the_page, ask, needs_node
 
 CLASSICAL = ("pure-pursuit", "intercept", "flee", "flee-aware", "voronoi-pursuit", "encirclement", "random")
-QUICK = ("paper", "shielded:P_smooth")
+QUICK = {("shielded:P_smooth", "c"), ("shielded:P_smooth", "page"), ("evader", "page")}
+"""Players in `paper`, one of them symmetric."""
 ALL = [
-    pytest.param(game, shield + name, language, marks=() if (game, shield + name) == QUICK else pytest.mark.slow)
+    pytest.param(game, shield + name, language, marks=() if quick else pytest.mark.slow)
     for game in ("paper", "office", "team-3v1", "examples/dodecahedron.toml", "drawn")
     for name in [*zoo_names(), *CLASSICAL]
     for shield in ("", "shielded:")
     for language in ("c", "page")
+    for quick in [game == "paper" and (shield + name, language) in QUICK]
 ]
 ALL += [
     pytest.param("lidar", f"shielded:{name}", "c", marks=pytest.mark.slow) for name in ("search", "searching:pursuer")

@@ -42,12 +42,12 @@ function inBlocks([weight, bias]) {
   return found;
 }
 
-/** Return the outputs of a network: fully connected layers with ReLU between them (Fig. 3). */
-export function outputs({ sizes, weights }, observation) {
+/** Return the outputs of a network: fully connected layers with ReLU between them (Fig. 3), of a symmetric one for both sides. */
+export function outputs({ header, sizes, weights }, observation) {
   addresses.weights = weights;
   given.sizes().set(sizes);
   given.inputs().set(observation);
-  return run.network(sizes.length - 1).slice(0, sizes.at(-1));
+  return run.network(sizes.length - 1, Number(header.symmetric ?? false)).slice(0, sizes.at(-1));
 }
 
 /** Actions by falling value; among equals, the lowest comes first. */
