@@ -77,7 +77,8 @@ def player_names(role: Role, game: Game) -> list[str]:
 def find_pool(names: Sequence[str], role: Role, game: Game) -> Pool:
     """Return the pool of the players of these names; each game meets one.
 
-    Several must be trained agents with networks of one shape, or `random` or `still` beside discrete ones.
+    Several must be trained agents with networks of one shape, all symmetric or none, or `random` or `still` beside
+    discrete ones.
 
     Raises:
         InvalidInput: as `find_player`, for no name, and for players that do not go together.
@@ -90,8 +91,8 @@ def find_pool(names: Sequence[str], role: Role, game: Game) -> Pool:
     networks = [policy.network for policy in policies if isinstance(policy, Greedy | SquashedMean)]
     bound = "one player, or trained agents with networks of one shape, and random and still beside discrete ones"
     together = all(isinstance(policy, Greedy | SquashedMean | Uniform | Still) for policy in policies)
-    alike = len({tuple(leaf.shape for leaf in jax.tree.leaves(network)) for network in networks}) == 1
-    require(together and alike, side, listed, bound)
+    shapes = {(jax.tree.structure(one), *(leaf.shape for leaf in jax.tree.leaves(one))) for one in networks}
+    require(together and len(shapes) == 1, side, listed, bound)
     network = networks[0]
     require(len(networks) == len(policies) or isinstance(network, QNetwork), side, listed, bound)
 

@@ -242,6 +242,16 @@ def test_players_that_do_not_go_together_make_no_pool(names):
         find_pool(names, Role.PURSUER, PAPER)
 
 
+def test_symmetric_agents_and_others_make_no_pool(tmp_path):
+    files = [str(tmp_path / f"{index}.safetensors") for index in range(3)]
+    for file, symmetric in zip(files, (True, False, True), strict=True):
+        network = make_network("egocentric", 4, 2, jax.random.key(0), symmetric)
+        save_agent(describe(network, Role.PURSUER, {}, {}), Path(file))
+    assert find_pool(files[::2], Role.PURSUER, PAPER).size == 2
+    with pytest.raises(InvalidInput, match="pursuers = "):
+        find_pool(files, Role.PURSUER, PAPER)
+
+
 def test_it_is_known_who_has_learned_in_another_arena_only():
     maze, charts = find_game("maze"), charted(PAPER)
     asked = [("P_curriculum", one) for one in (PAPER, charts, maze)] + [("pursuer", maze), ("still", maze)]
