@@ -264,7 +264,7 @@ def test_a_mirror_image_has_the_numbers_that_the_mirror_says():
     (wall,) = ROOM.polygons
     corners = tuple((x, 8.0 - y) for x, y in reversed(wall.vertices))
     upside_down = replace(ROOM, polygons=(replace(wall, vertices=corners),))
-    team = [(2.0, 3.0, 0.6, 0.5), MATE, THIRD], [PREY, OTHER]
+    team = [(3.7, 3.0, 0.8, 1.4), MATE, THIRD], [PREY, OTHER]
     images = ([(x, 8.0 - y, v, -heading) for x, y, v, heading in side] for side in team)
     numbers, image = jnp.asarray(together(*team)), together(*images, arena=upside_down)
     np.testing.assert_allclose(TEAM.mirror(numbers), image, atol=0.1)
