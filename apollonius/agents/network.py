@@ -26,8 +26,8 @@ class QNetwork(eqx.Module):
     """The value of each of the 9 actions (Fig. 3).
 
     Attributes:
-        symmetric: whether an action has the mean of what the layers say of it and, in the mirror image of what is seen,
-            of its mirror image. The game is the same there (van der Pol et al., "MDP homomorphic networks", 2020).
+        symmetric: True to average the value of each action with that of its mirror image in the mirrored observation.
+            The game has this symmetry (van der Pol et al., "MDP homomorphic networks", 2020).
     """
 
     layers: Layers
@@ -42,7 +42,7 @@ class QNetwork(eqx.Module):
         return self.by(apply_to_batch, observations)
 
     def by(self, layers: Callable[[Layers, Array], Array], seen: Float[Array, "*batch size"]) -> Array:
-        """Return the outputs, where `layers` is how layers are applied."""
+        """Return the action values; `layers` is the function that applies the layers to observations."""
         values = layers(self.layers, seen)
         if not self.symmetric:
             return values

@@ -46,7 +46,7 @@ class AgentHeader:
     network: str = "values"
     """Kind of its network: the `values` of the actions, or the `gaussian` of their levels."""
     symmetric: bool = False
-    """Whether it values actions as their mirror images (`apollonius.agents.network`)."""
+    """True if the network treats left and right alike (`apollonius.agents.network.QNetwork`)."""
 
     def __post_init__(self) -> None:
         require(self.role in ("pursuer", "evader"), "role", self.role, "pursuer or evader")

@@ -37,7 +37,7 @@ class LearnerConfig:
     depth: int = 4
     """Number of hidden layers (Fig. 3)."""
     symmetric: bool = False
-    """Whether left and right are the same to the network: for one of action values that reads egocentric or team."""
+    """True to train a network that treats left and right alike; needs action values and `egocentric` or `team`."""
     gamma: float = 0.99
     """Discount of a step (section IV)."""
     learning_rate: float = 5e-4

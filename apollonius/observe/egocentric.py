@@ -31,7 +31,7 @@ Courses = tuple[Float[Array, "16"], Float[Array, "16"], Float[Array, "16"]]
 
 
 def _mirror() -> Mirror:
-    """Return what a mirror image makes of the numbers: directions on the left and on the right are exchanged."""
+    """Return the mirror of the numbers: it exchanges directions on the left and on the right."""
     rays, longer = 23, 23 + RAYS + 3
     shorter = longer + COURSES
     first, braking = shorter + 2, shorter + 2 + COURSES

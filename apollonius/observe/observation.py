@@ -36,7 +36,7 @@ WHOLE = Whole()
 
 @dataclass(frozen=True)
 class Mirror:
-    """What the mirror image of a view makes of its numbers: another order, and the other sign of some."""
+    """The change from the numbers of a view to those of its mirror image: a permutation and some flipped signs."""
 
     order: tuple[int, ...]
     signs: tuple[int, ...]
@@ -58,7 +58,7 @@ class AbstractObservation(Whole):
     """Name of the observation that the first numbers are, if any: its networks can be trained further with this one."""
 
     mirror: ClassVar[Mirror | None] = None
-    """What a mirror image does to the numbers, where that is known."""
+    """The change from its numbers to those of the mirror image; None if it has no such change."""
 
     @abstractmethod
     def __call__(self, view: View) -> Float[Array, " size"]:

@@ -19,7 +19,7 @@ OF_A_ROBOT = 13
 
 
 def _mirror() -> Mirror:
-    """Return what a mirror image makes of the numbers: those of a robot that are positive to the left change sign."""
+    """Return the mirror of the numbers: it flips the sign of those of a robot that are positive to the left."""
     first = EGOCENTRIC.mirror
     assert first, "it has one"
     signs = [-1 if number in (2, 6, 8) else 1 for number in range(OF_A_ROBOT)] * (MATES + OPPONENTS)

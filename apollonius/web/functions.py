@@ -86,7 +86,7 @@ def network(
         weights: of each layer, for every `UNITS` units their biases and then, input by input, their weights.
         sizes: numbers of inputs of each layer, and of outputs of the last one.
         count: of layers.
-        symmetric: 1 for a network that is, else 0.
+        symmetric: 1 for a symmetric network, otherwise 0.
     """
     assert TEAM.mirror, "it begins with that of egocentric"
     image = inputs.at[: TEAM.size].set(TEAM.mirror(inputs[: TEAM.size]))
