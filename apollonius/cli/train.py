@@ -68,6 +68,7 @@ def run_train(options: argparse.Namespace) -> int:
     from apollonius.learn.config import sweep
     from apollonius.learn.folder import create_run
     from apollonius.learn.run import load_first
+    from apollonius.learn.setting import require_players
 
     config = _requested_config(options)
     require(options.seed is None or not options.seeds, "--seed", options.seed, "left out with --seeds")
@@ -81,6 +82,8 @@ def run_train(options: argparse.Namespace) -> int:
         find_pool(one.evaders, Role.EVADER, one.game)  # refused here, before anything is written
         for role in Role:
             load_first(one, role)
+        if one.one_side is not None:
+            require_players(one.one_side, one.game)
     if values and folder.exists():
         is_new = options.force or not any(folder.iterdir())
         require(is_new, "--out", folder, "a new folder, as this one is not empty; choose another or force it")

@@ -21,7 +21,7 @@ class InvalidInput(ValueError):
 def shown(value: object, longest: int = _LONGEST_VALUE) -> str:
     """Return a value as part of a message: one line without control characters, its middle left out if it is long."""
     try:
-        text = str(value)
+        text = str(value).lower() if isinstance(value, bool) else str(value)  # as TOML and JSON write it
     except ValueError:  # Python writes no whole number of more than 4,300 digits
         text = "a number of thousands of digits"
     if len(text) > longest:

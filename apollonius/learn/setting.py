@@ -14,7 +14,7 @@ from apollonius.game.types import Real, Role
 from apollonius.io.errors import require
 from apollonius.learn.learner_config import LearnerConfig
 from apollonius.learn.ppo_config import PPOConfig
-from apollonius.learn.stage_config import OneSideConfig, ResponseConfig, Task
+from apollonius.learn.stage_config import DistillationConfig, OneSideConfig, ResponseConfig, Task
 from apollonius.observe.registry import find_observation
 
 Players = dict[tuple[str, Role], Named]
@@ -67,6 +67,18 @@ def _charted_as(game: Game, others: Sequence[Game], are_read: bool) -> Game:
 
 def cast(game: Game, names: Mapping[Role, Sequence[str]]) -> tuple[Game, Players]:
     """Return a game, with charts where its players of these names read them, and these; `TABLE` is nobody here."""
-    asked = {(name, role) for role in names for name in names[role] if name != TABLE}
-    players = {each: find_player(*each, game) for each in asked}
+    players = _found(game, names)
     return charted(game, any(player.policy.charted for player in players.values())), players
+
+
+def _found(game: Game, names: Mapping[Role, Sequence[str]]) -> Players:
+    asked = {(name, role) for role in names for name in names[role] if name != TABLE}
+    return {each: find_player(*each, game) for each in asked}
+
+
+def require_players(stage: OneSideConfig, game: Game) -> None:
+    """Refuse, by InvalidInput, opponents and a teacher that cannot be found."""
+    tasks = stage.tasks if isinstance(stage, ResponseConfig) else ()
+    teachers = (stage.teacher,) if isinstance(stage, DistillationConfig) else ()
+    for task in (Task(game), *tasks):
+        _found(task.game, {stage.side: teachers, stage.side.other: task.opponents or stage.opponents})

@@ -184,6 +184,8 @@ REFUSED = {
     "train --game chess": "paper, four-small, one-large, zero-sum",
     'train --stage fixed-target --vary evaders=["nobody"]': "'nobody': choose one of random, still",
     'train --stage fixed-target --vary evaders=["random","still"]': "random, still is not possible",
+    'train --vary stages=response --vary response.opponents=["nobody"]': "'nobody': choose one of random, still",
+    "train --vary stages=distillation --vary distillation.teacher=nobody": "'nobody': choose one of random, still",
     "train --stage self-play --vary evader=random": "no agent is called 'random'",
     "evaluate random still --games 5 --record 6": "--record = 6 is not possible: it must be from 0 to --games = 5",
     "evaluate random still --vary pursuer.radius=0:6:2": "with pursuer.radius = 6",
@@ -303,7 +305,7 @@ def test_a_random_arena_in_place_of_several_is_the_one_that_is_played():
     ("variable", "value", "status", "line"),
     [
         ("JAX_PLATFORMS", "nope", 2, "JAX_PLATFORMS = nope is not possible"),
-        ("JAX_ENABLE_X64", "1", 2, "JAX_ENABLE_X64 = True is not possible"),
+        ("JAX_ENABLE_X64", "1", 2, "JAX_ENABLE_X64 = true is not possible"),
         ("PYTHONIOENCODING", "ascii:strict", 0, ""),
     ],
 )

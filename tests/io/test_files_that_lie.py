@@ -148,7 +148,7 @@ LIES = [
     ("agent", {"observation": "lidar"}, "lidar (8 numbers); this program has paper (8), encoded (17)"),
     ("agent", {"observation_size": 10}, "observation paper (10 numbers)"),
     *[("agent", lie, "do not fit its header") for lie in ({"width": 7}, {"depth": 3}, {"depth": 1})],
-    ("agent", {"symmetric": True}, "symmetric = True is not possible: it must be false where a network is of 'paper'"),
+    ("agent", {"symmetric": True}, "symmetric = true is not possible: it must be false where a network is of 'paper'"),
     *[("agent", {"version": version}, f"version {version}") for version in (2, 0, "1")],
     ("agent", {"network": "gaussian"}, "do not fit"), ("agent", {"network": "sideways"}, "of the kind sideways"),
     ("agent", {"depth": 10**6}), ("agent", {"depth": 1e300}), ("agent", {"width": True}),
