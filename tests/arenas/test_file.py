@@ -69,7 +69,7 @@ def test_every_preset_is_itself_again_from_its_file(name, suffix, tmp_path):
         ("dt = ", "no TOML file"),
         (b"\xff\xfe", "no TOML file"),
         ("a = " + "[" * 5000, "no TOML file"),
-        ("dt = true", "dt = True .* finite number"),
+        ("dt = true", "dt = true .* finite number"),
         ("dt = 1" + "0" * 400, "dt = .* within 1e"),
         ("dt = 1e-320", "more than 0 s"),
         ("max_steps = 99999999999999", "max_steps = 99999999999999 .* at most 2147483647"),

@@ -459,7 +459,7 @@ def test_reach_is_solved_once_and_then_loaded(capsys, monkeypatch):
         patch.setattr("apollonius.solve.solving.solve_reach", None)
         assert run_json(capsys, *arguments, "2") == first
     assert_refused(capsys, *arguments, "3", naming=("tables/six.safetensors", "another problem", "--force"))
-    assert_refused(capsys, *arguments, "3", "--whole-cells", naming=("whole_cells = True", "all but game"))
+    assert_refused(capsys, *arguments, "3", "--whole-cells", naming=("whole_cells = true", "all but game"))
     Path("t.safetensors").write_text("mine")
     safety = ("solve", "safety", *coarse, "--out", "t.safetensors")
     assert_refused(capsys, *safety, naming=("t.safetensors", "not a whole"))

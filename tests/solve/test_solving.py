@@ -159,7 +159,7 @@ def test_nothing_is_interpolated_where_a_hold_moves_robots_by_whole_cells(role):
     steps = -HORIZON / CRAMPED.dt * np.log(values[values > 0])
     assert len(np.unique(np.round(steps))) > 5
     np.testing.assert_allclose(steps, np.round(steps), atol=0.2)
-    with pytest.raises(InvalidInput, match=r"whole_cells = True.*left out for all but game"):
+    with pytest.raises(InvalidInput, match=r"whole_cells = true.*left out for all but game"):
         replace(problem, kind="safety")
 
 

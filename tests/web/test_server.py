@@ -186,7 +186,7 @@ def test_a_game_of_teams_is_a_game_of_two_by_another_name(tmp_path):
     choice = choose(Role.EVADER, "pursuer", f"team-3v1/{tmp_path / 'hall.toml'}", 0)
     assert (choice.game, choice.games["hall"].size) == ("team-3v1/hall", "1 v 1")
     (tmp_path / "bodies.toml").write_text("pursuers = 2\nmates_collide = true\n")
-    with pytest.raises(InvalidInput, match=r"mates_collide = True .* false in the page"):
+    with pytest.raises(InvalidInput, match=r"mates_collide = true .* false in the page"):
         choose(Role.EVADER, None, str(tmp_path / "bodies.toml"), 0)
     (tmp_path / "pack.toml").write_text("pursuers = 4\n")
     catalogue = published(tmp_path / "site", choose(Role.PURSUER, None, str(tmp_path / "pack.toml"), 0))
