@@ -14,7 +14,7 @@ from apollonius.game.types import Real, Role
 from apollonius.io.errors import require
 from apollonius.learn.learner_config import LearnerConfig
 from apollonius.learn.ppo_config import PPOConfig
-from apollonius.learn.stage_config import DistillationConfig, OneSideConfig, ResponseConfig, Task
+from apollonius.learn.stage_config import OneSideConfig, ResponseConfig
 from apollonius.observe.registry import find_observation
 
 Players = dict[tuple[str, Role], Named]
@@ -42,11 +42,11 @@ def settings_of(stage: ResponseConfig, learner: PPOConfig, game: Game) -> list[S
     """
     require_room_to_brake(stage, learner)
     reads, known, settings = find_observation(learner.observation).charted, list[Game](), list[Setting]()
-    for task in (Task(game), *stage.tasks):
-        known.append(_charted_as(task.game, known, reads))
-        names = task.opponents or stage.opponents
-        here, players = cast(stage.trained_in(known[-1]), {stage.side.other: names})
-        settings.append(Setting(here, tuple(players[name, stage.side.other].policy for name in names), learner.price))
+    other = stage.side.other
+    for one, names in stage.casts(game):
+        known.append(_charted_as(one, known, reads))
+        here, players = cast(stage.trained_in(known[-1]), names)
+        settings.append(Setting(here, tuple(players[name, other].policy for name in names[other]), learner.price))
     return settings
 
 
@@ -78,7 +78,5 @@ def _found(game: Game, names: Mapping[Role, Sequence[str]]) -> Players:
 
 def require_players(stage: OneSideConfig, game: Game) -> None:
     """Refuse, by InvalidInput, opponents and a teacher that cannot be found."""
-    tasks = stage.tasks if isinstance(stage, ResponseConfig) else ()
-    teachers = (stage.teacher,) if isinstance(stage, DistillationConfig) else ()
-    for task in (Task(game), *tasks):
-        _found(task.game, {stage.side: teachers, stage.side.other: task.opponents or stage.opponents})
+    for here, names in stage.casts(game):
+        _found(here, names)

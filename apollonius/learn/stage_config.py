@@ -103,6 +103,10 @@ class OneSideConfig(StageConfig):
     def side(self) -> Role:
         return Role[self.role.upper()]
 
+    def casts(self, game: Game) -> list[tuple[Game, dict[Role, tuple[str, ...]]]]:
+        """Return the games of a run in this one, each with the names of its players by side."""
+        return [(game, {self.side.other: self.opponents})]
+
 
 @dataclass(frozen=True)
 class ResponseConfig(OneSideConfig):
@@ -126,6 +130,10 @@ class ResponseConfig(OneSideConfig):
         require_within(self, 0, 1, "retries", "kept")
         alike = all(len(task.opponents) in (0, len(self.opponents)) for task in self.tasks)
         require(alike, "tasks: opponents", "given", f"{len(self.opponents)} names, as those of the stage, or left out")
+
+    def casts(self, game: Game) -> list[tuple[Game, dict[Role, tuple[str, ...]]]]:
+        tasks = Task(game), *self.tasks
+        return [(task.game, {self.side.other: task.opponents or self.opponents}) for task in tasks]
 
 
 @dataclass(frozen=True)
@@ -161,6 +169,9 @@ class DistillationConfig(OneSideConfig):
         bound = "left out: tables know the rules' own robots only"
         require(not (self.randomise and self.solves), "randomise", "some numbers", bound)
         require(self.grid is None or len(self.grid) == 4, "grid", self.grid, "four numbers of nodes, or left out")
+
+    def casts(self, game: Game) -> list[tuple[Game, dict[Role, tuple[str, ...]]]]:
+        return [(here, names | {self.side: (self.teacher,)}) for here, names in super().casts(game)]
 
     @property
     def solves(self) -> bool:

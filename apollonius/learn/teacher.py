@@ -100,7 +100,7 @@ def make_lessons(config: RunConfig, game: Game, folder: Path | None) -> list[Les
     """
     stage, role, scenario = config.distillation, config.distillation.side, game.scenario
     require_room_to_brake(stage, config.learner)
-    asked = {role: (stage.teacher,), role.other: stage.opponents}
+    ((_, asked),) = stage.casts(game)
     if not stage.solves:
         here, players = cast(stage.trained_in(game), asked)
         return [_lessons(stage, players, here, None)]

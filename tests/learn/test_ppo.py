@@ -21,7 +21,7 @@ from apollonius.learn.drawing import Drawing
 from apollonius.learn.ppo_config import PPOConfig
 from apollonius.learn.replay_buffer import Row
 from apollonius.learn.run import Run, load_first
-from apollonius.learn.setting import settings_of
+from apollonius.learn.setting import require_players, settings_of
 from apollonius.learn.stage_config import ResponseConfig, Task
 from apollonius.observe.egocentric import BRAKING, EGOCENTRIC, ROOM
 from apollonius.observe.registry import find_observation
@@ -61,6 +61,13 @@ def learner():
 
 def learned(learner, row, plan=PLAN, iterations=0):
     return eqx.filter_jit(ppo._learn)(plan, learner, row, jnp.int32(iterations), jnp.int32(0), jax.random.key(2))
+
+
+def test_unknown_opponents_are_refused_in_every_task():
+    known, unknown = (Task(RUN.game, ("still", name)) for name in ("random", "nobody"))
+    require_players(replace(STAGE, tasks=(known,)), RUN.game)
+    with pytest.raises(InvalidInput, match="'nobody'"):
+        require_players(replace(STAGE, tasks=(known, unknown)), RUN.game)
 
 
 def test_actions_are_drawn_as_often_as_their_values_as_logits_say():
