@@ -344,6 +344,8 @@ def test_shields_get_one_structure_and_leave_as_much_room_as_before():
     after = alike(before)
     shapes = [jax.tree.map(jnp.shape, policy) for policy in after]
     assert jax.tree.structure(after[0]) == jax.tree.structure(after[1])
+    assert [policy.backup.steps for policy in after] == [before[1].backup.steps] * 2  # from 1.8 m/s it takes longest
+    assert before[0].backup.steps < before[1].backup.steps
     assert shapes[0] == shapes[1] != jax.tree.map(jnp.shape, before[0])
     places = np.random.default_rng(0).uniform((1, 1, -3), (9, 9, 3), (200, 3)).astype(np.float32).T
 
