@@ -23,7 +23,7 @@ _MARGIN = 0.1
 _FAR = 1e3
 """Length of a missing way [m]."""
 _RECENT = 1.05
-"""Age of a sighting [s] up to which it is driven to: longer than any delay."""
+"""Age of a sighting [s] up to which it is driven to."""
 _AT_HAND = 1.0
 """Length of a path [m] up to which a cell is at hand."""
 _CAUTION = 8.0

@@ -139,8 +139,8 @@ class RobotState(eqx.Module):
 
 
 class Sight(eqx.Module):
-    """The age [s] of the last sighting of each opponent, which stands for its state; with a chart, the time since
-    each coarse cell was last seen [s], negative where no opponent can be.
+    """For how long each opponent has been hidden [s], whose last sighting stands for its state; with a chart, the time
+    since each coarse cell was last seen [s], negative where no opponent can be.
     """
 
     ages: tuple[Scalar, ...]

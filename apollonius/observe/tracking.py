@@ -28,8 +28,9 @@ class Track(eqx.Module):
 
     Attributes:
         own: their own states, with the errors of their sensors.
-        opponents: last sightings; of those never seen the middle of the arena, at rest.
-        ages: times since then [s].
+        opponents: where they were when they were seen last, as `learn` tells it; of those never seen the middle of the
+            arena, at rest.
+        ages: for how long they have been hidden [s].
         late: what they saw in the latest steps and do not know yet, the newest first; None without a delay.
         belief: as old as what they know; None without a chart.
         sightings: in the game so far; None where nobody counts them.
@@ -91,13 +92,18 @@ def delayed(sensors: Sensors, late: Percept | None, percept: Percept) -> tuple[P
 def learn(game: Game, track: Track, percept: Percept, state: GameState, role: Role) -> Track:
     """Return what one side knows after a percept as old as its sensors' delay, in a game in one arena, with sensors of
     this side; of the state only who is in play counts.
+
+    Opponents in it are taken to have driven straight on at their speeds since then (dead reckoning).
     """
     sensors = game.sensors and game.sensors[role]
     assert sensors is not None, "a side without them knows everything"
-    age = jnp.zeros(()) if sensors.delay is None else jnp.asarray(sensors.delay, jnp.float32) * game.dt
-    opponents = tuple(map(choose, percept.seen, percept.opponents, track.opponents))
+    now, zero = percept.opponents, jnp.zeros(())
+    if sensors.delay is not None:
+        late, bodies = jnp.asarray(sensors.delay, jnp.float32) * game.dt, game.bodies[role.other]
+        now = tuple(body.move(robot, zero, zero, late) for body, robot in zip(bodies, now, strict=True))
+    opponents = tuple(map(choose, percept.seen, now, track.opponents))
     ages = tuple(
-        jnp.where(seen, age, jnp.minimum(old + game.dt, NEVER))
+        jnp.where(seen, zero, jnp.minimum(old + game.dt, NEVER))
         for old, seen in zip(track.ages, percept.seen, strict=True)
     )
     after = track.belief and _believed(game, sensors, track.belief, percept, state, role)

@@ -148,11 +148,23 @@ def test_sightings_are_remembered_with_their_age_and_delay():
             ages.append(float(known.sight.ages[0]))
             places.append(float(known.evader.y))
         seen = [step - late for step in range(8)]
-        expected = [tracking.NEVER if at < 0 else (0.1 * late if at < 4 else 0.1 * (late + at - 3)) for at in seen]
+        expected = [tracking.NEVER if at < 0 else 0.1 * max(at - 3, 0) for at in seen]
         assert ages == pytest.approx(expected, rel=1e-4)
         assert places == pytest.approx([5.0 if at < 0 else 7.5 - 0.05 * min(at, 3) for at in seen])
         assert tracking.begin(game, state, Role.EVADER) is None
         assert tracking.believed(game, None, state, Role.EVADER) is state
+
+
+def test_an_opponent_seen_late_is_where_its_course_has_led_it_since():
+    game = replace(find_game("one-large"), sensors=Sensing(pursuer=Sensors(line_of_sight=True, delay=2)))
+    state = game.reset(jax.random.key(0))
+    track, places = tracking.begin(game, state, Role.PURSUER), []
+    for step in range(8):
+        evader = robot(2.0 + 0.1 * step, 2.0, v=1.0) if step < 4 else robot(8.0, 5.0)
+        state = replace(state, robots=BySide((robot(2.0, 5.0),), (evader,)))
+        track, known = update(game, Role.PURSUER, track, state, jnp.uint32(step))
+        places.append(float(known.evader.x))
+    assert places[2:] == pytest.approx([2.0 + 0.1 * min(step, 5) for step in range(2, 8)])
 
 
 def looking(game, places, evader):
