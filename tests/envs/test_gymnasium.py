@@ -253,7 +253,7 @@ def one_by_one():
 
 
 def test_a_robot_with_sensors_sees_late_and_one_with_a_drive_moves_late_in_every_interface():
-    """The evader flees the same way in all, as it sees everything; where it is is told by where it was and went."""
+    """The evader flees the same way in all, as it sees everything. It is believed to have driven straight on."""
     late = replace(WALL["game"], drives=Drives(pursuer=Drive(lag=3)))
     delayed = replace(late, sensors=Sensing(pursuer=Sensors(delay=2)))
     seen = []
