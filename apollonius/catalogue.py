@@ -9,12 +9,13 @@ import jax.numpy as jnp
 
 from apollonius.agents.built_in import BuiltIn
 from apollonius.agents.classical import BRAKE_STRAIGHT, Still, Uniform
+from apollonius.agents.departure import Departing
 from apollonius.agents.kind import AbstractKind, Named, unknown
 from apollonius.agents.names import SEARCHING, SHIELDED
 from apollonius.agents.network import QNetwork, valuing
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
 from apollonius.agents.pool import Pool, solo, stack
-from apollonius.agents.searching import Search, Searching
+from apollonius.agents.searching import Searching
 from apollonius.agents.shield import shielded
 from apollonius.agents.trained import Greedy, SquashedMean, Trained, exploring
 from apollonius.game.game import Game
@@ -46,12 +47,11 @@ def find_player(name: str, role: Role, game: Game) -> Named:
         return replace(bare, name=SHIELDED + bare.name, policy=shielded(bare.policy, game, role))
     if name.startswith(SEARCHING):
         bare = find_player(name.removeprefix(SEARCHING), role, game)
-        values, searches = bare.policy, find_player("search", role, game).policy
-        nine = "followed by a player that values the nine actions"
-        require(isinstance(values, AbstractActionValuePolicy), SEARCHING, bare.name, nine)
-        assert isinstance(values, AbstractActionValuePolicy)
-        assert isinstance(searches, Search)
-        return replace(bare, name=SEARCHING + bare.name, policy=Searching(values, searches))
+        bound = "followed by a player that values the nine actions and finds its way by the chart, as pursuer does"
+        require(role is Role.PURSUER, SEARCHING, bare.name, "left out for an evader: the pursuer only searches")
+        require(bare.policy.charted and isinstance(bare.policy, AbstractActionValuePolicy), SEARCHING, bare.name, bound)
+        assert isinstance(bare.policy, AbstractActionValuePolicy)
+        return replace(bare, name=SEARCHING + bare.name, policy=Searching(bare.policy))
     for kind in KINDS:
         if found := kind.find(name, role, game):
             return found
@@ -88,6 +88,7 @@ def find_pool(names: Sequence[str], role: Role, game: Game) -> Pool:
     policies = [find_player(name, role, game).policy for name in names]
     if len(policies) == 1:
         return solo(policies[0])
+    policies = [policy.policy if isinstance(policy, Departing) else policy for policy in policies]
     networks = [policy.network for policy in policies if isinstance(policy, Greedy | SquashedMean)]
     bound = "one player, or trained agents with networks of one shape, and random and still beside discrete ones"
     together = all(isinstance(policy, Greedy | SquashedMean | Uniform | Still) for policy in policies)

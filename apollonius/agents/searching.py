@@ -1,5 +1,7 @@
 """Players that find their way by the chart, and go by what they believe: one that searches, one that hides."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
@@ -28,6 +30,8 @@ _AT_HAND = 1.0
 """Length of a path [m] up to which a cell is at hand."""
 _CAUTION = 8.0
 """Length of a pursuer's way [m] beyond which a place is no safer."""
+_NOWHERE = -1
+"""In place of the coarse cell that a robot drives to: none."""
 
 
 class AbstractWayfinder(AbstractSteering):
@@ -75,51 +79,40 @@ class Search(AbstractWayfinder):
     @property
     def memory(self) -> Int[Array, ""]:
         """The coarse cell that it drives to; -1 for none."""
-        return jnp.full((), -1, jnp.int32)
+        return jnp.full((), _NOWHERE, jnp.int32)
 
     def weigh(self, seen: View, memory: Int[Array, ""], bits: Bits) -> tuple[Float[Array, "9"], Memory]:
-        words = mixed(bits, jnp.arange(1, COARSE**2 + 1, dtype=jnp.uint32))
-        shares = (words >> 8).astype(jnp.float32) / 2**24
-        return (self.values(seen), memory) if seen.belief is None else self.look_on(seen, memory, shares)
-
-    def look_on(
-        self, seen: View, memory: Int[Array, ""], shares: Float[Array, " coarse"]
-    ) -> tuple[Float[Array, "9"], Int[Array, ""]]:
-        """Return the values of the actions, and the cell that it drives to, drawn by random shares from 0 to 1."""
-        chart, opponent, own = seen.chart, seen.opponent, seen.own.state
-        assert seen.belief is not None, "it searches"
-        unseen = seen.belief.ravel()
-        drawn = jnp.argmax(shares * prospects(chart, seen.belief, own).ravel()).astype(jnp.int32)
-        stays = (memory >= 0) & (unseen[memory] >= 0) & (chart.lengths_from(own.x, own.y).ravel()[memory] > _AT_HAND)
-        cell, found = jnp.where(stays, memory, drawn), is_found(seen)
-        place = choose(found, opponent.state, middle_of(chart, cell))
-        return self.towards(seen.own, *self.way(seen, place)), jnp.where(found, -1, cell)
+        sought, cell = sought_by(seen, memory, random_shares(bits))
+        return self.values(sought), cell
 
     def course(self, seen: View) -> tuple[Scalar, Scalar]:
         return self.way(seen, seen.opponent.state)
 
 
 class Searching(AbstractActionValuePolicy):
-    """Another pursuer, which searches as `Search` does while it does not see its opponent."""
+    """Another pursuer, which hunts for its opponent at the places of `Search` while it does not see it.
+
+    It drives there as it drives to an opponent, so it keeps what it knows of walls, its body and its drive.
+    """
 
     policy: AbstractActionValuePolicy
-    search: Search
 
     @property
     def charted(self) -> bool:
         return True
 
     @property
-    def memory(self) -> tuple[Memory, Memory]:
-        return self.policy.memory, self.search.memory
+    def memory(self) -> tuple[Memory, Int[Array, ""]]:
+        """The memory of the pursuer, and the coarse cell that it drives to; -1 for none."""
+        return self.policy.memory, jnp.full((), _NOWHERE, jnp.int32)
 
     def values(self, seen: View) -> Float[Array, "9"]:
         return self.policy.values(self.policy.observation(seen))
 
-    def weigh(self, seen: View, memory: tuple[Memory, Memory], bits: Bits) -> tuple[Float[Array, "9"], Memory]:
-        own, own_memory = self.policy.weigh(self.policy.observation(seen), memory[0], bits)
-        search, place = self.search.weigh(seen, memory[1], bits)
-        return jnp.where(is_found(seen), own, search), (own_memory, place)
+    def weigh(self, seen: View, memory: tuple[Memory, Int[Array, ""]], bits: Bits) -> tuple[Float[Array, "9"], Memory]:
+        sought, cell = sought_by(seen, memory[1], random_shares(bits))
+        values, own_memory = self.policy.weigh(self.policy.observation(sought), memory[0], bits)
+        return values, (own_memory, cell)
 
 
 class Hide(AbstractWayfinder):
@@ -141,6 +134,31 @@ class Hide(AbstractWayfinder):
         away = separation(seen.own.state, place)
         stopping = jnp.sqrt(2 * seen.own.body.u1_max * jnp.maximum(away - 0.2, 0.0))
         return heading, jnp.minimum(speed, stopping)
+
+
+def sought_by(seen: View, cell: Int[Array, ""], shares: Float[Array, " coarse"]) -> tuple[View, Int[Array, ""]]:
+    """Return the view of a robot that searches, whose opponents are at rest at a place where one can be, and that
+    place's coarse cell, drawn by random shares from 0 to 1; where an opponent is found, the view itself, and -1.
+
+    Args:
+        cell: the place that it drives to; -1 for none.
+    """
+    if seen.belief is None:
+        return seen, cell
+    chart, own = seen.chart, seen.own.state
+    drawn = jnp.argmax(shares * prospects(chart, seen.belief, own).ravel()).astype(jnp.int32)
+    can_be_there = seen.belief.ravel()[cell] >= 0
+    is_far = chart.lengths_from(own.x, own.y).ravel()[cell] > _AT_HAND
+    place, found = jnp.where((cell >= 0) & can_be_there & is_far, cell, drawn), is_found(seen)
+    rest = middle_of(chart, place)
+    opponents = tuple(replace(robot, state=choose(found, robot.state, rest)) for robot in seen.opponents)
+    return replace(seen, opponents=opponents), jnp.where(found, _NOWHERE, place)
+
+
+def random_shares(bits: Bits) -> Float[Array, " coarse"]:
+    """Return a random number from 0 to 1 for each coarse cell of a chart."""
+    words = mixed(bits, jnp.arange(1, COARSE**2 + 1, dtype=jnp.uint32))
+    return (words >> 8).astype(jnp.float32) / 2**24
 
 
 def is_found(seen: View) -> Flag:

@@ -13,13 +13,14 @@ from jaxtyping import Array, Float, Int
 from apollonius.agents.batching import batched_by, spread
 from apollonius.agents.policy import AbstractPolicy, AbstractWrapper, Memory
 from apollonius.game.arena import Arena
+from apollonius.game.drive import turning
 from apollonius.game.dynamics import Unicycle, action_levels, unit_vector
 from apollonius.game.game import Game
 from apollonius.game.nearby import Surroundings, surroundings
 from apollonius.game.polygon import Edges
 from apollonius.game.types import NUM_ACTIONS, Action, Actions, Bits, Flag, Real, RobotState, Role, Scalar
 from apollonius.io.errors import require
-from apollonius.observe.view import View
+from apollonius.observe.view import Robot, View
 
 MARGIN = 1e-3
 """Clearance [m] that must be left: many times what rounding can make of it."""
@@ -29,19 +30,25 @@ _TRIED = 8
 """Robots that may not do what they want for which all actions are tried at a time."""
 
 
+class Motion(eqx.Module):
+    """A robot on a manoeuvre: its state and, of a drive that turns slowly, its turn rate [rad/s]."""
+
+    state: RobotState
+    turn_rate: Scalar | None
+
+
 class Backup(eqx.Module):
     """Manoeuvres in which a robot comes to rest, played by the rules' own dynamics and contact.
 
     Attributes:
-        arena, body, dt: what the manoeuvres are tried on.
+        arena, dt: where the manoeuvres are tried, and for how long an action is held [s].
         steps: how many steps they last.
         manoeuvres: the braking action that each holds to the end.
         surroundings: the arena's polygons by where a robot is; None: all are looked at from everywhere.
-        anywhere: whether arena and body are those of the view, where they differ from state to state or robot to robot.
+        anywhere: whether the arena is that of the view, where it differs from state to state.
     """
 
     arena: Arena
-    body: Unicycle
     dt: Real
     steps: int = eqx.field(static=True)
     manoeuvres: tuple[int, ...] = eqx.field(static=True, default=BRAKING)
@@ -50,46 +57,50 @@ class Backup(eqx.Module):
 
     def of(self, view: View) -> "Backup":
         """Return the manoeuvres of the robot that sees this."""
-        return replace(self, arena=view.arena, body=view.own.body) if self.anywhere else self
+        return replace(self, arena=view.arena) if self.anywhere else self
 
     @jax.jit
-    def clearance_after(self, robot: RobotState, action: Action) -> Scalar:
-        """Return the least clearance [m] on the best manoeuvre to rest that begins with one step of an action.
+    def clearance_after(self, robot: Robot, action: Action) -> Scalar:
+        """Return the least clearance [m] on the best manoeuvre to rest that begins with one step of an action, from
+        when that takes effect, with the robot's drive as far as that is known.
 
         The body's radius is taken off. Polygons that are out of reach by the `surroundings` are left out: where that
         makes a difference, there is more clearance than `MARGIN` without them and with them.
         """
-        near, after = self._near(robot), self._hold(robot, action)
-        step = self._along(robot, after, near) - self.body.radius
-        return jnp.minimum(step, jnp.max(self._clearances(after, near)))
+        before = Motion(robot.state_on_command, robot.turn_rate)
+        near, after = self._near(before.state), self._hold(robot, before, action)
+        step = self._along(before.state, after.state, near) - robot.body.radius
+        return jnp.minimum(step, jnp.max(self._clearances(robot, after, near)))
 
     @jax.jit
-    def surely_stops(self, robot: RobotState, action: Action) -> Flag:
+    def surely_stops(self, robot: Robot, action: Action) -> Flag:
         """Return whether more than `MARGIN` is left if it brakes straight ahead after one step of an action.
 
         That path is one segment, so this takes little arithmetic; rounding gets another `MARGIN`.
         """
-        if self.arena.map is not None:  # whose clearance along a segment depends on where it is cut
+        if self.arena.map is not None or robot.turn_time is not None:
+            # A map's clearance along a segment depends on where it is cut; a slow drive goes on turning.
             return replace(self, manoeuvres=(1,)).clearance_after(robot, action) > MARGIN
-        near, after = self._near(robot), self._hold(robot, action)
-        (cos, sin), length = unit_vector(after.heading), after.v**2 / (2 * self.body.u1_max)
+        before = Motion(robot.state_on_command, None)
+        near, after = self._near(before.state), self._hold(robot, before, action).state
+        (cos, sin), length = unit_vector(after.heading), after.v**2 / (2 * robot.body.u1_max)
         rest = replace(after, x=after.x + length * cos, y=after.y + length * sin)
-        least = jnp.minimum(self._along(robot, after, near), self._along(after, rest, near))
-        return least - self.body.radius > 2 * MARGIN
+        least = jnp.minimum(self._along(before.state, after, near), self._along(after, rest, near))
+        return least - robot.body.radius > 2 * MARGIN
 
-    def _clearances(self, robot: RobotState, near: Edges | None) -> Float[Array, " manoeuvres"]:
-        def one_step(before: list[RobotState], _: None) -> tuple[list[RobotState], list[RobotState]]:
-            after = self._braked(before)
-            return after, after
+    def _clearances(self, robot: Robot, motion: Motion, near: Edges | None) -> Float[Array, " manoeuvres"]:
+        def one_step(before: list[Motion], _: None) -> tuple[list[Motion], list[RobotState]]:
+            after = self._braked(robot, before)
+            return after, [each.state for each in after]
 
-        _, paths = jax.lax.scan(one_step, [robot] * len(self.manoeuvres), length=self.steps)
+        _, paths = jax.lax.scan(one_step, [motion] * len(self.manoeuvres), length=self.steps)
         after = jax.tree.map(lambda *leaves: jnp.stack(leaves), *paths)
         before = jax.tree.map(
             lambda first, later: jnp.concatenate([jnp.broadcast_to(first, (len(later), 1)), later[:, :-1]], axis=1),
-            robot, after,
+            motion.state, after,
         )  # fmt: skip
         along = jax.vmap(jax.vmap(lambda start, end: self._along(start, end, near)))(before, after)
-        return jnp.min(along, axis=1) - self.body.radius
+        return jnp.min(along, axis=1) - robot.body.radius
 
     def _near(self, robot: RobotState) -> Edges | None:
         return self.surroundings.near(robot.x, robot.y) if self.surroundings else None
@@ -101,13 +112,15 @@ class Backup(eqx.Module):
         others = replace(self.arena, polygons=()).clearance_along(before, after)
         return jnp.minimum(others, near.clearance_along(before, after))
 
-    def _braked(self, robots: list[RobotState]) -> list[RobotState]:
-        """Return the robot of each manoeuvre after one more step."""
+    def _braked(self, robot: Robot, motions: list[Motion]) -> list[Motion]:
+        """Return the motion in each manoeuvre after one more step."""
         actions = [jnp.full((), action, jnp.int32) for action in self.manoeuvres]
-        return [self._hold(robot, action) for robot, action in zip(robots, actions, strict=True)]
+        return [self._hold(robot, motion, action) for motion, action in zip(motions, actions, strict=True)]
 
-    def _hold(self, robot: RobotState, action: Action) -> RobotState:
-        return self.body.move(robot, *self.body.controls(action), self.dt)
+    def _hold(self, robot: Robot, motion: Motion, action: Action) -> Motion:
+        u1, u2 = robot.body.controls(action)
+        mean, rate = turning(robot.body, robot.turn_time, motion.turn_rate, u2, self.dt)
+        return Motion(robot.body.move(motion.state, u1, mean, self.dt), rate)
 
 
 class Shielded(AbstractWrapper):
@@ -136,12 +149,12 @@ class Shielded(AbstractWrapper):
         """Return the search for an action that is allowed; it has ended where the player's own surely is."""
         action = self.wanted(weighed)
         number = jnp.full((), NUM_ACTIONS, jnp.int32) if self.policy.continuous else action
-        open_ = ~self.backup.of(seen).surely_stops(seen.own.state, action)
+        open_ = ~self.backup.of(seen).surely_stops(seen.own, action)
         return _Search(action, number, jnp.full(NUM_ACTIONS, jnp.inf), open_)
 
     def go_on(self, seen: View, weighed: Any, search: "_Search") -> "_Search":
         """Return the search after its action was tried: if that is not allowed, with the best of those untried."""
-        clearance = self.backup.of(seen).clearance_after(seen.own.state, search.action)
+        clearance = self.backup.of(seen).clearance_after(seen.own, search.action)
         allowed = clearance > MARGIN
         clearances = jnp.where(jnp.arange(NUM_ACTIONS) == search.number, clearance, search.clearances)
         untried = jnp.isinf(clearances)
@@ -196,8 +209,8 @@ def brakes(game: Game, role: Role) -> Backup:
     steps = max(ceil(body.v_max / (body.u1_max * game.dt)) for body in bodies)
     body = bodies[0]
     if game.scenario is not None or any(other != body for other in bodies):
-        return Backup(game.arena, body, game.dt, steps, anywhere=True)
-    return Backup(game.arena, body, game.dt, steps, surroundings=_surroundings(game, body))
+        return Backup(game.arena, game.dt, steps, anywhere=True)
+    return Backup(game.arena, game.dt, steps, surroundings=_surroundings(game, body))
 
 
 def _surroundings(game: Game, body: Unicycle) -> Surroundings | None:

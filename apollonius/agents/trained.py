@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from apollonius.agents.classical import uniform_action
+from apollonius.agents.departure import Departing
 from apollonius.agents.kind import AbstractKind, Named, unknown
 from apollonius.agents.names import AGENTS, FROM_ZOO, ZOO, agents_folders, zoo_names
 from apollonius.agents.network import GaussianActor, Network, QNetwork, inferred
@@ -116,7 +117,10 @@ class Trained(AbstractKind):
         if _file_of(name) is None:
             return None
         agent, path = find_trained(name, role)
-        return Named(name if name.startswith(FROM_ZOO) else called(path), greedy(agent.network), agent.header)
+        policy = greedy(agent.network)
+        if role is Role.PURSUER and policy.charted and isinstance(policy, Greedy):
+            policy = Departing(policy)
+        return Named(name if name.startswith(FROM_ZOO) else called(path), policy, agent.header)
 
 
 TRAINED = Trained()

@@ -162,7 +162,7 @@ def _is_as_good(player: Player, cases: Cases, place: int, action: int, own: int)
     known, _, _, memory = known_state(player.game, player.role, sides, jnp.asarray(state), in_play, memory)
     view = look(player.game, known, player.role)
     if isinstance(policy, Shielded):
-        left = policy.backup.of(view).clearance_after(view.own.state, jnp.int32(action))
+        left = policy.backup.of(view).clearance_after(view.own, jnp.int32(action))
         if left <= MARGIN - BREADTH:
             return False
         policy = policy.policy

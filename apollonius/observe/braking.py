@@ -6,11 +6,9 @@ from jaxtyping import Array, Float
 
 from apollonius.game.chart import Chart
 from apollonius.game.drive import turning
-from apollonius.game.types import NUM_ACTIONS, Action, RobotState, Scalar
+from apollonius.game.types import NUM_ACTIONS, Action, Real, RobotState, Scalar
 from apollonius.observe.view import Robot
 
-HOLD = 0.1
-"""Time for which the action is held [s]."""
 _POINTS = 12
 """Places, equally far apart, at which the clearance of a path to rest is looked up."""
 _LEAST_BRAKING = 0.05
@@ -23,8 +21,8 @@ Way = tuple[RobotState, Scalar | None, Scalar, Scalar]
 """A robot on its way to rest, its turn rate [rad/s] if it has one, its clearance there and the least so far [m]."""
 
 
-def clearances_after(chart: Chart, robot: Robot) -> Float[Array, "9"]:
-    """Return the clearance [m] of a robot's body from when each action takes effect: it is held for `HOLD`, and then
+def clearances_after(chart: Chart, robot: Robot, dt: Real) -> Float[Array, "9"]:
+    """Return the clearance [m] of a robot's body from when each action takes effect: it is held for `dt` [s], and then
     the robot brakes to rest while it turns right, drives straight or turns left, whichever keeps the most clearance.
 
     These are the manoeuvres of `apollonius.agents.shield`, by the chart instead of the rules' exact contact, and by the
@@ -33,12 +31,12 @@ def clearances_after(chart: Chart, robot: Robot) -> Float[Array, "9"]:
     body, turns = robot.body, jnp.array([-1.0, 0.0, 1.0])
     slower = jnp.sqrt(1 - jnp.arange(_POINTS + 1, dtype=jnp.float32) / _POINTS)
     shares = slower[:-1] - slower[1:]
-    braking, soon = jnp.maximum(body.u1_max, _LEAST_BRAKING), robot.soon or robot.state
+    braking = jnp.maximum(body.u1_max, _LEAST_BRAKING)
 
     def after(action: Action) -> Scalar:
         u1, u2 = body.controls(action)
-        mean, rate = turning(body, robot.turn_time, robot.turn_rate, u2, HOLD)
-        held = body.move(soon, u1, mean, HOLD)
+        mean, rate = turning(body, robot.turn_time, robot.turn_rate, u2, dt)
+        held = body.move(robot.state_on_command, u1, mean, dt)
         here = chart.clearance(held.x, held.y)
         return jnp.max(jax.vmap(lambda turn: to_rest((held, rate, here, here), turn))(turns)) - body.radius
 

@@ -83,7 +83,7 @@ class Egocentric(AbstractObservation):
         rays = 1 / (1 + jnp.maximum(ranges - view.own.body.radius, 0.0))
         every = RAYS // COURSES
         courses = ranges[::every], directions[0][::every], directions[1][::every]
-        room = jnp.clip(clearances_after(chart, view.own) / ROOM, -1.0, 1.0)
+        room = jnp.clip(clearances_after(chart, view.own, view.dt) / ROOM, -1.0, 1.0)
         return jnp.concatenate([robots, rays, _paths(view, chart, (dx, dy), distance, courses), room])
 
 

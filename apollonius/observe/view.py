@@ -41,12 +41,18 @@ class Robot(eqx.Module):
     turn_time: Real | None = None
     turn_rate: Scalar | None = None
 
+    @property
+    def state_on_command(self) -> RobotState:
+        """The state in which a command that is given now takes effect, as far as that is known."""
+        return self.soon or self.state
+
 
 class View(eqx.Module):
     """The view of one robot, whose mates and opponents are robots too. Nothing in it is scaled.
 
     Attributes:
         capture_distance: distance at which an evader is captured [m].
+        dt: time for which an action is held [s].
         belief: as in `apollonius.game.types.Sight`; None for a side that sees all.
     """
 
@@ -55,6 +61,7 @@ class View(eqx.Module):
     mates: tuple[Robot, ...]
     opponents: tuple[Robot, ...]
     capture_distance: Real
+    dt: Real
     belief: Float[Array, "rows columns"] | None = None
 
     @property
@@ -88,7 +95,7 @@ def look(game: Game, state: GameState, role: Role, number: int = 0) -> View:
         opponents = tuple(replace(robot, age=age) for robot, age in zip(opponents, sight.ages, strict=True))
         belief = sight.belief
     mates = ours[:number] + ours[number + 1 :]
-    return View(here.arena, ours[number], mates, opponents, here.capture_distance, belief)
+    return View(here.arena, ours[number], mates, opponents, here.capture_distance, here.dt, belief)
 
 
 def _driven(game: Game, role: Role, robots: tuple[Robot, ...], drives: DriveStates | None) -> tuple[Robot, ...]:

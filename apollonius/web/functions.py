@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from apollonius.agents.searching import Search, is_found
+from apollonius.agents.searching import sought_by
 from apollonius.agents.shield import MARGIN
 from apollonius.arenas.charting import clearances, paths
 from apollonius.game.chart import NO_PATH, Chart, entries
@@ -22,7 +22,7 @@ from apollonius.game.types import NUM_ACTIONS, GameState, RobotState, RobotStatu
 from apollonius.observe import tracking
 from apollonius.observe.belief import NEVER
 from apollonius.observe.team import TEAM
-from apollonius.observe.view import look
+from apollonius.observe.view import Robot, look
 from apollonius.web.handed import AnyBackup, Field, Floor, Known, Robots, at
 from apollonius.web.site import ROBOTS
 
@@ -125,12 +125,12 @@ def clearance_after(robots: Robots, levels: Levels, dt: Scalar, floor: Floor, fi
     It is less, but more than `MARGIN`, where nothing is within reach of any manoeuvre to rest.
     """
     arena, (body, robot) = floor.arena(field), robots.first
-    backup = AnyBackup(arena, body, dt, jnp.ceil(body.v_max / (body.u1_max * dt)).astype(jnp.int32))
+    backup = AnyBackup(arena, dt, jnp.ceil(body.v_max / (body.u1_max * dt)).astype(jnp.int32))
     after = move(robots, levels, dt)
     longest = after.v**2 / (2 * body.u1_max) + after.v * dt
     least = jnp.minimum(arena.clearance_along(robot, after), arena.clearance(after.x, after.y) - longest) - body.radius
     is_enough = (least > MARGIN) & (body.v_min >= 0) & (floor.counts[3] == 0)
-    return jax.lax.cond(is_enough, lambda: least, lambda: backup.clearance_after(robot, levels))
+    return jax.lax.cond(is_enough, lambda: least, lambda: backup.clearance_after(Robot(body, robot), levels))
 
 
 def search(
@@ -143,15 +143,16 @@ def search(
     known: Known,
     shares: Float[Array, " coarse"],
 ) -> dict[str, Any]:
-    """Return what the first robot knows after a look at its one opponent, and the values of its actions as it searches.
+    """Return what the first robot knows after a look at its one opponent, and that opponent as a pursuer seeks it: as
+    it was seen of late, or at rest where it can be.
 
-    `sight` says whether it was seen so lately that it is driven to, and whether ever.
+    `sight` says whether it was ever seen.
 
     Args:
         known: before it; of a negative age where the game begins.
         shares: random numbers from 0 to 1.
     """
-    seen, role = robots.seen(floor.arena(field, chart), capture_distance), Role.PURSUER
+    seen, role = robots.seen(floor.arena(field, chart), capture_distance, dt), Role.PURSUER
     own, other = seen.own, seen.opponents[0]
     sensors = Sensing(pursuer=Sensors(line_of_sight=True))
     game = Game(own.body, other.body, seen.arena, capture_distance, dt, jnp.ones((), jnp.int32), sensors=sensors)
@@ -162,10 +163,9 @@ def search(
     before = choose(begins, begun, known)
     track, now = tracking.update(game, role, before.track, state, jnp.uint32(0))
     assert track is not None, "it has sensors"
-    view = look(game, now, role)
-    values, cell = Search(dt).look_on(view, before.cell, shares)
-    sight = jnp.stack([is_found(view), track.ages[0] < NEVER]).astype(jnp.int32)
-    return {"after": Known(track, cell), "values": values, "sight": sight}
+    sought, cell = sought_by(look(game, now, role), before.cell, shares)
+    sight = (track.ages[0] < NEVER).astype(jnp.int32)
+    return {"after": Known(track, cell), "sought": sought.opponent.state, "sight": sight}
 
 
 def chart(

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from apollonius.agents.shield import Backup
+from apollonius.agents.shield import Backup, Motion
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.chart import Chart
 from apollonius.game.dynamics import Unicycle
@@ -19,7 +19,7 @@ from apollonius.game.polygon import Edge, Edges
 from apollonius.game.teams import Teams
 from apollonius.game.types import BySide, GameState, Real, RobotState, Role, Scalar
 from apollonius.observe.tracking import Track
-from apollonius.observe.view import View, look
+from apollonius.observe.view import Robot, View, look
 from apollonius.web.site import ROBOTS
 
 Field = Float[Array, " corners"]
@@ -140,9 +140,9 @@ class Robots(eqx.Module):
         teams = Teams(tuple(pursuers), tuple(evaders))
         return Game(first, other, arena, capture_distance, dt, max_steps, teams=teams)
 
-    def seen(self, arena: Arena, capture_distance: Scalar) -> View:
+    def seen(self, arena: Arena, capture_distance: Scalar, dt: Scalar) -> View:
         """Return the view of the first robot."""
-        return look(self.game(arena, capture_distance), self.state, Role.PURSUER)
+        return look(self.game(arena, capture_distance, dt), self.state, Role.PURSUER)
 
 
 class Known(eqx.Module):
@@ -168,13 +168,14 @@ class AnyBackup(Backup):
 
     steps: int | Array  # pyright: ignore[reportIncompatibleVariableOverride]
 
-    def _clearances(self, robot: RobotState, near: Edges | None) -> Float[Array, " manoeuvres"]:
-        def one_step(_: Int[Array, ""], carry: list[tuple[RobotState, Scalar]]) -> list[tuple[RobotState, Scalar]]:
-            before = [robot for robot, _ in carry]
-            after = self._braked(before)
-            moved = zip(before, after, carry, strict=True)
-            return [(to, jnp.minimum(least, self.arena.clearance_along(at, to))) for at, to, (_, least) in moved]
+    def _clearances(self, robot: Robot, motion: Motion, near: Edges | None) -> Float[Array, " manoeuvres"]:
+        def one_step(_: Int[Array, ""], carry: list[tuple[Motion, Scalar]]) -> list[tuple[Motion, Scalar]]:
+            after = self._braked(robot, [before for before, _ in carry])
+            return [
+                (to, jnp.minimum(least, self.arena.clearance_along(before.state, to.state)))
+                for to, (before, least) in zip(after, carry, strict=True)
+            ]
 
-        here = self.arena.clearance(robot.x, robot.y)
-        ends = jax.lax.fori_loop(0, self.steps, one_step, [(robot, here)] * len(self.manoeuvres))
-        return jnp.stack([least for _, least in ends]) - self.body.radius
+        here = self.arena.clearance(motion.state.x, motion.state.y)
+        ends = jax.lax.fori_loop(0, self.steps, one_step, [(motion, here)] * len(self.manoeuvres))
+        return jnp.stack([least for _, least in ends]) - robot.body.radius

@@ -16,6 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Int
 
 from apollonius.agents.classical import AbstractClassical
+from apollonius.agents.departure import departure_costs
 from apollonius.agents.guidance import Flee, FleeAware, Intercept, PurePursuit, Territory
 from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH
 from apollonius.agents.policy import AbstractPolicy
@@ -72,7 +73,7 @@ def _of_view(name: str, answer: Callable[[View, Scalar], Array]) -> Program:
     """Return the program that answers all that a robot sees and the step's duration [s]."""
 
     def view(robots: Robots, floor: Floor, field: Field, chart: Chart, capture_distance: Scalar, dt: Scalar) -> Array:
-        return answer(robots.seen(floor.arena(field, chart), capture_distance), dt)
+        return answer(robots.seen(floor.arena(field, chart), capture_distance, dt), dt)
 
     return _made(view, name)
 
@@ -100,6 +101,7 @@ def page_programs() -> Iterator[Program]:
         yield _made(function)
     for name in READS:
         yield _of_view(name, lambda seen, _, name=name: find_observation(name)(seen))
+    yield _of_view("departure_costs", lambda seen, _: departure_costs(seen))
     for name, player in _RULES.items():
         yield _of_view(name, lambda seen, dt, player=player: player(dt).values(seen))
 

@@ -22,6 +22,7 @@ from apollonius.catalogue import find_player
 from apollonius.evaluate.match import play_match
 from apollonius.game.arena import Arena
 from apollonius.game.chart import COARSE
+from apollonius.game.drive import Drive, Drives
 from apollonius.game.dynamics import Unicycle, action_levels
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
@@ -29,7 +30,7 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import BySide, GameState, RobotState, Role, Sight
 from apollonius.io.errors import InvalidInput
 from apollonius.observe import paper
-from apollonius.observe.view import look
+from apollonius.observe.view import Robot, look
 from tests.acting import a_match, act, of_views, robot
 
 PAPER = make_game("paper")
@@ -53,18 +54,20 @@ class Reckless(AbstractPolicy):
     ],
     ids=["paper, random", "one-large, reckless", "robot, reckless"],
 )
-def test_behind_a_shield_neither_robot_ever_fails(name, policy):
-    game = replace(make_game(name), max_steps=150)
+@pytest.mark.parametrize("drives", [None, Drives(Drive(lag=2, turn_time=0.9), Drive(turn_time=0.9))])
+def test_behind_a_shield_neither_robot_ever_fails(name, policy, drives):
+    """It knows how late and how slowly its drive does what it is told."""
+    game = replace(make_game(name), max_steps=150, drives=drives)
     outcomes = play_match(a_match(game, *(shielded(policy, game, role) for role in Role), games=100, seed=1)).outcomes
     assert outcomes["captured"] + outcomes["no_result"] == 100
 
 
 def test_room_is_what_the_best_way_to_brake_leaves():
     """From 1.2 m/s it takes 4 s; against a SciPy integration of Eq. 1, turning all the while."""
-    clearance_after, own = jax.jit(brakes(Game(), Role.PURSUER).clearance_after), robot(10 - 2.0, 5.0, 1.2)
+    clearance_after, own = brakes(Game(), Role.PURSUER).clearance_after, Robot(Unicycle(), robot(10 - 2.0, 5.0, 1.2))
     reach = quad(lambda t: (1.2 - 0.3 * t) * np.cos(0.8 * t), 0, np.pi / 1.6)[0]
     assert clearance_after(own, jnp.int32(0)) == pytest.approx(2.0 - reach, abs=2e-3)
-    along = robot(5.0, 0.02, 1.2)  # beside a wall, with open space on the left
+    along = Robot(Unicycle(), robot(5.0, 0.02, 1.2))  # beside a wall, with open space on the left
     assert clearance_after(along, jnp.int32(4)) == pytest.approx(0.02, abs=1e-4)
 
 
@@ -106,7 +109,8 @@ def test_what_surely_stops_does_and_only_polygons_within_reach_are_looked_at(mak
 
     @jax.jit
     @jax.vmap
-    def tried(robot, action):
+    def tried(state, action):
+        robot = Robot(game.pursuer, state)
         everywhere = replace(backup, surroundings=None).clearance_after(robot, action) if backup.surroundings else 0.0
         return backup.surely_stops(robot, action), backup.clearance_after(robot, action), everywhere
 
@@ -134,7 +138,8 @@ def test_a_wall_that_only_the_rim_of_a_large_body_would_touch_is_within_reach():
     @jax.jit
     @jax.vmap
     def tried(away):
-        robot = RobotState(10.0 - away, jnp.float32(10.0), jnp.float32(1.2), jnp.float32(0.0))
+        state = RobotState(10.0 - away, jnp.float32(10.0), jnp.float32(1.2), jnp.float32(0.0))
+        robot = Robot(game.pursuer, state)
         ways = backup, replace(backup, surroundings=None)
         return [one.clearance_after(robot, jnp.int32(7)) > MARGIN for one in ways]
 
@@ -170,7 +175,7 @@ def test_games_are_guarded_together_as_by_trying_all_nine_actions_in_each(make, 
             tried = (
                 jnp.concatenate([nine, jnp.stack(action_levels(weighed))[None]]) if policy.continuous else jnp.arange(9)
             )
-            clearance = jax.lax.map(lambda action: player.backup.clearance_after(view.own.state, action), tried)
+            clearance = jax.lax.map(lambda action: player.backup.clearance_after(view.own, action), tried)
             best = policy.choose(weighed, clearance[:9] > MARGIN)
             stops = jnp.any(clearance[:9] > MARGIN)
             held = jnp.where(stops, best, jnp.argmax(clearance[:9]))
@@ -257,27 +262,34 @@ def test_places_are_drawn_by_what_a_look_is_worth():
     assert set(np.asarray(draw(jnp.arange(4, dtype=jnp.uint32)))) == set(drawn), "the bits decide"
 
 
-def test_a_pursuer_that_searches_is_itself_while_it_sees_and_searches_then():
+def test_a_pursuer_that_searches_hunts_at_the_place_that_it_seeks_while_it_does_not_see():
     """In a game without sensors it always sees."""
-    here, there, unseen = robot(2.0, 2.0, 0.3, 1.0), robot(3.0, 8.0), cells((8.1, 2.1, 50.0))
+    here, there, place, unseen = (
+        robot(2.0, 2.0, 0.3, 1.0),
+        robot(3.0, 8.0),
+        robot(8.125, 2.125),
+        cells((8.1, 2.1, 50.0)),
+    )
     openly = look(game(), GameState.of_two(here, there, jnp.int32(0)), Role.PURSUER)
-    for seen, same_as in (
-        (openly, "P_stage1"),
-        (view(here, there, 0.0, unseen), "P_stage1"),
-        (view(here, there, 1.0, unseen), "P_stage1"),
-        (view(here, there, 1.1, unseen), "search"),
-        (view(here, there, 20.0, unseen), "search"),
+    bare, searching = (find_player(name, Role.PURSUER, game()).policy for name in ("pursuer", "searching:pursuer"))
+    values = eqx.filter_jit(bare.values)
+    for seen, opponent in (
+        (openly, there),
+        (view(here, there, 0.0, unseen), there),
+        (view(here, there, 1.0, unseen), there),
+        (view(here, there, 1.1, unseen), place),
+        (view(here, there, 20.0, unseen), place),
     ):
-        bare, searching = (find_player(name, Role.PURSUER, game()).policy for name in (same_as, "searching:P_stage1"))
-        own = jax.jit(lambda seen, bare=bare: bare(bare.observation(seen), bare.memory, NO_BITS)[0])(seen)
-        action, (_, place) = decision("searching:P_stage1")(seen, searching.memory, NO_BITS)
-        assert int(action) == int(own)
-        assert int(place) == (number(8.1, 2.1) if same_as == "search" else -1)
+        weighed, (_, cell) = eqx.filter_jit(searching.weigh)(seen, searching.memory, NO_BITS)
+        hunted = replace(openly, opponents=(replace(openly.opponent, state=opponent),))
+        np.testing.assert_allclose(weighed, values(hunted), rtol=1e-4)
+        assert int(cell) == (number(8.1, 2.1) if opponent is place else -1)
 
 
 def test_those_who_cannot_search_are_refused():
     for name, role, words in (
         ("searching:P_smooth", Role.PURSUER, "nine actions"),
+        ("searching:intercept", Role.PURSUER, "finds its way by the chart"),
         ("searching:flee", Role.EVADER, "the pursuer only"),
         ("searching:P_none", Role.PURSUER, "P_none"),
     ):

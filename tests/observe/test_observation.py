@@ -18,11 +18,11 @@ from apollonius.game.presets import in_teams
 from apollonius.game.teams import Teams
 from apollonius.game.types import NUM_ACTIONS, DriveState, RobotStatus, Role
 from apollonius.io.errors import InvalidInput
-from apollonius.observe.braking import HOLD, clearances_after
+from apollonius.observe.braking import clearances_after
 from apollonius.observe.egocentric import AHEAD, COURSES, EGOCENTRIC, NEAR, RAYS
 from apollonius.observe.observation import WHOLE, perceive
 from apollonius.observe.team import MATES, OF_A_ROBOT, OPPONENTS, TEAM
-from apollonius.observe.view import look
+from apollonius.observe.view import Robot, look
 from tests.acting import observe as observe_one
 from tests.acting import state, state_of
 from tests.arenas.test_charting import ROOM
@@ -110,15 +110,20 @@ def test_ways_say_where_to_go_and_who_is_first():
     assert NEAR < AHEAD
 
 
-def test_braking_is_the_clearance_of_a_shield_that_holds_actions_for_as_long():
+@pytest.mark.parametrize("dt", [0.05, 0.1, 0.2])
+def test_braking_is_the_clearance_of_a_shield_that_holds_actions_for_as_long(dt):
     """By the chart instead of exact contact, within a few centimetres; clipped and scaled."""
     body = Unicycle(radius=0.15)
-    game = divided(pursuer=body)
+    game = divided(pursuer=body, dt=dt)
     starts = replace(game.starts, speed="moving", clearance=0.02)
     states = jax.vmap(lambda key: starts.sample(key, game.arena, game.bodies))(jax.random.split(jax.random.key(0), 300))
-    backup = Backup(game.arena, body, HOLD, steps=40)
-    exact = jax.vmap(jax.vmap(backup.clearance_after, in_axes=(None, 0)), in_axes=(0, None))
-    expected = np.asarray(exact(states.pursuer, np.arange(NUM_ACTIONS)))
+    backup = Backup(game.arena, dt, steps=round(4 / dt))
+
+    @jax.vmap
+    def exact(state):
+        return jax.vmap(backup.clearance_after, in_axes=(None, 0))(Robot(body, state), jnp.arange(NUM_ACTIONS))
+
+    expected = np.asarray(exact(states.pursuer))
     seen = np.asarray(jax.jit(jax.vmap(look_by_chart, in_axes=(None, 0)))(game, states))
     here, after = seen[:, 6:7], seen[:, -NUM_ACTIONS:]
     assert np.mean((after > 0) == (expected > 0)) > 0.99, "the same verdict"
@@ -155,7 +160,7 @@ def test_braking_goes_by_the_drive_and_by_the_commands_on_their_way():
 
     def seen_by(state, *drives):
         known = replace(state, drives=drives or None)
-        return clearances_after(chart, look(game, known, Role.PURSUER).own)
+        return clearances_after(chart, look(game, known, Role.PURSUER).own, game.dt)
 
     turns, actions = jnp.array([-1.0, 0.0, 1.0]), jnp.arange(NUM_ACTIONS)
     each = jax.vmap(jax.vmap(least, in_axes=(None, None, None, 0)), in_axes=(None, None, 0, None))
@@ -175,7 +180,7 @@ def test_actions_differ_however_near_commands_on_their_way_pass_a_wall():
     )
     chart = game.arena.chart
     assert chart is not None
-    right, straight, left = clearances_after(chart, look(game, along, Role.PURSUER).own)[:3]
+    right, straight, left = clearances_after(chart, look(game, along, Role.PURSUER).own, game.dt)[:3]
     assert right + 0.002 < straight < left - 0.002
 
 

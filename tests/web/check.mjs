@@ -82,13 +82,11 @@ const answers = {
     const told = (found) => ({ age: found.age, last: [found.last.x, found.last.y], cells: cells(found) });
     return Object.fromEntries(game.ROLES.map((role) => [role, states.map(known(role)).map(told)]));
   },
-  /** What a pursuer in fog does in each of some states of a game, beside what it would do that sees its last sighting. */
+  /** Where a pursuer in fog takes its opponent to be in each of some states of a game: x, y and speed. */
   searches({ game: rules, rows }) {
     const states = rows.map((row) => asState(rules, row));
-    const seen = [];
-    const player = fog.bySight((_, { evader }) => seen.push(evader[0].x) && [game.HOLD], (values) => [values.indexOf(Math.max(...values))]);
-    const acts = states.map((state, index) => player(fog.inFog(rules), state, { role: "pursuer", number: 0 }, states.slice(0, index + 1))[0]);
-    return { acts, seen };
+    const player = fog.bySight((_, { evader: [{ x, y, v }] }) => [x, y, v]);
+    return states.map((state, index) => player(fog.inFog(rules), state, { role: "pursuer", number: 0 }, states.slice(0, index + 1)));
   },
   /** The replay of a match. */
   match(sides) {

@@ -20,6 +20,7 @@ from apollonius.agents.store import describe, save_agent
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game, game_names, load_game, to_dict
 from apollonius.game.arena import Arena, Disc
+from apollonius.game.chart import COARSE
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.occupancy import OccupancyMap, distance_field
@@ -210,7 +211,7 @@ def test_robots_see_and_do_the_same(name, role, number):
     def expected(one):
         seen = {name: find_observation(name)(one) for name in READS}
         values = {rule: policy.for_side(game, role).values(one) for rule, policy in rules.items()}
-        return seen, values, jax.vmap(backup.of(one).clearance_after, (None, 0))(one.own.state, actions)
+        return seen, values, jax.vmap(backup.of(one).clearance_after, (None, 0))(one.own, actions)
 
     all_seen, all_values, clearances = jax.tree.map(np.asarray, expected(views))
     for observation, seen in all_seen.items():
@@ -256,9 +257,12 @@ def test_in_fog_a_side_knows_what_it_knows_in_the_package_and_a_pursuer_searches
             assert len(set(one["cells"]) ^ set(np.flatnonzero(cells))) <= 2
         assert can_be.any(axis=1).all()
         assert not can_be.all(axis=1).any()
-    searches, ages = answers["searches"], [one["age"] for one in answers["knowledge"]["pursuer"]]
-    assert len(searches["seen"]) == sum(age <= 1.05 for age in ages)
-    assert len({act for act, age in zip(searches["acts"], ages, strict=True) if age > 1.05}) > 1
+    arena, recent = game.arena, [one["age"] <= 1.05 for one in answers["knowledge"]["pursuer"]]
+    cell = max(arena.x_max - arena.x_min, arena.y_max - arena.y_min) / COARSE
+    for known, (x, y, v), lately in zip(answers["knowledge"]["pursuer"], answers["searches"], recent, strict=True):
+        column, row = int((x - arena.x_min) / cell), int((y - arena.y_min) / cell)
+        assert [x, y] == known["last"] if lately else (v == 0 and row * COARSE + column in known["cells"])
+    assert len(set(recent)) == 2
 
 
 def test_replays_play_again_in_the_package(tmp_path):

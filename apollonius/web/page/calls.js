@@ -9,7 +9,7 @@ export const MOST_ROBOTS = given.robots().status.length / 2; // of a side
 const FINE = Math.sqrt(given.chart().visible.length); // cells of a chart's clearances along the arena's longer side
 export const CELLS = Math.sqrt(Math.sqrt(given.chart().lengths.length)); // cells along it between which paths are known
 const MARGIN = 1e-3; // clearance [m] that the shield wants
-const CHARTED = ["egocentric", "team", "voronoi_pursuit", "encirclement", "own", "search"]; // what reads a chart
+export const CHARTED = ["egocentric", "team", "voronoi_pursuit", "encirclement", "own", "search", "departure_costs"]; // what reads a chart
 export const BODY = Object.keys(given.robots()).flatMap((key) => key.match(/(?<=^bodies_).*/) ?? []); // limits of a robot
 const ROBOT = ["x", "y", "v", "heading"];
 const fields = new WeakMap(); // addresses of maps' fields
@@ -136,18 +136,18 @@ function writeView(name, game, state, { role, number }) {
   writeRobots(game, state, [role, other(role)], number);
 }
 
-/** What one robot sees as the numbers of an observation, or as a rule's values of the nine actions, by a program's name. */
+/** What one robot sees as numbers: an observation, a rule's values of the nine actions, or their costs, by a program's name. */
 export function observe(name, game, state, who) {
   writeView(name, game, state, who);
   return [...run[name](game.capture_distance, game.dt)];
 }
 
 /**
- * What a robot knows of its one opponent after a look at a state, and the values of its actions as it searches.
+ * What a robot knows of its one opponent after a look at a state, and where a pursuer seeks it.
  *
  * @param before what it knew before; nothing at the beginning of a game
- * @returns {known, last, age [s], isFound, isSeen, credit, values}: all that it knows; of it the last sighting, its age, whether
- *   that is recent, whether there was one, and in which cells of the chart the opponent can be, where 0 or more
+ * @returns {known, last, age [s], isSeen, credit, sought}: all that it knows; of it the last sighting, its age, whether there was
+ *   one, and in which cells of the chart the opponent can be, where 0 or more; and the opponent as a pursuer seeks it
  */
 export function search(game, state, who, before) {
   writeView("search", game, state, who);
@@ -158,8 +158,9 @@ export function search(game, state, who, before) {
   const found = run.search(game.capture_distance, game.dt);
   const known = Object.fromEntries(Object.entries(found.after()).map(([key, values]) => [key, values.slice()]));
   const last = Object.fromEntries(ROBOT.map((key) => [key, known[`track_opponents_0_${key}`][0]]));
-  const [isFound, isSeen] = found.sight();
-  return { known, last, age: known.track_ages_0[0], isFound, isSeen, credit: known.track_belief_credit, values: [...found.values()] };
+  const sought = Object.fromEntries(Object.entries(found.sought()).map(([key, [value]]) => [key, value]));
+  const [isSeen] = found.sight();
+  return { known, last, age: known.track_ages_0[0], isSeen, credit: known.track_belief_credit, sought };
 }
 
 const rule = (program) => (...seen) => observe(program, ...seen);

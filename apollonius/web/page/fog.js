@@ -23,14 +23,13 @@ export function knowledge(game, states, role) {
   return memory.get(states.at(-1));
 }
 
-/** Another player in fog: it sees the last sighting, and a pursuer that has none of late searches. */
-export function bySight(player, byValue) {
+/** Another player in fog: it sees the last sighting, and a pursuer that has none of late an opponent where one can be. */
+export function bySight(player) {
   return (game, state, who, states) => {
     if (!isFoggy(game, who.role)) return player(game, state, who, states);
-    const { last, isFound, values } = knowledge(game, states, who.role);
-    if (who.role === PURSUER && !isFound) return byValue(values);
-    const rival = other(who.role);
-    return player(game, { ...state, [rival]: [{ ...last, status: state[rival][0].status }] }, who, states);
+    const { last, sought } = knowledge(game, states, who.role);
+    const [rival, seen] = [other(who.role), who.role === PURSUER ? sought : last];
+    return player(game, { ...state, [rival]: [{ ...seen, status: state[rival][0].status }] }, who, states);
   };
 }
 

@@ -5,7 +5,7 @@
 // same at every difficulty: an easier opponent sees the other side late. Its own robot it always sees as it is, so that a
 // shield stays a shield.
 
-import { CLASSICAL, canStop, clearanceAfter, fits, observe, readOwn } from "./calls.js";
+import { CHARTED, CLASSICAL, canStop, clearanceAfter, fits, observe, readOwn } from "./calls.js";
 import { load } from "./files.js";
 import { bySight } from "./fog.js";
 import { ACTIONS, EVADER, PURSUER, actionLevels, bodyOf, other, robotOf } from "./game.js";
@@ -65,8 +65,13 @@ const PREFERENCES = { values: byValue, gaussian: (said) => byNearness(said.subar
 
 /** A trained agent without exploration: as a player, and its values of the nine actions; null of one without values. */
 export function trained(agent) {
-  const { observation, network = "values" } = agent.header;
-  const says = (...seen) => outputs(agent, observe(observation, ...seen));
+  const { observation, network = "values", role } = agent.header;
+  const values = (...seen) => outputs(agent, observe(observation, ...seen));
+  const departing = (...seen) => {
+    const costs = observe("departure_costs", ...seen);
+    return values(...seen).map((value, action) => value - costs[action]);
+  };
+  const says = role === PURSUER && network === "values" && CHARTED.includes(observation) ? departing : values;
   return { player: (...seen) => PREFERENCES[network](says(...seen)), values: network === "values" ? says : null };
 }
 
@@ -142,7 +147,7 @@ export async function findPlayer(catalogue, name, role, difficulty, steer) {
   const known = bare(name);
   const { player, values } = await findBare(catalogue, known, role);
   const { late } = DIFFICULTIES[difficulty];
-  const seeing = bySight(late ? seeingLate(player, late) : player, byValue);
+  const seeing = bySight(late ? seeingLate(player, late) : player);
   const ranked = name === known ? seeing : shielded(seeing);
   const [called, words] = late ? [`${name} (${difficulty})`, `${inWords(name)}, ${difficulty}`] : [name, inWords(name)];
   return { name: called, words, values, act: (...seen) => ranked(...seen)[0] };

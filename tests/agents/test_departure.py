@@ -1,0 +1,84 @@
+"""A pursuer at rest does not stay where it is."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.agents.departure import NEAR, Departing, departures
+from apollonius.agents.policy import AbstractActionValuePolicy
+from apollonius.arenas.charting import charted
+from apollonius.game.arena import Arena
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game
+from apollonius.game.polygon import Polygon
+from apollonius.game.types import GameState, Role
+from apollonius.observe.view import look
+from tests.acting import robot
+
+WALL = Polygon(((4.0, 0.0), (4.2, 0.0), (4.2, 6.0), (4.0, 6.0)))
+GAME = charted(Game(Unicycle(radius=0.2), arena=Arena(0.0, 8.0, 0.0, 8.0, polygons=(WALL,))))
+TURNS = {0, 2}
+DRIVES = {6, 7, 8}
+
+
+def allowed(own, game=GAME):
+    view = look(game, GameState.of_two(own, robot(6.0, 3.0), jnp.int32(0)), Role.PURSUER)
+    return set(np.flatnonzero(departures(view)))
+
+
+class Undecided(AbstractActionValuePolicy):
+    """Turns to the heading 0 on the spot, and never comes to rest at it."""
+
+    def values(self, seen):
+        values = jnp.zeros(9).at[jnp.array([6, 7, 8])].set(-1.0)
+        return values.at[jnp.where(seen.own.state.heading > 0, 0, 2)].set(1.0)
+
+
+def test_who_moves_may_do_anything_and_who_rests_in_the_open_drives_off_or_turns_to_its_way():
+    assert allowed(robot(2.0, 3.0, 0.03, 0.0)) == set(range(9))
+    assert allowed(robot(2.0, 3.0, 0.0, 0.0)) == DRIVES | {2}, "the end of the wall is to its left"
+    assert allowed(robot(2.0, 3.0, 0.0, np.pi)) == DRIVES | {0}
+    assert allowed(robot(2.0, 3.0, 0.0, 0.98)) == DRIVES
+
+
+@pytest.mark.parametrize("clearance", [0.01, 0.04])
+def test_who_rests_near_a_wall_turns_one_way_until_it_faces_a_free_way(clearance):
+    x, free = 4.0 - 0.2 - clearance, []
+    for heading in np.arange(-1.2, 1.8, 0.08):
+        actions = allowed(robot(x, 3.0, 0.0, heading))
+        assert actions <= {2, 7}, "up to the end of the wall, on its left"
+        free.append(actions == {7})
+    assert free == sorted(free)
+    assert 1 <= sum(free) <= 3
+
+
+def test_a_rest_is_what_a_step_of_acceleration_makes_of_none_and_a_turn_is_that_of_the_step():
+    slow = replace(GAME, dt=0.2)
+    assert allowed(robot(2.0, 3.0, 0.04, 0.0)) == set(range(9))
+    assert allowed(robot(2.0, 3.0, 0.02, 0.0), slow) == DRIVES | {2}
+
+
+def test_who_would_turn_on_the_spot_for_ever_gets_away_and_touches_nothing():
+    @jax.jit
+    def course(own):
+        def step(state, _):
+            view = look(GAME, state, Role.PURSUER)
+            return GAME.step(state, [jnp.argmax(player.values(view))], [jnp.int32(1)]).state, state.pursuer
+
+        start = GameState.of_two(own, robot(6.0, 3.0), jnp.int32(0))
+        return jax.lax.scan(step, start, length=300)[1]
+
+    own = robot(4.0 - 0.2 - NEAR / 2, 3.0, 0.0, 0.3)
+    player = Undecided()
+    stays = course(own)
+    assert float(stays.y[-1]) == 3.0
+    assert len({round(float(heading), 3) for heading in stays.heading[-20:]}) == 2
+    course.clear_cache()
+    player = Departing(Undecided())
+    leaves = course(own)
+    clearances = np.asarray(jax.vmap(GAME.arena.clearance)(leaves.x, leaves.y)) - 0.2
+    assert float(leaves.y[-1]) > 3.1
+    assert clearances.min() > NEAR / 4
