@@ -1,5 +1,6 @@
 """A run that a robot recorded, and the agent asked again in each of its states."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,10 +27,7 @@ _LARGEST = 1e12
 
 @dataclass(frozen=True)
 class Decision:
-    """A decision of the ROS 2 node: its time [s], and why the node braked, or what the player was given and answered.
-
-    `ros2/` describes the fields.
-    """
+    """A decision of the ROS 2 node at a time [s]; `ros2/` describes the other fields."""
 
     time: float
     step: int
@@ -42,12 +40,14 @@ class Decision:
     def __post_init__(self) -> None:
         require_within(self, 0, MOST_COUNTED, "step")
         require_within(self, 0, 2**32 - 1, "bits")
-        numbers = (self.time, *self.controls, *(number for state in self.states for number in state))
-        require(max(map(abs, numbers)) <= _LARGEST, "numbers", numbers, f"within {_LARGEST:,.0f} of 0")
+        numbers = self.time, *self.controls, *itertools.chain(*self.states)
+        bound = f"within {_LARGEST:,.0f} of 0"
+        require(max(map(abs, numbers)) <= _LARGEST, "time, controls, states", numbers, bound)
         if not self.trouble:
             require(len(self.controls) == 2, "controls", self.controls, "two numbers")
-            rows = [len(state) for state in self.states]
-            require(rows == [4] * len(self.active), "states", self.states, "four numbers for each active or not")
+            sizes = [len(state) for state in self.states]
+            bound = f"four numbers for each of {len(self.active)} robots"
+            require(sizes == [4] * len(self.active), "states", self.states, bound)
 
 
 @dataclass(frozen=True)
@@ -81,24 +81,31 @@ def load_bag(folder: Path) -> Bag:
         strange = [path.name for path in folder.iterdir() if not path.is_file()]
         require(not strange, "content", strange, "files alone")
         with AnyReader([folder]) as reader:
-            for connection, _, raw in reader.messages([one for one in reader.connections if one.topic in texts]):
-                texts[connection.topic].append(reader.deserialize(raw, connection.msgtype).data.encode())
+            connections = [one for one in reader.connections if one.topic in texts]
+            for connection, _, raw in reader.messages(connections):
+                message = reader.deserialize(raw, connection.msgtype)
+                texts[connection.topic].append(message.data.encode())
     except Exception as error:  # rosbags raises what it likes for a damaged file
         raise InvalidInput(f"{about}: {str(error) or repr(error)}") from error
     return bag_of(texts, about)
 
 
 def bag_of(texts: Mapping[str, Sequence[bytes]], about: str) -> Bag:
-    """Return the bag of the texts of its topics; what they are `about` is for messages. Raises InvalidInput for any
-    that the node does not write.
+    """Return the bag of the texts of its topics; what they are `about` is for messages.
+
+    Raises InvalidInput for texts that the node does not write.
     """
-    exports, decisions = ([parse_json(text, about) for text in texts[topic]] for topic in ("export", "decisions"))
+    exports = [parse_json(text, about) for text in texts["export"]]
+    decisions = [parse_json(text, about) for text in texts["decisions"]]
     is_whole = len(exports) == 1 and {"player", "side", "game"} <= exports[0].keys() and decisions
     require(is_whole, f"{about}: topics", "others", "one export, and decisions")
-    known = Decision.__dataclass_fields__.keys()
-    rows = [{name: one[name] for name in one.keys() & known} for one in decisions]
-    export = exports[0]
-    data = {"player": export["player"], "side": export["side"], "record": export["game"], "decisions": rows}
+    export, names = exports[0], Decision.__dataclass_fields__.keys()
+    data = {
+        "player": export["player"],
+        "side": export["side"],
+        "record": export["game"],
+        "decisions": [{name: one[name] for name in names & one.keys()} for one in decisions],
+    }
     return read_record(Bag, data, about, {Role: _side})
 
 

@@ -9,10 +9,13 @@ import pytest
 
 from apollonius.arenas.file import find_game, to_dict
 from apollonius.cli.main import main
+from apollonius.export import writing
 from apollonius.export.bag import ask_again, bag_of, load_bag
 from apollonius.export.player import find_exportable
+from apollonius.export.writing import write_c
 from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput
+from tests.documents import REPOSITORY
 from tests.export.bags import damaged, damaged_copy, write_bag
 
 SOUND = {
@@ -25,6 +28,19 @@ EXPORT = {"player": "intercept", "side": "pursuer", "game": to_dict(find_game("p
 
 def texts(export=EXPORT, *decisions):
     return {"export": [json.dumps(export).encode()], "decisions": [json.dumps(one).encode() for one in decisions]}
+
+
+def test_an_export_names_a_map_without_its_folder(tmp_path, monkeypatch):
+    monkeypatch.setattr(writing, "_check", lambda *_: [])
+    game = find_game(str(REPOSITORY / "examples" / "dodecahedron.toml"))
+    write_c(find_exportable("intercept", Role.PURSUER, game), tmp_path / "robot.c")
+    text = (tmp_path / "robot.robot.json").read_text()
+    assert str(REPOSITORY) not in text
+    bag = bag_of(texts(json.loads(text), SOUND), "a bag")
+    with pytest.raises(InvalidInput, match="give --game"):
+        assert bag.game
+    monkeypatch.chdir(REPOSITORY / "examples")
+    assert bag.game.arena.map.digest == game.arena.map.digest
 
 
 def recorded(name, game, steps):
@@ -86,17 +102,25 @@ def test_a_bag_is_read_as_the_node_writes_it():
     ids=str,
 )  # fmt: skip
 def test_a_decision_that_the_node_does_not_write_is_refused(wrong):
-    with pytest.raises(InvalidInput, match="^a bag"):
+    with pytest.raises(InvalidInput, match=r"^a bag"):
         bag_of(texts(EXPORT, SOUND, SOUND | wrong), "a bag")
 
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"side": "x"}, {"side": 3}, {"side": ["pursuer"]}, {"player": 3}, {"player": None}, {"game": "paper"}, {"game": 3}],
+    [
+        {"side": "x"},
+        {"side": 3},
+        {"side": ["pursuer"]},
+        {"player": 3},
+        {"player": None},
+        {"game": "paper"},
+        {"game": 3},
+    ],
     ids=str,
 )
 def test_an_export_that_the_command_does_not_write_is_refused(wrong):
-    with pytest.raises(InvalidInput, match="^a bag"):
+    with pytest.raises(InvalidInput, match=r"^a bag"):
         bag_of(texts(EXPORT | wrong, SOUND), "a bag")
 
 
@@ -104,7 +128,7 @@ def test_a_bag_without_decisions_or_with_other_exports_than_one_is_refused():
     sound = texts(EXPORT, SOUND)
     (export,) = sound["export"]
     for wrong in ({"decisions": []}, {"export": []}, {"export": [export] * 2}, {"export": [b"{}"]}, {"export": [b"3"]}):
-        with pytest.raises(InvalidInput, match="^a bag"):
+        with pytest.raises(InvalidInput, match=r"^a bag"):
             bag_of(sound | wrong, "a bag")
 
 
@@ -135,9 +159,8 @@ def test_damaged_files_are_refused_in_one_line(folder, tmp_path):
     for _ in range(500):
         try:
             load_bag(damaged_copy(folder, tmp_path / "bag", rng))
-        except InvalidInput as error:
+        except InvalidInput:
             refused += 1
-            assert "is no bag of the ROS 2 node" in str(error)
     assert refused > 250
 
 

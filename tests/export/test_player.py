@@ -16,7 +16,7 @@ from apollonius.agents.names import zoo_names
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.pool import solo
 from apollonius.agents.trained import find_trained
-from apollonius.arenas.file import find_game, to_dict
+from apollonius.arenas.file import find_game
 from apollonius.arenas.suite import suite_arena, suite_names
 from apollonius.cli.main import main
 from apollonius.export import writing

@@ -157,13 +157,13 @@ def test_it_plays_on_where_localisation_and_speeds_err(pilot, place, state):
 
 def test_it_says_why_it_brakes(pilot):
     other(state=OWN)(pilot)
-    assert pilot.command(10.0).trouble.startswith("own, opponent: at exactly one place")
+    assert pilot.command(10.0).trouble.startswith("own, opponent: one place")
     other(state=(7.0, 6.0, 0.0, math.nan))(pilot)
     assert pilot.command(10.0).trouble.startswith("opponent: an orientation that is none")
     other(state=(7.0, 9.0, 0.0, 0.0))(pilot)
     assert pilot.command(10.0).trouble.startswith("opponent: at 7, 9 m, outside the arena")
     own(state=(2.0, 3.0, 7.0, 0.0))(pilot)
-    assert pilot.command(10.0).trouble.startswith("own: at 7 m/s, and no robot is faster than 1.5 m/s")
+    assert pilot.command(10.0).trouble.startswith("own: at 7 m/s, and none is faster than 1.5 m/s")
 
 
 def test_an_older_state_that_comes_later_is_left_out_unless_the_clock_went_back(pilot):
@@ -178,9 +178,9 @@ def test_an_older_state_that_comes_later_is_left_out_unless_the_clock_went_back(
 
 
 DOUBTS = [
-    (0, 0.23, 0.0, 0.0, "own: poses and twist, in its own frame, differ by 0.1"),
-    (1, 0.23j, 0.23, 0.0, "opponent: poses and twist"),
-    (0, -0.4, 0.4, 0.0, "own: poses and twist"),
+    (0, 0.23, 0.0, 0.0, "own: poses differ from its own frame's twist by 0.1"),
+    (1, 0.23j, 0.23, 0.0, "opponent: poses differ"),
+    (0, -0.4, 0.4, 0.0, "own: poses differ"),
     (0, -0.11, -0.11, 0.0, "own: at -0.11 m/s, though it cannot reverse"),
     (1, -0.11, -0.11, 0.0, ""),
     (1, 0.3j, 0.3, math.pi / 2, ""),
@@ -249,6 +249,9 @@ def test_it_decides_as_the_package_from_call_to_call(name, game, tmp_path):
     export, player = compiled(name, game, tmp_path)
     facts, body = export.facts, player.game.pursuer
     assert (facts["dt"], facts["max_steps"], facts["v_max"]) == (player.game.dt, player.game.max_steps, body.v_max)
+    assert facts["fastest"] == max(
+        abs(v) for side in player.game.bodies for one in side for v in (one.v_min, one.v_max)
+    )
     assert (facts["u1_max"], facts["u2_max"]) == (body.u1_max, body.u2_max)
     assert 1 + facts["mates"] + facts["opponents"] == player.robots
     rng = np.random.default_rng(0)
@@ -309,7 +312,9 @@ def made_node(monkeypatch):
         for one in ("Twist", "TwistStamped", "String", "Bool", "Odometry", "DiagnosticArray", "DiagnosticStatus")
     }
     packages = ["diagnostic_msgs", "geometry_msgs", "nav_msgs", "std_msgs"]
-    modules = dict.fromkeys(["rclpy", "rclpy.qos", "rclpy.signals", "rclpy.serialization", *packages], MagicMock())
+    modules = dict.fromkeys(
+        ["rclpy", "rclpy.clock", "rclpy.qos", "rclpy.signals", "rclpy.serialization", *packages], MagicMock()
+    )
     modules |= {f"{name}.msg": SimpleNamespace(**kinds, KeyValue=MagicMock) for name in packages}
     for name, module in (modules | {"rclpy.node": SimpleNamespace(Node=Node)}).items():
         monkeypatch.setitem(sys.modules, name, module)
@@ -432,17 +437,28 @@ def test_an_overtaken_message_changes_nothing_and_a_doubt_is_diagnosed(made_node
         assert node.last.trouble == ""
     node.diagnose()
     (status,) = node.asked.create_publisher().publish.mock_calls[-1].args[0].status
-    assert (status.level, status.message[:23]) == (b"\1", "robot1: poses and twist")
+    assert (status.level, status.message[:20]) == (b"\1", "robot1: poses differ")
 
 
 def test_without_ros_it_says_what_is_missing():
-    program = "import runpy, sys; sys.modules['rclpy'] = None; runpy.run_module('apollonius_ros.node', run_name='__main__')"
+    program = "import runpy, sys; sys.modules['rclpy'] = None; runpy.run_module('apollonius_ros.node')"
     environment = os.environ | {"PYTHONPATH": str(PACKAGE)}
-    made = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True)
-    assert made.returncode == 2
-    assert "apollonius_ros: " in made.stderr
-    assert "install ROS 2, and give first: source /opt/ros/" in made.stderr
-    assert made.stderr.count("\n") == 1
+    command = [sys.executable, "-c", program]
+    ended = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert ended.returncode == 2
+    assert ended.stderr.startswith("apollonius_ros: ")
+    assert "install ROS 2, and give first: source /opt/ros/" in ended.stderr
+    assert ended.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_steps_are_timed_by_a_clock_that_nobody_sets_back(made_node, monkeypatch, simulated):
+    clock, kinds = SimpleNamespace(ros_time_is_active=simulated), sys.modules["rclpy.clock"]
+    monkeypatch.setattr(Node, "get_clock", lambda node: clock, raising=False)
+    node, _ = made_node()
+    steady = kinds.Clock(clock_type=kinds.ClockType.STEADY_TIME)
+    clocks = [one.kwargs["clock"] for one in node.asked.create_timer.call_args_list]
+    assert clocks == [clock if simulated else steady] * 2
 
 
 def test_a_dry_run_drives_nothing_and_logs_what_it_would(made_node):

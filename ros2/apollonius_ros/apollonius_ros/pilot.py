@@ -16,7 +16,7 @@ NOT_SEEN = (1e9,) * 4
 MARGIN = 0.5
 """How far outside the arena a robot may be seen [m], as localisation errs."""
 EXCESS = 2.0
-"""How many times as fast as the fastest of all a robot may be seen, as measured speeds are noisy."""
+"""How many times as fast as the fastest of all a robot may be seen, as speeds are noisy."""
 DRIFT_TIME = 2.0
 """Over which a robot's drift is averaged [s]."""
 
@@ -58,7 +58,7 @@ class Robot:
     drift: complex = 0j
 
     def see(self, state: Sequence[float], stamp: float, now: float) -> None:
-        """Take a state and its time [s], unless a newer one has come that is not ahead of the clock."""
+        """Take a state of a time [s], unless a newer one has come that is not ahead of the clock."""
         if not stamp < self.seen < now + 1.0:
             self.state, self.seen = state, stamp
 
@@ -77,7 +77,7 @@ class Robot:
         """The contradiction in what is known of the robot, or nothing."""
         drift = abs(self.drift)
         differs = drift > 0.1 + abs(self.trusted[3]) / 4
-        return f"{self.name}: poses and twist, in its own frame, differ by {drift:.2f} m/s" * differs
+        return f"{self.name}: poses differ from its own frame's twist by {drift:.2f} m/s" * differs
 
 
 @dataclass
@@ -128,10 +128,11 @@ class Pilot:
         if self.step >= facts["max_steps"]:
             raise ValueError("the game's time is up")
         states = [self._state(*robot, now) for robot in zip(self.robots, active, strict=True)]
-        visible = [robot for robot, state in zip(self.robots, states, strict=True) if state is robot.state]
+        pairs = zip(self.robots, states, strict=True)
+        visible = [robot for robot, state in pairs if state is robot.state]
         for one, other in itertools.combinations(visible, 2):
             if one.state[:2] == other.state[:2]:
-                raise ValueError(f"{one.name}, {other.name}: at exactly one place; give each a topic of its own")
+                raise ValueError(f"{one.name}, {other.name}: one place; give each its own topic")
         if self.step == 0:
             self.player.begin()
         bits = secrets.randbits(32)
@@ -176,7 +177,7 @@ class Pilot:
             (abs(age) <= self.patience, f"seen {age:.2f} s ago"),
             (abs(heading) <= 2 * math.pi, upright),
             (is_inside, f"at {x:g}, {y:g} m, outside the arena; is its frame the arena's?"),
-            (abs(v) <= EXCESS * fastest, f"at {v:g} m/s, and no robot is faster than {fastest:g} m/s"),
+            (abs(v) <= EXCESS * fastest, f"at {v:g} m/s, and none is faster than {fastest:g} m/s"),
         ):
             if not holds:
                 raise ValueError(f"{robot.name}: {fault}")
