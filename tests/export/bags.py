@@ -19,10 +19,11 @@ def write_bag(folder, export, decisions):
 
 
 def damaged(content, rng):
-    """Return bytes of which one to four are others; `rng` is NumPy's."""
+    """Return bytes of which one to four are others, at random or from elsewhere in them."""
     changed = bytearray(content)
     for place in rng.integers(len(content), size=rng.integers(1, 5)):
-        changed[place] ^= int(rng.integers(1, 256))
+        others = bytes([rng.integers(256)]), content[rng.integers(len(content)) :][:1]
+        changed[place : place + 1] = others[rng.integers(2)]
     return bytes(changed)
 
 

@@ -159,7 +159,7 @@ def test_it_says_why_it_brakes(pilot):
     other(state=OWN)(pilot)
     assert pilot.command(10.0).trouble.startswith("own, opponent: one place")
     other(state=(7.0, 6.0, 0.0, math.nan))(pilot)
-    assert pilot.command(10.0).trouble.startswith("opponent: an orientation that is none")
+    assert pilot.command(10.0).trouble.startswith("opponent: orientation not a quaternion")
     other(state=(7.0, 9.0, 0.0, 0.0))(pilot)
     assert pilot.command(10.0).trouble.startswith("opponent: at 7, 9 m, outside the arena")
     own(state=(2.0, 3.0, 7.0, 0.0))(pilot)
@@ -420,7 +420,7 @@ def test_it_brakes_where_the_orientation_is_none(made_node, orientation, heading
     listeners(node)["robot2/odom"](odometry(*OPPONENT, stamp=5.5))
     node.tick()
     if heading is None:
-        assert node.last.trouble.startswith("robot1: an orientation that is none")
+        assert node.last.trouble.startswith("robot1: orientation not a quaternion")
     else:
         assert node.last.states[0][3] == pytest.approx(heading)
 

@@ -172,7 +172,7 @@ class Pilot:
             walls["x_min"] - MARGIN <= x <= walls["x_max"] + MARGIN
             and walls["y_min"] - MARGIN <= y <= walls["y_max"] + MARGIN
         )
-        upright = "an orientation that is none, or a robot that is not upright"
+        upright = "orientation not a quaternion of length 1, or tilted by over 30 degrees"
         for holds, fault in (  # a NaN holds nowhere
             (abs(age) <= self.patience, f"seen {age:.2f} s ago"),
             (abs(heading) <= 2 * math.pi, upright),
