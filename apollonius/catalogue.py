@@ -42,6 +42,8 @@ def find_player(name: str, role: Role, game: Game) -> Named:
             cannot help.
     """
     require(isinstance(cast(object, name), str), "player", name, "a name, or the path of a file")
+    is_once = max(name.count(SHIELDED), name.count(SEARCHING)) <= 1
+    require(is_once, "player", name, f"one with '{SHIELDED}' once, and '{SEARCHING}' once")
     if name.startswith(SHIELDED):
         bare = find_player(name.removeprefix(SHIELDED), role, game)
         return replace(bare, name=SHIELDED + bare.name, policy=shielded(bare.policy, game, role))

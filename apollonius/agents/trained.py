@@ -1,5 +1,6 @@
 """Players by trained networks, at their best or exploring, and where such agents are found: the zoo, runs, files."""
 
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -163,8 +164,8 @@ def _file_of(name: str) -> Path | None:
     in_zoo = name.removeprefix(FROM_ZOO)
     if in_zoo in zoo_names():
         return ZOO / f"{in_zoo}.safetensors"
-    if Path(name).suffix == ".safetensors" or Path(name).exists():
+    if Path(name).suffix == ".safetensors" or os.path.exists(name):
         return Path(name)
     run, _, agent = name.rpartition("/")
     in_run = [folder / f"{agent}.safetensors" for folder in agents_folders(run) if run and agent]
-    return next((file for file in in_run if file.is_file()), None)
+    return next((file for file in in_run if os.path.isfile(file)), None)

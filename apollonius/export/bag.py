@@ -1,5 +1,7 @@
 """A run that a robot recorded, and the agent asked again in each of its states."""
 
+import itertools
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,13 +10,44 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from apollonius.agents.names import SIDES
 from apollonius.arenas.file import from_dict
 from apollonius.export.parity import TOLERANCE
 from apollonius.export.player import find_exportable
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.io.document import parse_json
-from apollonius.io.errors import InvalidInput, require, require_extra
+from apollonius.io.errors import InvalidInput, require, require_extra, require_within
+from apollonius.io.limits import MOST_COUNTED
+from apollonius.io.record import read_record
+
+_LARGEST = 1e12
+"""No number of a time [s], a state or a control is beyond this."""
+
+
+@dataclass(frozen=True)
+class Decision:
+    """A decision of the ROS 2 node at a time [s]; `ros2/` describes the other fields."""
+
+    time: float
+    step: int
+    trouble: str
+    states: tuple[tuple[float, ...], ...] = ()
+    active: tuple[bool, ...] = ()
+    bits: int = 0
+    controls: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        require_within(self, 0, MOST_COUNTED, "step")
+        require_within(self, 0, 2**32 - 1, "bits")
+        numbers = self.time, *self.controls, *itertools.chain(*self.states)
+        bound = f"within {_LARGEST:,.0f} of 0"
+        require(max(map(abs, numbers)) <= _LARGEST, "time, controls, states", numbers, bound)
+        if not self.trouble:
+            require(len(self.controls) == 2, "controls", self.controls, "two numbers")
+            sizes = [len(state) for state in self.states]
+            bound = f"four numbers for each of {len(self.active)} robots"
+            require(sizes == [4] * len(self.active), "states", self.states, bound)
 
 
 @dataclass(frozen=True)
@@ -24,12 +57,12 @@ class Bag:
     player: str
     side: Role
     record: dict[str, Any]
-    decisions: list[dict[str, Any]]
+    decisions: tuple[Decision, ...]
 
     @property
-    def asked(self) -> list[dict[str, Any]]:
+    def asked(self) -> list[Decision]:
         """The decisions of the player; in the other steps the node braked."""
-        return [one for one in self.decisions if not one["trouble"]]
+        return [one for one in self.decisions if not one.trouble]
 
     @property
     def game(self) -> Game:
@@ -40,21 +73,45 @@ class Bag:
 def load_bag(folder: Path) -> Bag:
     """Read a bag; raises InvalidInput where `rosbags` is not installed, and for a folder that is no bag of the node."""
     require_extra("bag", "reading a bag")
-    from rosbags.highlevel import AnyReader, AnyReaderError  # pyright: ignore[reportMissingImports]
-    from rosbags.rosbag2.errors import ReaderError  # pyright: ignore[reportMissingImports]
+    from rosbags.highlevel import AnyReader  # pyright: ignore[reportMissingImports]
 
-    said: dict[str, list[Any]] = {"export": [], "decisions": []}
+    about = f"'{folder}' is no bag of the ROS 2 node"
+    texts: dict[str, list[bytes]] = {"export": [], "decisions": []}
     try:
+        strange = [path.name for path in folder.iterdir() if not path.is_file()]
+        require(not strange, "content", strange, "files alone")
         with AnyReader([folder]) as reader:
-            for connection, _, raw in reader.messages([one for one in reader.connections if one.topic in said]):
-                text = reader.deserialize(raw, connection.msgtype).data
-                said[connection.topic].append(parse_json(text.encode(), f"'{folder}' is no bag of the ROS 2 node"))
-    except (AnyReaderError, ReaderError, OSError) as error:
-        raise InvalidInput(f"'{folder}' is no bag of the ROS 2 node: {error}") from error
-    (export,) = said["export"] or [{}]
-    known = {"player", "side", "game"} <= set(export) and said["decisions"]
-    require(known, f"'{folder}': topics", "others", "export and decisions, as the ROS 2 node writes them")
-    return Bag(export["player"], Role[export["side"].upper()], export["game"], said["decisions"])
+            connections = [one for one in reader.connections if one.topic in texts]
+            for connection, _, raw in reader.messages(connections):
+                message = reader.deserialize(raw, connection.msgtype)
+                texts[connection.topic].append(message.data.encode())
+    except Exception as error:  # rosbags raises what it likes for a damaged file
+        raise InvalidInput(f"{about}: {str(error) or repr(error)}") from error
+    return bag_of(texts, about)
+
+
+def bag_of(texts: Mapping[str, Sequence[bytes]], about: str) -> Bag:
+    """Return the bag of the texts of its topics; what they are `about` is for messages.
+
+    Raises InvalidInput for texts that the node does not write.
+    """
+    exports = [parse_json(text, about) for text in texts["export"]]
+    decisions = [parse_json(text, about) for text in texts["decisions"]]
+    is_whole = len(exports) == 1 and {"player", "side", "game"} <= exports[0].keys() and decisions
+    require(is_whole, f"{about}: topics", "others", "one export, and decisions")
+    export, names = exports[0], Decision.__dataclass_fields__.keys()
+    data = {
+        "player": export["player"],
+        "side": export["side"],
+        "record": export["game"],
+        "decisions": [{name: one[name] for name in names & one.keys()} for one in decisions],
+    }
+    return read_record(Bag, data, about, {Role: _side})
+
+
+def _side(name: object) -> Role:
+    require(name in SIDES, "side", name, f"one of {', '.join(SIDES)}")
+    return Role[str(name).upper()]
 
 
 def ask_again(bag: Bag, name: str, game: Game) -> list[dict[str, Any]]:
@@ -66,13 +123,14 @@ def ask_again(bag: Bag, name: str, game: Game) -> list[dict[str, Any]]:
     player = find_exportable(name, bag.side, game)
     decide, memory, differences = jax.jit(player.decide), player.memory, list[dict[str, Any]]()
     for one in bag.asked:
-        states = np.array(one["states"], np.float32)
-        require(len(states) == player.robots, "robots in the bag", len(states), f"{player.robots}, as in {game.size}")
-        memory = player.memory if one["step"] == 0 else memory
-        active = jnp.asarray(one["active"]) if player.robots > 2 else None
-        made = decide(player.policy, player.game, jnp.asarray(states), active, memory, jnp.uint32(one["bits"]))
-        memory, now = made["memory"], np.asarray(made["controls"])
-        if (np.abs(now - np.array(one["controls"])) > TOLERANCE * player.largest).any():
-            since = one["time"] - bag.decisions[0]["time"]
-            differences.append({"time": since, "step": one["step"], "then": one["controls"], "now": now.tolist()})
+        robots = len(one.states)
+        require(robots == player.robots, "robots in the bag", robots, f"{player.robots}, as in {game.size}")
+        states = jnp.asarray(one.states, jnp.float32)
+        memory = player.memory if one.step == 0 else memory
+        active = jnp.asarray(one.active) if player.robots > 2 else None
+        answer = decide(player.policy, player.game, states, active, memory, jnp.uint32(one.bits))
+        memory, now = answer["memory"], np.asarray(answer["controls"])
+        if (np.abs(now - np.array(one.controls)) > TOLERANCE * player.largest).any():
+            since = one.time - bag.decisions[0].time
+            differences.append({"time": since, "step": one.step, "then": list(one.controls), "now": now.tolist()})
     return differences

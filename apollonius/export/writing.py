@@ -112,6 +112,9 @@ def _facts(program: Program, player: Player, files: Mapping[Path, bytes]) -> dic
     An argument that is a file's content has the file's SHA-256; one that is a number has its type.
     """
     game, (body, *mates) = player.game, player.game.bodies[player.role]
+    rules = to_dict(game)
+    if game.arena.map is not None:  # without its folder, which is this machine's
+        rules["arena"]["map"]["file"] = Path(game.arena.map.file).name
     digests = {file.suffix[1:]: sha256(content).hexdigest() for file, content in files.items()}
 
     def fact(record: Record) -> dict[str, Any]:
@@ -128,11 +131,12 @@ def _facts(program: Program, player: Player, files: Mapping[Path, bytes]) -> dic
         "dt": float(game.dt),
         "max_steps": int(game.max_steps),
         "v_max": float(body.v_max),
+        "fastest": max(abs(float(v)) for side in game.bodies for one in side for v in (one.v_min, one.v_max)),
         "u1_max": float(body.u1_max),
         "u2_max": float(body.u2_max),
         "arguments": [fact(record) for record in program.arguments if record.leaves],
         "results": [fact(record) for record in program.results if record.leaves],
-        "game": to_dict(game),
+        "game": rules,
     }
 
 

@@ -1,4 +1,4 @@
-"""Players of all kinds in C and in the page, against the package's own; the files of a program; decisions of bags."""
+"""Players of all kinds in C and in the page, against the package's own; and the files of a program."""
 
 import os
 import subprocess
@@ -16,11 +16,10 @@ from apollonius.agents.names import zoo_names
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.pool import solo
 from apollonius.agents.trained import find_trained
-from apollonius.arenas.file import find_game, to_dict
+from apollonius.arenas.file import find_game
 from apollonius.arenas.suite import suite_arena, suite_names
 from apollonius.cli.main import main
 from apollonius.export import writing
-from apollonius.export.bag import Bag, ask_again
 from apollonius.export.c import FLAGS, Compiled
 from apollonius.export.parity import Cases, _is_as_good, as_given, cases_of, compare, reference
 from apollonius.export.player import Player, find_exportable, side_of
@@ -310,39 +309,3 @@ def test_whole_games_in_c_end_as_the_packages_and_a_shield_holds_in_them():
     batch = jax.jit(jax.vmap(play, in_axes=(None, None, None, 0)))
     same = np.asarray(batch(*given, jax.tree.map(lambda leaf: leaf[:50], starts))["outcome"]) == outcomes[:50]
     assert same.mean() >= 0.9  # rounding parts long games
-
-
-def recorded(name, game, steps):
-    """A bag of decisions in states at random, some of them braking, in two games."""
-    player, rng = find_exportable(name, Role.PURSUER, game), np.random.default_rng(0)
-    decisions, memory, decide = [], player.memory, jax.jit(player.decide)
-    for step in range(steps):
-        told = {"time": 100 + 0.1 * step, "step": step % 10, "trouble": "late" if step % 4 == 3 else ""}
-        if not told["trouble"]:
-            states, bits = rng.uniform(1, 4, (player.robots, 4)), int(rng.integers(2**32))
-            active = [True] * player.robots
-            memory = player.memory if step % 10 == 0 else memory
-            given = np.array(active) if player.robots > 2 else None
-            made = decide(player.policy, player.game, states.astype(np.float32), given, memory, np.uint32(bits))
-            memory = made["memory"]
-            told |= {"states": states.tolist(), "active": active, "bits": bits}
-            told |= {"controls": np.asarray(made["controls"]).astype(float).tolist()}
-        decisions.append(told)
-    return Bag(name, Role.PURSUER, to_dict(game), decisions)
-
-
-@pytest.mark.parametrize(
-    ("name", "game", "other", "refused"),
-    [("random", "paper", "team-3v1", "2 .* 4, as in 3 v 1"), ("intercept", "team-3v1", "paper", "4 .* 2, as in 1 v 1")],
-)
-def test_only_what_was_changed_differs_and_a_game_of_other_robots_is_refused(name, game, other, refused):
-    bag = recorded(name, find_game(game), 20)
-    assert ask_again(bag, name, bag.game) == []
-    then = bag.decisions[12]["controls"]
-    then[1] += 0.1
-    assert len(bag.asked) == 15
-    (one,) = ask_again(bag, name, bag.game)
-    assert (one["time"], one["step"], one["then"]) == (pytest.approx(1.2), 2, then)
-    assert one["now"][1] == pytest.approx(then[1] - 0.1)
-    with pytest.raises(InvalidInput, match=f"robots in the bag = {refused}"):
-        ask_again(bag, name, find_game(other))

@@ -7,6 +7,7 @@ import math
 import os
 import subprocess
 import sys
+from copy import deepcopy
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -26,10 +27,10 @@ from apollonius.game.types import Role
 from tests.export.test_translate import needs_gcc
 
 PACKAGE = Path(__file__).parents[2] / "ros2" / "apollonius_ros"
-OWN, OPPONENT = (2.0, 3.0, 0.5, 0.1), (7.0, 6.0, 0.0, -1.5)
+OWN, OPPONENT, MATE = (2.0, 3.0, 0.5, 0.1), (7.0, 6.0, 0.0, -1.5), (2.0, 4.0, 0.5, 0.1)
 FACTS = {
     "player": "pursuer", "mates": 0, "opponents": 1, "dt": 0.1, "max_steps": 100, "v_max": 1.2, "u1_max": 0.3,
-    "u2_max": 0.8, "game": {},
+    "u2_max": 0.8, "fastest": 1.5, "game": {"arena": {"x_min": 0.0, "x_max": 10.0, "y_min": -1.0, "y_max": 8.0}},
 }  # fmt: skip
 
 
@@ -45,7 +46,7 @@ class Player:
     """An export that wants to go faster and left."""
 
     def __init__(self, *_):
-        self.facts, self.text, self.asked, self.begun = dict(FACTS), json.dumps(FACTS), [], 0
+        self.facts, self.text, self.asked, self.begun = deepcopy(FACTS), json.dumps(FACTS), [], 0
 
     def begin(self):
         self.begun += 1
@@ -75,7 +76,7 @@ def test_it_does_as_the_player_says_within_the_limits_and_near_the_measured_spee
 
 
 def test_a_player_with_sensors_is_told_that_an_opponent_is_not_seen_now(pilot):
-    pilot.player.facts["game"] = {"sensors": {"pursuer": {"range": 5.0}}}
+    pilot.player.facts["game"] |= {"sensors": {"pursuer": {"range": 5.0}}}
     assert not pilot.command(10.1).trouble
     for hidden in ({"seen": 9.6}, {"state": None, "seen": -math.inf}):
         other(**hidden)(pilot)
@@ -106,6 +107,14 @@ TROUBLES = {
     "opponent infinite": other(state=(math.inf, 6.0, 0.0, 0.0)),
     "a state of no numbers": own(state=(None,) * 4),
     "a state too short": own(state=(2.0, 3.0, 0.5)),
+    "a heading of no angle": other(state=(7.0, 6.0, 0.0, 1e300)),
+    "own left of the arena": own(state=(-0.51, 3.0, 0.5, 0.1)),
+    "own right of the arena": own(state=(10.51, 3.0, 0.5, 0.1)),
+    "opponent below the arena": other(state=(7.0, -1.51, 0.0, 0.0)),
+    "opponent above the arena": other(state=(7.0, 8.51, 0.0, 0.0)),
+    "own faster than any": own(state=(2.0, 3.0, 3.01, 0.1)),
+    "opponent faster than any": other(state=(7.0, 6.0, -3.01, 0.1)),
+    "one topic for two robots": other(state=OWN),
     "own out of play": own(in_play=False),
     "no opponent left": other(in_play=False),
     "a silent referee": lambda pilot: vars(pilot).update(refereed=True),
@@ -139,6 +148,62 @@ def test_in_trouble_it_brakes_to_rest_and_says_why_and_goes_on_when_it_is_over(p
     assert (again.speed, again.turn_rate, again.trouble) == (pytest.approx(0.03), 0.8, "")
 
 
+@pytest.mark.parametrize("state", [(-0.49, -1.49, 2.99, 6.0), (10.49, 8.49, -2.99, -6.0)], ids=str)
+@pytest.mark.parametrize("place", [0, 1], ids=["own", "opponent"])
+def test_it_plays_on_where_localisation_and_speeds_err(pilot, place, state):
+    pilot.robots[place].state = state
+    assert pilot.command(10.0).trouble == ""
+
+
+def test_it_says_why_it_brakes(pilot):
+    other(state=OWN)(pilot)
+    assert pilot.command(10.0).trouble.startswith("own, opponent: one place")
+    other(state=(7.0, 6.0, 0.0, math.nan))(pilot)
+    assert pilot.command(10.0).trouble.startswith("opponent: orientation not a quaternion")
+    other(state=(7.0, 9.0, 0.0, 0.0))(pilot)
+    assert pilot.command(10.0).trouble.startswith("opponent: at 7, 9 m, outside the arena")
+    own(state=(2.0, 3.0, 7.0, 0.0))(pilot)
+    assert pilot.command(10.0).trouble.startswith("own: at 7 m/s, and none is faster than 1.5 m/s")
+
+
+def test_an_older_state_that_comes_later_is_left_out_unless_the_clock_went_back(pilot):
+    robot, newer = pilot.robots[1], (7.1, 6.0, 0.0, 0.0)
+    robot.see(newer, 10.1, now=10.15)
+    robot.see(OPPONENT, 10.05, now=10.2)
+    assert (robot.state, robot.seen) == (newer, 10.1)
+    robot.see(OPPONENT, 10.2, now=10.25)
+    assert (robot.state, robot.seen) == (OPPONENT, 10.2)
+    robot.see(newer, 0.1, now=0.2)
+    assert (robot.state, robot.seen) == (newer, 0.1)
+
+
+DOUBTS = [
+    (0, 0.23, 0.0, 0.0, "own: poses differ from its own frame's twist by 0.1"),
+    (1, 0.23j, 0.23, 0.0, "opponent: poses differ"),
+    (0, -0.4, 0.4, 0.0, "own: poses differ"),
+    (0, -0.11, -0.11, 0.0, "own: at -0.11 m/s, though it cannot reverse"),
+    (1, -0.11, -0.11, 0.0, ""),
+    (1, 0.3j, 0.3, math.pi / 2, ""),
+    (0, 0.0, -0.09, 0.0, ""),
+    (0, 0.5, 0.45, 0.0, ""),
+    (0, 1.2, 1.4, 0.0, ""),
+]
+
+
+@pytest.mark.parametrize(("place", "velocity", "speed", "heading", "doubt"), DOUBTS)
+def test_a_twist_that_contradicts_the_poses_is_said_and_noise_is_not(pilot, place, velocity, speed, heading, doubt):
+    rng, robot, way = np.random.default_rng(0), pilot.robots[place], 5 + 1j
+    pilot.robots[1 - place].state = (7.0, 6.0, 0.0, 0.0)
+    for now in np.arange(10.0, 13.0, 0.1):
+        way += 0.1 * velocity
+        seen = way + rng.normal(size=2) @ (0.05, 0.05j)
+        robot.see((seen.real, seen.imag, speed, heading), now, now)
+        pilot.robots[1 - place].seen = now
+        assert pilot.command(now).trouble == ""
+        assert doubt or not pilot.doubt
+    assert pilot.doubt.startswith(doubt)
+
+
 def test_a_game_begins_where_the_referee_says_so_and_ends_with_its_time(pilot):
     pilot.refereed, pilot.player.facts["max_steps"] = True, 3
     own(judged=10.0)(pilot)
@@ -155,10 +220,12 @@ def test_a_game_begins_where_the_referee_says_so_and_ends_with_its_time(pilot):
 def test_a_mate_or_opponent_out_of_play_need_not_be_seen(pilot):
     kind = type(pilot.robots[0])
     pilot.player.facts |= {"mates": 1, "opponents": 2}
-    mate, gone = kind("mate", OWN, 10.0), kind("gone", None, in_play=False)
+    mate, gone = kind("mate", MATE, 10.0), kind("gone", None, in_play=False)
     pilot.robots = [pilot.robots[0], mate, pilot.robots[1], gone]
     assert pilot.command(10.0).trouble == ""
-    assert pilot.player.asked == [([OWN, OWN, OPPONENT, (0.0,) * 4], [True, True, True, False])]
+    assert pilot.player.asked == [([OWN, MATE, OPPONENT, (0.0,) * 4], [True, True, True, False])]
+    gone.state = (math.nan,) * 4
+    assert pilot.command(10.0).states[3] == (0.0,) * 4
     mate.seen = 9.0
     assert pilot.command(10.0).trouble == "mate: seen 1.00 s ago"
 
@@ -182,6 +249,9 @@ def test_it_decides_as_the_package_from_call_to_call(name, game, tmp_path):
     export, player = compiled(name, game, tmp_path)
     facts, body = export.facts, player.game.pursuer
     assert (facts["dt"], facts["max_steps"], facts["v_max"]) == (player.game.dt, player.game.max_steps, body.v_max)
+    assert facts["fastest"] == max(
+        abs(v) for side in player.game.bodies for one in side for v in (one.v_min, one.v_max)
+    )
     assert (facts["u1_max"], facts["u2_max"]) == (body.u1_max, body.u2_max)
     assert 1 + facts["mates"] + facts["opponents"] == player.robots
     rng = np.random.default_rng(0)
@@ -242,7 +312,9 @@ def made_node(monkeypatch):
         for one in ("Twist", "TwistStamped", "String", "Bool", "Odometry", "DiagnosticArray", "DiagnosticStatus")
     }
     packages = ["diagnostic_msgs", "geometry_msgs", "nav_msgs", "std_msgs"]
-    modules = dict.fromkeys(["rclpy", "rclpy.qos", "rclpy.signals", "rclpy.serialization", *packages], MagicMock())
+    modules = dict.fromkeys(
+        ["rclpy", "rclpy.clock", "rclpy.qos", "rclpy.signals", "rclpy.serialization", *packages], MagicMock()
+    )
     modules |= {f"{name}.msg": SimpleNamespace(**kinds, KeyValue=MagicMock) for name in packages}
     for name, module in (modules | {"rclpy.node": SimpleNamespace(Node=Node)}).items():
         monkeypatch.setitem(sys.modules, name, module)
@@ -313,6 +385,82 @@ def test_a_state_in_another_frame_is_left_out(made_node):
     assert "frame 'map' instead of 'floor'" in node.get_logger().warning.call_args.args[0]
 
 
+SOUND = 0.0, 0.0, math.sin(0.6), math.cos(0.6)
+"""A quaternion (x, y, z, w) of a heading of 1.2 rad."""
+
+
+@pytest.mark.parametrize(
+    ("orientation", "heading"),
+    [
+        (SOUND, 1.2),
+        ([-number for number in SOUND], 1.2),
+        ([1.004 * number for number in SOUND], 1.2),
+        ([0.996 * number for number in SOUND], 1.2),
+        ((0.1, 0.0, 0.0, 0.995), 0.0),
+        ([1.006 * number for number in SOUND], None),
+        ([0.994 * number for number in SOUND], None),
+        ([2 * number for number in SOUND], None),
+        ([number / 2 for number in SOUND], None),
+        ((0.0, 0.0, 0.0, 0.0), None),
+        ((0.0, 0.0, math.inf, 1.0), None),
+        ((0.0, 0.0, 0.0, math.nan), None),
+        ((0.0, 0.0, 1e200, 0.0), None),
+        ((1.0, 0.0, 0.0, 0.0), None),
+        ((0.0, 0.5, 0.0, 0.866), None),
+    ],
+    ids=str,
+)
+def test_it_brakes_where_the_orientation_is_none(made_node, orientation, heading):
+    node, _ = made_node()
+    node.get_clock().now().nanoseconds = 5_500_000_000
+    message = odometry(*OWN, stamp=5.5)
+    for name, number in zip("xyzw", orientation, strict=True):
+        setattr(message.pose.pose.orientation, name, number)
+    listeners(node)["robot1/odom"](message)
+    listeners(node)["robot2/odom"](odometry(*OPPONENT, stamp=5.5))
+    node.tick()
+    if heading is None:
+        assert node.last.trouble.startswith("robot1: orientation not a quaternion")
+    else:
+        assert node.last.states[0][3] == pytest.approx(heading)
+
+
+def test_an_overtaken_message_changes_nothing_and_a_doubt_is_diagnosed(made_node):
+    node, _ = made_node()
+    clock, heard = node.get_clock().now(), listeners(node)
+    for number in range(20):
+        clock.nanoseconds = 5_500_000_000 + 100_000_000 * number
+        heard["robot2/odom"](odometry(*OPPONENT, stamp=5.5 + 0.1 * number))
+        heard["robot1/odom"](odometry(2.0 + 0.1 * number, 3.0, 0.0, 0.0, stamp=5.5 + 0.1 * number))
+        heard["robot1/odom"](odometry(*OPPONENT, stamp=5.4))
+        node.tick()
+        assert node.last.trouble == ""
+    node.diagnose()
+    (status,) = node.asked.create_publisher().publish.mock_calls[-1].args[0].status
+    assert (status.level, status.message[:20]) == (b"\1", "robot1: poses differ")
+
+
+def test_without_ros_it_says_what_is_missing():
+    program = "import runpy, sys; sys.modules['rclpy'] = None; runpy.run_module('apollonius_ros.node')"
+    environment = os.environ | {"PYTHONPATH": str(PACKAGE)}
+    command = [sys.executable, "-c", program]
+    ended = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert ended.returncode == 2
+    assert ended.stderr.startswith("apollonius_ros: ")
+    assert "install ROS 2, and give first: source /opt/ros/" in ended.stderr
+    assert ended.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_steps_are_timed_by_a_clock_that_nobody_sets_back(made_node, monkeypatch, simulated):
+    clock, kinds = SimpleNamespace(ros_time_is_active=simulated), sys.modules["rclpy.clock"]
+    monkeypatch.setattr(Node, "get_clock", lambda node: clock, raising=False)
+    node, _ = made_node()
+    steady = kinds.Clock(clock_type=kinds.ClockType.STEADY_TIME)
+    clocks = [one.kwargs["clock"] for one in node.asked.create_timer.call_args_list]
+    assert clocks == [clock if simulated else steady] * 2
+
+
 def test_a_dry_run_drives_nothing_and_logs_what_it_would(made_node):
     node, publishers = made_node(dry_run=True)
     assert publishers == ["~/decisions", "/diagnostics"]
@@ -335,11 +483,13 @@ def test_the_referee_has_a_topic_for_each_robot(made_node):
 def test_other_robots_than_those_of_the_export_are_refused(made_node):
     with pytest.raises(ValueError, match=r"opponents: \['robot2', 'robot3'\], but the export is for 1"):
         made_node(opponents=["robot2", "robot3"])
+    with pytest.raises(ValueError, match=r"robot1, robot1; name each robot once"):
+        made_node(opponents=["robot1"])
 
 
 def test_both_nodes_have_all_parameters_and_the_launch_file_hands_them_over(made_node):
     assert set(parameters("pursuer")) == set(parameters("evader"))
-    node, _ = made_node(**parameters("evader"))
+    node, _ = made_node(**parameters("evader") | {"bags": ""})
     assert node.given["own"] == "robot2"
     launch = ElementTree.parse(PACKAGE / "launch" / "pursuit.launch.xml").getroot()
     started, defaults = launch.find("node"), {one.get("name"): one.get("default") for one in launch.findall("arg")}

@@ -12,18 +12,24 @@ import sys
 import time
 from pathlib import Path
 
-import rclpy
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import Twist, TwistStamped
-from nav_msgs.msg import Odometry
-from rclpy.node import Node
-from rclpy.qos import qos_profile_sensor_data
-from rclpy.serialization import serialize_message
-from rclpy.signals import SignalHandlerOptions
-from std_msgs.msg import Bool, String
-
 from apollonius_ros.export import Export
 from apollonius_ros.pilot import Pilot, Robot
+
+try:
+    import rclpy
+    from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+    from geometry_msgs.msg import Twist, TwistStamped
+    from nav_msgs.msg import Odometry
+    from rclpy.clock import Clock, ClockType
+    from rclpy.node import Node
+    from rclpy.qos import qos_profile_sensor_data
+    from rclpy.serialization import serialize_message
+    from rclpy.signals import SignalHandlerOptions
+    from std_msgs.msg import Bool, String
+except ImportError as error:
+    remedy = "install ROS 2, and give first: source /opt/ros/DISTRIBUTION/setup.bash"
+    print(f"apollonius_ros: {str(error).splitlines()[0]}: {remedy}", file=sys.stderr)
+    sys.exit(2)
 
 
 class Bag:
@@ -70,7 +76,10 @@ class PursuitNode(Node):
         for side, names in zip(("mates", "opponents"), sides, strict=True):
             if len(names) != player.facts[side]:
                 raise ValueError(f"{side}: {names}, but the export is for {player.facts[side]}")
-        robots = [Robot(name) for name in (given["own"], *sides[0], *sides[1])]
+        names = (given["own"], *sides[0], *sides[1])
+        if len(set(names)) < len(names):
+            raise ValueError(f"own, mates, opponents: {', '.join(names)}; name each robot once")
+        robots = [Robot(name) for name in names]
         self.pilot = Pilot(player, robots, given["patience"], given["lead"], refereed=bool(given["in_play"]))
         self.velocity, kind = f"{given['own']}/{given['velocity']}", TwistStamped if given["stamped"] else Twist
         self.drive = None if given["dry_run"] else self.create_publisher(kind, self.velocity, 1)
@@ -84,8 +93,11 @@ class PursuitNode(Node):
                 self.get_logger().error(f"this run is not recorded: {error}")
         for robot in robots:
             self.listen(robot)
-        self.create_timer(player.facts["dt"], self.tick)
-        self.create_timer(1.0, self.diagnose)
+        clock = self.get_clock()
+        if not clock.ros_time_is_active:  # the system's clock can be set back, and timers would wait
+            clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(player.facts["dt"], self.tick, clock=clock)
+        self.create_timer(1.0, self.diagnose, clock=clock)
 
     def listen(self, robot):
         def on_odometry(message):
@@ -95,7 +107,7 @@ class PursuitNode(Node):
                 self.get_logger().warning(warning, throttle_duration_sec=1.0)
                 return
             stamp = message.header.stamp
-            robot.state, robot.seen = state_of(message), stamp.sec + 1e-9 * stamp.nanosec
+            robot.see(state_of(message), stamp.sec + 1e-9 * stamp.nanosec, self.now())
             self.record(odometry, message)
 
         def on_referee(message):
@@ -137,13 +149,14 @@ class PursuitNode(Node):
         slowest, self.latencies = max(self.latencies), [0.0]
         trouble = self.last.trouble if self.last else "not begun"
         late = slowest > self.pilot.player.facts["dt"] / 2
+        warning = f"braking; {trouble}" if trouble else self.pilot.doubt or "slow" * late
         values = {"step": self.pilot.step, "speed [m/s]": f"{self.pilot.speed:.2f}", "dry run": self.drive is None}
         values["slowest decision [ms]"] = f"{1000 * slowest:.2f}"
         values |= {f"age of {robot.name} [s]": f"{self.now() - robot.seen:.2f}" for robot in self.pilot.robots}
         status = DiagnosticStatus(
-            level=DiagnosticStatus.WARN if trouble or late else DiagnosticStatus.OK,
+            level=DiagnosticStatus.WARN if warning else DiagnosticStatus.OK,
             name=f"{self.get_name()}: {self.pilot.player.facts['player']}",
-            message=f"braking; {trouble}" if trouble else "slow" if late else "playing",
+            message=warning or "playing",
             hardware_id=self.given["own"],
             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
         )
@@ -169,10 +182,16 @@ class PursuitNode(Node):
 
 
 def state_of(message):
-    """Return x, y [m], v [m/s], heading [rad] of an odometry in the arena's frame; its twist is the robot's own."""
+    """Return x, y [m], v [m/s], heading [rad] of an odometry in the arena's frame; its twist is the robot's own.
+
+    The heading is NaN unless the quaternion's squared length is within 1 % of 1, and its robot upright within 30
+    degrees.
+    """
     pose, turn = message.pose.pose.position, message.pose.pose.orientation
-    heading = math.atan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2))
-    return pose.x, pose.y, message.twist.twist.linear.x, heading
+    x, y, z, w = (part * part for part in (turn.x, turn.y, turn.z, turn.w))
+    heading = math.atan2(2 * (turn.w * turn.z + turn.x * turn.y), w + x - y - z)
+    is_sound = abs(x + y + z + w - 1) <= 0.01 and w + z - x - y >= math.cos(math.pi / 6)
+    return pose.x, pose.y, message.twist.twist.linear.x, heading if is_sound else math.nan
 
 
 def main():

@@ -3,6 +3,8 @@
 A `Pilot` never raises and always has a command. While it cannot trust what it knows, it brakes, and says why.
 """
 
+import cmath
+import itertools
 import math
 import secrets
 from collections.abc import Sequence
@@ -11,6 +13,12 @@ from typing import Any
 
 NOT_SEEN = (1e9,) * 4
 """The state of an opponent that a player for a game with sensors does not see now."""
+MARGIN = 0.5
+"""How far outside the arena a robot may be seen [m], as localisation errs."""
+EXCESS = 2.0
+"""How many times as fast as the fastest of all a robot may be seen, as speeds are noisy."""
+DRIFT_TIME = 2.0
+"""Over which a robot's drift is averaged [s]."""
 
 
 @dataclass
@@ -34,13 +42,42 @@ class Decision:
 
 @dataclass
 class Robot:
-    """What is known of a robot: its last state and whether it is in play, with the times [s] when they were so."""
+    """What is known of a robot: its last state and whether it is in play, with the times [s] when they were so.
+
+    Attributes:
+        trusted: the time [s] and the state that the pilot believed last.
+        drift: velocity of the poses less that of the twists [m/s], averaged over `DRIFT_TIME`.
+    """
 
     name: str
     state: Sequence[float] | None = None
     seen: float = -math.inf
     in_play: bool = True
     judged: float = -math.inf
+    trusted: Sequence[float] = (-math.inf, 0.0, 0.0, 0.0, 0.0)
+    drift: complex = 0j
+
+    def see(self, state: Sequence[float], stamp: float, now: float) -> None:
+        """Take a state of a time [s], unless a newer one has come that is not ahead of the clock."""
+        if not stamp < self.seen < now + 1.0:
+            self.state, self.seen = state, stamp
+
+    def trust(self, state: Sequence[float]) -> Sequence[float]:
+        """Return a state, and compare its way from the one before with the twist of that."""
+        before, x, y, v, heading = self.trusted
+        elapsed = self.seen - before
+        if 0 < elapsed < 1.0:
+            way = complex(state[0] - x, state[1] - y) - cmath.rect(v * elapsed, heading)
+            self.drift += (way - self.drift * elapsed) / DRIFT_TIME
+        self.trusted = (self.seen, *state)
+        return state
+
+    @property
+    def doubt(self) -> str:
+        """The contradiction in what is known of the robot, or nothing."""
+        drift = abs(self.drift)
+        differs = drift > 0.1 + abs(self.trusted[3]) / 4
+        return f"{self.name}: poses differ from its own frame's twist by {drift:.2f} m/s" * differs
 
 
 @dataclass
@@ -91,6 +128,11 @@ class Pilot:
         if self.step >= facts["max_steps"]:
             raise ValueError("the game's time is up")
         states = [self._state(*robot, now) for robot in zip(self.robots, active, strict=True)]
+        pairs = zip(self.robots, states, strict=True)
+        visible = [robot for robot, state in pairs if state is robot.state]
+        for one, other in itertools.combinations(visible, 2):
+            if one.state[:2] == other.state[:2]:
+                raise ValueError(f"{one.name}, {other.name}: one place; give each its own topic")
         if self.step == 0:
             self.player.begin()
         bits = secrets.randbits(32)
@@ -102,6 +144,13 @@ class Pilot:
         self.step += 1
         return Decision(self.step - 1, 0.0, 0.0, "", states, active, bits, action, controls)
 
+    @property
+    def doubt(self) -> str:
+        """Contradictions in what is known of the robots, which do not make it brake, or nothing."""
+        own, v = self.robots[0].name, self.robots[0].trusted[3]
+        backwards = f"{own}: at {v:.2f} m/s, though it cannot reverse" * (v < -0.1)
+        return "; ".join(filter(None, [backwards, *(robot.doubt for robot in self.robots)]))
+
     def _is_in_play(self, robot: Robot, now: float) -> bool:
         if self.refereed and not abs(now - robot.judged) <= self.patience:
             raise ValueError(f"{robot.name}: no word of a referee for {now - robot.judged:.2f} s")
@@ -109,15 +158,27 @@ class Pilot:
 
     def _state(self, robot: Robot, active: bool, now: float) -> Sequence[float]:
         """Return a robot's last state, if it is to be trusted or does not matter; raises otherwise."""
+        facts, age = self.player.facts, now - robot.seen
         if not active:
-            return robot.state or (0.0,) * 4
-        searches = robot in self.robots[1 + self.player.facts["mates"] :] and self.player.facts["game"].get("sensors")
-        if searches and not abs(now - robot.seen) <= self.patience:
+            return (0.0,) * 4
+        is_searched = robot in self.robots[1 + facts["mates"] :] and facts["game"].get("sensors")
+        if is_searched and not abs(age) <= self.patience:
             return NOT_SEEN
         if robot.state is None:
             raise ValueError(f"{robot.name}: never seen")
-        if not abs(now - robot.seen) <= self.patience:  # also where either is NaN, or a clock is ahead
-            raise ValueError(f"{robot.name}: seen {now - robot.seen:.2f} s ago")
-        if len(robot.state) != 4 or not all(map(math.isfinite, robot.state)):
-            raise ValueError(f"{robot.name}: broken state {list(robot.state)}")
-        return robot.state
+        x, y, v, heading = robot.state
+        walls, fastest = facts["game"]["arena"], facts["fastest"]
+        is_inside = (
+            walls["x_min"] - MARGIN <= x <= walls["x_max"] + MARGIN
+            and walls["y_min"] - MARGIN <= y <= walls["y_max"] + MARGIN
+        )
+        upright = "orientation not a quaternion of length 1, or tilted by over 30 degrees"
+        for holds, fault in (  # a NaN holds nowhere
+            (abs(age) <= self.patience, f"seen {age:.2f} s ago"),
+            (abs(heading) <= 2 * math.pi, upright),
+            (is_inside, f"at {x:g}, {y:g} m, outside the arena; is its frame the arena's?"),
+            (abs(v) <= EXCESS * fastest, f"at {v:g} m/s, and none is faster than {fastest:g} m/s"),
+        ):
+            if not holds:
+                raise ValueError(f"{robot.name}: {fault}")
+        return robot.trust(robot.state)
