@@ -1,5 +1,6 @@
 """Players by trained networks, at their best or exploring, and where such agents are found: the zoo, runs, files."""
 
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -113,7 +114,7 @@ class Trained(AbstractKind):
         return load_header(ZOO / f"{name}.safetensors").role == role.name.lower()
 
     def find(self, name: str, role: Role, game: Game) -> Named | None:
-        if _file_of(name) is None:
+        if file_of(name) is None:
             return None
         agent, path = find_trained(name, role)
         return Named(name if name.startswith(FROM_ZOO) else called(path), greedy(agent.network), agent.header)
@@ -126,7 +127,7 @@ def find_trained(name: str, role: Role | None = None) -> tuple[Agent, Path]:
     """Return the trained agent of a name and its file; raises InvalidInput for an unknown name, a bad file, and one of
     another side than is wanted.
     """
-    path = _file_of(name)
+    path = file_of(name)
     if path is None:
         raise unknown(name, TRAINED)
     agent = load_agent(path)
@@ -154,13 +155,13 @@ def called(path: Path) -> str:
     return f"{path.resolve().parents[1].name}/{path.stem}" if path.parent.name == AGENTS else path.stem
 
 
-def _file_of(name: str) -> Path | None:
+def file_of(name: str) -> Path | None:
     """Return the file of a name, if it has one."""
     in_zoo = name.removeprefix(FROM_ZOO)
     if in_zoo in zoo_names():
         return ZOO / f"{in_zoo}.safetensors"
-    if Path(name).suffix == ".safetensors" or Path(name).exists():
+    if Path(name).suffix == ".safetensors" or os.path.exists(name):
         return Path(name)
     run, _, agent = name.rpartition("/")
     in_run = [folder / f"{agent}.safetensors" for folder in agents_folders(run) if run and agent]
-    return next((file for file in in_run if file.is_file()), None)
+    return next((file for file in in_run if os.path.isfile(file)), None)
