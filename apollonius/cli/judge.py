@@ -174,5 +174,6 @@ def _answer(options: argparse.Namespace, card: "SuiteCard", before: str = "") ->
         f"{score.interval[1]:+.3f}] against {score.against}, worst tenth {score.worst_tenth:+.3f}, "
         f"crashes {score.crashes:.1%}, forfeits {score.forfeits:.1%}, {card.decision_us:.4g} us a decision"
     )
+    failures = {one.failure for rounds in card.opponents.values() for one in rounds} - {""}
     facts = {"agent": card.agent, "side": card.side, "track": card.track, "decision_us": card.decision_us}
-    answer(options, facts | asdict(score), text + (f"\nit failed: {card.failure}" if card.failure else ""))
+    answer(options, facts | asdict(score), "\nit failed: ".join([text, *sorted(failures)]))

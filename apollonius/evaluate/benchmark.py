@@ -4,9 +4,9 @@ import os
 import re
 import timeit
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from hashlib import file_digest, sha256
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, Literal
 
@@ -31,7 +31,7 @@ from apollonius.game.outcome import EVADER_FAILS, PURSUER_FAILS, PURSUER_WINS, e
 from apollonius.game.presets import in_teams, make_game
 from apollonius.game.types import BySide, Outcome, RobotStatus, Role
 from apollonius.io.cache import digest
-from apollonius.io.errors import require
+from apollonius.io.errors import require, require_printable
 from apollonius.io.limits import ONNX
 from apollonius.observe.observation import perceive
 from apollonius.play import rollout
@@ -63,7 +63,8 @@ _CALLS = 10
 class Round:
     """A game in each arena, in their order: its outcome, its length [steps], and how many own robots crashed or left.
 
-    The seed is that of the match of as many games, `course` a digest of all that was done.
+    The seed is that of the match of as many games, `course` a digest of all that was done, `failure` why an agent
+    from outside forfeited games.
     """
 
     seed: int
@@ -71,12 +72,16 @@ class Round:
     steps: tuple[int, ...]
     crashed: tuple[int, ...]
     course: str
+    failure: str = field(compare=False)
 
     def __post_init__(self) -> None:
         require(set(self.outcomes) <= {*Outcome}, "outcomes", self.outcomes, "0, a forfeit, or how games end, 1 to 7")
         require(min(self.steps, default=1) >= 1, "steps", min(self.steps, default=1), "1 at least")
         require(min(self.crashed, default=0) >= 0, "crashed", min(self.crashed, default=0), "0 at least")
         require(_COURSE.fullmatch(self.course), "course", self.course, "16 hexadecimal digits")
+        require_printable("failure", self.failure)
+        forfeits = FORFEIT in self.outcomes
+        require(forfeits == bool(self.failure), "failure", self.failure, "given where games are forfeited, only there")
 
 
 @dataclass(frozen=True)
@@ -162,7 +167,8 @@ class Benchmark:
             outcomes[[*process.forfeited]] = FORFEIT
         words = np.stack([outcomes, steps, crashed, np.asarray(results.watched)]).astype("<u4").tobytes()
         played, lengths, crashes = (tuple(column.tolist()) for column in (outcomes, steps, crashed))
-        return Round(seed, played, lengths, crashes, sha256(words).hexdigest()[:16])
+        course, failure = sha256(words).hexdigest()[:16], process.reason if process else ""
+        return Round(seed, played, lengths, crashes, course, failure)
 
     def _round(self, agent: Named, opponent: str, seed: int) -> tuple[Match, OnnxProcess | None]:
         """Return the match of a round, and the process of an agent from outside, which is begun for it."""
@@ -231,10 +237,7 @@ def digest_of(name: str, agent: Named | None = None) -> tuple[str, str]:
     if agent and (process := process_of(agent.policy)):
         return name, sha256(process.content).hexdigest()
     path = file_of(name.removeprefix(SHIELDED).removeprefix(SEARCHING))
-    if path is None or not os.path.isfile(path):
-        return name, sha256().hexdigest()
-    with open(path, "rb") as file:
-        return name, file_digest(file, "sha256").hexdigest()
+    return name, sha256(path.read_bytes() if path and os.path.isfile(path) else b"").hexdigest()
 
 
 def _rounded(value: Any) -> float:

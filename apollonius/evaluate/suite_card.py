@@ -12,13 +12,12 @@ from pathlib import Path
 from typing import Literal
 
 from apollonius.agents.kind import Named
-from apollonius.agents.onnx_agent import process_of
 from apollonius.arenas.file import from_dict
-from apollonius.evaluate.benchmark import FORFEIT, ROUNDS, Benchmark, Round, Score, digest_of
+from apollonius.evaluate.benchmark import ROUNDS, Benchmark, Round, Score, digest_of
 from apollonius.game.types import Role
 from apollonius.io.cache import environment
 from apollonius.io.document import parse_json, read_bytes
-from apollonius.io.errors import LONGEST_MESSAGE, require, require_positive, shown
+from apollonius.io.errors import require, require_positive, require_printable
 from apollonius.io.workers import Job, Run
 from apollonius.play.playout import Report, silent
 
@@ -30,7 +29,7 @@ FORMAT = 1
 class SuiteCard:
     """An agent, its score, and everything needed to play its games again.
 
-    Its owner's word alone are `decision_us`, `made_with` and what `failure` says.
+    Its owner's word alone are `decision_us`, `made_with` and what the `failure` of a round says.
     """
 
     agent: str
@@ -42,17 +41,13 @@ class SuiteCard:
     made_with: str
     digests: dict[str, str]
     opponents: dict[str, tuple[Round, ...]]
-    failure: str
     format: int
 
     def __post_init__(self) -> None:
-        for name in ("agent", "made_with", "failure"):
-            text = getattr(self, name)
-            require(text == shown(text, LONGEST_MESSAGE), name, text, "a line that can be printed")
+        require_printable("agent", self.agent)
+        require_printable("made_with", self.made_with)
         require_positive(self, "decision_us")
         require(self.format == FORMAT, "format", self.format, f"{FORMAT}, as this version reads")
-        forfeits = any(FORFEIT in one.outcomes for rounds in self.opponents.values() for one in rounds)
-        require(forfeits == bool(self.failure), "failure", self.failure, "given where games were forfeited, only there")
 
     @property
     def benchmark(self) -> Benchmark:
@@ -68,11 +63,9 @@ def judge(benchmark: Benchmark, name: str, report: Report = silent, run: Run | N
     rounds: dict[str, tuple[Round, ...]] = dict.fromkeys(benchmark.panel, ())
     for opponent, played in _play(benchmark, agent, product(benchmark.panel, range(ROUNDS)), report, run):
         rounds[opponent] += (played,)
-    process = process_of(agent.policy)
-    failure, spent = process.reason if process else "", benchmark.microseconds(agent)
     return SuiteCard(
-        agent.name, digest_of(name, agent)[1], side, benchmark.track, benchmark.score(rounds), spent, environment(),
-        benchmark.digests, rounds, failure, FORMAT,
+        agent.name, digest_of(name, agent)[1], side, benchmark.track, benchmark.score(rounds),
+        benchmark.microseconds(agent), environment(), benchmark.digests, rounds, FORMAT,
     )  # fmt: skip
 
 
@@ -80,21 +73,13 @@ def _play(
     benchmark: Benchmark, agent: Named, pairs: Iterable[tuple[str, int]], report: Report, run: Run | None = None
 ) -> Iterator[tuple[str, Round]]:
     """Yield each opponent with the round of each seed that it is paired with."""
-    rounds, process = list(pairs), process_of(agent.policy)
+    rounds = list(pairs)
     alone = replace(benchmark)  # without the games and players that it has found
-    jobs = [Job(f"seed {pair[1]} against {pair[0]}", _play_apart, (alone, agent, *pair)) for pair in rounds]
-    played = run(jobs) if run else (_play_apart(benchmark, agent, *pair) for pair in rounds)
-    for number, ((opponent, _), (one, reason)) in enumerate(zip(rounds, played, strict=True), start=1):
-        if process:
-            process.reason = process.reason or reason
+    jobs = [Job(f"seed {pair[1]} against {pair[0]}", Benchmark.play, (alone, agent, *pair)) for pair in rounds]
+    played = run(jobs) if run else (benchmark.play(agent, *pair) for pair in rounds)
+    for number, ((opponent, _), one) in enumerate(zip(rounds, played, strict=True), start=1):
         yield opponent, one
         report(number, len(rounds))
-
-
-def _play_apart(benchmark: Benchmark, agent: Named, opponent: str, seed: int) -> tuple[Round, str]:
-    """Return a round, and why an agent from outside failed in it."""
-    played, process = benchmark.play(agent, opponent, seed), process_of(agent.policy)
-    return played, process.reason if process else ""
 
 
 def load_card(path: Path) -> SuiteCard:

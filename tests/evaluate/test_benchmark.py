@@ -16,13 +16,14 @@ from hypothesis import strategies as st
 
 from apollonius.agents import onnx_agent
 from apollonius.agents.kind import Named
+from apollonius.agents.names import ZOO
 from apollonius.agents.onnx_agent import OnnxAgent
 from apollonius.agents.onnx_process import LIMITS, as_actions
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
 from apollonius.cli.main import main
 from apollonius.evaluate import benchmark, suite_card
-from apollonius.evaluate.benchmark import FORFEIT, Benchmark
+from apollonius.evaluate.benchmark import FORFEIT, Benchmark, digest_of
 from apollonius.evaluate.suite_card import judge, load_card, verify
 from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput
@@ -84,7 +85,7 @@ def entered(tmp_path, monkeypatch):
         monkeypatch.setattr(onnx_agent, "_PROGRAM", tmp_path / "program.py")
         one = Benchmark("full", role)
         process = one.find(str(tmp_path / "mine.onnx")).policy.process
-        shared = COMPILED.setdefault(process.is_discrete, process)
+        shared = COMPILED.setdefault(process.brake.ndim, process)
         vars(shared).update(vars(process))
         return one, Named("mine.onnx", OnnxAgent(shared))
 
@@ -106,8 +107,13 @@ def test_rounds_as_jobs_make_the_same_card(judged, entered, tmp_path):
     assert json.dumps(card | any_time) == json.dumps(json.loads(judged) | any_time)
     entered(GOOD)
     card = judge(one, str(tmp_path / "mine.onnx"), run=elsewhere)
-    assert (card.failure, card.score.forfeits) == ("", 0)
+    assert card.score.forfeits == 0
     assert card.sha256 == sha256(GOOD.encode()).hexdigest()
+
+
+def test_the_digest_of_an_agent_is_that_of_its_file_whatever_it_is_called_by():
+    names = "pursuer", "zoo/pursuer", "shielded:searching:pursuer", str(ZOO / "pursuer.safetensors")
+    assert {digest_of(name)[1] for name in names} == {sha256((ZOO / "pursuer.safetensors").read_bytes()).hexdigest()}
 
 
 def first(data):
@@ -139,8 +145,10 @@ def lie_well(data):
         *[(lambda data, bad=bad: data.update(decision_us=bad), "decision_us") for bad in (-1e-9, 0, "fast", True)],
         (lambda data: data.update(format=2), "format"),
         (lambda data: data.update(format=True), "whole number"),
-        (lambda data: data.update(failure="an excuse"), "failure"),
-        *[(lambda data, bad=bad: data.pop(bad), bad) for bad in ("failure", "format", "made_with", "decision_us")],
+        (lambda data: first(data).update(failure="an excuse"), "failure"),
+        (lambda data: first(data)["outcomes"].__setitem__(0, FORFEIT), "failure"),
+        (lambda data: first(data).pop("failure"), "failure"),
+        *[(lambda data, bad=bad: data.pop(bad), bad) for bad in ("format", "made_with", "decision_us")],
         (lambda data: data.update(isolated=True), "isolated"),
         (lambda data: data.update(side="evader"), "opponents"),
         (lambda data: data["digests"].update(panel="0" * 64), "digest of the panel"),
@@ -176,7 +184,9 @@ def test_a_seed_is_drawn_for_each_opponent(card, seed, monkeypatch):
 
 def test_control_characters_of_a_card_do_not_reach_the_terminal(card, capsys):
     data = json.loads(card.read_text())
-    for change in ({"agent": "\x1b[2J"}, {"failure": "\x1b[2Jok\nit comes out: "}, {"made_with": "\x1b]0;x\a"}):
+    words = "\x1b[2Jok\nit comes out: "
+    first(data).update(failure=words)
+    for change in ({}, {"agent": words}, {"made_with": words}, {"track": words}, {words: words}):
         card.write_text(json.dumps(data | change))
         assert main(["suite", "verify", str(card)]) == 2
         error = capsys.readouterr().err
@@ -296,10 +306,11 @@ def model(*nodes, weights=(), reads=(8,), whole=False):
     onnx = pytest.importorskip("onnx")
     pytest.importorskip("onnxruntime")
     make, real = onnx.helper, onnx.TensorProto.FLOAT
+    kind = onnx.TensorProto.INT64 if whole else real
     inputs = [make.make_tensor_value_info(f"x{place}", real, ["rows", size]) for place, size in enumerate(reads)]
     graph = make.make_graph(
         [make.make_node(kind, read, ["y"], **options) for kind, read, options in nodes],
-        "model", inputs, [make.make_tensor_value_info("y", onnx.TensorProto.INT64 if whole else real, None)], list(weights),
+        "model", inputs, [make.make_tensor_value_info("y", kind, None)], list(weights),
     )  # fmt: skip
     return make.make_model(graph, opset_imports=[make.make_opsetid("", 21)], ir_version=10)
 
@@ -353,7 +364,7 @@ def test_models_that_cannot_play_are_refused_in_a_line(tmp_path):
 
 def test_worths_are_wins_less_losses_and_the_time_limit_is_the_evaders():
     outcomes = (1, 2, 3, 4, 5, 6, 7, FORFEIT)
-    one = benchmark.Round(0, outcomes, (1,) * 8, (0,) * 8, "0" * 16)
+    one = benchmark.Round(0, outcomes, (1,) * 8, (0,) * 8, "0" * 16, "it failed")
     pursuer = Benchmark("full", Role.PURSUER)._worths(one)
     assert pursuer.tolist() == [1, -1, 1, -1, 1, 0, -1, -1]
     assert Benchmark("full", Role.EVADER)._worths(one).tolist() == [-1, 1, -1, 1, -1, 0, 1, -1]
