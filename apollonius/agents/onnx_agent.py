@@ -1,4 +1,4 @@
-"""Agents from outside: an ONNX model, which a process of its own runs, and the player that asks it."""
+"""Agents from outside: ONNX models, each run by a process of its own, and their player."""
 
 import os
 import signal
@@ -26,7 +26,7 @@ from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.registry import OBSERVATIONS
 
 ROUND_SECONDS = 600.0
-"""Time for all answers of a round [s]: ten times the processor time that it has, since machines are busy."""
+"""Time for all answers of a round [s]: ten times its processor time, since machines are busy."""
 _MOST_BYTES = 1 << 26
 _PROGRAM = Path(__file__).with_name("onnx_process.py")
 _NO_ACTION = b"\xff"
@@ -36,7 +36,8 @@ _NO_ACTION = b"\xff"
 class OnnxProcess:
     """The process of a model, one for each round of games.
 
-    Raises InvalidInput for another file, for a model that does not start, and where onnxruntime is not installed.
+    Raises InvalidInput for another file, for a model that does not start, and where onnxruntime is
+    missing.
     """
 
     def __init__(self, path: Path) -> None:
@@ -62,13 +63,13 @@ class OnnxProcess:
         """
         self.end()
         self.reason, self._seconds = "", ROUND_SECONDS
-        variables = {"PATH": os.defpath, "HOME": os.sep, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-        line, theirs = socket.socketpair()
-        errors = tempfile.TemporaryFile()  # noqa: SIM115 (open as long as the process; unlike a pipe it never blocks)
-        with theirs:
+        variables = {"PATH": os.defpath, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        line, other_end = socket.socketpair()
+        errors = tempfile.TemporaryFile()  # noqa: SIM115 (as long as the process; a pipe would block)
+        with other_end:
             process = subprocess.Popen(
-                [sys.executable, "-I", str(_PROGRAM)], stdin=theirs.fileno(), stdout=subprocess.DEVNULL, stderr=errors,
-                cwd=os.sep, env=variables, start_new_session=True,
+                [sys.executable, "-I", str(_PROGRAM)], stdin=other_end.fileno(), cwd=os.sep,
+                stdout=subprocess.DEVNULL, stderr=errors, env=variables, start_new_session=True,
             )  # fmt: skip
         self._running = process, line, errors
         answer = self._exchange(np.uint32(len(self.content)).tobytes() + self.content, 8)
@@ -94,11 +95,11 @@ class OnnxProcess:
         actions = np.broadcast_to(self.brake, (len(numbers), *self.brake.shape)).copy()
         slots = np.arange(len(numbers)) % 2 ** max(self._games - 1, 0).bit_length()
         # Games begin together, and an empty slot stays at its first step.
-        live = (slots < self._games) & (steps == steps.max()) & ~np.isin(slots, list(self.forfeited))
-        if live.any():
-            request = np.uint32(live.sum()).tobytes() + numbers[live].tobytes()
-            answer = self._exchange(request, actions[live].nbytes)
-            actions[live] = np.frombuffer(answer, actions.dtype).reshape(-1, *self.brake.shape)
+        playing = (slots < self._games) & (steps == steps.max()) & ~np.isin(slots, list(self.forfeited))
+        if playing.any():
+            request = np.uint32(playing.sum()).tobytes() + numbers[playing].tobytes()
+            answer = self._exchange(request, actions[playing].nbytes)
+            actions[playing] = np.frombuffer(answer, actions.dtype).reshape(-1, *self.brake.shape)
         least, most = (-1, 1) if self.brake.ndim else (0, NUM_ACTIONS - 1)
         lost = ~((actions >= least) & (actions <= most)).reshape(len(actions), -1).all(axis=1)  # as no NaN is
         if lost.any():
@@ -108,7 +109,10 @@ class OnnxProcess:
         return actions
 
     def _exchange(self, request: bytes, size: int) -> bytes:
-        """Send a request and return the answer, of this size; no action, and the end, if it does not come in time."""
+        """Send a request and return the answer, of this size.
+
+        Where none comes in time, the process ends, and the answer is no action.
+        """
         assert self._running is not None, "a process that has ended is asked no more"
         process, line, errors = self._running
         answer, until = b"", time.monotonic() + self._seconds

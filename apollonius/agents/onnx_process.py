@@ -1,8 +1,9 @@
-"""The process in which onnxruntime runs a model. It runs apart from the package, of which it imports nothing.
+"""The process in which onnxruntime runs a model; it imports nothing of the package.
 
-Standard input is a socket. From it come the model's size [bytes] and the model; the answer is how many numbers the
-model reads, and how many make an action, 1 or 2. A request is a number of rows and the `float32` of each; its answer is
-an `int32` for each row, -1 for what is no action, or two `float32`. All sizes are `uint32`.
+Standard input is a socket. From it come the model's size [bytes] and the model; the answer is how
+many numbers the model reads, and how many make an action, 1 or 2. A request is a number of rows
+and the `float32` of each; its answer is an `int32` for each row, -1 for what is no action, or two
+`float32`. All sizes are `uint32`.
 """
 
 import os
@@ -21,8 +22,8 @@ LIMITS = {
     resource.RLIMIT_NOFILE: 0,
     resource.RLIMIT_NPROC: 0,
 }
-"""Memory [bytes], time on a core [s], and sizes of files [bytes]; no file or socket is opened from here on, and, unless
-by root, no process or thread is started."""
+"""Memory [bytes], time on a core [s], and sizes of files [bytes]. No file or socket is opened from
+here on, and, unless by root, no process or thread started."""
 
 
 def main() -> None:
@@ -43,8 +44,8 @@ def main() -> None:
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
     inputs = {one.name: one.shape for one in session.get_inputs()}
-    name, *others = inputs
-    if others or not isinstance(inputs[name][-1], int):
+    name, *further = inputs
+    if further or not isinstance(inputs[name][-1], int):
         sys.exit(f"it reads {inputs}; give a model of one input [rows, size]")
     size = inputs[name][-1]
 
@@ -55,11 +56,11 @@ def main() -> None:
     os.write(0, np.array([size, numbers], "<u4").tobytes())
     while rows := number():
         seen = np.frombuffer(requests.read(4 * rows * size), np.float32)
-        os.write(0, act(seen.reshape(rows, size)).tobytes())
+        os.write(0, act(seen.reshape(rows, size)).reshape(rows, numbers).tobytes())
 
 
 def as_actions(answer: np.ndarray, rows: int) -> np.ndarray:
-    """Return the actions that a model answers, of nine values that of the best; -1 for what is no action."""
+    """Return the actions of a model's answer, of nine values the best; -1 for what is no action."""
     if answer.shape == (rows, 9) and answer.dtype.kind == "f":
         return np.where(np.isnan(answer).any(axis=1), -1, answer.argmax(axis=1)).astype(np.int32)
     if answer.shape == (rows,) and answer.dtype.kind in "iu":
