@@ -20,6 +20,7 @@ from apollonius.agents.shield import shielded
 from apollonius.agents.trained import Greedy, SquashedMean, Trained, exploring
 from apollonius.game.game import Game
 from apollonius.game.types import Role
+from apollonius.game.validation import MAX_SIZE
 from apollonius.io.errors import require
 from apollonius.solve.solving import SolvedGame
 
@@ -64,11 +65,16 @@ def price_of_losing(player: Named, game: Game) -> float:
     """Return about what a lost game costs in the units of a player's action values.
 
     It is 1 for a solved game's player, the price in the record of a student, which has its teacher's, and the reward of
-    a failure for those who learned by rewards.
+    a failure for those who learned by rewards. Raises InvalidInput for a record of no possible price.
     """
     if player.header is None:
         return 1.0
-    return float(player.header.training.get("price", game.reward.failure))
+    price = player.header.training.get("price")
+    if price is None:
+        return float(game.reward.failure)
+    possible = type(price) in (int, float) and 0 < price <= MAX_SIZE
+    require(possible, f"the header of '{player.name}': price", price, f"a number above 0, at most {MAX_SIZE:g}")
+    return float(price)
 
 
 def player_names(role: Role, game: Game) -> list[str]:

@@ -1,5 +1,6 @@
 """Agents as files: weights in safetensors, and a JSON header that says what they were made for."""
 
+import os
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -110,7 +111,7 @@ def load_header(path: Path) -> AgentHeader:
 
 @contextmanager
 def _opened_agent(path: Path) -> Generator[tuple[Any, AgentHeader], None, None]:
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise InvalidInput(f"there is no agent file '{path}': check the path, or name a built-in agent.")
     foreign = f"'{path}' holds no Apollonius agent: give a file from a run's agents/ folder"
     with opened(path, "copy or train it again") as file:

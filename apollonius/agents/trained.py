@@ -115,7 +115,7 @@ class Trained(AbstractKind):
         return load_header(ZOO / f"{name}.safetensors").role == role.name.lower()
 
     def find(self, name: str, role: Role, game: Game) -> Named | None:
-        if _file_of(name) is None:
+        if file_of(name) is None:
             return None
         agent, path = find_trained(name, role)
         policy = greedy(agent.network)
@@ -131,7 +131,7 @@ def find_trained(name: str, role: Role | None = None) -> tuple[Agent, Path]:
     """Return the trained agent of a name and its file; raises InvalidInput for an unknown name, a bad file, and one of
     another side than is wanted.
     """
-    path = _file_of(name)
+    path = file_of(name)
     if path is None:
         raise unknown(name, TRAINED)
     agent = load_agent(path)
@@ -159,7 +159,7 @@ def called(path: Path) -> str:
     return f"{path.resolve().parents[1].name}/{path.stem}" if path.parent.name == AGENTS else path.stem
 
 
-def _file_of(name: str) -> Path | None:
+def file_of(name: str) -> Path | None:
     """Return the file of a name, if it has one."""
     in_zoo = name.removeprefix(FROM_ZOO)
     if in_zoo in zoo_names():

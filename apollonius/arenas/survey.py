@@ -1,5 +1,6 @@
 """A survey of an arena before training: parts that are cut off, havens, space to start, passages that charts miss."""
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -103,7 +104,7 @@ def survey(game: Game) -> Survey:
 
 def map_notes(arena: Arena) -> list[str]:
     """Return notes on a map's file: unknown cells that are read as free, and specks, which robots run round."""
-    if arena.map is None or not (path := Path(arena.map.file)).is_file():
+    if arena.map is None or not os.path.isfile(path := Path(arena.map.file)):
         return []
     notes: list[str] = []
     if share := unknown_read_as_free(path):

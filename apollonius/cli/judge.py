@@ -1,7 +1,6 @@
 """`apollonius evaluate`, `simulate`, `tournament` and `suite`: games counted, and the cards of the benchmark."""
 
 import argparse
-import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,9 +23,9 @@ from apollonius.cli.options import (
     warn,
 )
 from apollonius.cli.terminal import comparison_table, match_table, tournament_table
-from apollonius.cli.values import agent_of, count, existing_file, known_entrant, new_file
+from apollonius.cli.values import agent_of, agent_or_model, count, existing_file, new_file
 from apollonius.io.errors import require, require_extra
-from apollonius.io.limits import ENTRANTS, GAMES, SIMULATED_GAMES
+from apollonius.io.limits import GAMES, ONNX, SIMULATED_GAMES
 
 if TYPE_CHECKING:
     from apollonius.evaluate.suite_card import SuiteCard
@@ -125,7 +124,7 @@ def run_tournament(options: argparse.Namespace) -> int:
 def add_suite(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     judged = actions.add_parser("judge", help="play all games of the benchmark and write a card")
-    judged.add_argument("agent", type=known_entrant, metavar="AGENT", help=f"{AGENT}; or a .py or .onnx file")
+    judged.add_argument("agent", type=agent_or_model, metavar="AGENT", help=f"{AGENT}; or an .onnx file")
     judged.add_argument("--side", choices=SIDES, help="of an agent from outside, or that plays either")
     judged.add_argument("--track", choices=TRACKS, default="full", help="the benchmark's part (default: %(default)s)")
     judged.add_argument("--out", type=new_file(".json"), default=Path("card.json"), help="default: card.json")
@@ -133,12 +132,10 @@ def add_suite(parser: argparse.ArgumentParser) -> None:
     judged.set_defaults(run=run_judge)
     checked = actions.add_parser("verify", help="replay games of a card, and refuse one that differs")
     checked.add_argument("card", type=existing_file, metavar="CARD")
-    checked.add_argument("--agent", type=known_entrant, metavar="FILE", help="of an agent that lies elsewhere")
+    checked.add_argument("--agent", type=agent_or_model, metavar="FILE", help="of an agent that lies elsewhere")
     checked.add_argument("--all", action="store_true", help="play all its games (default: half, drawn at random)")
     checked.set_defaults(run=run_verify)
     for action in (judged, checked):
-        about = "interpreter that runs a .py or .onnx file (default: the one that runs this)"
-        action.add_argument("--python", type=existing_file, default=Path(sys.executable), help=about)
         add_json(action)
 
 
@@ -150,12 +147,11 @@ def run_judge(options: argparse.Namespace) -> int:
     from apollonius.io.document import to_json, write_atomically
 
     require(not options.out.exists(), "--out", options.out, "a new file; choose another name")
-    outside = options.agent.endswith(ENTRANTS)
+    outside = options.agent.endswith(ONNX)
     require(options.side or not outside, "--side", None, "given for an agent from outside: pursuer or evader")
     role = Role[options.side.upper()] if outside else side_of(options.agent, options.side)
     options.display.begin("playing the benchmark", compiles=True)
-    asked_for = Benchmark(options.track, role), options.agent, str(options.python.absolute())
-    card = judge(*asked_for, options.display.report, jobs_run(options))
+    card = judge(Benchmark(options.track, role), options.agent, options.display.report, jobs_run(options))
     write_atomically(options.out, to_json(asdict(card)).encode())
     _answer(options, card)
     finish(options, options.out, then=command("suite", "verify", options.out))
@@ -166,7 +162,7 @@ def run_verify(options: argparse.Namespace) -> int:
     from apollonius.evaluate.suite_card import verify
 
     options.display.begin("playing games of the card", compiles=True)
-    card = verify(options.card, options.agent, str(options.python.absolute()), options.all, options.display.report)
+    card = verify(options.card, options.agent, options.all, options.display.report)
     _answer(options, card, "it comes out: ")
     return 0
 
@@ -178,5 +174,6 @@ def _answer(options: argparse.Namespace, card: "SuiteCard", before: str = "") ->
         f"{score.interval[1]:+.3f}] against {score.against}, worst tenth {score.worst_tenth:+.3f}, "
         f"crashes {score.crashes:.1%}, forfeits {score.forfeits:.1%}, {card.decision_us:.4g} us a decision"
     )
+    failures = {one.failure for rounds in card.opponents.values() for one in rounds} - {""}
     facts = {"agent": card.agent, "side": card.side, "track": card.track, "decision_us": card.decision_us}
-    answer(options, facts | asdict(score), text + (f"\nit failed: {card.failure}" if card.failure else ""))
+    answer(options, facts | asdict(score), "\nit failed: ".join([text, *sorted(failures)]))

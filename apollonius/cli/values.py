@@ -16,7 +16,7 @@ from apollonius.agents.names import BUILT_IN, FROM_ZOO, SEARCHING, SHIELDED, age
 from apollonius.arenas.names import game_names, unknown_game
 from apollonius.game.names import TEAM
 from apollonius.io.errors import EXTRAS, TRACKERS, missing, nearest, require, shown, unknown_name
-from apollonius.io.limits import ENTRANTS, GAME_FILES, SEED, TRAININGS, Counted
+from apollonius.io.limits import GAME_FILES, ONNX, SEED, TRAININGS, Counted
 
 LARGEST = 1e6
 """Largest real number that is taken: places, speeds and angles of a game are smaller."""
@@ -122,9 +122,9 @@ def named(text: str) -> str:
     return text
 
 
-def known_entrant(text: str) -> str:
-    """Return a player's name or file, or the file of an agent from outside."""
-    return str(existing_file(text)) if named(text).endswith(ENTRANTS) else known_agent(text)
+def agent_or_model(text: str) -> str:
+    """Return a player's name or file, or the file of an ONNX model."""
+    return str(existing_file(text)) if named(text).endswith(ONNX) else known_agent(text)
 
 
 def agent_of(side: str) -> Callable[[str], str]:

@@ -1,8 +1,10 @@
 """The benchmark: an agent against a fixed panel in the held-out arenas of a suite, a round being a game in each."""
 
+import os
+import re
 import timeit
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from hashlib import sha256
 from pathlib import Path
@@ -13,12 +15,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, UInt32
 
-from apollonius.agents.entrant import Entrant, EntrantProcess, process_of
 from apollonius.agents.kind import Named
-from apollonius.agents.names import SEARCHING, SHIELDED, ZOO
+from apollonius.agents.names import SEARCHING, SHIELDED
+from apollonius.agents.onnx_agent import OnnxAgent, OnnxProcess, process_of
+from apollonius.agents.trained import file_of
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game, to_dict
-from apollonius.arenas.suite import each_alone, suite_entries
+from apollonius.arenas.suite import suite_entries
 from apollonius.catalogue import find_player
 from apollonius.evaluate.match import Match, begin
 from apollonius.evaluate.result import worst_mean
@@ -28,7 +31,8 @@ from apollonius.game.outcome import EVADER_FAILS, PURSUER_FAILS, PURSUER_WINS, e
 from apollonius.game.presets import in_teams, make_game
 from apollonius.game.types import BySide, Outcome, RobotStatus, Role
 from apollonius.io.cache import digest
-from apollonius.io.limits import ENTRANTS
+from apollonius.io.errors import require, require_printable
+from apollonius.io.limits import ONNX
 from apollonius.observe.observation import perceive
 from apollonius.play import rollout
 from apollonius.play.playout import AbstractWatcher, Results, play_out
@@ -49,6 +53,7 @@ ROUNDS = 2
 """Games in each arena against each opponent."""
 FORFEIT = int(Outcome.ONGOING)
 """In the place of an outcome: an agent from outside failed, and its game counts as lost."""
+_COURSE = re.compile("[0-9a-f]{16}")
 _SLOTS = 32
 _FAILED = BySide(PURSUER_FAILS, EVADER_FAILS)
 _CALLS = 10
@@ -58,7 +63,8 @@ _CALLS = 10
 class Round:
     """A game in each arena, in their order: its outcome, its length [steps], and how many own robots crashed or left.
 
-    The seed is that of the match of as many games, `course` a digest of all that was done.
+    The seed is that of the match of as many games, `course` a digest of all that was done, `failure` why an agent
+    from outside forfeited games.
     """
 
     seed: int
@@ -66,6 +72,16 @@ class Round:
     steps: tuple[int, ...]
     crashed: tuple[int, ...]
     course: str
+    failure: str = field(compare=False)
+
+    def __post_init__(self) -> None:
+        require(set(self.outcomes) <= {*Outcome}, "outcomes", self.outcomes, "0, a forfeit, or how games end, 1 to 7")
+        require(min(self.steps, default=1) >= 1, "steps", min(self.steps, default=1), "1 at least")
+        require(min(self.crashed, default=0) >= 0, "crashed", min(self.crashed, default=0), "0 at least")
+        require(_COURSE.fullmatch(self.course), "course", self.course, "16 hexadecimal digits")
+        require_printable("failure", self.failure)
+        forfeits = FORFEIT in self.outcomes
+        require(forfeits == bool(self.failure), "failure", self.failure, "given where games are forfeited, only there")
 
 
 @dataclass(frozen=True)
@@ -131,20 +147,13 @@ class Benchmark:
         return {
             "suite": digest(arenas),
             "game": digest(to_dict(self.game)),
-            "panel": digest([*map(file_of, self.panel)]),
+            "panel": digest([*map(digest_of, self.panel)]),
         }
 
-    def about(self) -> dict[str, Any]:
-        """Return a description for agents from outside: the side, the rules, and each arena."""
-        arenas = [to_dict(alone.arena) | _cells(alone) for alone in each_alone(self.game)]
-        rules = {name: part for name, part in to_dict(self.game).items() if name not in ("arena", "scenario")}
-        return {"side": self.role.name.lower(), "track": self.track, "rules": rules, "arenas": arenas}
-
-    def find(self, name: str, python: str) -> Named:
-        """Return the player of a name or a file; errors as those of `find_player` and `EntrantProcess`."""
-        if name.endswith(ENTRANTS):
-            process = EntrantProcess(Path(name), python, self.about(), sum(map(len, self.game.bodies)))
-            return Named(Path(name).name, Entrant(process))
+    def find(self, name: str) -> Named:
+        """Return the player of a name or a file; errors as those of `find_player` and `OnnxProcess`."""
+        if name.endswith(ONNX):
+            return Named(Path(name).name, OnnxAgent(OnnxProcess(Path(name))))
         return find_player(name, self.role, self.game)
 
     def play(self, agent: Named, opponent: str, seed: int) -> Round:
@@ -158,9 +167,10 @@ class Benchmark:
             outcomes[[*process.forfeited]] = FORFEIT
         words = np.stack([outcomes, steps, crashed, np.asarray(results.watched)]).astype("<u4").tobytes()
         played, lengths, crashes = (tuple(column.tolist()) for column in (outcomes, steps, crashed))
-        return Round(seed, played, lengths, crashes, sha256(words).hexdigest()[:16])
+        course, failure = sha256(words).hexdigest()[:16], process.reason if process else ""
+        return Round(seed, played, lengths, crashes, course, failure)
 
-    def _round(self, agent: Named, opponent: str, seed: int) -> tuple[Match, EntrantProcess | None]:
+    def _round(self, agent: Named, opponent: str, seed: int) -> tuple[Match, OnnxProcess | None]:
         """Return the match of a round, and the process of an agent from outside, which is begun for it."""
         match = Match(self.game, BySide.of(self.role, agent, self._opponents[opponent]), len(self.arenas), seed)
         if process := process_of(agent.policy):
@@ -220,21 +230,14 @@ def _act(game: Game, pool: Any, games: rollout.Games, bits: Array, role: Role) -
     return rollout.decide(pool, games.sides[role], perceive(pool.observation, game, games.state, role), bits[role])
 
 
-def _cells(game: Game) -> dict[str, Any]:
-    """Return the cells of an arena's map as rows of 0 and 1 from below, where it has one."""
-    found = game.arena.map
-    if found is None:
-        return {}
-    rows = ["".join("1" if cell else "0" for cell in row) for row in found.occupied()]
-    return {"map": {"x": float(found.x), "y": float(found.y), "cell": float(found.cell), "occupied": rows}}
-
-
-def file_of(name: str) -> tuple[str, str]:
-    """Return a player's name and the SHA-256 of its file; of one without a file that of nothing."""
-    bare = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
-    zoo = ZOO / f"{bare}.safetensors"
-    path = zoo if zoo.is_file() else Path(bare)
-    return name, sha256(path.read_bytes() if path.is_file() else b"").hexdigest()
+def digest_of(name: str, agent: Named | None = None) -> tuple[str, str]:
+    """Return a player's name and the SHA-256 of its file, an agent's from outside as it was read; of one without a file
+    that of nothing.
+    """
+    if agent and (process := process_of(agent.policy)):
+        return name, sha256(process.content).hexdigest()
+    path = file_of(name.removeprefix(SHIELDED).removeprefix(SEARCHING))
+    return name, sha256(path.read_bytes() if path and os.path.isfile(path) else b"").hexdigest()
 
 
 def _rounded(value: Any) -> float:

@@ -51,6 +51,11 @@ def require(holds: Any, name: str, value: object, bound: str) -> None:
         raise InvalidInput(f"{name} = {shown(value)} is not possible: it must be {bound}.")
 
 
+def require_printable(name: str, text: str) -> None:
+    """Refuse, by InvalidInput, a text of this name unless it is one line of modest length that can be printed."""
+    require(text == shown(text, LONGEST_MESSAGE), name, text, "a line that can be printed")
+
+
 def require_positive(record: object, *names: str) -> None:
     """Refuse, by InvalidInput, a record unless its fields of these names are more than 0."""
     for name in names:

@@ -12,8 +12,8 @@ _UNKNOWN = 8 * 2**30
 """Memory [bytes] that is assumed where the system does not say."""
 _GROUP_LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
 """Files with the memory limit of a Linux container, by version of its control groups."""
-ENTRANTS = (".py", ".onnx")
-"""Suffixes of the files of agents from outside."""
+ONNX = ".onnx"
+"""Suffix of the files of agents from outside."""
 GAME_FILES = (".toml", ".json")
 """Suffixes of game files."""
 MOVING = (".gif", ".webp")

@@ -18,7 +18,7 @@ from apollonius.game.judge import statuses_along
 from apollonius.game.types import NUM_ACTIONS, ROLES, BySide, DriveStates, GameState, Outcome, RobotState, Role
 from apollonius.game.validation import MAX_SIZE
 from apollonius.io.document import parse_json, read_bytes, to_json, write_atomically
-from apollonius.io.errors import require
+from apollonius.io.errors import require, require_printable
 from apollonius.io.limits import MOST_COUNTED, SEED
 from apollonius.play.playout import AbstractWatcher, play_out
 from apollonius.play.rollout import Transition, drives_at_start, step_driven
@@ -27,8 +27,6 @@ FORMAT = 1
 """Version of the file format."""
 _MOST_BYTES = 2**26
 """Largest file [bytes]: a game of some 400,000 steps."""
-_LONGEST_NAME = 1_000
-"""Most characters of a player's name."""
 
 AllActions = Int[Array, "steps robots"] | Float[Array, "steps robots 2"]
 """Actions of the pursuers and then of the evaders in every step: 0..8, or the action levels of all where one side's are
@@ -213,7 +211,7 @@ class _Record:
 
     def __post_init__(self) -> None:
         for name in (self.pursuer, self.evader):
-            require(name.isprintable() and len(name) <= _LONGEST_NAME, "player", name, "a name that can be printed")
+            require_printable("player", name)
         SEED.require("seed", self.seed)
         require(0 <= self.index < self.games <= MOST_COUNTED, "index", self.index, f"below games = {self.games}")
         require(self.outcome.upper() in Outcome.__members__, "outcome", self.outcome, "how a game can end")

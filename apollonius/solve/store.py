@@ -1,5 +1,6 @@
 """Solutions as files: the table in safetensors, and a header that says what was solved and how well."""
 
+import os
 from dataclasses import dataclass
 from math import inf, prod
 from pathlib import Path
@@ -88,7 +89,7 @@ def load_solution(path: Path) -> Solution:
     """Read a solution's file, the table only if its size is what the header says; raises InvalidInput for a file that
     is missing, damaged, foreign, larger than memory, or with values that are not finite.
     """
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise InvalidInput(f"there is no solution '{path}': check the path, or solve it with apollonius solve.")
     remedy = "solve it again, into another file"
     foreign = f"'{path}' holds no whole Apollonius solution: {remedy}"

@@ -3,32 +3,51 @@
 import json
 import pickle
 import re
-import sys
+import resource
+import time
+from contextlib import suppress
 from dataclasses import asdict, replace
+from hashlib import sha256
 
+import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from apollonius.agents import entrant
-from apollonius.agents.entrant import Entrant
+from apollonius.agents import onnx_agent
 from apollonius.agents.kind import Named
+from apollonius.agents.names import ZOO
+from apollonius.agents.onnx_agent import OnnxAgent
+from apollonius.agents.onnx_process import LIMITS, as_actions
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
+from apollonius.cli.main import main
 from apollonius.evaluate import benchmark, suite_card
-from apollonius.evaluate.benchmark import FORFEIT, Benchmark
-from apollonius.evaluate.suite_card import judge, verify
+from apollonius.evaluate.benchmark import FORFEIT, Benchmark, digest_of
+from apollonius.evaluate.suite_card import judge, load_card, verify
 from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput
+from tests.io.test_files_that_lie import damages, lies
 
 ARENAS = "fences-00", "fences-01", "floors-00"
-GOOD = """
-def act(seen, slots, steps, arenas):
-    assert seen.shape == (len(slots), 12) and (arenas == slots).all()
-    return (steps % 9).astype("int32")
+PROGRAM = """
+import os, sys, time
+import numpy as np
+def read(count): return sys.stdin.buffer.read(count)
+model = read(int.from_bytes(read(4), "little"))
+os.write(0, np.array([8, LEVELS], "<u4").tobytes())
+answer = lambda actions: os.write(0, np.asarray(actions).tobytes())
+step = 0
+while rows := int.from_bytes(read(4), "little"):
+    seen = np.frombuffer(read(32 * rows), np.float32).reshape(rows, 8)
+    assert np.isfinite(seen).all()
+    step += 1
+    ACT
 """
-
-
+"""What stands in for onnxruntime where it is missing, and where a process does what no model does."""
+GOOD = "answer(np.full(rows, step % 9, np.int32))"
 COMPILED = {}
-"""The processes for which games have been compiled: each becomes that of any agent that reads and does the same."""
+"""The processes for which games have been compiled: each becomes that of any agent that acts in the same way."""
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -39,14 +58,14 @@ def small():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Benchmark, "game", game)
         patch.setattr(Benchmark, "arenas", ARENAS)
-        patch.setattr(entrant, "DECISION_SECONDS", 10.0)  # other tests keep the cores busy
+        patch.setattr(onnx_agent, "missing", lambda *_: None)
         patch.setattr(benchmark, "PANELS", {"full": panel})
         yield
 
 
 @pytest.fixture(scope="module")
 def judged():
-    return json.dumps(asdict(judge(Benchmark("full", Role.PURSUER), "intercept", sys.executable)))
+    return json.dumps(asdict(judge(Benchmark("full", Role.PURSUER), "intercept")))
 
 
 @pytest.fixture
@@ -56,33 +75,49 @@ def card(judged, tmp_path):
     return path
 
 
-def entered(tmp_path, code, role=Role.PURSUER):
-    path = tmp_path / "mine.py"
-    path.write_text(code)
-    one = Benchmark("full", role)
-    process = one.find(str(path), sys.executable).policy.process
-    shared = COMPILED.setdefault((process.observation, process.is_discrete), process)
-    vars(shared).update(vars(process))
-    return one, Named("mine.py", Entrant(shared))
+@pytest.fixture
+def entered(tmp_path, monkeypatch):
+    """A function that returns a benchmark and an agent whose process runs another program."""
+
+    def enter(act, role=Role.PURSUER, levels=1):
+        (tmp_path / "program.py").write_text(PROGRAM.replace("ACT", act).replace("LEVELS", str(levels)))
+        (tmp_path / "mine.onnx").write_text(act)
+        monkeypatch.setattr(onnx_agent, "_PROGRAM", tmp_path / "program.py")
+        one = Benchmark("full", role)
+        process = one.find(str(tmp_path / "mine.onnx")).policy.process
+        shared = COMPILED.setdefault(process.brake.ndim, process)
+        vars(shared).update(vars(process))
+        return one, Named("mine.onnx", OnnxAgent(shared))
+
+    return enter
 
 
 def test_a_card_comes_out_again(card):
-    found = verify(card, None, sys.executable, every=True)
+    found = verify(card, None, every=True)
     assert found.score.against in ("still", "random")
     assert -1 <= found.score.worst_tenth <= found.score.worth <= 1
 
 
-def test_rounds_as_jobs_make_the_same_card(judged, tmp_path):
+def test_rounds_as_jobs_make_the_same_card(judged, entered, tmp_path):
     def elsewhere(jobs):
         return pickle.loads(pickle.dumps([job.run()[1] for job in pickle.loads(pickle.dumps(jobs))]))
 
     one, any_time = Benchmark("full", Role.PURSUER), {"decision_us": 0.0}
-    card = asdict(judge(one, "intercept", sys.executable, run=elsewhere))
+    card = asdict(judge(one, "intercept", run=elsewhere))
     assert json.dumps(card | any_time) == json.dumps(json.loads(judged) | any_time)
-    (tmp_path / "mine.py").write_text(GOOD)
-    card = judge(one, str(tmp_path / "mine.py"), sys.executable, run=elsewhere)
-    assert card.decision_us > 0
-    assert (card.failure, card.score.forfeits) == ("", 0)
+    entered(GOOD)
+    card = judge(one, str(tmp_path / "mine.onnx"), run=elsewhere)
+    assert card.score.forfeits == 0
+    assert card.sha256 == sha256(GOOD.encode()).hexdigest()
+
+
+def test_the_digest_of_an_agent_is_that_of_its_file_whatever_it_is_called_by():
+    names = "pursuer", "zoo/pursuer", "shielded:searching:pursuer", str(ZOO / "pursuer.safetensors")
+    assert {digest_of(name)[1] for name in names} == {sha256((ZOO / "pursuer.safetensors").read_bytes()).hexdigest()}
+
+
+def first(data):
+    return data["opponents"]["still"][0]
 
 
 def lie_well(data):
@@ -97,9 +132,30 @@ def lie_well(data):
     ("change", "naming"),
     [
         (lambda data: data["score"].update(worth=0.99), "score"),
-        (lambda data: data["opponents"]["still"][0]["outcomes"].__setitem__(0, 99), "score"),
-        (lambda data: data["opponents"]["still"].pop(), "opponents"),
+        *[(lambda data, bad=bad: first(data)["outcomes"].__setitem__(0, bad), "outcomes") for bad in (99, -1, 10**30)],
+        *[(lambda data, bad=bad: first(data)["steps"].__setitem__(0, bad), "steps") for bad in (0, -5, 61, 10**9)],
+        *[(lambda data, bad=bad: first(data)["crashed"].__setitem__(0, bad), "crashed") for bad in (-1, 2, 10**9)],
+        *[(lambda data, bad=bad: first(data).update(course=bad), "course") for bad in ("", "A" * 16, "0" * 17, 0)],
+        (lambda data: first(data).update(seed=1), "rounds against 'still'"),
+        (lambda data: first(data).update(other=1), "other"),
+        (lambda data: first(data)["steps"].pop(), "rounds against 'still'"),
+        (lambda data: data["opponents"]["still"].pop(), "rounds against 'still'"),
+        (lambda data: data["opponents"].pop("still"), "opponents"),
+        (lambda data: data["opponents"].update(x=[]), "opponents"),
+        *[(lambda data, bad=bad: data.update(decision_us=bad), "decision_us") for bad in (-1e-9, 0, "fast", True)],
+        (lambda data: data.update(format=2), "format"),
+        (lambda data: data.update(format=True), "whole number"),
+        (lambda data: first(data).update(failure="an excuse"), "failure"),
+        (lambda data: first(data)["outcomes"].__setitem__(0, FORFEIT), "failure"),
+        (lambda data: first(data).pop("failure"), "failure"),
+        *[(lambda data, bad=bad: data.pop(bad), bad) for bad in ("format", "made_with", "decision_us")],
+        (lambda data: data.update(isolated=True), "isolated"),
+        (lambda data: data.update(side="evader"), "opponents"),
         (lambda data: data["digests"].update(panel="0" * 64), "digest of the panel"),
+        (lambda data: data["digests"].update(more="0" * 64), "digest of the more"),
+        (lambda data: data.update(agent="no-such"), "no-such"),
+        (lambda data: data.update(agent="still"), "still"),
+        (lambda data: data.update(agent="x" * 10_000), "x"),
         (lambda data: data.update(sha256="0" * 64), "SHA-256 of the agent"),
         (lambda data: data["opponents"]["still"][1]["steps"].__setitem__(2, 1), "seed 1 against 'still'"),
         (lambda data: data["opponents"]["random"][0].update(course="0" * 16), "seed 0 against 'random'"),
@@ -112,83 +168,203 @@ def test_a_tampered_card_is_refused(card, change, naming):
     change(data)
     card.write_text(json.dumps(data))
     with pytest.raises(InvalidInput, match=naming):
-        verify(card, None, sys.executable, every=True)
+        verify(card, None, every=True)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_seed_is_drawn_for_each_opponent(card, seed, monkeypatch):
+    drawn = iter([seed, 1 - seed])
+    monkeypatch.setattr(suite_card.secrets, "randbelow", lambda _: next(drawn))
+    data = json.loads(card.read_text())
+    data["opponents"]["random"][1 - seed]["course"] = "0" * 16
+    card.write_text(json.dumps(data))
+    with pytest.raises(InvalidInput, match=f"seed {1 - seed} against 'random'"):
+        verify(card, None, every=False)
+
+
+def test_control_characters_of_a_card_do_not_reach_the_terminal(card, capsys):
+    data = json.loads(card.read_text())
+    words = "\x1b[2Jok\nit comes out: "
+    first(data).update(failure=words)
+    for change in ({}, {"agent": words}, {"made_with": words}, {"track": words}, {words: words}):
+        card.write_text(json.dumps(data | change))
+        assert main(["suite", "verify", str(card)]) == 2
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1
+        assert error.strip().isprintable()
+
+
+@pytest.mark.parametrize("cases", [50, pytest.param(2_000, marks=pytest.mark.slow)])
+def test_a_card_is_sound_or_refused_in_one_line(card, cases):
+    data = json.loads(card.read_text())
+
+    @settings(max_examples=cases)
+    @given(st.one_of(lies(data), damages(card.read_bytes())))
+    def read(change):
+        card.unlink(missing_ok=True)  # a file that is written over goes to the disk at once
+        with suppress(TypeError, ValueError):  # a date and half a character are no JSON
+            card.write_bytes(change if isinstance(change, bytes) else json.dumps(change).encode())
+        with suppress(InvalidInput):
+            load_card(card)
+
+    read()
 
 
 FAILING = {
-    "import time\ndef act(*_): time.sleep(100)": "no answer",
-    "def act(*_): raise ZeroDivisionError('mine')": "ZeroDivisionError: mine",
-    "import os\ndef act(*_): os._exit(3)": "status 3",
-    "def act(*_): return 'garbage'": "Error",
-    "def act(seen, *_): return [1] * (len(seen) + 7)": "Error",
-    "def act(seen, *_): return seen[:, 0]": "Cannot cast",
-    "def act(*_): return bytearray(1 << 34)": "MemoryError",
-    "import os\ndef act(*_):\n    for one in range(3, 9):\n        try: os.write(one, b'x' * 5000)\n"
-    "        except OSError: pass": "too long|status|Error",
+    "time.sleep(100)": "no answer",
+    "raise ZeroDivisionError('mine')": "ZeroDivisionError: mine",
+    "os._exit(3)": "status 3",
+    "os.kill(os.getpid(), 9)": "signal 9",
+    "os.write(0, b'x'); time.sleep(100)": "no answer",
+    "os.fork() or (os.setsid(), time.sleep(20)); os._exit(0)": "no answer",
 }
-"""Agents from outside, and why they fail."""
+"""What a process does, and how its failure is told."""
 
 
-def test_an_agent_that_fails_costs_itself_its_games_and_nothing_else(tmp_path, monkeypatch):
-    for code, reason in FAILING.items():
-        monkeypatch.setattr(entrant, "DECISION_SECONDS", 0.3 if reason == "no answer" else 10.0)
-        one, agent = entered(tmp_path, code)
+def test_an_agent_that_fails_costs_itself_its_games_and_nothing_else(entered, monkeypatch):
+    for act, reason in FAILING.items():
+        one, agent = entered(act)
+        monkeypatch.setattr(onnx_agent, "ROUND_SECONDS", 2.0 if reason == "no answer" else 100.0)
+        began = time.monotonic()
         played = one.play(agent, "still", 0)
+        assert time.monotonic() - began < 60  # with the compilation
         assert played.outcomes == (FORFEIT,) * 3
         assert re.search(reason, agent.policy.process.reason)
         assert one.score({"still": [played]}).worth == -1
-    healthy = one.play(one.find("intercept", sys.executable), "still", 0)
+        monkeypatch.undo()
+    healthy = one.play(one.find("intercept"), "still", 0)
     assert FORFEIT not in healthy.outcomes
 
 
-LEVELS = (
-    "import numpy as np\nACTIONS, OBSERVATION = 'continuous', 'egocentric'\n"
-    "def act(seen, slots, *_): return np.where(slots[:, None] == 1, np.nan, np.zeros((len(slots), 2), 'float32'))"
-)
+def test_an_agent_that_complains_on_and_on_plays(entered):
+    one, agent = entered("sys.stderr.write('warning ' * 10_000); sys.stderr.flush(); " + GOOD)
+    assert FORFEIT not in one.play(agent, "still", 0).outcomes
 
 
 @pytest.mark.parametrize(
-    ("code", "role", "opponent"),
+    ("answer", "role", "levels"),
     [
-        ("def act(seen, slots, *_): return (slots == 1).astype('int32') * 17", Role.PURSUER, "still"),
-        (LEVELS, Role.EVADER, "random"),
+        ("np.where((step == 1) & (np.arange(rows) == 1), -1, 4).astype(np.int32)", Role.PURSUER, 1),
+        ("np.where((step == 1) & (np.arange(2 * rows) == 3), np.nan, 0).astype(np.float32)", Role.EVADER, 2),
     ],
     ids=["beyond", "no number"],
 )
-def test_an_impossible_action_costs_that_game_alone(tmp_path, code, role, opponent):
-    one, agent = entered(tmp_path, code, role)
-    assert [outcome == FORFEIT for outcome in one.play(agent, opponent, 0).outcomes] == [False, True, False]
-
-
-def test_an_agent_sees_no_files_and_breaks_none(tmp_path):
-    victim = tmp_path / "card.json"
-    victim.write_text("precious")
-    attack = (
-        "import os, socket\nfailed = []\n"
-        f"for crime in (lambda: open({str(victim)!r}).read(), lambda: open({str(victim)!r}, 'w'),\n"
-        f"              lambda: os.remove({str(victim)!r}), lambda: open('here', 'w'),\n"
-        "              lambda: os.kill(os.getppid(), 9), lambda: socket.create_connection(('127.0.0.1', 9), 1)):\n"
-        "    try: crime()\n    except PermissionError: failed.append(crime)\n"
-        "def act(seen, *_): return [0 if len(failed) == 6 and 'APOLLONIUS' not in os.environ else 17] * len(seen)"
-    )
-    one, agent = entered(tmp_path, attack)
-    if not agent.policy.process.is_isolated:
-        pytest.skip("this system has no Landlock")
-    assert FORFEIT not in one.play(agent, "still", 0).outcomes
-    assert victim.read_text() == "precious"
+def test_an_impossible_action_costs_that_game_alone(entered, answer, role, levels):
+    one, agent = entered(f"answer({answer})", role, levels)
+    outcomes = one.play(agent, "random", 0).outcomes
+    assert [outcome == FORFEIT for outcome in outcomes] == [False, True, False]
+    assert agent.policy.process.reason == "an answer that is no action"
 
 
 @pytest.mark.parametrize(
-    "code", ["def nothing(): pass", "OBSERVATION = 'all'\ndef act(*_): return 0", "syntax error", "raise SystemExit(0)"]
+    ("program", "reason"),
+    [
+        ("print('no answer')", "status 0"),
+        ("syntax error", "SyntaxError"),
+        ("import os; os.write(0, b'1234' * 2)", "numbers"),
+    ],
 )
-def test_an_agent_that_does_not_start_is_refused_in_a_line(tmp_path, code):
-    with pytest.raises(InvalidInput, match=r"mine\.py"):
-        entered(tmp_path, code)
+def test_an_agent_that_does_not_start_is_refused_in_a_line(entered, tmp_path, program, reason):
+    entered(GOOD)
+    (tmp_path / "program.py").write_text(program)
+    with pytest.raises(InvalidInput, match=rf"mine\.onnx.*{reason}"):
+        Benchmark("full", Role.PURSUER).find(str(tmp_path / "mine.onnx"))
+
+
+def test_a_process_that_starts_no_more_forfeits_its_round(entered, tmp_path):
+    one, agent = entered(GOOD)
+    (tmp_path / "program.py").write_text("raise MemoryError")
+    assert one.play(agent, "still", 0).outcomes == (FORFEIT,) * 3
+    assert agent.policy.process.reason == "MemoryError"
+
+
+NO_ACTION = -1
+ANSWERS = [
+    (np.array([[np.nan] * 9, [0, 0, 1, 0, 0, 0, 0, 0, 0]], np.float32), [NO_ACTION, 2]),
+    (np.array([2**32 + 4, 8]), [NO_ACTION, 8]),
+    (np.array([9, -1], np.int8), [NO_ACTION, NO_ACTION]),
+    (np.array([[0.5, 1], [-1, 2]]), [[0.5, 1], [-1, 2]]),
+]
+"""What a model answers, and what is made of it."""
+
+
+@pytest.mark.parametrize(("answer", "actions"), ANSWERS)
+def test_answers_become_actions(answer, actions):
+    made = as_actions(answer, 2)
+    assert made.tolist() == actions
+    assert made.dtype == (np.float32 if made.ndim == 2 else np.int32)
+
+
+@pytest.mark.parametrize("answer", [np.zeros((2, 8)), np.array([1.0, 2.0]), np.array(["4", "4"]), np.zeros((3,), int)])
+def test_answers_of_other_shapes_and_types_are_refused(answer):
+    with pytest.raises(SystemExit, match="give"):
+        as_actions(answer, 2)
+
+
+def model(*nodes, weights=(), reads=(8,), whole=False):
+    """An ONNX model that reads numbers and answers `y`."""
+    onnx = pytest.importorskip("onnx")
+    pytest.importorskip("onnxruntime")
+    make, real = onnx.helper, onnx.TensorProto.FLOAT
+    kind = onnx.TensorProto.INT64 if whole else real
+    inputs = [make.make_tensor_value_info(f"x{place}", real, ["rows", size]) for place, size in enumerate(reads)]
+    graph = make.make_graph(
+        [make.make_node(kind, read, ["y"], **options) for kind, read, options in nodes],
+        "model", inputs, [make.make_tensor_value_info("y", kind, None)], list(weights),
+    )  # fmt: skip
+    return make.make_model(graph, opset_imports=[make.make_opsetid("", 21)], ir_version=10)
+
+
+def weights(**external):
+    """Weights from the numbers to nine values, which lie in another file where external data are given."""
+    onnx = pytest.importorskip("onnx")
+    matrix = onnx.numpy_helper.from_array(np.eye(8, 9, dtype=np.float32), "w")
+    if external:
+        matrix.ClearField("raw_data")
+        matrix.data_location = onnx.TensorProto.EXTERNAL
+        for key, value in external.items():
+            matrix.external_data.add(key=key, value=value)
+    return matrix
+
+
+def test_a_model_plays_in_onnxruntime(tmp_path):
+    path = tmp_path / "mine.onnx"
+    path.write_bytes(model(("MatMul", ["x0", "w"], {}), weights=[weights()]).SerializeToString())
+    one = Benchmark("full", Role.PURSUER)
+    agent = one.find(str(path))
+    played = one.play(agent, "still", 0)
+    assert FORFEIT not in played.outcomes
+    assert played == one.play(agent, "still", 0)
+    process = agent.policy.process
+    process.begin(1)
+    number = process._running[0].pid
+    assert {kind: resource.prlimit(number, kind)[0] for kind in LIMITS} == LIMITS
+    process.end()
+
+
+def test_models_that_cannot_play_are_refused_in_a_line(tmp_path):
+    (tmp_path / "beside.bin").write_bytes(bytes(4 * 72))
+    multiply = "MatMul", ["x0", "w"], {}
+    size = pytest.importorskip("onnx").numpy_helper.from_array(np.array([2, 1 << 36]), "w")
+    refused = {
+        "without external data": model(
+            multiply, weights=[weights(location=str(tmp_path / "beside.bin"), length="288")]
+        ),
+        "without external data ": model(multiply, weights=[weights(location="*/_ORT_MEM_ADDR_/*", offset="4194304")]),
+        "one input": model(("Add", ["x0", "x1"], {}), reads=(8, 8)),
+        "numbers that it reads = 7": model(("ArgMax", ["x0"], {"axis": 1, "keepdims": 0}), reads=(7,), whole=True),
+        r"give \[rows\] actions": model(("Identity", ["x0"], {})),
+        "does not start": model(("Expand", ["x0", "w"], {}), weights=[size]),
+    }
+    for reason, one in refused.items():
+        (tmp_path / "mine.onnx").write_bytes(one.SerializeToString())
+        with pytest.raises(InvalidInput, match=rf"mine\.onnx.*{reason.strip()}"):
+            Benchmark("full", Role.PURSUER).find(str(tmp_path / "mine.onnx"))
 
 
 def test_worths_are_wins_less_losses_and_the_time_limit_is_the_evaders():
     outcomes = (1, 2, 3, 4, 5, 6, 7, FORFEIT)
-    one = benchmark.Round(0, outcomes, (1,) * 8, (0,) * 8, "")
+    one = benchmark.Round(0, outcomes, (1,) * 8, (0,) * 8, "0" * 16, "it failed")
     pursuer = Benchmark("full", Role.PURSUER)._worths(one)
     assert pursuer.tolist() == [1, -1, 1, -1, 1, 0, -1, -1]
     assert Benchmark("full", Role.EVADER)._worths(one).tolist() == [-1, 1, -1, 1, -1, 0, 1, -1]

@@ -20,10 +20,13 @@ from hypothesis import strategies as st
 from safetensors.numpy import load, save
 
 from apollonius.agents.network import make_network
-from apollonius.agents.store import describe, load_agent, save_agent
+from apollonius.agents.store import describe, save_agent
+from apollonius.agents.trained import learned_elsewhere
 from apollonius.arenas.file import load_game, save_game, to_dict
 from apollonius.arenas.map_file import load_map
+from apollonius.catalogue import find_player, price_of_losing
 from apollonius.evaluate.result import MatchResult
+from apollonius.export.player import home_of
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
@@ -46,7 +49,22 @@ STANDING = Standing("self-play", 3, 1.5, Evaluation(8, 2, COUNTS), 9)
 
 
 def write_agent(path):
-    save_agent(describe(make_network("paper", 4, 2, jax.random.key(0)), Role.EVADER, to_dict(GAME), {"seed": 3}), path)
+    save_agent(describe(make_network("paper", 4, 2, jax.random.key(0)), Role.EVADER, to_dict(GAME), {"price": 3}), path)
+
+
+def read_agent(path):
+    """What is done with an agent's header after it has been read."""
+    player = find_player(str(path), Role.EVADER, PAPER)
+    with suppress(InvalidInput):
+        home_of(str(path))
+    return price_of_losing(player, PAPER), learned_elsewhere(player, PAPER)
+
+
+def read_replay(path):
+    """What every command does with a replay; it plays a game again that is shaped like the sound one."""
+    replay = load_replay(path)
+    shaped = replay.states.shape == (4, 8) and replay.actions.shape == (3, 2) and to_dict(replay.game) == to_dict(GAME)
+    return replay.ending(), replay.in_play(), replay.trajectory(), replay.first_difference() if shaped else None
 
 
 def write_table(path):
@@ -71,14 +89,14 @@ def write_metrics(path):
 
 
 KINDS: dict[str, tuple[Any, Any, str]] = {
-    "agent": (write_agent, load_agent, "a.safetensors"),
+    "agent": (write_agent, read_agent, "a.safetensors"),
     "table": (write_table, load_solution, "t.safetensors"),
     "checkpoint": (
         lambda path: save_checkpoint(path, STATE, STANDING),
         lambda path: (load_standing(path), load_checkpoint(path, STATE)),
         "c.safetensors",
     ),
-    "replay": (write_replay, load_replay, "r.json"),
+    "replay": (write_replay, read_replay, "r.json"),
     "game": (partial(save_game, to_dict(GAME)), load_game, "g.toml"),
     "json game": (partial(save_game, to_dict(GAME)), load_game, "g.json"),
     "map": (write_map, load_map, "m.yaml"),
@@ -153,6 +171,7 @@ LIES = [
     ("agent", {"network": "gaussian"}, "do not fit"), ("agent", {"network": "sideways"}, "of the kind sideways"),
     ("agent", {"depth": 10**6}), ("agent", {"depth": 1e300}), ("agent", {"width": True}),
     ("agent", {"observation": {}}), ("agent", {"observation_size": None}), ("agent", {"role": "referee"}),
+    *[("agent", {"training": {"price": price}}, "price") for price in ("x", {}, [], True, 0, -1.0, 1e300, 10**400)],
     ("agent", {"game": 3}), ("agent", {"num_actions": 8}), ("agent", {"version": 10**4000}),
     ("table", {"format": "another"}), ("table", {"version": 99}),
     ("table", {"problem": None}), ("table", {"sweeps": -1}), ("table", {"residual": float("nan")}),
