@@ -39,7 +39,8 @@ def model_of(player: Player) -> bytes:
 
     closed = jax.make_jaxpr(decide)(*leaves)
     jaxpr, is_read = dce_jaxpr(closed.jaxpr, [True] * len(closed.jaxpr.outvars))
-    inputs = [jax.ShapeDtypeStruct(var.aval.shape, var.aval.dtype) for var in jaxpr.invars]
+    read = itertools.compress(leaves, is_read)
+    inputs = [jax.ShapeDtypeStruct(np.shape(leaf), jax.numpy.asarray(leaf).dtype) for leaf in read]
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

@@ -144,8 +144,9 @@ class _Translator:
         self.line = _line_of(equation) or self.line
         if kinds := {str(getattr(var.aval, "dtype", "?")) for var in equation.outvars} - {*TYPES}:
             raise InvalidInput(f"numbers of the kind '{min(kinds)}' cannot be translated ({self.line}).")
-        if all(var.aval.size == 0 for var in equation.outvars):
-            return [scalar(str(var.aval.dtype), "0", var.aval.shape) for var in equation.outvars]
+        outs: list[Any] = [var.aval for var in equation.outvars]
+        if all(out.size == 0 for out in outs):
+            return [scalar(str(out.dtype), "0", out.shape) for out in outs]
         if primitive in CALLED:
             return self.call(block, params[CALLED[primitive]], given, str(params.get("name", primitive)))
         if primitive in CONTROL:

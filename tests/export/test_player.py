@@ -41,8 +41,9 @@ needs_onnx = pytest.mark.skipif(bool(missing("export")), reason=f"needs {missing
 CLASSICAL = ("pure-pursuit", "intercept", "flee", "flee-aware", "voronoi-pursuit", "encirclement", "random")
 QUICK = {("shielded:P_smooth", "c"), ("shielded:P_smooth", "page"), ("evader", "page")}
 """Players in `paper`, one of them symmetric."""
+NEEDS = {"c": needs_gcc, "page": needs_node}
 ALL = [
-    pytest.param(game, shield + name, language, marks=() if quick else pytest.mark.slow)
+    pytest.param(game, shield + name, language, marks=[NEEDS[language], *([] if quick else [pytest.mark.slow])])
     for game in ("paper", "office", "team-3v1", "examples/dodecahedron.toml", "drawn")
     for name in [*zoo_names(), *CLASSICAL]
     for shield in ("", "shielded:")
@@ -50,7 +51,8 @@ ALL = [
     for quick in [game == "paper" and (shield + name, language) in QUICK]
 ]
 ALL += [
-    pytest.param("lidar", f"shielded:{name}", "c", marks=pytest.mark.slow) for name in ("search", "searching:pursuer")
+    pytest.param("lidar", f"shielded:{name}", "c", marks=[needs_gcc, pytest.mark.slow])
+    for name in ("search", "searching:pursuer")
 ]
 """In a map and in many arenas too."""
 DRAWN = 200
@@ -125,8 +127,6 @@ def to_the_page(player, cases):
 LANGUAGES = {"c": in_c, "page": on_the_page}
 
 
-@needs_gcc
-@needs_node
 @pytest.mark.timeout(3000)
 @pytest.mark.parametrize(("game", "name", "language"), ALL)
 def test_players_decide_as_the_packages(game, name, language):
