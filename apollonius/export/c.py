@@ -24,8 +24,8 @@ from apollonius.io.errors import InvalidInput
 
 FLAGS = ("-std=c99", "-O2")
 """Flags of the C compiler for a source."""
-_LONGEST_COMPILATION = 600.0
-"""Seconds after which a compiler is taken to hang."""
+_LONGEST = 600.0
+"""Seconds of a compilation, after which the compiler is taken to hang."""
 _EXACT = """#if defined __FAST_MATH__ || (defined __FINITE_MATH_ONLY__ && __FINITE_MATH_ONLY__)
 #error "compile without -Ofast, -ffast-math and -ffinite-math-only, which take NaN and infinity for impossible"
 #endif"""
@@ -135,24 +135,30 @@ def _rows(array: np.ndarray) -> str:
 
 
 @contextmanager
-def built(texts: Mapping[str, str], command: Sequence[str]) -> Generator[Path]:
+def built(texts: Mapping[str, str], compiler: str, command: Sequence[str]) -> Generator[Path]:
     """Give the file that a compiler makes of texts by name; raises InvalidInput with its first error if it fails."""
-    name = Path(command[0]).name
     with tempfile.TemporaryDirectory() as folder:
-        made = Path(folder, "program")
-        for file, text in texts.items():
-            Path(folder, file).write_text(text, "utf-8")
+        made, log = Path(folder, "program"), Path(folder, "log")
+        for name, text in texts.items():
+            Path(folder, name).write_text(text, "utf-8")
+        words = [*command, "-o", str(made)]
         try:
-            done = subprocess.run(
-                [*command, "-o", str(made)], cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, text=True,
-                errors="replace", timeout=_LONGEST_COMPILATION,
-            )  # fmt: skip
+            with log.open("wb") as errors:  # no pipe, which processes of a compiler that hangs would keep open
+                done = subprocess.run(
+                    words,
+                    cwd=folder,
+                    stdin=subprocess.DEVNULL,
+                    stdout=errors,
+                    stderr=errors,
+                    timeout=_LONGEST,
+                    check=False,
+                )
         except (OSError, subprocess.TimeoutExpired) as reason:
-            raise InvalidInput(f"the compiler {name} does not work here: {reason}.") from reason
+            raise InvalidInput(f"{compiler} does not work here ({reason}): install it anew.") from reason
         if done.returncode or not made.exists():
-            lines = done.stderr.splitlines() or [f"exit status {done.returncode}"]
+            lines = log.read_text("utf-8", "replace").splitlines() or [f"exit status {done.returncode}"]
             said = next((line for line in lines if "error" in line), lines[-1])
-            raise InvalidInput(f"the compiler {name} fails: {said}; repair it, or take it from the PATH.")
+            raise InvalidInput(f"{compiler} fails ({said}): install it anew.")
         yield made
 
 
@@ -166,7 +172,7 @@ class Compiled:
 
     def __init__(self, program: Program, flags: Sequence[str] = FLAGS) -> None:
         command = ["gcc", *flags, "-shared", "-fPIC", f"{program.name}.c", "-lm"]
-        with built(files(program), command) as library:
+        with built(files(program), "gcc", command) as library:
             try:
                 self._function = getattr(ctypes.CDLL(str(library)), program.name)
             except OSError as reason:

@@ -166,7 +166,7 @@ def compiled(programs: Sequence[Program], flags: Sequence[str]) -> bytes:
     command = [sys.executable, "-m", "ziglang", "cc", *_FLAGS, *flags]
     command += [f"-Wl,--export={program.name}" for program in programs]
     command += [*(name for name in texts if name.endswith(".c")), "-lm"]
-    with built(texts, command) as module:
+    with built(texts, "ziglang", command) as module:
         return module.read_bytes()
 
 
