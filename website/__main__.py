@@ -24,7 +24,9 @@ def main() -> int:
     write_reference(work / "reference")
     options = ["--builder", "html", "--fail-on-warning", "--keep-going", "--quiet", "--jobs", "auto"]
     folders = ["--conf-dir", str(HERE), "--doctree-dir", str(work / "doctrees")]
-    subprocess.run([sys.executable, "-m", "sphinx", *options, *folders, str(work), str(out)], check=True)
+    sphinx = subprocess.run([sys.executable, "-m", "sphinx", *options, *folders, str(work), str(out)], check=False)
+    if sphinx.returncode:
+        return sphinx.returncode  # it has said why
     (out / "_static" / "webpack-macros.html").unlink(missing_ok=True)  # a template that the theme leaves there
     print("the playground", flush=True)
     write_playground(out / "playground")

@@ -5,6 +5,7 @@ import tempfile
 import webbrowser
 from math import radians
 from pathlib import Path
+from threading import Thread
 
 from apollonius.agents.names import SIDES
 from apollonius.cli.options import (
@@ -170,6 +171,6 @@ def run_play(options: argparse.Namespace) -> int:
             address = f"http://{server.server_address[0]}:{server.server_port}/"
             print(f"play at {address}  (Ctrl-C ends)", flush=True)
             if not options.no_open:
-                webbrowser.open(address)
+                Thread(target=webbrowser.open, args=(address,), daemon=True).start()  # some end with their window
             server.serve_forever()
     return 0

@@ -136,7 +136,8 @@ def _dot(block: Block, operands: list[Value], params: Params, out: Any) -> Value
         with block.braces(f"if ({fixed} != 0)") if is_long else nullcontext(), block.loops(shapes[fast]) as inner:
             rows = (*outer, *inner) if slow == 0 else (*inner, *outer)
             place = target.read((*common[: len(batches[0])], *rows))
-            block.put(f"{place} += {fixed} * {element(fast, common, inner)};")
+            product = apply("mul", kind, kind, fixed, element(fast, common, inner))
+            block.put(f"{place} = {apply('add', kind, kind, place, product)};")
     return target
 
 

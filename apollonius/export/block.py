@@ -13,8 +13,8 @@ from apollonius.export.scalars import TYPES, plus, times
 Shape = tuple[int, ...]
 Index = tuple[str, ...]
 """An expression in C for each axis."""
-_NAME = re.compile(r"\bs\d+\b")
-_LET = re.compile(r" *const \w+ (s\d+) =")
+_NAME = re.compile(r"\b_s\d+\b")
+_LET = re.compile(r" *const \w+ (_s\d+) =")
 
 
 @dataclass(frozen=True)
@@ -137,14 +137,14 @@ class Block:
 
     def variable(self, kind: str, first: str, const: str = "") -> str:
         """Return the name of a new variable with a first value."""
-        made = self.name("s")
+        made = self.name("_s")
         self.put(f"{const}{TYPES[kind]} {made} = {first};")
         return made
 
     def array(self, kind: str, shape: Shape) -> Value:
         """Return a new array whose contents are undefined."""
-        name = self.name("a")
-        self.put(f"{TYPES[kind]} {name}[{prod(shape)}];")
+        name = self.name("_a")
+        self.put(f"{TYPES[kind]} {name}[{max(1, prod(shape))}];")
         return placed(kind, shape, name)
 
     @contextmanager
@@ -160,7 +160,7 @@ class Block:
     def loops(self, shape: Shape) -> Generator[Index]:
         """Open loops over all elements of a shape, and return the index."""
         with ExitStack() as nest:
-            index = tuple("0" if length == 1 else self.name("i") for length in shape)
+            index = tuple("0" if length == 1 else self.name("_i") for length in shape)
             for step, length in zip(index, shape, strict=True):
                 if length != 1:
                     nest.enter_context(self.braces(f"for (int32_t {step} = 0; {step} < {length}; {step}++)"))

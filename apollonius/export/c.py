@@ -9,7 +9,8 @@ import re
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,9 +22,13 @@ from apollonius.export.record import Record
 from apollonius.export.scalars import HELPERS, TYPES, number
 from apollonius.io.errors import InvalidInput
 
-FLAGS = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-O2")
+FLAGS = ("-std=c99", "-O2")
 """Flags of the C compiler for a source."""
-_BY_VALUE = {"float32": ctypes.c_float, "int32": ctypes.c_int32, "uint32": ctypes.c_uint32, "bool": ctypes.c_uint8}
+_LONGEST = 600.0
+"""Seconds of a compilation, after which the compiler is taken to hang."""
+_EXACT = """#if defined __FAST_MATH__ || (defined __FINITE_MATH_ONLY__ && __FINITE_MATH_ONLY__)
+#error "compile without -Ofast, -ffast-math and -ffinite-math-only, which take NaN and infinity for impossible"
+#endif"""
 _PER_LINE = 8
 _WORD = re.compile(r"\b[A-Za-z_]\w*(?:->\w+)?")
 
@@ -56,10 +61,10 @@ class Program:
 
 def header(program: Program, about: Sequence[str] = ()) -> str:
     """Return the header: lines that say what it is, the structs and the function."""
-    guard = f"{program.name.upper()}_H"
+    guard = f"{program.name}_H"
     opening, closing = '#ifdef __cplusplus\nextern "C" {\n#endif', "#ifdef __cplusplus\n}\n#endif"
     blocks = [f"#ifndef {guard}\n#define {guard}", "#include <stdint.h>", opening]
-    blocks += [_struct(program, record) for record in _structs(program)]
+    blocks += [_EXACT, *(_struct(program, record) for record in _structs(program))]
     blocks += [f"{_signature(program)};", closing, "#endif"]
     said = ["\n".join(["/*", *(f"   {line}".rstrip() for line in about), "*/"])] if about else []
     return "\n\n".join([*said, *blocks]) + "\n"
@@ -129,19 +134,49 @@ def _rows(array: np.ndarray) -> str:
     return ",\n".join("    " + ", ".join(texts[at : at + _PER_LINE]) for at in range(0, len(texts), _PER_LINE))
 
 
+@contextmanager
+def built(texts: Mapping[str, str], compiler: str, command: Sequence[str]) -> Generator[Path]:
+    """Give the file that a compiler makes of texts by name; raises InvalidInput with its first error if it fails."""
+    with tempfile.TemporaryDirectory() as folder:
+        made, log = Path(folder, "program"), Path(folder, "log")
+        for name, text in texts.items():
+            Path(folder, name).write_text(text, "utf-8")
+        words = [*command, "-o", str(made)]
+        try:
+            with log.open("wb") as errors:  # no pipe, which processes of a compiler that hangs would keep open
+                done = subprocess.run(
+                    words,
+                    cwd=folder,
+                    stdin=subprocess.DEVNULL,
+                    stdout=errors,
+                    stderr=errors,
+                    timeout=_LONGEST,
+                    check=False,
+                )
+        except (OSError, subprocess.TimeoutExpired) as reason:
+            raise InvalidInput(f"{compiler} does not work here ({reason}): install it anew.") from reason
+        if done.returncode or not made.exists():
+            lines = log.read_text("utf-8", "replace").splitlines() or [f"exit status {done.returncode}"]
+            said = next((line for line in lines if "error" in line), lines[-1])
+            raise InvalidInput(f"{compiler} fails ({said}): install it anew.")
+        yield made
+
+
+def has_compiler() -> bool:
+    """Return whether a program can be compiled here."""
+    return shutil.which("gcc") is not None
+
+
 class Compiled:
     """A program in memory, by gcc. Its last arguments and results stay in place, so that a call can be timed alone."""
 
     def __init__(self, program: Program, flags: Sequence[str] = FLAGS) -> None:
-        if shutil.which("gcc") is None:
-            raise InvalidInput("a program in C cannot be checked here: there is no gcc.")
-        with tempfile.TemporaryDirectory() as folder:
-            library = Path(folder) / "program.so"
-            for name, text in files(program).items():
-                Path(folder, name).write_text(text)
-            words = ["gcc", *flags, "-shared", "-fPIC", f"{program.name}.c", "-lm", "-o", str(library)]
-            subprocess.run(words, check=True, cwd=folder)
-            self._function = getattr(ctypes.CDLL(str(library)), program.name)
+        command = ["gcc", *flags, "-shared", "-fPIC", f"{program.name}.c", "-lm"]
+        with built(files(program), "gcc", command) as library:
+            try:
+                self._function = getattr(ctypes.CDLL(str(library)), program.name)
+            except OSError as reason:
+                raise InvalidInput(f"what gcc compiled cannot be loaded: {reason}.") from reason
         self._program = program
         self._packed: dict[int, tuple[Any, Any]] = {}
         self._results = [ctypes.create_string_buffer(one.layout.itemsize) for one in program.results if one.leaves]
@@ -167,7 +202,8 @@ class Compiled:
         known, packed = self._packed.get(place, (None, None))
         if known is not argument or known is None:
             if record.lone and record.leaves[0].size == 1:
-                packed = _BY_VALUE[record.leaves[0].kind](np.asarray(jax.tree.leaves(argument)[0]).item())
+                number_in_c = np.ctypeslib.as_ctypes_type(np.dtype(record.leaves[0].kind))
+                packed = number_in_c(np.asarray(jax.tree.leaves(argument)[0]).item())
             else:
                 packed = ctypes.create_string_buffer(record.pack(argument), record.layout.itemsize)
             self._packed[place] = argument, packed

@@ -6,7 +6,7 @@ from typing import Any
 import jax
 
 from apollonius.export.block import Block, Index, Value, moved, placed, scalar
-from apollonius.export.scalars import OPERATIONS, apply, converted, number
+from apollonius.export.scalars import OPERATIONS, apply, bits_of, converted, number
 
 Params = Mapping[str, Any]
 Rule = Callable[[Block, list[Value], Params, Any], Value]
@@ -24,6 +24,7 @@ def elementwise(operation: str) -> Rule:
 
     def rule(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
         kind, of = str(out.dtype), operands[0].kind
+        apply(operation, kind, of, *[""] * len(operands))  # which refuses kinds here, where the line is known
 
         def read(index: Index) -> str:
             return apply(operation, kind, of, *(along(one, index) for one in operands))
@@ -38,27 +39,34 @@ def is_at_most(text: str, kind: str, case: int) -> str:
     return f"(!{text})" if kind == "bool" else f"({text} <= {number(case, kind)})"
 
 
-def _convert(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
-    (value,), kind = operands, str(out.dtype)
-    if value.kind == kind:
-        return value
-    return Value(kind, out.shape, lambda index: converted(value.read(index), value.kind, kind), pending=True)
+def _as(change: Callable[[str, str, str], str]) -> Rule:
+    """Return the rule of a change of kind."""
+
+    def rule(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
+        (value,), kind = operands, str(out.dtype)
+        if value.kind == kind:
+            return value
+        change("", value.kind, kind)  # which refuses kinds here, where the line is known
+        return Value(kind, out.shape, lambda index: change(value.read(index), value.kind, kind), pending=True)
+
+    return rule
 
 
 def _power(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
     """Multiply by squares, squares of squares and so on, as XLA does."""
     value, exponent = block.stored(operands[0]), int(params.get("y", 2))
+    kind = value.kind
 
     def read(index: Index) -> str:
         product, factor, left = "", value.read(index), abs(exponent)
         while left:
             if left % 2:
-                product = f"({product} * {factor})" if product else factor
-            factor, left = f"({factor} * {factor})", left // 2
-        product = product or number(1, value.kind)
-        return product if exponent >= 0 else f"({number(1, value.kind)} / {product})"
+                product = apply("mul", kind, kind, product, factor) if product else factor
+            factor, left = apply("mul", kind, kind, factor, factor), left // 2
+        product = product or number(1, kind)
+        return product if exponent >= 0 else apply("div", kind, kind, number(1, kind), product)
 
-    return Value(value.kind, out.shape, read, pending=True)
+    return Value(kind, out.shape, read, pending=True)
 
 
 def _round(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
@@ -138,8 +146,8 @@ def _tile(block: Block, operands: list[Value], params: Params, out: Any) -> Valu
 COMPUTED: dict[str, Rule] = {
     **{name: elementwise(name) for name in OPERATIONS},
     "add_any": elementwise("add"),
-    "bitcast_convert_type": elementwise("bitcast"),
-    "convert_element_type": _convert,
+    "bitcast_convert_type": _as(bits_of),
+    "convert_element_type": _as(converted),
     **dict.fromkeys(("integer_pow", "square"), _power),
     "round": _round,
     "select_n": _select,

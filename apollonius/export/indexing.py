@@ -17,13 +17,20 @@ def part(value: Value, shape: tuple[int, ...], starts: Sequence[str]) -> Value:
     return moved(value, shape, range(len(shape)), starts)
 
 
+def _whole(block: Block, text: str, kind: str) -> str:
+    """Return an index as an int32: one beyond its range as the largest."""
+    if kind == "uint32":
+        text = apply("min", kind, kind, block.let(kind, text), number(np.iinfo("int32").max, kind))
+    return block.let("int32", converted(text, kind, "int32"))
+
+
 def _within(block: Block, text: str, kind: str, most: int) -> str:
     """Return a start index between 0 and the last one with room behind it."""
     if most <= 0:
         return "0"
     if text.isdigit():
         return str(min(int(text), most))
-    start = block.let("int32", converted(text, kind, "int32"))
+    start = _whole(block, text, kind)
     return block.let("int32", f"{start} < 0 ? 0 : {start} > {most} ? {most} : {start}")
 
 
@@ -62,7 +69,7 @@ def _indexed(
     known = list[str]()
     for component, axis in enumerate(along):
         most = lengths[axis][0] - lengths[axis][1]
-        start = block.let("int32", converted(indices.read((*batch, str(component))), indices.kind, "int32"))
+        start = _whole(block, indices.read((*batch, str(component))), indices.kind)
         known.append(f"{start} >= 0 && {start} <= {most}")
         there[axis] = plus(there[axis], _within(block, start, "int32", most))
     return tuple(there), " && ".join(known)

@@ -1,5 +1,6 @@
 """A player as an ONNX model, by jax2onnx over the very function that plays, and that model in onnxruntime."""
 
+import itertools
 import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -8,6 +9,7 @@ import jax
 import numpy as np
 import onnxruntime  # pyright: ignore[reportMissingImports]
 from jax.extend.core import Jaxpr, Literal
+from jax.interpreters.partial_eval import dce_jaxpr
 from jax2onnx import to_onnx  # pyright: ignore[reportMissingImports]
 
 from apollonius.export.parity import Decide
@@ -24,8 +26,8 @@ _ERRORS = 3
 def model_of(player: Player) -> bytes:
     """Return the model; raises InvalidInput for what jax2onnx cannot take, with its reason.
 
-    Inputs are `state`, in teams `active`, the arrays of a memory, `memory_0` and so on, and `bits`; outputs `action`,
-    `controls`, and `next_memory_0` and so on: see `Player.decide`.
+    Inputs are `state`, in teams `active`, the arrays of a memory, `memory_0` and so on, and `bits`, but those that the
+    player does not read; outputs `action`, `controls`, and `next_memory_0` and so on: see `Player.decide`.
     """
     policy, game, *rest = player.arguments
     leaves, shape = jax.tree.flatten(tuple(rest))
@@ -36,16 +38,18 @@ def model_of(player: Player) -> bytes:
         return [made["action"], made["controls"], *jax.tree.leaves(made["memory"])]
 
     closed = jax.make_jaxpr(decide)(*leaves)
-    inputs = [jax.ShapeDtypeStruct(np.shape(leaf), jax.numpy.asarray(leaf).dtype) for leaf in leaves]
+    jaxpr, is_read = dce_jaxpr(closed.jaxpr, [True] * len(closed.jaxpr.outvars))
+    read = itertools.compress(leaves, is_read)
+    inputs = [jax.ShapeDtypeStruct(np.shape(leaf), jax.numpy.asarray(leaf).dtype) for leaf in read]
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             model: Any = to_onnx(
-                lambda *given: tuple(_run(closed.jaxpr, closed.consts, given)),
+                lambda *given: tuple(_run(jaxpr, closed.consts, given)),
                 inputs,
                 model_name="player",
                 opset=OPSET,
-                input_names=names,
+                input_names=[*itertools.compress(names, is_read)],
                 output_names=["action", "controls", *(f"next_{name}" for name in names if name.startswith("memory"))],
             )
         return model.SerializeToString()

@@ -1,24 +1,27 @@
-"""Whether an exported policy decides as the package's player, in states of real games."""
+"""Whether a program in C does what its JAX function does, and an exported policy what the package's player does."""
 
 import functools
 import timeit
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.extend.core import jaxpr_as_fun
 from jaxtyping import Array, Bool, Float32, PRNGKeyArray, UInt32
 
 from apollonius.agents.classical import Uniform
 from apollonius.agents.policy import AbstractActionValuePolicy
 from apollonius.agents.pool import Pool, solo
 from apollonius.agents.shield import MARGIN, Shielded
+from apollonius.export.c import Compiled, Program
 from apollonius.export.player import LARGEST, Player, known_state, remembered
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.sensing import sense
 from apollonius.game.types import ROLES, Bits, BySide, GameState, Role, choose
+from apollonius.io.errors import InvalidInput
 from apollonius.observe.tracking import Track, delayed
 from apollonius.observe.view import look
 from apollonius.play.rollout import Games, SideState, begin, collect
@@ -33,6 +36,8 @@ _SPACING = 5
 """Steps between two states that are kept: the ones between are much like them."""
 _CHUNK = 500
 _AROUND = 64
+_NEAR, _NEARBY = (0.1, 0.01), 3
+"""How far from its arguments a program is tried: in shares of a number, or of the least; and how often."""
 
 Decide = Callable[[Float32[np.ndarray, "robots 4"], Any, Any, Any], tuple[np.ndarray, np.ndarray]]
 """From state, who is in play, memory and random bits to action and controls, as `Player.decide`."""
@@ -181,6 +186,46 @@ def _is_tie(player: Player, cases: Cases, place: int, driven: np.ndarray) -> boo
     if player.policy.continuous:
         controls = np.clip(driven, controls.min(axis=0), controls.max(axis=0))[None]
     return bool((np.abs(controls - driven) <= TOLERANCE * player.largest).all(axis=1).any())
+
+
+def require_same(program: Program, function: Callable[..., Any], arguments: Sequence[Any]) -> None:
+    """Refuse, by InvalidInput, a program in C whose results are not those of its JAX function, for the arguments and
+    some near them: between what JAX says around those, to `TOLERANCE` of the largest number.
+    """
+    closed, in_c = jax.make_jaxpr(function)(*arguments), Compiled(program)
+    in_jax, rng = jax.jit(jaxpr_as_fun(closed)), np.random.default_rng(0)
+    leaves, shape = jax.tree.flatten(tuple(arguments))
+    first = [
+        np.ones(aval.shape, aval.dtype) if isinstance(leaf, jax.ShapeDtypeStruct) else np.asarray(leaf, aval.dtype)
+        for leaf, aval in zip(leaves, closed.in_avals, strict=True)
+    ]
+
+    def near(given: list[np.ndarray], breadth: float, least: float) -> list[np.ndarray]:
+        """Return numbers of which the real ones are moved, in shares of themselves or of the least."""
+        sizes = [breadth * np.maximum(abs(one), least) * (one.dtype == np.float32) for one in given]
+        return [
+            np.where(np.isfinite(one), one + size * rng.uniform(-1, 1, one.shape), one).astype(one.dtype)
+            for one, size in zip(given, sizes, strict=True)
+        ]
+
+    for given in (first, *(near(first, *_NEAR) for _ in range(_NEARBY))):
+        results = in_c(*jax.tree.unflatten(shape, given))
+        answers = [in_jax(*given)]
+        if not _is_among(results, answers):
+            answers += [in_jax(*near(given, BREADTH, 1.0)) for _ in range(_AROUND)]
+        if not _is_among(results, answers):
+            raise InvalidInput(f"the program {program.name} in C differs from JAX: report this as an error.")
+
+
+def _is_among(results: Sequence[np.ndarray], answers: Sequence[Sequence[Any]]) -> bool:
+    """Return whether all numbers are between those of the answers, or are NaN where one is."""
+    for result, *several in zip(results, *answers, strict=True):
+        rows = np.array(several, float)
+        slack = TOLERANCE * abs(rows[np.isfinite(rows)]).max(initial=1e-3) * (result.dtype == np.float32)
+        between = (np.fmin.reduce(rows) - slack <= result) & (result <= np.fmax.reduce(rows) + slack)
+        if not (between | (np.isnan(rows).any(axis=0) & np.isnan(result))).all():
+            return False
+    return True
 
 
 def microseconds(call: Callable[[], object]) -> float:

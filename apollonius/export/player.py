@@ -84,8 +84,9 @@ class Player:
         Its arguments are the player and the game; x [m], y [m], speed [m/s] and heading [rad] of every robot, its own
         first, then its mates', then its opponents'; in teams whether each is in play; the memory that it returned last,
         or `self.memory` where a game begins; and 32 random bits. It returns the action (`types.Action`), the controls
-        u1 [m/s^2] and u2 [rad/s], and the memory. A state with a NaN, or a number beyond `LARGEST`, is answered by full
-        braking, straight ahead; with sensors an opponent of such a state is not seen now.
+        u1 [m/s^2] and u2 [rad/s], and the memory. A state with a NaN, or a number beyond `LARGEST`, and an action
+        that is not finite are answered by full braking, straight ahead; with sensors an opponent of such a state is not
+        seen now.
         """
         return _decide(self.role, self.game.bodies.map(len))
 
@@ -105,6 +106,8 @@ def _decide(role: Role, sides: BySide[int]) -> Callable[..., dict[str, Any]]:
         action, own = policy(policy.observation(look(game, known, role)), own, bits)
         given = state if track is None else state[: sides[role]]
         sane = jnp.sum(given * given) <= LARGEST**2
+        if policy.continuous:
+            sane &= jnp.isfinite(action).all()
         brake = jnp.array(_FALLBACK) if policy.continuous else jnp.int32(BRAKE_STRAIGHT)
         action = jnp.where(sane, action, brake)
         body = game.bodies[role][0]

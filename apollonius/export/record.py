@@ -1,7 +1,7 @@
 """How the arguments and results of a program lie in memory."""
 
+import itertools
 import re
-from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
@@ -9,11 +9,9 @@ from typing import Any
 import jax
 import numpy as np
 
-_KEYWORDS = re.compile(
-    "auto|break|case|char|const|continue|default|do|double|else|enum|extern|float|for|goto|if|inline|int|long|register|"
-    "restrict|return|short|signed|sizeof|static|struct|switch|typedef|union|unsigned|void|volatile|while"
-)
-"""Words that no name in C can be."""
+from apollonius.export.names import is_taken
+from apollonius.export.scalars import TYPES
+from apollonius.io.errors import require
 
 
 @dataclass(frozen=True)
@@ -78,17 +76,25 @@ class Record:
 
 
 def record_of(name: str, tree: Any) -> Record:
-    """Return the record of a pytree of arrays; its leaves are called after their places in it."""
-    found, leaves = Counter[str](), list[Leaf]()
-    for path, leaf in jax.tree_util.tree_flatten_with_path(tree)[0]:
-        words = "_".join(re.findall(r"[^\W_]+", jax.tree_util.keystr(path))).lower()
-        called = _named(f"value_{words}" if words[:1].isdigit() else words)
-        found[called] += 1
-        kind = str(jax.dtypes.canonicalize_dtype(jax.numpy.result_type(leaf)))
-        unique = called if found[called] == 1 else f"{called}_{found[called]}"
-        leaves.append(Leaf(unique, kind, tuple(np.shape(leaf)), place=len(leaves)))
-    return Record(_named(name), tuple(leaves))
+    """Return the record of a pytree of arrays; its leaves are called after their places in it.
+
+    Raises InvalidInput for numbers of a kind that C lacks, and for an array without elements.
+    """
+    leaves = dict[str, Leaf]()
+    for place, (path, leaf) in enumerate(jax.tree_util.tree_flatten_with_path(tree)[0]):
+        words = "_".join(re.findall("[A-Za-z0-9]+", jax.tree_util.keystr(path))).lower()
+        words = words if words[:1].isalpha() or not path else f"value_{words}".rstrip("_")
+        words = f"{words}_" if is_taken(words) else words
+        others = (f"{words}_{number}" for number in itertools.count(2))
+        unique = next(word for word in itertools.chain([words], others) if word not in leaves)
+        kind, shape = str(_kind(leaf)), tuple(np.shape(leaf))
+        require(kind in TYPES, f"the kind of {name}", kind, f"one of {', '.join(TYPES)}: convert it")
+        require(0 not in shape, f"the shape of {name}", shape, "of at least one element: leave the array out")
+        leaves[unique] = Leaf(unique, kind, shape, place)
+    return Record(name, tuple(leaves.values()))
 
 
-def _named(word: str) -> str:
-    return f"{word}_" if _KEYWORDS.fullmatch(word) else word
+def _kind(leaf: Any) -> Any:
+    """Return the type that JAX computes with for a number or an array."""
+    kind = getattr(leaf, "dtype", None) or jax.numpy.result_type(leaf)
+    return jax.dtypes.canonicalize_dtype(kind) if isinstance(kind, np.dtype) else kind

@@ -13,19 +13,40 @@ TYPES = {
     "int16": "int16_t",
 }
 """By the names of NumPy's types, which are the kinds of numbers."""
-_SIGNS = {
-    **{"add": "+", "sub": "-", "mul": "*", "div": "/", "and": "&", "or": "|", "xor": "^"},
-    **{"eq": "==", "ne": "!=", "lt": "<", "le": "<=", "gt": ">", "ge": ">="},
-}
 _ROOTS = ("floor", "ceil", "sqrt", "cbrt", "exp", "exp2", "expm1", "log", "log1p", "pow", "atan2")
 _ANGLES = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh")
 _LIBRARY = {
     **{name: f"{name}f" for name in (*_ROOTS, *_ANGLES)},
     **{"abs": "fabsf", "rem": "fmodf", "round_even": "rintf", "round_away": "roundf"},
 }
+FUNCTIONS = frozenset({*_LIBRARY.values(), "expf", "sqrtf"})
+"""What programs call of the C library."""
 HELPERS = {
-    "largest": "static inline float op_largest(float a, float b) { return a != a || a > b ? a : b; }",
-    "least": "static inline float op_least(float a, float b) { return a != a || a < b ? a : b; }",
+    "largest": """static inline float op_largest(float a, float b)
+{
+    return a != a || a > b || (a == b && !signbit(a)) ? a : b;
+}""",
+    "least": """static inline float op_least(float a, float b)
+{
+    return a != a || a < b || (a == b && signbit(a)) ? a : b;
+}""",
+    "quotient": """static inline int32_t op_quotient(int32_t a, int32_t b)
+{
+    return b == 0 ? -1 : b == -1 ? (int32_t)(0u - (uint32_t)a) : a / b;
+}""",
+    "remainder": """static inline int32_t op_remainder(int32_t a, int32_t b)
+{
+    return b == 0 ? a : b == -1 ? 0 : a % b;
+}""",
+    "uquotient": "static inline uint32_t op_uquotient(uint32_t a, uint32_t b) { return b ? a / b : UINT32_MAX; }",
+    "uremainder": "static inline uint32_t op_uremainder(uint32_t a, uint32_t b) { return b ? a % b : a; }",
+    "left": "static inline uint32_t op_left(uint32_t x, uint32_t by) { return by < 32 ? x << by : 0; }",
+    "right": "static inline uint32_t op_right(uint32_t x, uint32_t by) { return by < 32 ? x >> by : 0; }",
+    "arithmetic": """static inline int32_t op_arithmetic(int32_t x, uint32_t by)
+{
+    uint32_t most = by < 31 ? by : 31;
+    return x < 0 ? ~(~x >> most) : x >> most;
+}""",
     "sign": "static inline float op_sign(float x) { return x > 0 ? 1 : x < 0 ? -1 : x; }",
     "logistic": "static inline float op_logistic(float x) { return 1 / (1 + expf(-x)); }",
     "to_int32": """static inline int32_t op_to_int32(float x)
@@ -47,28 +68,45 @@ HELPERS = {
     return both.x;
 }""",
 }
+_COMPARED = {
+    name: f"({{0}} {sign} {{1}})"
+    for name, sign in {"eq": "==", "ne": "!=", "lt": "<", "le": "<=", "gt": ">", "ge": ">="}.items()
+}
 _FLOATS = {
+    **_COMPARED,
+    **{name: f"({{0}} {sign} {{1}})" for name, sign in {"add": "+", "sub": "-", "mul": "*", "div": "/"}.items()},
+    **{name: f"{function}({{0}})" for name, function in _LIBRARY.items()},
+    **{name: f"{_LIBRARY[name]}({{0}}, {{1}})" for name in ("pow", "atan2", "rem")},
+    "neg": "(-{0})",
     "max": "op_largest({0}, {1})",
     "min": "op_least({0}, {1})",
     "sign": "op_sign({0})",
     "logistic": "op_logistic({0})",
     "rsqrt": "(1 / sqrtf({0}))",
     "is_finite": "(isfinite({0}) != 0)",
-    "bitcast": "op_to_bits({0})",
 }
 _WHOLE = {
+    **_COMPARED,
+    **{name: f"({{0}} {sign} {{1}})" for name, sign in {"and": "&", "or": "|", "xor": "^"}.items()},
+    **{
+        name: f"(({{kind}})((uint32_t){{0}} {sign} (uint32_t){{1}}))"
+        for name, sign in {"add": "+", "sub": "-", "mul": "*"}.items()
+    },
+    "div": "(({kind})op_{u}quotient({0}, {1}))",
+    "rem": "(({kind})op_{u}remainder({0}, {1}))",
+    "neg": "(({kind})(0u - (uint32_t){0}))",
+    "not": "(({kind})~{0})",
     "max": "({0} > {1} ? {0} : {1})",
     "min": "({0} < {1} ? {0} : {1})",
-    "rem": "({0} % {1})",
-    "abs": "({0} < 0 ? -{0} : {0})",
+    "abs": "({0} < 0 ? ({kind})(0u - (uint32_t){0}) : {0})",
     "sign": "(({0} > 0) - ({0} < 0))",
-    "bitcast": "op_from_bits({0})",
-    "shift_left": "(uint32_t)({1} < 32 ? (uint32_t){0} << {1} : 0)",
-    "shift_right_logical": "(uint32_t)({1} < 32 ? (uint32_t){0} >> {1} : 0)",
-    "shift_right_arithmetic": "({0} >> ({1} < 31 ? {1} : 31))",
+    "shift_left": "(({kind})op_left((uint32_t){0}, (uint32_t){1}))",
+    "shift_right_logical": "(({kind})op_right(({unsigned}){0}, (uint32_t){1}))",
+    "shift_right_arithmetic": "(({kind})op_arithmetic(({signed}){0}, (uint32_t){1}))",
 }
-OPERATIONS = ("neg", "not", *_SIGNS, *_LIBRARY, *_FLOATS, *_WHOLE)
-"""Operations of `apply`: names of JAX's primitives, apart from the two roundings and `bitcast`."""
+"""Of whole numbers, as JAX defines them: sums go around, and nothing that C leaves undefined is asked of it."""
+OPERATIONS = (*_FLOATS, *_WHOLE)
+"""Operations of `apply`: names of JAX's primitives, apart from the two roundings."""
 
 
 def number(value: float | int | bool, kind: str) -> str:
@@ -88,19 +126,26 @@ def apply(operation: str, kind: str, of: str, *given: str) -> str:
     """Return an operation on operands, the first `of` one kind, whose result is of a kind, in brackets where that could
     matter; raises NotImplementedError for an operation that C does not have for such numbers.
     """
-    if operation in _SIGNS:
-        both = f"({given[0]} {_SIGNS[operation]} {given[1]})"
-        return f"({TYPES[kind]}){both}" if kind in ("uint8", "uint16", "int8", "int16") else both
-    if operation == "neg":
-        return f"(-{given[0]})"
-    if operation == "not":
-        return f"(!{given[0]})" if kind == "bool" else f"(~{given[0]})"
-    if of == "float32" and operation in _LIBRARY:
-        return f"{_LIBRARY[operation]}({', '.join(given)})"
+    if operation == "not" and kind == "bool":
+        return f"(!{given[0]})"
     known = _FLOATS if of == "float32" else _WHOLE
     if operation not in known:
         raise NotImplementedError(f"{operation} of {of}")
-    return known[operation].format(*given)
+    if of in ("bool", "float32"):
+        return known[operation].format(*given, kind=TYPES[kind])
+    bits = np.iinfo(of).bits
+    types = {"kind": TYPES[kind], "signed": f"int{bits}_t", "unsigned": f"uint{bits}_t"}
+    return known[operation].format(*given, **types, u="u" if of.startswith("u") else "")
+
+
+def bits_of(text: str, of: str, kind: str) -> str:
+    """Return the number of a kind that has the bits of another; raises NotImplementedError for kinds of other sizes."""
+    if np.dtype(of).itemsize != np.dtype(kind).itemsize:
+        raise NotImplementedError(f"{of} to {kind}")
+    if of == kind:
+        return text
+    text = f"op_to_bits({text})" if of == "float32" else text
+    return f"op_from_bits({text})" if kind == "float32" else f"(({TYPES[kind]}){text})"
 
 
 def converted(text: str, of: str, kind: str) -> str:
@@ -111,8 +156,10 @@ def converted(text: str, of: str, kind: str) -> str:
         return f"({text} != 0)"
     if of != "float32":
         return f"(({TYPES[kind]}){text})"
-    whole = f"op_{'to_uint32' if kind.startswith('u') else 'to_int32'}({text})"
-    return whole if kind in ("int32", "uint32") else f"(({TYPES[kind]}){whole})"
+    if kind in ("int32", "uint32"):
+        return f"op_to_{kind}({text})"
+    least, most = (number(float(bound), of) for bound in (np.iinfo(kind).min, np.iinfo(kind).max))
+    return f"(({TYPES[kind]})op_to_int32(op_least(op_largest({text}, {least}), {most})))"
 
 
 def plus(one: str, other: str) -> str:

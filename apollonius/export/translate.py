@@ -22,9 +22,10 @@ from apollonius.export.block import Block, Value, buffer_of, placed, scalar
 from apollonius.export.c import Program, words
 from apollonius.export.elementwise import COMPUTED, VIEWS
 from apollonius.export.indexing import INDEXED
+from apollonius.export.names import require_name
 from apollonius.export.record import Leaf, Record, record_of
 from apollonius.export.scalars import TYPES, number
-from apollonius.io.errors import InvalidInput
+from apollonius.io.errors import InvalidInput, require
 
 CALLED = {
     **{"jit": "jaxpr", "remat2": "jaxpr", "closed_call": "call_jaxpr"},
@@ -37,6 +38,8 @@ _READS_ONCE = {*COMPUTED, *FOLDS, "squeeze", "transpose"}
 """Those that read each element of an operand once, if it is of their result's size or they fold it."""
 _STAYS = 24
 """Equations that a called function must have at least to stay one."""
+_LARGEST_CONSTANT = 1_000_000
+"""Numbers of an array in the source, which takes 15 bytes for each."""
 _LIBRARIES = f"{Path(jax.__file__).parents[1]}/"
 """The folder of JAX and of other libraries."""
 
@@ -49,15 +52,19 @@ def translated(function: Callable[..., Any], *arguments: Any, name: str = "progr
     results, are whole, so that what comes out as `next_...` can be put in again. All are where `whole` is given, so
     that programs with the same arguments can share them.
     """
-    closed, shape = jax.make_jaxpr(function, return_shape=True)(*arguments)
-    names = [*inspect.signature(function).parameters][: len(arguments)]
+    require_name("the program's name", name, is_public=True)
+    names = _named(function, len(arguments))
     given = [record_of(name, one) for name, one in zip(names, arguments, strict=True)]
-    made = shape if isinstance(shape, dict) else {"result": shape}
-    results = [record_of(f"next_{key}" if key in names else key, made[key]) for key in sorted(made)]
+    closed, shape = jax.make_jaxpr(function, return_shape=True)(*arguments)
     translator, block = _Translator(), Block()
-    read = [_of_leaf(record, leaf) for record in given for leaf in record.leaves]
+    values = translator.run(
+        block, closed.jaxpr, closed.consts, [_of_leaf(one, leaf) for one in given for leaf in one.leaves]
+    )
+    made = shape if isinstance(shape, dict) else {"result": shape}
+    results = [record_of(f"next_{key}" if key in names else str(key), made[key]) for key in sorted(made)]
+    _require_names(name, given, results)
     targets = [_of_leaf(record, leaf, "*") for record in results for leaf in record.leaves]
-    for value, target in zip(translator.run(block, closed.jaxpr, closed.consts, read), targets, strict=True):
+    for value, target in zip(values, targets, strict=True):
         block.copy(value, target)
     body, comes_back = block.printed(), {record.name.removeprefix("next_") for record in results}
     kept = [record if whole or record.name in comes_back else record.only(words(body)) for record in given]
@@ -66,6 +73,27 @@ def translated(function: Callable[..., Any], *arguments: Any, name: str = "progr
     everything = words("".join([body, *functions]))
     constants = tuple(one for one in translator.constants.values() if one[0] in everything)
     return Program(name, functions, body, constants, tuple(kept), tuple(results))
+
+
+def _named(function: Callable[..., Any], count: int) -> list[str]:
+    """Return the names of a function's arguments; raises InvalidInput where there are fewer than are given."""
+    parameters = inspect.signature(function).parameters.values()
+    names = [one.name for one in parameters if one.kind in (one.POSITIONAL_ONLY, one.POSITIONAL_OR_KEYWORD)]
+    bound = f"at most {len(names)}, those that the function has a name for, since they have one in C"
+    require(count <= len(names), "the number of arguments", count, bound)
+    return names[:count]
+
+
+def _require_names(name: str, given: Sequence[Record], results: Sequence[Record]) -> None:
+    """Refuse, by InvalidInput, arguments and results that C cannot name so, beside each other and the structs."""
+    uses = Counter(record.name for record in (*given, *results))
+    for kind, records in (("an argument", given), ("a result", results)):
+        for record in records:
+            require_name(f"the name of {kind}", record.name)
+            require(uses[record.name] == 1, f"the name of {kind}", record.name, "the name of no other: choose another")
+            bound = f"one that does not begin with {name}_, as the names of structs do: choose another"
+            require(not record.name.startswith(f"{name}_"), f"the name of {kind}", record.name, bound)
+            require_name("the name of a struct", f"{name}_{record.name}", is_public=True)
 
 
 class _Translator:
@@ -102,10 +130,12 @@ class _Translator:
         array = np.asarray(value)
         array = array.astype(jax.dtypes.canonicalize_dtype(array.dtype))
         kind, shape = str(array.dtype), array.shape
-        if array.size == 1:
-            return scalar(kind, number(array.reshape(()).item(), kind), shape)
+        if array.size <= 1:
+            return scalar(kind, number(array.item() if array.size else 0, kind), shape)
+        bound = f"of at most {_LARGEST_CONSTANT:,} numbers: make it an argument"
+        require(array.size <= _LARGEST_CONSTANT, "the shape of a constant array", shape, bound)
         key = (kind, shape, array.tobytes())
-        name, _ = self.constants.setdefault(key, (f"k{len(self.constants) + 1}", array))
+        name, _ = self.constants.setdefault(key, (f"op_k{len(self.constants) + 1}", array))
         return placed(kind, shape, name)
 
     def equation(self, block: Block, equation: JaxprEqn, given: list[Value]) -> list[Value]:
@@ -114,6 +144,9 @@ class _Translator:
         self.line = _line_of(equation) or self.line
         if kinds := {str(getattr(var.aval, "dtype", "?")) for var in equation.outvars} - {*TYPES}:
             raise InvalidInput(f"numbers of the kind '{min(kinds)}' cannot be translated ({self.line}).")
+        outs: list[Any] = [var.aval for var in equation.outvars]
+        if all(out.size == 0 for out in outs):
+            return [scalar(str(out.dtype), "0", out.shape) for out in outs]
         if primitive in CALLED:
             return self.call(block, params[CALLED[primitive]], given, str(params.get("name", primitive)))
         if primitive in CONTROL:
@@ -129,7 +162,7 @@ class _Translator:
             return self.run(block, jaxpr, consts, given)
         inside, inner, handed = Block(), list[Value](), dict[str, tuple[str, str]]()
         for number_in, value in enumerate(given, start=1):
-            title, kind = f"p{number_in}", TYPES[value.kind]
+            title, kind = f"_p{number_in}", TYPES[value.kind]
             if value.size == 1:
                 inner.append(scalar(value.kind, title, value.shape))
                 handed[title] = f"{kind} {title}", value.first
@@ -142,15 +175,15 @@ class _Translator:
         made = list[Value]()
         for number_out, value in enumerate(self.run(inside, jaxpr, consts, inner), start=1):
             made.append(block.array(value.kind, value.shape))
-            inside.copy(value, placed(value.kind, value.shape, f"r{number_out}"))
-            handed[f"r{number_out}"] = f"{TYPES[value.kind]} *restrict r{number_out}", buffer_of(made[-1])
+            inside.copy(value, placed(value.kind, value.shape, f"_r{number_out}"))
+            handed[f"_r{number_out}"] = f"{TYPES[value.kind]} *restrict _r{number_out}", buffer_of(made[-1])
         text = inside.printed()
         kept = [both for word, both in handed.items() if word in words(text)]
         key = ", ".join(parameter for parameter, _ in kept), text
         if key not in self.functions:
-            word = re.sub(r"\W+", "_", name).strip("_").lower() or "function"
+            word = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_").lower() or "function"
             self.names[word] += 1
-            self.functions[key] = f"{word}_{self.names[word]}"
+            self.functions[key] = f"op_{word}_{self.names[word]}"
         block.put(f"{self.functions[key]}({', '.join(argument for _, argument in kept)});")
         return made
 

@@ -1,6 +1,5 @@
 """A player written in another language, checked against the package's own before it is kept."""
 
-import re
 from collections.abc import Callable, Mapping
 from functools import partial
 from hashlib import sha256
@@ -11,8 +10,8 @@ import numpy as np
 
 from apollonius.agents.names import SHIELDED
 from apollonius.arenas.file import to_dict
-from apollonius.export.c import Compiled, Program, files, header, source
-from apollonius.export.parity import Decide, cases_of, compare, microseconds
+from apollonius.export.c import Compiled, Program, files, has_compiler, header, source
+from apollonius.export.parity import Decide, cases_of, compare, microseconds, require_same
 from apollonius.export.player import LARGEST, Player
 from apollonius.export.record import Record
 from apollonius.export.translate import translated
@@ -30,24 +29,27 @@ Written = tuple[list[Path], list[str]]
 
 
 def translate(function: Callable[..., Any], *arguments: Any, name: str = "program") -> dict[str, str]:
-    """Return a JAX function as a program in C99 that needs no JAX: the texts of a source and its header, by name;
-    raises InvalidInput for a primitive or a number type that cannot be translated, with the line that it comes from.
+    """Return a JAX function as a program in C99 that needs no JAX: the texts of a source and its header, by name.
 
-    The arguments are pytrees of arrays or numbers, of the shapes that the program shall take, and `name` is one of C.
+    The arguments are pytrees of arrays or numbers, of the shapes that the program shall take. Where gcc is installed,
+    the program is compared with JAX for these arguments and some near them. Raises InvalidInput for a primitive or a
+    number type that cannot be translated, with the line that it comes from, for names that C cannot have, and for a
+    program that differs from JAX.
     """
-    return files(translated(function, *arguments, name=name))
+    program = translated(function, *arguments, name=name)
+    if has_compiler():
+        require_same(program, function, arguments)
+    return files(program)
 
 
 def write_c(player: Player, out: Path, constants: bool = False, states: int = STATES) -> Written:
     """Write a player as C99: a source, its header, and files of what it reads. Nothing is written unless it decides as
     the package's player does.
 
-    The source's name is one of C and ends in `.c`; the other files lie beside it. With `constants` the player's numbers
-    are in the source. Raises InvalidInput for another name, a player that cannot be translated, and one that decides
-    otherwise in some of the states.
+    The source's name is free in C and ends in `.c`; the other files lie beside it. With `constants` the player's
+    numbers are in the source. Raises InvalidInput for another name, a player that cannot be translated, and one that
+    decides otherwise in some of the states.
     """
-    allowed = re.fullmatch("[A-Za-z][A-Za-z0-9_]*", out.stem)
-    require(allowed, "file", out, "a file whose name begins with a letter and goes on with letters, digits and _")
     given = player.arguments[1:] if constants else player.arguments
     decide = partial(player.decide, player.policy) if constants else player.decide
     program = translated(decide, *given, name=out.stem)
@@ -82,10 +84,9 @@ def write_onnx(player: Player, out: Path) -> Written:
 
 def _check(program: Program, player: Player, fixed: tuple[Any, ...], states: int) -> list[str]:
     """Return what `check` says of the program, whose first arguments are `fixed`, and how quick it is."""
-    try:
-        compiled = Compiled(program)
-    except InvalidInput as reason:
-        return [f"not checked: {reason}"]
+    if not has_compiler():
+        return ["not checked: there is no gcc here; install it, and export again"]
+    compiled = Compiled(program)
 
     def decide(state: np.ndarray, active: Any, memory: Any, bits: np.uint32) -> tuple[np.ndarray, np.ndarray]:
         action, controls = compiled(*fixed, state, active, memory, bits)[:2]

@@ -9,6 +9,9 @@ from apollonius.game.drive import turning
 from apollonius.game.types import NUM_ACTIONS, Action, Real, RobotState, Scalar
 from apollonius.observe.view import Robot
 
+LEAST_HOLD = 0.1
+"""Least time [s] for which an action is taken to be held. Agents weigh clearance against decisions for as long: what a
+shorter step takes of it would look small beside what it gains, step after step."""
 _POINTS = 12
 """Places, equally far apart, at which the clearance of a path to rest is looked up."""
 _LEAST_BRAKING = 0.05
@@ -22,8 +25,9 @@ Way = tuple[RobotState, Scalar | None, Scalar, Scalar]
 
 
 def clearances_after(chart: Chart, robot: Robot, dt: Real) -> Float[Array, "9"]:
-    """Return the clearance [m] of a robot's body from when each action takes effect: it is held for `dt` [s], and then
-    the robot brakes to rest while it turns right, drives straight or turns left, whichever keeps the most clearance.
+    """Return the clearance [m] of a robot's body from when each action takes effect: it is held for a step of `dt` [s],
+    but for `LEAST_HOLD` at least, and then the robot brakes to rest while it turns right, drives straight or turns
+    left, whichever keeps the most clearance.
 
     These are the manoeuvres of `apollonius.agents.shield`, by the chart instead of the rules' exact contact, and by the
     robot's drive as far as that is known.
@@ -31,12 +35,12 @@ def clearances_after(chart: Chart, robot: Robot, dt: Real) -> Float[Array, "9"]:
     body, turns = robot.body, jnp.array([-1.0, 0.0, 1.0])
     slower = jnp.sqrt(1 - jnp.arange(_POINTS + 1, dtype=jnp.float32) / _POINTS)
     shares = slower[:-1] - slower[1:]
-    braking = jnp.maximum(body.u1_max, _LEAST_BRAKING)
+    braking, hold = jnp.maximum(body.u1_max, _LEAST_BRAKING), jnp.maximum(dt, LEAST_HOLD)
 
     def after(action: Action) -> Scalar:
         u1, u2 = body.controls(action)
-        mean, rate = turning(body, robot.turn_time, robot.turn_rate, u2, dt)
-        held = body.move(robot.state_on_command, u1, mean, dt)
+        mean, rate = turning(body, robot.turn_time, robot.turn_rate, u2, hold)
+        held = body.move(robot.state_on_command, u1, mean, hold)
         here = chart.clearance(held.x, held.y)
         return jnp.max(jax.vmap(lambda turn: to_rest((held, rate, here, here), turn))(turns)) - body.radius
 

@@ -2,9 +2,7 @@
 
 import hashlib
 import inspect
-import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import fields
 from importlib.util import find_spec
@@ -21,7 +19,7 @@ from apollonius.agents.guidance import Flee, FleeAware, Intercept, PurePursuit, 
 from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.surrounding import Encirclement, VoronoiPursuit
-from apollonius.export.c import Program, files
+from apollonius.export.c import Program, built, files
 from apollonius.export.translate import translated
 from apollonius.game.arena import MOST_DISCS, MOST_EDGES, Disc
 from apollonius.game.chart import COARSE, SIDE, Chart
@@ -167,14 +165,11 @@ def compiled(programs: Sequence[Program], flags: Sequence[str]) -> bytes:
     """Return the module with some programs; raises InvalidInput where the compiler is not installed."""
     require(find_spec("ziglang") is not None, "ziglang", "missing", "installed, as it compiles: pip install ziglang")
     texts = sources(programs)
-    with tempfile.TemporaryDirectory() as folder:
-        for name, text in texts.items():
-            Path(folder, name).write_text(text)
-        command = [sys.executable, "-m", "ziglang", "cc", *_FLAGS, *flags]
-        command += [*(f"-Wl,--export={program.name}" for program in programs), "-o", "programs.wasm"]
-        command += [*(name for name in texts if name.endswith(".c")), "-lm"]
-        subprocess.run(command, cwd=folder, check=True)
-        return Path(folder, "programs.wasm").read_bytes()
+    command = [sys.executable, "-m", "ziglang", "cc", *_FLAGS, *flags]
+    command += [f"-Wl,--export={program.name}" for program in programs]
+    command += [*(name for name in texts if name.endswith(".c")), "-lm"]
+    with built(texts, "ziglang", command) as module:
+        return module.read_bytes()
 
 
 def write_player(player: AbstractPolicy, path: Path) -> None:

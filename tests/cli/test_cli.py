@@ -227,7 +227,7 @@ REFUSED = {
     "export P_stage1 --to onnx --out a.onnx --constants": "--constants",
     "export shielded:P_stage1 --to onnx --out a.onnx": "one without a shield",
     "export P_stage1 --to c --out a.c --game suite-v1/maze-00,maze-01": "one arena, which export needs",
-    "export P_stage1 --to c --out 1-2.c": "a file whose name begins with a letter",
+    **{f"export P_stage1 --to c --out {one}.c": f"'{one}'" for one in ("1-2", "int", "main", "class", "NULL", "exp")},
 }  # fmt: skip
 """What is refused, and with which words."""
 

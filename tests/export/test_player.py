@@ -1,6 +1,7 @@
 """Players of all kinds in C and in the page, against the package's own; and the files of a program."""
 
 import os
+import re
 import subprocess
 from dataclasses import replace
 
@@ -20,7 +21,7 @@ from apollonius.arenas.file import find_game
 from apollonius.arenas.suite import suite_arena, suite_names
 from apollonius.cli.main import main
 from apollonius.export import writing
-from apollonius.export.c import FLAGS, Compiled
+from apollonius.export.c import Compiled
 from apollonius.export.parity import Cases, _is_as_good, as_given, cases_of, compare, reference
 from apollonius.export.player import Player, find_exportable, side_of
 from apollonius.export.translate import translated
@@ -29,17 +30,19 @@ from apollonius.game.drive import Drive, Drives
 from apollonius.game.game import reset_batch
 from apollonius.game.scenario import stack_arenas
 from apollonius.game.types import BySide, Outcome, Role
-from apollonius.io.errors import InvalidInput
+from apollonius.io.errors import InvalidInput, missing
 from apollonius.play.rollout import begin, step_games
 from tests.documents import REPOSITORY, blocks
-from tests.export.test_translate import needs_gcc
+from tests.export.test_translate import STRICT, needs_gcc
 from tests.web.test_parity import as_on_the_page, ask, needs_node
 
+needs_onnx = pytest.mark.skipif(bool(missing("export")), reason=f"needs {missing('export')}")
 CLASSICAL = ("pure-pursuit", "intercept", "flee", "flee-aware", "voronoi-pursuit", "encirclement", "random")
 QUICK = {("shielded:P_smooth", "c"), ("shielded:P_smooth", "page"), ("evader", "page")}
 """Players in `paper`, one of them symmetric."""
+NEEDS = {"c": needs_gcc, "page": needs_node}
 ALL = [
-    pytest.param(game, shield + name, language, marks=() if quick else pytest.mark.slow)
+    pytest.param(game, shield + name, language, marks=[NEEDS[language], *([] if quick else [pytest.mark.slow])])
     for game in ("paper", "office", "team-3v1", "examples/dodecahedron.toml", "drawn")
     for name in [*zoo_names(), *CLASSICAL]
     for shield in ("", "shielded:")
@@ -47,7 +50,8 @@ ALL = [
     for quick in [game == "paper" and (shield + name, language) in QUICK]
 ]
 ALL += [
-    pytest.param("lidar", f"shielded:{name}", "c", marks=pytest.mark.slow) for name in ("search", "searching:pursuer")
+    pytest.param("lidar", f"shielded:{name}", "c", marks=[needs_gcc, pytest.mark.slow])
+    for name in ("search", "searching:pursuer")
 ]
 """In a map and in many arenas too."""
 DRAWN = 200
@@ -122,8 +126,6 @@ def to_the_page(player, cases):
 LANGUAGES = {"c": in_c, "page": on_the_page}
 
 
-@needs_gcc
-@needs_node
 @pytest.mark.timeout(3000)
 @pytest.mark.parametrize(("game", "name", "language"), ALL)
 def test_players_decide_as_the_packages(game, name, language):
@@ -228,34 +230,54 @@ def test_a_state_that_cannot_be_is_answered_by_braking(name):
     assert not np.allclose(far, [-0.3, 0]), "2 km away, which may be"
 
 
-MAIN = """
-{}
-int main(void)
-{{
-{}
-return printf("%d %.9g %.9g", (int)action, controls[0], controls[1]) < 0;
-}}
-"""
-"""A program of what the guide says of a player's files, first what it includes."""
+def test_weights_that_are_no_numbers_are_answered_by_braking():
+    player = exportable("paper", "P_smooth")
+    broken = jax.tree.map(
+        lambda leaf: jnp.full_like(leaf, jnp.nan) if eqx.is_inexact_array(leaf) else leaf, player.policy
+    )
+    cases = Cases(np.array([[[2, 3, 0.5, 0], [7, 6, 0, 1]]], np.float32), None, (), np.zeros(1, np.uint32))
+    (sound,), (braking,) = (reference(replace(player, policy=one), cases)[1] for one in (player.policy, broken))
+    assert np.isfinite(sound).all()
+    np.testing.assert_allclose(braking, [-0.3, 0], atol=1e-6)
+    assert not np.allclose(sound, braking)
+
+
+@needs_onnx
+@pytest.mark.parametrize(
+    ("game", "name", "inputs"),
+    [("paper", "P_smooth", ["state"]), ("paper", "random", ["state", "bits"]), ("team-3v1", "intercept", ["state"])],
+)
+def test_a_model_in_onnx_has_the_inputs_that_the_player_reads(game, name, inputs):
+    import onnxruntime
+
+    from apollonius.export.onnx import load, model_of
+
+    player = exportable(game, name)
+    model = model_of(player)
+    session, (decide, _) = onnxruntime.InferenceSession(model), load(model)
+    assert [one.name for one in session.get_inputs()] == inputs
+    assert compare(decide, player, cases_of(player, 20)).errors == 0
 
 
 @needs_gcc
 def test_a_program_reads_the_files_and_drives_in_any_game_of_that_size(tmp_path, monkeypatch):
     monkeypatch.setattr(writing, "_check", lambda *_: [])
     (guide,) = (one.code for one in blocks(REPOSITORY / "docs/how-to/export.md") if one.language == "c")
-    (tmp_path / "main.c").write_text(MAIN.format(*guide.split("\n\n", 1)))
+    (tmp_path / "main.c").write_text(guide)
     states, sources = np.array([[2, 7, 0, 0], [8, 7, 0.5, 0]], np.float32), set()
     sanitizers = ["-fsanitize=address,undefined", "-fno-sanitize-recover"]
     for game in ("paper", "robot"):
         player = exportable(game, "E_scratch")
         write_c(player, tmp_path / "E_scratch.c", states=100)
         if not sources:
-            program = ["gcc", *FLAGS, "main.c", "E_scratch.c", "-lm", "-o", "clean", *sanitizers]
+            program = ["gcc", *STRICT, "main.c", "E_scratch.c", "-lm", "-o", "clean", *sanitizers]
             subprocess.run(program, check=True, cwd=tmp_path)
         sources.add((tmp_path / "E_scratch.c").read_bytes())
-        said = subprocess.check_output(["./clean"], cwd=tmp_path).split()
+        said = re.findall(
+            r"-?\d[\d.]*", subprocess.check_output(["./clean"], cwd=tmp_path, text=True).replace("^2", "")
+        )
         made = jax.jit(player.decide)(player.policy, player.game, states, None, (), np.uint32(0))
-        assert [*map(float, said)] == pytest.approx([int(made["action"]), *map(float, made["controls"])])
+        assert [*map(float, said)] == pytest.approx([int(made["action"]), *map(float, made["controls"])], abs=1e-4)
     assert len(sources) == 1, "the program is the same, the game's file is another"
 
 

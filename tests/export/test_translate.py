@@ -1,5 +1,8 @@
 """Programs in C do what JAX does, primitive by primitive, loop by loop."""
 
+import itertools
+import os
+import subprocess
 from shutil import which
 
 import jax
@@ -8,12 +11,18 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.export.c import FLAGS, Compiled, header, source
+from apollonius.export import c
+from apollonius.export.c import FLAGS, Compiled, header, source, words
+from apollonius.export.names import is_taken, require_name
+from apollonius.export.record import record_of
+from apollonius.export.scalars import HELPERS
 from apollonius.export.translate import translated
+from apollonius.export.writing import translate
 from apollonius.io.errors import InvalidInput
 
-needs_gcc = pytest.mark.skipif(which("gcc") is None, reason="needs gcc")
-SANITIZED = (*FLAGS, "-fsanitize=undefined", "-fno-sanitize-recover")
+needs_gcc = pytest.mark.skipif(which("gcc") is None, reason="needs gcc: install the package gcc")
+STRICT = (*FLAGS, "-Wall", "-Wextra", "-Wpedantic", "-Werror")
+SANITIZED = (*STRICT, "-fsanitize=undefined", "-fno-sanitize-recover")
 lax = jax.lax
 
 
@@ -105,10 +114,10 @@ def flow(x, n):
         "scan": lax.scan(turn, (x, 2 * x, jnp.float32(0)), rows),
         "backwards": lax.scan(turn, (x, 2 * x, jnp.float32(0)), rows, reverse=True),
         "once": lax.scan(turn, (x, 2 * x, jnp.float32(0)), rows[:1]),
-        "while": lax.while_loop(lambda state: state[0] > 1, collatz, (n, jnp.int32(0))),
+        "until": lax.while_loop(lambda state: state[0] > 1, collatz, (n, jnp.int32(0))),
         "nested": lax.scan(nested, x, None, length=4),
         "cond": lax.cond(n > 5, lambda x: x + 1, lambda x: -x, x),
-        "switch": [lax.switch(n - at, [lambda x: x, lambda x: x[::-1], lambda x: 0 * x], x) for at in (6, 7, 9, 20)],
+        "branches": [lax.switch(n - at, [lambda x: x, lambda x: x[::-1], lambda x: 0 * x], x) for at in (6, 7, 9, 20)],
         "relu": jax.nn.relu(x),
         "saved": jax.checkpoint(lambda x: jnp.sin(x) * 2)(x),
     }
@@ -133,17 +142,17 @@ Y = np.array([0.5, 1.75, 2.0, 1e-3], np.float32)
 A = np.array([[1.5, -2, 0, 4], [3, 0, -1, 2], [-4, 7, 5, -6]], np.float32)
 
 
+CASES = [
+    (real, [(X, Y)]),
+    (whole, [(np.array([-7, 0, 5, 9], np.int32), np.array([2, 3, 1, 4], np.int32))]),
+    (arrays, [(A, np.int32(k)) for k in (1, -1, 9)]),  # within the bounds, before and beyond
+    (flow, [(X[:3], np.int32(7))]),
+    (calls, [(X[:3],)]),
+]
+
+
 @needs_gcc
-@pytest.mark.parametrize(
-    ("function", "cases"),
-    [
-        (real, [(X, Y)]),
-        (whole, [(np.array([-7, 0, 5, 9], np.int32), np.array([2, 3, 1, 4], np.int32))]),
-        (arrays, [(A, np.int32(k)) for k in (1, -1, 9)]),  # within the bounds, before and beyond
-        (flow, [(X[:3], np.int32(7))]),
-        (calls, [(X[:3],)]),
-    ],
-)
+@pytest.mark.parametrize(("function", "cases"), CASES)
 def test_programs_in_c_do_what_jax_does(function, cases):
     program = translated(function, *cases[0], name="tried")
     compiled, by_jax = Compiled(program, SANITIZED), jax.jit(function)
@@ -152,7 +161,7 @@ def test_programs_in_c_do_what_jax_does(function, cases):
         for found, wanted in zip(compiled(*arguments), made, strict=True):
             np.testing.assert_allclose(found, wanted, rtol=2e-6, atol=2e-6)
     if function is calls:  # a function that is called stays one, and equal ones are one
-        assert (len(program.functions), source(program).count("long_1(")) == (1, 4)
+        assert (len(program.functions), source(program).count("op_long_1(")) == (1, 4)
 
 
 def test_the_same_function_is_the_same_text_and_its_arguments_lie_as_said():
@@ -175,11 +184,179 @@ def test_the_same_function_is_the_same_text_and_its_arguments_lie_as_said():
     assert wall == 1
 
 
+def ends(a, b):
+    """Operations on whole numbers of all sizes, in sums also as they are compared before they are stored."""
+    both = [lax.add, lax.sub, lax.mul, lax.div, lax.rem, lax.bitwise_xor, lax.max, lax.min, lax.lt, lax.shift_left]
+    both += [lax.shift_right_logical, lax.shift_right_arithmetic]
+    alone = [lax.neg, lax.bitwise_not, jnp.abs, lax.sign, lax.square, lambda x: lax.integer_pow(x, 3), jnp.sum]
+    signed, unsigned = (jnp.dtype(f"{kind}{8 * a.dtype.itemsize}") for kind in ("int", "uint"))
+    row = jnp.arange(5, dtype=a.dtype)
+    return {
+        "alone": [operation(a) for operation in alone],
+        "both": [operation(a, b) for operation in both],
+        "compared": [lax.shift_left(a, b) > 1, lax.neg(a) > b, lax.bitwise_not(a) > b, lax.add(a, b) > b],
+        "product": a @ b,
+        "bits": [lax.bitcast_convert_type(a, kind) < 5 for kind in (signed, unsigned)],
+        "kinds": [a.astype(kind) for kind in ("int8", "uint16", "int32", "uint32", "float32")],
+        "indexed": [lax.dynamic_slice(row, (a[0],), (2,)), row.at[a].get(mode="clip"), row.at[a].get(mode="fill")],
+    }
+
+
+def the_same(function, *arguments, flags=SANITIZED):
+    """Whether a program's results are JAX's to the bit, signs of zeros too."""
+    results = Compiled(translated(function, *arguments, name="tried"), flags)(*arguments)
+    for result, wanted in zip(results, jax.tree.leaves(jax.jit(function)(*arguments)), strict=True):
+        np.testing.assert_array_equal(result, wanted)
+        np.testing.assert_array_equal(np.signbit(result), np.signbit(wanted))
+
+
+@needs_gcc
+@pytest.mark.parametrize("kind", ["int8", "int16", "int32", "uint8", "uint16", "uint32"])
+def test_whole_numbers_are_those_of_jax_where_c_leaves_them_undefined(kind):
+    """Division by zero, sums that do not fit, shifts by more than there are bits."""
+    least, most = np.iinfo(kind).min, np.iinfo(kind).max
+    numbers = [most, least, least + 1, 0, 1, 2, 3, 7, 8, 15, 16, 31, 32, 40, *([-1, -2, -8] if least else [most - 1])]
+    pairs = np.array([*itertools.product(numbers, numbers)], kind)
+    the_same(ends, pairs[:, 0], pairs[:, 1], flags=(*SANITIZED, "-Wno-type-limits", "-Wno-sign-compare"))
+
+
+@needs_gcc
+def test_real_numbers_beyond_a_kind_become_its_ends_and_zeros_have_their_sign():
+    powers = 2.0 ** np.array([7, 8, 15, 16, 31, 32, 100])
+    x = np.array([np.nan, np.inf, 0, 0.5, 127.5, 255.9, 300, *powers, *(powers - 1)], np.float32)
+    kinds = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "bool")
+    the_same(lambda x: {"kinds": [y.astype(kind) for kind in kinds for y in (x, -x)]}, x)
+    zeros, others = np.array([[0.0, -0.0, 0, -0.0], [-0.0, 0.0, 0, -0.0]], np.float32)
+    the_same(
+        lambda x, y: [lax.max(x, y), lax.min(x, y), jnp.maximum(x, 0), x.max(), x.min(), x[1:].max()], zeros, others
+    )
+
+
+@needs_gcc
+@pytest.mark.parametrize("flag", ["-ffast-math", "-Ofast", "-ffinite-math-only"])
+def test_flags_for_which_nothing_is_nan_are_refused(flag):
+    with pytest.raises(InvalidInput, match="compile without -Ofast, -ffast-math"):
+        Compiled(translated(lambda x: x + 1, X), (*FLAGS, flag))
+
+
+@needs_gcc
+def test_names_that_the_programs_had_once_are_free():
+    def act(k1, a1, s1, i1, p1, r1, long_1, time):
+        sums = jnp.cumsum(s1) + A[0] * k1 + long(a1, i1)[0] + p1 * r1
+        return {"s2": sums @ sums, "k2": jnp.sin(sums) + A[1], "i2": long_1 + time, "time": time}
+
+    given = [X + number for number in range(8)]
+    results = Compiled(translated(act, *given, name="a2"), STRICT)(*given)
+    for result, wanted in zip(results, jax.tree.leaves(act(*given)), strict=True):
+        np.testing.assert_allclose(result, wanted, rtol=2e-6)
+
+
+@pytest.mark.parametrize(("function", "cases"), CASES)
+def test_no_name_from_outside_is_one_that_a_program_uses(function, cases):
+    program = translated(function, *cases[0], name="tried")
+    given = {record.name for record in program.records} | {*map("{0.name}->".format, program.records)}
+    used = words("".join([program.body, *program.functions, *HELPERS.values()]))
+    local = {"a", "b", "x", "by", "most", "bits", "both"}  # of the helpers, which no argument reaches
+    for word in used - given - local:
+        if "->" not in word:
+            with pytest.raises(InvalidInput, match="mean nothing in C and C"):
+                require_name("name", word)
+
+
+HEADERS = """assert complex ctype errno fenv float inttypes iso646 limits locale math setjmp signal stdarg stdbool
+stddef stdint stdio stdlib string tgmath time wchar wctype"""
+
+
+@needs_gcc
+def test_no_name_from_outside_is_a_macro_or_a_function_of_the_library():
+    headers = "".join(f"#include <{name}.h>\n" for name in HEADERS.split())
+    for standard, text in (("c99", headers), ("gnu99", "")):
+        run = ["gcc", f"-std={standard}", "-dM", "-E", "-"]
+        lines = subprocess.run(run, input=text, capture_output=True, text=True, check=True).stdout.splitlines()
+        macros = {line.split()[1] for line in lines}
+        objects = {name for name in macros if "(" not in name and not name.startswith("_")}
+        assert {"NULL", "INT32_MAX", "stdin"} <= objects or objects == {"linux", "unix"}
+        assert [name for name in sorted(objects) if not is_taken(name)] == []
+    for name in ("main", "printf", "sin", "class", "9x", "a b", "../x", "", "übung"):
+        with pytest.raises(InvalidInput, match="program's name"):
+            translated(lambda x: x + 1, X, name=name)
+
+
+@pytest.mark.parametrize(
+    ("function", "name"),
+    [
+        (lambda sinf: sinf + 1, "name of an argument = 'sinf'"),
+        (lambda NAN: NAN + 1, "name of an argument = 'NAN'"),
+        (lambda tried_y: {"y": tried_y + 1}, "does not begin with tried_"),
+        (lambda x: {"class": x + 1}, "name of a result = 'class'"),
+        (lambda x: {9: x + 1}, "name of a result = '9'"),
+        (lambda x: {"x": x, "next_x": x}, "next_x is not possible: it must be the name of no other"),
+        (lambda *x: x[0] + 1, "number of arguments = 1 .* at most 0"),
+        (lambda x: x[4:], r"shape of result = \(0,\)"),
+        (lambda x: x + np.zeros((1001, 1000, 4)), "constant array = .* make it an argument"),
+        (lambda x: x.astype(jnp.float16), "kind 'float16'"),
+    ],
+)
+def test_names_and_shapes_that_c_cannot_have_are_refused_in_a_line(function, name):
+    with pytest.raises(InvalidInput, match=name):
+        translated(function, X, name="tried")
+
+
+@pytest.mark.parametrize("argument", [jax.random.key(0), np.zeros((0, 3), np.float32), np.float16(1), 1j])
+def test_arguments_that_are_no_numbers_of_c_are_refused(argument):
+    with pytest.raises(InvalidInput, match="of x = "):
+        translated(lambda x: x, argument)
+
+
+def test_leaves_are_called_after_their_places_whatever_these_are_called():
+    tree = {"A": X, "a": X, "a_2": X, "class": X, "9": X, "ü": X, "linux": X, "x y": X}
+    names = [leaf.name for leaf in record_of("tree", tree).leaves]
+    assert names == ["value_9", "a", "a_2", "a_2_2", "class_", "linux_", "x_y", "value"]
+
+
+@needs_gcc
+def test_a_program_is_compared_with_jax_and_rounding_alone_is_no_difference(monkeypatch):
+    def act(x, n):
+        return {"low": jnp.floor(2 * lax.logistic(x)), "nan": jnp.log(x) + n}
+
+    given = np.float32([0, 1, -1]), 3
+    monkeypatch.setitem(HELPERS, "logistic", HELPERS["logistic"].replace("expf(-x))", "expf(-x)) - 1e-7f"))
+    assert "floorf" in translate(act, *given, name="tried")["tried.c"]
+    monkeypatch.setitem(HELPERS, "logistic", HELPERS["logistic"].replace("- 1e-7f", "+ 1.0f"))
+    with pytest.raises(InvalidInput, match="tried in C differs from JAX"):
+        translate(act, *given, name="tried")
+    shapes = jax.eval_shape(lambda: given)
+    with pytest.raises(InvalidInput, match="differs"):
+        translate(act, *shapes, name="tried")
+
+
+@pytest.mark.parametrize(
+    ("script", "needle"),
+    [
+        ("echo 'x.h:1: fatal error: no stdint.h' >&2; exit 1", "gcc fails .x.h:1: fatal error: no stdint.h"),
+        ("exit 3", "gcc fails .exit status 3"),
+        ("sleep 60; exit 0", "gcc does not work here .* timed out"),
+        ("touch program", "gcc compiled cannot be loaded"),
+    ],
+)
+def test_a_compiler_that_fails_is_a_line_and_without_one_nothing_is_compared(tmp_path, monkeypatch, script, needle):
+    (tmp_path / "gcc").write_text(f"#!/bin/sh\n{script}\n")
+    (tmp_path / "gcc").chmod(0o755)
+    monkeypatch.setattr(c, "_LONGEST", 0.5)
+    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+    with pytest.raises(InvalidInput, match=needle) as refused:
+        translate(lambda x: x + 1, X)
+    assert "\n" not in str(refused.value)
+    monkeypatch.setenv("PATH", str(tmp_path / "nothing"))
+    assert translate(lambda x: x + 1, X).keys() == {"program.h", "program.c"}
+
+
 @pytest.mark.parametrize(
     ("function", "needle"),
     [
         (jnp.sort, "primitive 'sort'"),
         (lambda x: x.astype(jnp.float16).sum(), "kind 'float16'"),
+        (lambda x: lax.bitcast_convert_type(x, jnp.uint8), "'bitcast_convert_type' cannot be translated: float32"),
         (lambda x: lax.pad(x, 0.0, ((-1, 0, 0),)), "'pad' cannot be translated: by less than nothing"),
     ],
 )

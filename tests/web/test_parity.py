@@ -44,7 +44,7 @@ LEVEL = 1e-3
 MOST_FLIPPED = 0.02
 """Share of states at an edge, where the last bit decides what is seen or done."""
 STATUSES = np.asarray([status.name.lower() for status in RobotStatus])
-needs_node = pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
+needs_node = pytest.mark.skipif(shutil.which("node") is None, reason="needs node: install Node.js")
 pytestmark = needs_node
 
 

@@ -4,6 +4,7 @@ import errno
 import http.client
 import json
 import os
+import queue
 import re
 import shutil
 import signal
@@ -130,14 +131,15 @@ def test_the_command_ends_and_leaves_nothing(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_browser_is_opened_unless_told_otherwise(monkeypatch):
-    opened = []
-    monkeypatch.setattr("webbrowser.open", opened.append)
-    monkeypatch.setattr("socketserver.BaseServer.serve_forever", lambda server: None)
-    for words in (["--no-open"], []):
-        assert opened == []
-        assert main(["play", *words]) == 0
-    assert len(opened) == 1
+def test_a_browser_is_opened_unless_told_otherwise_and_need_not_return(monkeypatch):
+    served, opened = threading.Event(), queue.Queue()
+    monkeypatch.setattr("webbrowser.open", lambda address: opened.put(served.wait(10)))
+    monkeypatch.setattr("socketserver.BaseServer.serve_forever", lambda server: served.set())
+    assert main(["play", "--no-open"]) == 0
+    served.clear()
+    assert opened.empty()
+    assert main(["play"]) == 0
+    assert opened.get(timeout=10), "it is served while the browser is open"
 
 
 def test_the_site_is_whole(tmp_path):
