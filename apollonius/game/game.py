@@ -84,7 +84,7 @@ class Game(eqx.Module):
 
     def check(self) -> None:
         """Refuse a game that cannot be played; one whose numbers are traced or swept is left unchecked."""
-        validation.require_single_precision()
+        validation.require_usual_numbers()
         if validation.is_swept(self):
             return
         validation.check_finite(self)

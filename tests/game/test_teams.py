@@ -322,6 +322,37 @@ def test_an_impossible_value_is_named_with_its_bound_and_the_remedy(change, said
 
 
 @pytest.mark.parametrize(
+    ("setting", "value", "said"),
+    [
+        ("jax_threefry_partitionable", False, "true: a seed means other games"),
+        ("jax_default_prng_impl", "rbg", "threefry2x32: a seed"),
+        ("jax_random_seed_offset", 5, "0: a seed"),
+        ("jax_default_matmul_precision", "bfloat16", "highest: everything here is in single"),
+        ("jax_transfer_guard", "disallow", "allow: numbers are sent"),
+    ],
+)
+def test_settings_of_jax_that_change_numbers_are_refused_and_others_are_not(setting, value, said):
+    before = jax.config.values[setting]
+    jax.config.update(setting, value)
+    try:
+        with pytest.raises(InvalidInput, match=f"{setting.upper()} = .* must be {said}.*; unset it"):
+            Game()
+    finally:
+        jax.config.update(setting, before)
+    with jax.default_matmul_precision("highest"):
+        Game()
+
+
+def test_fast_arithmetic_of_xla_is_refused(monkeypatch):
+    for flags, name in (("", "cpu_enable_fast_math"), ("--xla_x=1 ", "gpu_enable_fast_min_max=true")):
+        monkeypatch.setenv("XLA_FLAGS", f"{flags}--xla_{name}")
+        with pytest.raises(InvalidInput, match="XLA_FLAGS = .* without fast-math"):
+            Game()
+    monkeypatch.setenv("XLA_FLAGS", "--xla_cpu_enable_fast_math=false --xla_cpu_prefer_vector_width=512")
+    Game()
+
+
+@pytest.mark.parametrize(
     "change",
     [
         {"max_steps": 1},
