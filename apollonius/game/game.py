@@ -13,7 +13,7 @@ from apollonius.game import validation
 from apollonius.game.arena import Arena
 from apollonius.game.chart import Chart
 from apollonius.game.drive import Drives
-from apollonius.game.dynamics import Unicycle
+from apollonius.game.dynamics import Unicycle, as_action
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.judge import fates, judge
 from apollonius.game.reward import Reward, leads
@@ -116,6 +116,8 @@ class Game(eqx.Module):
 
     def reset(self, key: PRNGKeyArray) -> GameState:
         """Draw an arena and an initial state. The key is consumed."""
+        is_key = isinstance(key, jax.Array | np.ndarray)
+        require(is_key, "key", key, f"a key of JAX, as jax.random.key({int(key) if isinstance(key, int) else 0})")
         if self.scenario is None:
             return self.starts.sample(key, self.arena, self.bodies)
         place_key, start_key = jax.random.split(key)
@@ -165,15 +167,19 @@ class Game(eqx.Module):
         return replace(self, teams=None)
 
     def step(
-        self, state: GameState, pursuer_action: Action | Sequence[Action], evader_action: Action | Sequence[Action]
+        self,
+        state: GameState,
+        pursuer_action: Action | int | Sequence[Action | int],
+        evader_action: Action | int | Sequence[Action | int],
     ) -> Timestep:
         """Let all robots hold their actions, of a team a list or tuple, for `dt`, and judge the step."""
         bodies, asked = self.at(state).bodies, BySide(pursuer_action, evader_action)
 
         def controls(role: Role) -> tuple[Controls, ...]:
-            actions = asked[role]
-            several = (actions,) if isinstance(actions, jax.Array | np.ndarray) else actions
-            return tuple(body.controls(action) for body, action in zip(bodies[role], several, strict=True))
+            actions, count = asked[role], len(bodies[role])
+            several = actions if isinstance(actions, list | tuple) else (actions,)
+            require(len(several) == count, f"{role.name.lower()}_action", actions, f"{count} in number, one a robot")
+            return tuple(body.controls(as_action(one)) for body, one in zip(bodies[role], several, strict=True))
 
         return self.step_controls(state, ROLES.map(controls))
 

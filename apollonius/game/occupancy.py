@@ -33,24 +33,26 @@ class OccupancyMap(AbstractObstacle):
         cell: side of a cell [m].
         file: the map's YAML file.
         digest: SHA-256 of that file and its image.
+        member: number of the arena, where the field has those of several.
     """
 
-    field: Float[Array, "rows columns"]
+    field: Float[Array, "*arenas rows columns"]
     x: Real
     y: Real
     cell: Real
     file: str = eqx.field(static=True)
     digest: str = eqx.field(static=True)
+    member: Int[Array, ""] | None = None
 
     @property
     def x_max(self) -> Real:
         """The right end [m]."""
-        return self.x + (self.field.shape[1] - 1) * self.cell
+        return self.x + (self.field.shape[-1] - 1) * self.cell
 
     @property
     def y_max(self) -> Real:
         """The upper end [m]."""
-        return self.y + (self.field.shape[0] - 1) * self.cell
+        return self.y + (self.field.shape[-2] - 1) * self.cell
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
         """Return the distance [m] from a point to the nearest occupied cell, never too long; negative inside."""
@@ -61,12 +63,12 @@ class OccupancyMap(AbstractObstacle):
     @property
     def _corners(self) -> tuple[int | Int[Array, ""], int | Int[Array, ""]]:
         """Rows and columns of corners."""
-        rows, columns = self.field.shape
+        rows, columns = self.field.shape[-2:]
         return rows, columns
 
     def _at(self, row: Int[Array, ""], column: Int[Array, ""]) -> Scalar:
         """Return the distance at a corner [m]."""
-        return self.field[row, column]
+        return self.field[row, column] if self.member is None else self.field[self.member, row, column]
 
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
         """Return a lower bound of the clearance [m] on the segment between two states.

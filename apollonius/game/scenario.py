@@ -120,11 +120,17 @@ class Scenario(eqx.Module):
         return arena if self.kinds is None else arena + self.count * ((turn + _STRIDE * arena) % len(self.kinds))
 
     def arena(self, place: Int[Array, ""]) -> Arena:
-        """Return the arena of a place. Its chart stays with all others: it is too large to copy for each game."""
-        number = place % self.count
-        arena = jax.tree.map(lambda leaf: jnp.take(leaf, number, 0, mode="clip"), replace(self.arenas, chart=None))
-        chart = self.arenas.chart
-        return arena if chart is None else replace(arena, chart=replace(chart, member=number))
+        """Return the arena of a place. Its map's field and its chart stay with all others: they are too large to copy."""
+        number, cells, chart = place % self.count, self.arenas.map, self.arenas.chart
+
+        def own(leaf: Array) -> Array:
+            return jnp.take(leaf, number, 0, mode="clip")
+
+        return replace(
+            jax.tree.map(own, replace(self.arenas, map=None, chart=None)),
+            map=cells and replace(cells, x=own(cells.x), y=own(cells.y), cell=own(cells.cell), member=number),
+            chart=chart and replace(chart, member=number),
+        )
 
 
 def stack_arenas(arenas: Sequence[Arena]) -> Arena:

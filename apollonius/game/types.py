@@ -42,7 +42,14 @@ Actions = Int[Array, " games"] | Float[Array, "games 2"]
 """Actions of one side of a batch of games."""
 
 
-class Role(IntEnum):
+class Named(IntEnum):
+    """A whole number that is printed by its name."""
+
+    def __str__(self) -> str:
+        return self.name
+
+
+class Role(Named):
     """The two sides of the game."""
 
     PURSUER = 0
@@ -97,7 +104,7 @@ ROLES = BySide(Role.PURSUER, Role.EVADER)
 """Both sides."""
 
 
-class Outcome(IntEnum):
+class Outcome(Named):
     """Outcomes: the rows of Tables II and III, plus `BOTH_FAILED` for two failures in one step.
 
     `TERRITORY_REACHED`, by the evader, is possible only where an arena has a territory. A decided game of teams has the
@@ -115,7 +122,7 @@ class Outcome(IntEnum):
     TERRITORY_REACHED = 8
 
 
-class RobotStatus(IntEnum):
+class RobotStatus(Named):
     """A robot in play, or the reason why it is not. `HIT_MATE` is possible only where a game asks for it."""
 
     ACTIVE = 0

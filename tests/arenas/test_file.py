@@ -255,7 +255,7 @@ def test_specks_are_reported_and_taken_out_where_the_map_says_so(hall, capsys):
     write(hall.parent, pixels)
     assert main(["arena", "check", str(hall)]) == 0
     said = capsys.readouterr().out
-    assert "specks on the map, of at most 4 cells: 1," in said
+    assert "specks on the map, of at most 4 cells: 1, at (5.75, 6.25); " in said
     area = float(said.partition("least_obstacle to ")[2].split()[0])
     for least, there in ((1, 4), (area, 0)):
         found = load_map(write(hall.parent, pixels, least_obstacle=least))
