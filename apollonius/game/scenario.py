@@ -120,7 +120,7 @@ class Scenario(eqx.Module):
         return arena if self.kinds is None else arena + self.count * ((turn + _STRIDE * arena) % len(self.kinds))
 
     def arena(self, place: Int[Array, ""]) -> Arena:
-        """Return the arena of a place. Its map's field and its chart stay with all others: they are too large to copy."""
+        """Return the arena of a place. A map's field and a chart stay with all others: they are too large to copy."""
         number, cells, chart = place % self.count, self.arenas.map, self.arenas.chart
 
         def own(leaf: Array) -> Array:
