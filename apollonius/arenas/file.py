@@ -118,7 +118,7 @@ def _name(scenario: Scenario) -> str:
 
 def _opened(polygon: Any) -> Any:
     """Leave out the last corner of a ring that is closed, as GeoJSON and WKT write it."""
-    corners = polygon.get("vertices") if isinstance(polygon, dict) else None
+    corners: Any = polygon.get("vertices") if isinstance(polygon, dict) else None
     is_closed = isinstance(corners, list) and len(corners) > 1 and corners[0] == corners[-1]
     return polygon | {"vertices": corners[:-1]} if is_closed else polygon
 

@@ -33,7 +33,7 @@ _CHANNELS = {"1": "L", "P": "RGB", "LA": "RGBA"} | {mode: mode for mode in ("L",
 """The kind of image whose channels are those of a kind."""
 _DEEP = ("I;16", "I")
 """Kinds with 16 bits for each channel."""
-_TRUTHS = dict.fromkeys(("true", "yes", "on", "y"), 1) | dict.fromkeys(("false", "no", "off", "n"), 0)
+_TRUTHS = {"false": 0, "no": 0, "off": 0, "n": 0, "true": 1, "yes": 1, "on": 1, "y": 1}
 """YAML's words for true and false, in small letters."""
 
 

@@ -58,7 +58,7 @@ def action_levels(action: Action) -> tuple[Scalar, Scalar]:
 
 
 def as_action(action: Any) -> Action:
-    """Return an action, which may be a plain number; raises InvalidInput for what is none."""
+    """Return an action, which may be a plain number; raises InvalidInput for anything else."""
     if isinstance(action, int):
         require(0 <= action < NUM_ACTIONS, "action", action, f"from 0 to {NUM_ACTIONS - 1}")
     array = jnp.asarray(action)

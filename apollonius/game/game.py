@@ -1,7 +1,7 @@
 """The game: the rules composed. One reset, one step, neither batched nor auto-reset."""
 
-from collections.abc import Sequence
 from dataclasses import replace
+from typing import cast
 
 import equinox as eqx
 import jax
@@ -23,7 +23,6 @@ from apollonius.game.starts import Starts
 from apollonius.game.teams import Body, Teams
 from apollonius.game.types import (
     ROLES,
-    Action,
     BySide,
     Controls,
     GameState,
@@ -32,6 +31,7 @@ from apollonius.game.types import (
     RobotState,
     Role,
     Scalar,
+    SideAction,
     Timestep,
     choose,
     one_each,
@@ -116,7 +116,7 @@ class Game(eqx.Module):
 
     def reset(self, key: PRNGKeyArray) -> GameState:
         """Draw an arena and an initial state. The key is consumed."""
-        is_key = isinstance(key, jax.Array | np.ndarray)
+        is_key = isinstance(cast(object, key), jax.Array | np.ndarray)
         require(is_key, "key", key, f"a key of JAX, as jax.random.key({int(key) if isinstance(key, int) else 0})")
         if self.scenario is None:
             return self.starts.sample(key, self.arena, self.bodies)
@@ -166,12 +166,7 @@ class Game(eqx.Module):
         require(alike, "robots", "of several kinds", f"alike on either side: {who} knows one pursuer and one evader")
         return replace(self, teams=None)
 
-    def step(
-        self,
-        state: GameState,
-        pursuer_action: Action | int | Sequence[Action | int],
-        evader_action: Action | int | Sequence[Action | int],
-    ) -> Timestep:
+    def step(self, state: GameState, pursuer_action: SideAction, evader_action: SideAction) -> Timestep:
         """Let all robots hold their actions, of a team a list or tuple, for `dt`, and judge the step."""
         bodies, asked = self.at(state).bodies, BySide(pursuer_action, evader_action)
 

@@ -33,16 +33,14 @@ class OccupancyMap(AbstractObstacle):
         cell: side of a cell [m].
         file: the map's YAML file.
         digest: SHA-256 of that file and its image.
-        member: number of the arena, where the field has those of several.
     """
 
-    field: Float[Array, "*arenas rows columns"]
+    field: Float[Array, "rows columns"]
     x: Real
     y: Real
     cell: Real
     file: str = eqx.field(static=True)
     digest: str = eqx.field(static=True)
-    member: Int[Array, ""] | None = None
 
     @property
     def x_max(self) -> Real:
@@ -68,7 +66,7 @@ class OccupancyMap(AbstractObstacle):
 
     def _at(self, row: Int[Array, ""], column: Int[Array, ""]) -> Scalar:
         """Return the distance at a corner [m]."""
-        return self.field[row, column] if self.member is None else self.field[self.member, row, column]
+        return self.field[row, column]
 
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
         """Return a lower bound of the clearance [m] on the segment between two states.
@@ -131,6 +129,16 @@ class OccupancyMap(AbstractObstacle):
         """Return the occupied cells, the first row at the bottom."""
         corners = np.asarray(self.field)
         return (corners[1:, 1:] + corners[1:, :-1] + corners[:-1, 1:] + corners[:-1, :-1]) <= 0
+
+
+class OneOfMaps(OccupancyMap):
+    """The map of one arena, by its number, in the field of several."""
+
+    field: Float[Array, "arenas rows columns"]
+    member: Int[Array, ""]
+
+    def _at(self, row: Int[Array, ""], column: Int[Array, ""]) -> Scalar:
+        return self.field[self.member, row, column]
 
 
 def distance_field(occupied: Bool[np.ndarray, "rows columns"], cell: float) -> Float[np.ndarray, "corners_y corners_x"]:

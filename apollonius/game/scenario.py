@@ -13,7 +13,7 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.drive import Drives
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.occupancy import OccupancyMap
+from apollonius.game.occupancy import OccupancyMap, OneOfMaps
 from apollonius.game.polygon import Polygon
 from apollonius.game.sensing import Sensing
 from apollonius.game.types import Real, Role
@@ -123,12 +123,12 @@ class Scenario(eqx.Module):
         """Return the arena of a place. A map's field and a chart stay with all others: they are too large to copy."""
         number, cells, chart = place % self.count, self.arenas.map, self.arenas.chart
 
-        def own(leaf: Array) -> Array:
+        def own(leaf: Any) -> Array:
             return jnp.take(leaf, number, 0, mode="clip")
 
         return replace(
             jax.tree.map(own, replace(self.arenas, map=None, chart=None)),
-            map=cells and replace(cells, x=own(cells.x), y=own(cells.y), cell=own(cells.cell), member=number),
+            map=cells and OneOfMaps(cells.field, own(cells.x), own(cells.y), own(cells.cell), "", "", number),
             chart=chart and replace(chart, member=number),
         )
 

@@ -1,6 +1,6 @@
 """The two sides, robots, actions, outcomes, the state of the game, and one transition."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from enum import IntEnum
 from typing import Any, Generic, TypeVar
 
@@ -34,6 +34,9 @@ Action = Int[Array, ""] | Float[Array, "2"]
 """A robot's action in a step: one of the nine of Eq. 5, `3 * i_u1 + i_u2` in 0..8, or two numbers in [-1, 1], the
 shares of its largest acceleration and of its largest turn rate. Number type and shape say which before anything runs;
 each player always does the one or always the other, and both kinds may meet."""
+
+SideAction = Action | int | Sequence[Action | int]
+"""The action of a side's robot, or a list of one for each robot; of a discrete one its number, too."""
 
 Controls = tuple[Scalar, Scalar]
 """Acceleration u1 [m/s^2] and turn rate u2 [rad/s] of a robot in a step."""

@@ -51,7 +51,7 @@ _SETTINGS: dict[str, tuple[tuple[Any, ...], str]] = {
 }
 """Settings of JAX that matter, with the values that they may have, the usual one first, and why no other. All others
 change nothing but speed, messages and, where they choose how XLA compiles, the last bit of some numbers."""
-_FAST = re.compile(r"--xla_[a-z]+_enable_fast_(math|min_max)(?!=(false|0))")
+_FAST = re.compile(r"xla_[a-z]+_enable_fast_(math|min_max)(?!=(false|0))")
 """Flags of XLA that trade accuracy for speed."""
 
 Bodies = BySide[tuple[Unicycle, ...]]

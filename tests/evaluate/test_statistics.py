@@ -162,7 +162,7 @@ def test_agents_kept_on_the_way_are_left_out(tmp_path):
 def advised():
     short = replace(make_game("paper"), arena=Arena(), max_steps=60)
     with pytest.MonkeyPatch.context() as patch:
-        panel = {"pursuer": ("still", "intercept"), "evader": ("still", "flee")}
+        panel = {"pursuer": ("still", "intercept"), "evader": ("still", "random")}
         patch.setattr(tournament, "PANELS", {"full": panel})
         yield tournament.advise(short, 16, seed=1)
 
@@ -173,7 +173,7 @@ def test_the_best_players_are_those_that_do_best_against_their_worst_opponent(ad
     assert advised.tournament.pursuers == ("still", "shielded:intercept"), "rules that move are behind a shield"
     assert advised.best.pursuer == "shielded:intercept"
     assert advised.least.pursuer == rates[1].min()
-    assert advised.least.evader == 1 - rates[:, ["still", "shielded:flee"].index(advised.best.evader)].max()
+    assert advised.least.evader == 1 - rates[:, ["still", "shielded:random"].index(advised.best.evader)].max()
     assert advised.least.evader == (1 - rates.max(axis=0)).max()
 
 
