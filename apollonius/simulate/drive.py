@@ -12,7 +12,7 @@ from apollonius.io.errors import require, require_within
 
 _BOUNDS = {
     "mass": (0.01, 10_000), "wheel_mass": (0.001, 1_000), "wheel_radius": (0.005, 2), "track": (0.01, 10),
-    "caster": (0.005, 10), "mass_behind": (0, 10), "chassis_radius": (0.005, 10), "friction": (0.01, 10),
+    "caster": (0.005, 10), "mass_behind": (0, 10), "chassis_radius": (0.005, 10), "friction": (0.0001, 10),
     "inertia": (0, 1_000), "resistance": (0, 10_000), "torque": (0.001, 100_000), "stiffness": (0.001, 100_000),
     "lag": (0, 10), "latency": (0, 10), "turn_acceleration": (0.001, 1_000_000),
 }  # fmt: skip
