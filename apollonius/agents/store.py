@@ -14,7 +14,7 @@ import numpy as np
 from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH, Network, QNetwork, make_actor, make_network
 from apollonius.arenas.file import from_dict
 from apollonius.game.types import NUM_ACTIONS, Role
-from apollonius.game.validation import require_single_precision
+from apollonius.game.validation import require_usual_numbers
 from apollonius.io.arrays import named_leaves, opened, read_header, read_tree, write_arrays
 from apollonius.io.errors import InvalidInput, require, require_within, shown
 from apollonius.observe.registry import OBSERVATIONS
@@ -91,7 +91,7 @@ def load_agent(path: Path) -> Agent:
     """Read an agent's file; raises InvalidInput for one that is missing, cut off, foreign, of a newer version, or made
     for an observation that this version does not have.
     """
-    require_single_precision()
+    require_usual_numbers()
     with _opened_agent(path) as (file, header):
         made = header.observation, header.width, header.depth
         template = eqx.filter_eval_shape(lambda: _MAKE[header.network](*made, jax.random.key(0)))

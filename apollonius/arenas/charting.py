@@ -47,7 +47,8 @@ def charted(game: Game, are_read: bool = True) -> Game:
     uncharted = game.arena if scenario is None else scenario.arenas
     if uncharted.chart is not None or not (are_read or game.reward.along_paths):
         return game
-    alone = [uncharted] if scenario is None else [scenario.arena(jnp.asarray(one)) for one in range(scenario.count)]
+    count = 0 if scenario is None else scenario.count
+    alone = [jax.tree.map(lambda leaf, one=one: leaf[one], uncharted) for one in range(count)] or [uncharted]
     radius = largest_radius(game)
     drawn = [_latest.get((arena, radius), functools.partial(_drawn, arena, radius)) for arena in alone]
     chart = Chart(*jax.device_put([np.stack(leaves) for leaves in zip(*drawn, strict=True)]))

@@ -16,6 +16,7 @@ from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.names import TEAM
 from apollonius.game.occupancy import OccupancyMap
+from apollonius.game.polygon import Polygon
 from apollonius.game.presets import PRESETS, in_teams, make_game
 from apollonius.game.scenario import Scenario
 from apollonius.io.document import parse_json, parse_toml, read_bytes, to_json, write_atomically
@@ -104,6 +105,7 @@ def from_dict(kind: type[T], data: dict[str, Any], source: str, folder: Path = P
     hooks = {
         Game: lambda given: find_game(given) if isinstance(given, str) else given,
         Arena: partial(_with_map, folder=folder),
+        Polygon: _opened,
         Scenario: lambda named: named if isinstance(named, Scenario) else find_scenario(named),
     }
     return read_record(kind, data, source, hooks, named=(Scenario, OccupancyMap))
@@ -112,6 +114,13 @@ def from_dict(kind: type[T], data: dict[str, Any], source: str, folder: Path = P
 def _name(scenario: Scenario) -> str:
     require(scenario.name, "scenario", "without a name", "written as a game in each of its arenas, as no file holds it")
     return scenario.name
+
+
+def _opened(polygon: Any) -> Any:
+    """Leave out the last corner of a ring that is closed, as GeoJSON and WKT write it."""
+    corners: Any = polygon.get("vertices") if isinstance(polygon, dict) else None
+    is_closed = isinstance(corners, list) and len(corners) > 1 and corners[0] == corners[-1]
+    return polygon | {"vertices": corners[:-1]} if is_closed else polygon
 
 
 def _with_map(arena: Any, folder: Path) -> Any:

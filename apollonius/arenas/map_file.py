@@ -29,8 +29,12 @@ _BLACK, _FREE = 0, 254
 """Grey levels that map_server writes for occupied and free cells."""
 _UNKNOWN = 205 / 255
 """Grey level that map_server writes for unknown cells, as a share of white."""
-_WHITE = {"1": 1, "L": 255, "I;16": 65_535, "I": 65_535}
-"""The lightest value of each kind of grey image."""
+_CHANNELS = {"1": "L", "P": "RGB", "LA": "RGBA"} | {mode: mode for mode in ("L", "I;16", "I", "RGB", "RGBA")}
+"""The kind of image whose channels are those of a kind."""
+_DEEP = ("I;16", "I")
+"""Kinds with 16 bits for each channel."""
+_TRUTHS = {"false": 0, "no": 0, "off": 0, "n": 0, "true": 1, "yes": 1, "on": 1, "y": 1}
+"""YAML's words for true and false, in small letters."""
 
 
 def load_map(path: Path, digest: str | None = None) -> OccupancyMap:
@@ -137,10 +141,11 @@ def _read_yaml(text: bytes, name: str) -> dict[str, Any]:
         require(key in said, f"{name}: {key}", "missing", "given, as map_server wants it")
     require(isinstance(said["image"], str) and said["image"], f"{name}: image", said["image"], "the name of a file")
     read = {"least_obstacle": 0} | said
+    read["negate"] = _TRUTHS.get(str(said["negate"]).lower(), said["negate"])
     for key in ("resolution", "negate", "occupied_thresh", "free_thresh", "least_obstacle"):
         read[key] = _number(read[key], f"{name}: {key}")
     require(0 < read["resolution"] <= 1e3, f"{name}: resolution", said["resolution"], "metres in a cell, more than 0")
-    require(read["negate"] in (0, 1), f"{name}: negate", said["negate"], "0 (dark is occupied) or 1")
+    require(read["negate"] in (0, 1), f"{name}: negate", said["negate"], "0 or false (dark is occupied), 1 or true")
     least = read["least_obstacle"]
     require(least >= 0, f"{name}: least_obstacle", least, "m^2 of the smallest obstacle that stays, 0 or more")
     free, occupied = read["free_thresh"], read["occupied_thresh"]
@@ -168,7 +173,10 @@ def _number(value: Any, name: str) -> float:
 
 
 def _darkness(said: dict[str, Any], content: bytes, name: str) -> np.ndarray:
-    """Return the darkness of every pixel, from 0 to 1 (of the lightest where negated), the first row at the top."""
+    """Return the darkness of every pixel, from 0 to 1 (of the lightest where negated), the first row at the top.
+
+    As map_server has it, that is the mean of red, green and blue, and of the opacity too where the image has one.
+    """
     from PIL.PngImagePlugin import PngImageFile
     from PIL.PpmImagePlugin import PpmImageFile
 
@@ -177,14 +185,21 @@ def _darkness(said: dict[str, Any], content: bytes, name: str) -> np.ndarray:
     kind = PngImageFile if content.startswith(b"\x89PNG") else PpmImageFile
     try:
         with kind(io.BytesIO(content)) as image:
-            require(image.mode in _WHITE, image_name, f"of kind {image.mode}", "grey, as PGM; convert it")
+            bound = "grey or of colours; convert it to PGM"
+            require(image.mode in _CHANNELS, image_name, f"of kind {image.mode}", bound)
             size = image.size
             bound = f"at most {_MOST_CELLS:,} cells along each side; crop it"
             require(max(size) <= _MOST_CELLS, image_name, size, bound)
             require_memory(image_name, size, _BYTES_A_CELL * size[0] * size[1], "crop it")
-            grey = np.asarray(image, np.float32) / _WHITE[image.mode]
+            is_deep = image.mode in _DEEP
+            clear = image.has_transparency_data and not is_deep
+            channels = image.convert("RGBA" if clear else _CHANNELS[image.mode]).split()
+            sums = sum(np.asarray(channel, np.float32) for channel in channels)
+            light = np.asarray(sums / ((65_535 if is_deep else 255) * len(channels)))
     except InvalidInput:
         raise
     except Exception as error:  # Pillow raises what it likes for a damaged file
-        raise InvalidInput(f"{image_name} is no whole PGM or PNG file ({error}): copy it again.") from error
-    return grey if said["negate"] else 1 - grey
+        raise InvalidInput(
+            f"{image_name} is no whole PGM or PNG file ({error}): copy it again, or convert it to one of these."
+        ) from error
+    return light if said["negate"] else 1 - light

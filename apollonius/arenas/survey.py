@@ -24,6 +24,8 @@ _LEAST_PART = 1e-4
 """Parts of the free space smaller than this share of the arena are specks of the grid."""
 _SPECK = 4
 """Cells of the largest obstacle of a map that may be noise."""
+_SHOWN = 12
+"""Greatest number of specks whose places are shown."""
 _LEAST_ROOM = 0.02
 """Least share of the arena on which a robot can start."""
 _LONGER = 1.1
@@ -113,11 +115,16 @@ def map_notes(arena: Arena) -> list[str]:
             f"'{path}' if no robot should go there."
         )
     parts, _ = connected(arena.map.occupied())
-    if specks := np.sum(np.bincount(parts.ravel())[1:] <= _SPECK):
-        area = (_SPECK + 0.5) * float(arena.map.cell) ** 2
+    _, firsts, sizes = np.unique(parts, return_index=True, return_counts=True)
+    cell, specks = float(arena.map.cell), firsts[1:][sizes[1:] <= _SPECK]  # without what is free
+    if len(specks):
+        rows, columns = np.unravel_index(specks, parts.shape)
+        x, y = float(arena.map.x) + (columns + 0.5) * cell, float(arena.map.y) + (rows + 0.5) * cell
+        at = ", ".join(f"({one:.2f}, {other:.2f})" for one, other in zip(x[:_SHOWN], y[:_SHOWN], strict=True))
         notes.append(
-            f"specks on the map, of at most {_SPECK} cells: {specks}, and robots run round each; set least_obstacle to "
-            f"{area:.2g} m^2 in '{path}' if they are noise."
+            f"specks on the map, of at most {_SPECK} cells: {len(specks)}, at {at}{' and so on' * (len(x) > _SHOWN)}; "
+            f"robots run round each; set least_obstacle to {(_SPECK + 0.5) * cell**2:.2g} m^2 in '{path}' if they are "
+            "noise, and no legs of chairs."
         )
     return notes
 

@@ -3,6 +3,7 @@
 import argparse
 import errno
 import os
+import re
 import sys
 from typing import Any, NoReturn
 
@@ -19,6 +20,8 @@ from apollonius.io.errors import LONGEST_MESSAGE, InvalidInput, nearest, shown
 from apollonius.io.interrupts import INTERRUPTED, status, stopped
 from apollonius.version import __version__
 
+_ODD_SETTING = re.compile("for JAX flag|for environment 'JAX")
+"""Words with which JAX refuses the value of an environment variable."""
 COMMANDS = {
     "Learn": {
         "train": (add_train, "train a pursuer and an evader, then judge them", "--preset standard --out runs/mine"),
@@ -101,11 +104,14 @@ def main(arguments: list[str] | None = None) -> int:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains once more at its exit
         return 1
-    except RuntimeError as error:
-        if "Unable to initialize backend" not in str(error):
+    except (RuntimeError, ValueError) as error:
+        if "Unable to initialize backend" in str(error):
+            wish = shown(os.environ.get("JAX_PLATFORMS", ""))
+            message = f"JAX_PLATFORMS = {wish} is not possible: it must be a kind of device that is here; unset it"
+        elif _ODD_SETTING.search(str(error)):
+            message = f"JAX does not begin ({shown(error)}): correct the environment variable, or unset it"
+        else:
             raise
-        wish = shown(os.environ.get("JAX_PLATFORMS", ""))
-        message = f"JAX_PLATFORMS = {wish} is not possible: it must be a kind of device that is here; unset it"
     except OSError as error:
         where = f" '{shown(error.filename)}'" if error.filename else ""
         how = stopped().removeprefix("stopped").removeprefix("; ") or "give the same command again"

@@ -136,8 +136,8 @@ def advice_table(advice: "Advice") -> str:
         table.append([name, *[f"{rate:.0%}" for rate in row]])
     lines = [
         *columns(table),
-        f"pursuer: {best.pursuer}, which wins {least.pursuer:.0%} of games at least",
-        f"evader: {best.evader}, which is not beaten in {least.evader:.0%} of games at least",
+        f"best pursuer: {best.pursuer}, which wins at least {least.pursuer:.0%} of its games with each evader",
+        f"best evader: {best.evader}, not beaten in at least {least.evader:.0%} of its games with each pursuer",
     ]
     if advice.stops:
         places = ", ".join(f"({x:g}, {y:g})" for x, y in advice.stops)

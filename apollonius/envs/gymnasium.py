@@ -5,7 +5,16 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from apollonius.envs.live import RENDER_MODES, LiveGame, action_space, observation_space, random_bits
+from apollonius.envs.live import (
+    RENDER_MODES,
+    LiveGame,
+    action_space,
+    as_role,
+    observation_space,
+    random_bits,
+    require_known,
+    require_no_options,
+)
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.io.errors import require
@@ -26,13 +35,16 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
 
     def __init__(
         self,
-        role: Role,
+        role: Role | str,
         opponent: str = "random",
         game: Game | str = "paper",
         observation: str = "encoded",
         render_mode: str | None = None,
         actions: str = "discrete",
+        **unknown: Any,
     ) -> None:
+        require_known(OneSide, unknown)
+        role = as_role(role)
         self._live = live = LiveGame(game, observation, actions, render_mode, {role.other: opponent})
         count, sides = len(live.game.bodies[role]), f"{role.name.lower()}s"
         require(count == 1, sides, count, f"1, who alone acts from outside: of a team play all {sides} by PettingZoo")
@@ -46,14 +58,15 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Begin a new game from the game's distribution of starts."""
+        require_no_options(options)
         super().reset(seed=seed)
         self._live.reset(random_bits(self.np_random))
         return self._live.observation(self._robot), {"outcome": self._live.outcome}
 
     def step(self, action: int | np.integer | np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Let all robots hold their actions for one step; raises ResetNeeded before the first `reset`."""
+        """Let all robots hold their actions for one step; raises ResetNeeded where no game is under way."""
         live = self._live
-        if not live.begun:
+        if not live.is_under_way:
             raise gymnasium.error.ResetNeeded("a game begins with reset()")
         actions: list[Any] = [live.idle] * len(live.places)
         actions[self._robot] = action
@@ -67,7 +80,7 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
 
 
 _MANY = "apollonius.envs.vector:ManyGames"
-for _name, _role in (("Pursuit", Role.PURSUER), ("Evasion", Role.EVADER)):
+for _name, _role in (("Pursuit", "pursuer"), ("Evasion", "evader")):
     gymnasium.register(
         f"apollonius/{_name}-v0", f"{__name__}:OneSide", vector_entry_point=_MANY, kwargs={"role": _role}
     )

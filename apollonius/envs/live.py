@@ -1,5 +1,6 @@
 """Spaces of observations and actions, and one game under way behind one compiled call, for all interfaces."""
 
+import inspect
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import accumulate, pairwise, starmap
@@ -31,6 +32,25 @@ come whether the game was terminated, whether it was truncated, and its outcome,
 outside."""
 RENDER_MODES = ["rgb_array"]
 _OUTCOMES = [outcome.name.lower() for outcome in Outcome]
+
+
+def as_role(given: object) -> Role:
+    """Return a side, or that of a name, which an environment's specification in JSON has; raises InvalidInput."""
+    sides = {str(role).lower(): role for role in Role}
+    require(str(given).lower() in sides, "role", given, f"one of {', '.join(sides)}")
+    return sides[str(given).lower()]
+
+
+def require_known(environment: type, unknown: dict[str, Any]) -> None:
+    """Refuse arguments that an environment does not have."""
+    known = list(inspect.signature(environment).parameters)[:-1]
+    for name, value in unknown.items():
+        require(False, name, value, f"left out, as it is none of the arguments {', '.join(known)}")
+
+
+def require_no_options(options: dict[str, Any] | None) -> None:
+    """Refuse options of a reset."""
+    require(not options, "options", options, "left out, as this environment has none")
 
 
 def observation_space(observation: str) -> gymnasium.spaces.Box:
@@ -115,8 +135,8 @@ class LiveGame:
         self._canvas = Canvas(game) if render_mode else None
 
     @property
-    def begun(self) -> bool:
-        return self._numbers is not None
+    def is_under_way(self) -> bool:
+        return self._numbers is not None and not (self.terminated or self.truncated)
 
     def reset(self, bits: np.uint32) -> None:
         """Begin a new game; random bits decide where."""

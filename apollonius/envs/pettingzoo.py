@@ -7,9 +7,17 @@ import numpy as np
 from gymnasium.utils.seeding import np_random
 from pettingzoo import ParallelEnv
 
-from apollonius.envs.live import RENDER_MODES, LiveGame, action_space, observation_space, random_bits
+from apollonius.envs.live import (
+    RENDER_MODES,
+    LiveGame,
+    action_space,
+    observation_space,
+    random_bits,
+    require_known,
+)
 from apollonius.game.game import Game
 from apollonius.game.types import RobotStatus
+from apollonius.io.errors import require
 
 
 class BothSides(ParallelEnv[str, np.ndarray, Any]):
@@ -37,7 +45,9 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
         observation: str = "encoded",
         render_mode: str | None = None,
         actions: str = "discrete",
+        **unknown: Any,
     ) -> None:
+        require_known(BothSides, unknown)
         self._live = live = LiveGame(game, observation, actions, render_mode, {})
         self.metadata = type(self).metadata | {"render_fps": live.frames_per_second}
         self.render_mode = render_mode
@@ -58,7 +68,10 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, dict[str, Any]]]:
-        """Begin a new game from the game's distribution of starts; games after a seeded one are seeded too."""
+        """Begin a new game from the game's distribution of starts; games after a seeded one are seeded too.
+
+        There are no options; PettingZoo's own test gives some.
+        """
         if seed is not None:
             self._random, _ = np_random(seed)
         self._live.reset(random_bits(self._random))
@@ -73,6 +86,8 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
         """Let all agents hold their actions for one step; raises ResetNeeded where no game is under way."""
         if not self.agents:
             raise gymnasium.error.ResetNeeded("a game begins with reset()")
+        others = sorted(actions.keys() - set(self.possible_agents))
+        require(not others, "agents", ", ".join(map(str, others)), f"among {', '.join(self.possible_agents)}")
         live, acting = self._live, set(self.agents)
         given = [actions.get(agent) if agent in acting else live.idle for agent in self.possible_agents]
         live.step(given, np.uint32(0))

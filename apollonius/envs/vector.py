@@ -1,5 +1,6 @@
 """Gymnasium's vector interface: thousands of games at once in one compiled call, one side from outside."""
 
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
@@ -10,14 +11,24 @@ from gymnasium.vector.utils import batch_space
 
 from apollonius.arenas.file import as_game
 from apollonius.envs.batch import SPARE, Batch, Compiled, UnderWay, require_unforked
-from apollonius.envs.live import action_space, as_actions, observation_space, random_bits, seated
+from apollonius.envs.live import (
+    action_space,
+    as_actions,
+    as_role,
+    observation_space,
+    random_bits,
+    require_known,
+    require_no_options,
+    seated,
+)
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.io.errors import require
-from apollonius.io.limits import PARALLEL_GAMES
+from apollonius.io.limits import PARALLEL_GAMES, Counted
 
 _MODES = {mode.value: mode for mode in (AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP)}
 """By the names that Gymnasium's `make_vec` takes."""
+_SYNC = "; make_vec has it with vectorization_mode='sync', where it is much slower"
 
 
 class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
@@ -39,27 +50,33 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     `[games, robots]` or `[games, robots, 2]`, and a game's reward is the mean of its robots'. Those of a robot that is
     out of play are ignored, and it is rewarded with 0.
 
-    Arguments and errors are those of `apollonius.envs.gymnasium.OneSide`; the mode can be given by its name, `SameStep`
-    or `NextStep`.
+    Arguments and errors are those of `apollonius.envs.gymnasium.OneSide`, but there is no render mode; the mode can be
+    given by its name, `SameStep` or `NextStep`. After `max_episode_steps`, if given, a game is truncated.
     """
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}  # noqa: RUF012
 
     def __init__(
         self,
-        role: Role,
+        role: Role | str,
         num_envs: int = 1,
         opponent: str = "random",
         game: Game | str = "paper",
         observation: str = "encoded",
         actions: str = "discrete",
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        render_mode: str | None = None,
+        max_episode_steps: int | None = None,
+        **unknown: Any,
     ) -> None:
         require_unforked()
+        require_known(ManyGames, unknown)
+        role = as_role(role)
         PARALLEL_GAMES.require("num_envs", num_envs)
         mode = AutoresetMode(autoreset_mode) if autoreset_mode in _MODES else autoreset_mode
-        require(mode in _MODES.values(), "autoreset_mode", autoreset_mode, f"one of {', '.join(_MODES)}")
-        game = as_game(game)
+        require(mode in _MODES.values(), "autoreset_mode", autoreset_mode, f"one of {', '.join(_MODES)}{_SYNC}")
+        require(render_mode is None, "render_mode", render_mode, f"None, as so many games draw no pictures{_SYNC}")
+        game = _shortened(as_game(game), max_episode_steps)
         self.metadata = type(self).metadata | {"autoreset_mode": mode}
         self.num_envs = num_envs
         robots = len(game.bodies[role])
@@ -82,7 +99,8 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Start new games from the game's distribution of starts; one seed, not a list, is that of all."""
-        require(not isinstance(seed, list), "seed", seed, "one number or None: it seeds all games")
+        require(not isinstance(seed, list), "seed", seed, f"one number or None: it seeds all games{_SYNC}")
+        require_no_options(options)
         require_unforked()
         super().reset(seed=seed)  # pyright: ignore[reportArgumentType]
         self._left = 0
@@ -119,6 +137,9 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             infos |= self._of_all(rewards=np.array(made.rewards), status=np.array(made.status))
         return seen, reward, terminated, truncated, infos
 
+    def render(self) -> None:
+        """Draw nothing."""
+
     def _of_all(self, **values: np.ndarray) -> dict[str, Any]:
         return values | {f"_{name}": np.ones(self.num_envs, bool) for name in values}
 
@@ -126,3 +147,13 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         """Draw a new pile of starts where the last might not do; each is used once, from the first on."""
         if self._left < self.num_envs:
             self._starts, self._left = self._draw(random_bits(self.np_random)), SPARE * self.num_envs
+
+
+def _shortened(game: Game, max_episode_steps: int | None) -> Game:
+    """Return a game that is truncated after some steps; raises InvalidInput where the evader would win by that."""
+    if max_episode_steps is None:
+        return game
+    Counted(0).require("max_episode_steps", max_episode_steps)
+    bound = "left out, as the evader wins by time: write a game with other max_steps"
+    require(not game.reward.time_limit_wins, "max_episode_steps", max_episode_steps, bound)
+    return replace(game, max_steps=min(game.max_steps, max_episode_steps))

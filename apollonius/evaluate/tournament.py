@@ -12,12 +12,13 @@ import scipy  # its parts are loaded where they are used
 from jaxtyping import Float
 
 from apollonius.agents.kind import Named
+from apollonius.agents.names import BUILT_IN, SHIELDED
 from apollonius.catalogue import find_player
 from apollonius.evaluate.benchmark import PANELS
 from apollonius.evaluate.match import Match, MatchResult, play_games, play_matches, record_game
 from apollonius.evaluate.statistics import Z
 from apollonius.game.game import Game
-from apollonius.game.types import ROLES, BySide, Outcome
+from apollonius.game.types import ROLES, BySide, Outcome, Role
 from apollonius.io.errors import require
 from apollonius.io.workers import Run
 from apollonius.play.playout import Report, silent
@@ -149,9 +150,17 @@ class Advice:
 
 
 def advise(game: Game, games: int, seed: int = 0, report: Report = silent) -> Advice:
-    """Play every pursuer of the panel that fits a game against every evader; errors as of `play_tournament`."""
+    """Play every pursuer of the panel that fits a game against every evader; errors as of `play_tournament`.
+
+    Rules that move are behind a shield, without which they crash.
+    """
     panel = PANELS["team" if game.teams else "lidar" if game.sensors else "full"]
-    players = ROLES.map(lambda role: [find_player(name, role, game) for name in panel[role.name.lower()]])
+
+    def player(name: str, role: Role) -> Named:
+        moves = name in BUILT_IN and name != STANDING
+        return find_player(SHIELDED * moves + name, role, game)
+
+    players = ROLES.map(lambda role: [player(name, role) for name in panel[role.name.lower()]])
     tournament = play_tournament(game, players, games, seed, report=report)
     rates = tournament.win_rates
     least = BySide(rates.min(axis=1), 1 - rates.max(axis=0))

@@ -1,5 +1,7 @@
 """How a robot moves: a unicycle driven by acceleration and turn rate, within speed limits (Eq. 1)."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -55,6 +57,16 @@ def action_levels(action: Action) -> tuple[Scalar, Scalar]:
     return (action // 3 - 1).astype(jnp.float32), (action % 3 - 1).astype(jnp.float32)
 
 
+def as_action(action: Any) -> Action:
+    """Return an action, which may be a plain number; raises InvalidInput for anything else."""
+    if isinstance(action, int):
+        require(0 <= action < NUM_ACTIONS, "action", action, f"from 0 to {NUM_ACTIONS - 1}")
+    array = jnp.asarray(action)
+    shape = (2,) if is_continuous(array) else ()
+    require(array.shape == shape, "action", action, f"a whole number, or two real ones: of shape {shape}")
+    return array
+
+
 def is_continuous(action: Shaped[Array, "..."] | jax.ShapeDtypeStruct) -> bool:
     """Return whether actions, or their shape and type, are pairs of shares; known before anything runs."""
     return jnp.issubdtype(action.dtype, jnp.floating)
@@ -68,7 +80,7 @@ def stack_actions(*actions: Action) -> Int[Array, " robots"] | Float[Array, "rob
 
 
 class Unicycle(eqx.Module):
-    """One robot's body and limits.
+    """One robot's body and limits; a `Game` refuses impossible ones.
 
     Attributes:
         v_min, v_max: speed limits [m/s].

@@ -1,7 +1,7 @@
 """The game: the rules composed. One reset, one step, neither batched nor auto-reset."""
 
-from collections.abc import Sequence
 from dataclasses import replace
+from typing import cast
 
 import equinox as eqx
 import jax
@@ -13,7 +13,7 @@ from apollonius.game import validation
 from apollonius.game.arena import Arena
 from apollonius.game.chart import Chart
 from apollonius.game.drive import Drives
-from apollonius.game.dynamics import Unicycle
+from apollonius.game.dynamics import Unicycle, as_action
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.judge import fates, judge
 from apollonius.game.reward import Reward, leads
@@ -23,7 +23,6 @@ from apollonius.game.starts import Starts
 from apollonius.game.teams import Body, Teams
 from apollonius.game.types import (
     ROLES,
-    Action,
     BySide,
     Controls,
     GameState,
@@ -32,6 +31,7 @@ from apollonius.game.types import (
     RobotState,
     Role,
     Scalar,
+    SideAction,
     Timestep,
     choose,
     one_each,
@@ -84,7 +84,7 @@ class Game(eqx.Module):
 
     def check(self) -> None:
         """Refuse a game that cannot be played; one whose numbers are traced or swept is left unchecked."""
-        validation.require_single_precision()
+        validation.require_usual_numbers()
         if validation.is_swept(self):
             return
         validation.check_finite(self)
@@ -116,6 +116,8 @@ class Game(eqx.Module):
 
     def reset(self, key: PRNGKeyArray) -> GameState:
         """Draw an arena and an initial state. The key is consumed."""
+        is_key = isinstance(cast(object, key), jax.Array | np.ndarray)
+        require(is_key, "key", key, f"a key of JAX, as jax.random.key({int(key) if isinstance(key, int) else 0})")
         if self.scenario is None:
             return self.starts.sample(key, self.arena, self.bodies)
         place_key, start_key = jax.random.split(key)
@@ -164,16 +166,15 @@ class Game(eqx.Module):
         require(alike, "robots", "of several kinds", f"alike on either side: {who} knows one pursuer and one evader")
         return replace(self, teams=None)
 
-    def step(
-        self, state: GameState, pursuer_action: Action | Sequence[Action], evader_action: Action | Sequence[Action]
-    ) -> Timestep:
+    def step(self, state: GameState, pursuer_action: SideAction, evader_action: SideAction) -> Timestep:
         """Let all robots hold their actions, of a team a list or tuple, for `dt`, and judge the step."""
         bodies, asked = self.at(state).bodies, BySide(pursuer_action, evader_action)
 
         def controls(role: Role) -> tuple[Controls, ...]:
-            actions = asked[role]
-            several = (actions,) if isinstance(actions, jax.Array | np.ndarray) else actions
-            return tuple(body.controls(action) for body, action in zip(bodies[role], several, strict=True))
+            actions, count = asked[role], len(bodies[role])
+            several = actions if isinstance(actions, list | tuple) else (actions,)
+            require(len(several) == count, f"{role.name.lower()}_action", actions, f"{count} in number, one a robot")
+            return tuple(body.controls(as_action(one)) for body, one in zip(bodies[role], several, strict=True))
 
         return self.step_controls(state, ROLES.map(controls))
 

@@ -45,12 +45,12 @@ class OccupancyMap(AbstractObstacle):
     @property
     def x_max(self) -> Real:
         """The right end [m]."""
-        return self.x + (self.field.shape[1] - 1) * self.cell
+        return self.x + (self.field.shape[-1] - 1) * self.cell
 
     @property
     def y_max(self) -> Real:
         """The upper end [m]."""
-        return self.y + (self.field.shape[0] - 1) * self.cell
+        return self.y + (self.field.shape[-2] - 1) * self.cell
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
         """Return the distance [m] from a point to the nearest occupied cell, never too long; negative inside."""
@@ -61,7 +61,7 @@ class OccupancyMap(AbstractObstacle):
     @property
     def _corners(self) -> tuple[int | Int[Array, ""], int | Int[Array, ""]]:
         """Rows and columns of corners."""
-        rows, columns = self.field.shape
+        rows, columns = self.field.shape[-2:]
         return rows, columns
 
     def _at(self, row: Int[Array, ""], column: Int[Array, ""]) -> Scalar:
@@ -129,6 +129,16 @@ class OccupancyMap(AbstractObstacle):
         """Return the occupied cells, the first row at the bottom."""
         corners = np.asarray(self.field)
         return (corners[1:, 1:] + corners[1:, :-1] + corners[:-1, 1:] + corners[:-1, :-1]) <= 0
+
+
+class OneOfMaps(OccupancyMap):
+    """The map of one arena, by its number, in the field of several."""
+
+    field: Float[Array, "arenas rows columns"]
+    member: Int[Array, ""]
+
+    def _at(self, row: Int[Array, ""], column: Int[Array, ""]) -> Scalar:
+        return self.field[self.member, row, column]
 
 
 def distance_field(occupied: Bool[np.ndarray, "rows columns"], cell: float) -> Float[np.ndarray, "corners_y corners_x"]:

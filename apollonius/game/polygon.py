@@ -57,7 +57,7 @@ class Polygon(AbstractObstacle):
         meeting = _meeting(corners)
         require(
             not len(meeting), name, f"{_places(corners, meeting)} and others",
-            "the corners in order around the obstacle, whose edges meet nowhere else; those from these places do",
+            "the corners in order around it, each once, whose edges meet nowhere else; those from these places do",
         )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.drive import Drives
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.occupancy import OccupancyMap
+from apollonius.game.occupancy import OccupancyMap, OneOfMaps
 from apollonius.game.polygon import Polygon
 from apollonius.game.sensing import Sensing
 from apollonius.game.types import Real, Role
@@ -120,11 +120,17 @@ class Scenario(eqx.Module):
         return arena if self.kinds is None else arena + self.count * ((turn + _STRIDE * arena) % len(self.kinds))
 
     def arena(self, place: Int[Array, ""]) -> Arena:
-        """Return the arena of a place. Its chart stays with all others: it is too large to copy for each game."""
-        number = place % self.count
-        arena = jax.tree.map(lambda leaf: jnp.take(leaf, number, 0, mode="clip"), replace(self.arenas, chart=None))
-        chart = self.arenas.chart
-        return arena if chart is None else replace(arena, chart=replace(chart, member=number))
+        """Return the arena of a place. A map's field and a chart stay with all others: they are too large to copy."""
+        number, cells, chart = place % self.count, self.arenas.map, self.arenas.chart
+
+        def own(leaf: Any) -> Array:
+            return jnp.take(leaf, number, 0, mode="clip")
+
+        return replace(
+            jax.tree.map(own, replace(self.arenas, map=None, chart=None)),
+            map=cells and OneOfMaps(cells.field, own(cells.x), own(cells.y), own(cells.cell), "", "", number),
+            chart=chart and replace(chart, member=number),
+        )
 
 
 def stack_arenas(arenas: Sequence[Arena]) -> Arena:

@@ -1,6 +1,6 @@
 """The two sides, robots, actions, outcomes, the state of the game, and one transition."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from enum import IntEnum
 from typing import Any, Generic, TypeVar
 
@@ -35,6 +35,9 @@ Action = Int[Array, ""] | Float[Array, "2"]
 shares of its largest acceleration and of its largest turn rate. Number type and shape say which before anything runs;
 each player always does the one or always the other, and both kinds may meet."""
 
+SideAction = Action | int | Sequence[Action | int]
+"""The action of a side's robot, or a list of one for each robot; of a discrete one its number, too."""
+
 Controls = tuple[Scalar, Scalar]
 """Acceleration u1 [m/s^2] and turn rate u2 [rad/s] of a robot in a step."""
 
@@ -42,7 +45,14 @@ Actions = Int[Array, " games"] | Float[Array, "games 2"]
 """Actions of one side of a batch of games."""
 
 
-class Role(IntEnum):
+class Named(IntEnum):
+    """A whole number that is printed by its name."""
+
+    def __str__(self) -> str:
+        return self.name
+
+
+class Role(Named):
     """The two sides of the game."""
 
     PURSUER = 0
@@ -97,7 +107,7 @@ ROLES = BySide(Role.PURSUER, Role.EVADER)
 """Both sides."""
 
 
-class Outcome(IntEnum):
+class Outcome(Named):
     """Outcomes: the rows of Tables II and III, plus `BOTH_FAILED` for two failures in one step.
 
     `TERRITORY_REACHED`, by the evader, is possible only where an arena has a territory. A decided game of teams has the
@@ -115,7 +125,7 @@ class Outcome(IntEnum):
     TERRITORY_REACHED = 8
 
 
-class RobotStatus(IntEnum):
+class RobotStatus(Named):
     """A robot in play, or the reason why it is not. `HIT_MATE` is possible only where a game asks for it."""
 
     ACTIVE = 0

@@ -1,6 +1,8 @@
 """Checks of a game as a whole: finite numbers, and space to start."""
 
 import math
+import os
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,7 +16,7 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.sensing import Sensing
 from apollonius.game.starts import Starts
 from apollonius.game.types import BySide
-from apollonius.io.errors import InvalidInput, require
+from apollonius.io.errors import InvalidInput, require, shown
 from apollonius.io.kept import Kept
 from apollonius.io.limits import ROBOTS
 
@@ -38,16 +40,33 @@ _OPTIONAL = (
 )
 """Beginnings of the names of parts that a game need not have."""
 
+_SINGLE, _SEEDS = "everything here is in single precision", "a seed means other games otherwise"
+_SETTINGS: dict[str, tuple[tuple[Any, ...], str]] = {
+    "jax_enable_x64": ((False,), _SINGLE),
+    "jax_default_matmul_precision": (("highest", "float32", None), _SINGLE),
+    "jax_threefry_partitionable": ((True,), _SEEDS),
+    "jax_default_prng_impl": (("threefry2x32",), _SEEDS),
+    "jax_random_seed_offset": ((0,), _SEEDS),
+    "jax_transfer_guard": (("allow", None, "log", "log_explicit"), "numbers are sent to the device as games need them"),
+}
+"""Settings of JAX that matter, with the values that they may have, the usual one first, and why no other. All others
+change nothing but speed, messages and, where they choose how XLA compiles, the last bit of some numbers."""
+_FAST = re.compile(r"xla_[a-z]+_enable_fast_(math|min_max)(?!=(false|0))")
+"""Flags of XLA that trade accuracy for speed."""
+
 Bodies = BySide[tuple[Unicycle, ...]]
 Points = Float[np.ndarray, "2 _points"]
 
 _clearances = Kept(jax.vmap(Arena.clearance, in_axes=(None, 0, 0)))
 
 
-def require_single_precision() -> None:
-    """Refuse to compute in double precision, in which no weights, tables and compilations are kept."""
-    double: Any = jax.config.jax_enable_x64  # pyright: ignore[reportAttributeAccessIssue]
-    require(not double, "JAX_ENABLE_X64", double, "0: everything here is in single precision; unset it")
+def require_usual_numbers() -> None:
+    """Refuse settings of JAX and XLA under which a seed means other games than in all that is published."""
+    for name, (usual, why) in _SETTINGS.items():
+        value = getattr(jax.config, name, usual[0])
+        require(value in usual, name.upper(), value, f"{shown(usual[0])}: {why}; unset it")
+    flags = os.environ.get("XLA_FLAGS", "")
+    require(not _FAST.search(flags), "XLA_FLAGS", flags, "without fast-math, which rounds as it likes; take it out")
 
 
 def is_swept(game: Any) -> bool:

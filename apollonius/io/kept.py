@@ -39,7 +39,8 @@ class Kept(Generic[R]):
 
     def __call__(self, *args: Any) -> R:
         leaves, structure = jax.tree.flatten(args)
-        entries = kept_entries() if jax.default_backend() == "cpu" and jax.device_count() == 1 else None
+        is_one_cpu = jax.default_backend() == "cpu" and jax.device_count() == 1
+        entries = kept_entries() if is_one_cpu and not jax.config.values["jax_disable_jit"] else None
         if entries is None or any(isinstance(leaf, Tracer) for leaf in leaves):
             return self._jitted(*args)
         key = structure, tuple(map(jax.typeof, leaves))

@@ -34,7 +34,7 @@ def draw_arena(axes: Axes, arena: Arena) -> None:
 KINDS = {
     "free to both": palette.PAPER,
     "an obstacle": palette.OBSTACLE,
-    "too near for the pursuer's body": palette.GRID,
+    "too near for {} body": palette.GRID,
     "cut off from the largest free part": palette.OTHER,
     "the evader is safe here": palette.EVADER,
 }
@@ -68,8 +68,13 @@ def save_plan(name: str, game: Game, survey: Survey, path: Path) -> None:
         colours = ListedColormap(["none" if colour == palette.OBSTACLE else colour for colour in KINDS.values()])
         axes.imshow(kinds, cmap=colours, norm=norm, extent=ends, origin="lower", interpolation="nearest")
         draw_arena(axes, arena)
+        body = "a robot's" if game.pursuer.radius == game.evader.radius else "the pursuer's"
         keys = [
-            Patch(facecolor=colour, edgecolor=palette.OBSTACLE, label=f"{what} ({np.mean(kinds == kind):.1%})")
+            Patch(
+                facecolor=colour,
+                edgecolor=palette.OBSTACLE,
+                label=f"{what.format(body)} ({np.mean(kinds == kind):.1%})",
+            )
             for kind, (what, colour) in enumerate(KINDS.items())
             if (kinds == kind).any()
         ]

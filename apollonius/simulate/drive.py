@@ -1,7 +1,6 @@
 """A differential drive: what it weighs and measures, and how its controller follows a policy's controls."""
 
 from dataclasses import dataclass, field
-from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,15 @@ from jaxtyping import Float
 
 from apollonius.arenas.file import from_dict
 from apollonius.io.document import parse_toml, read_bytes
-from apollonius.io.errors import require, require_positive
+from apollonius.io.errors import require, require_within
+
+_BOUNDS = {
+    "mass": (0.01, 10_000), "wheel_mass": (0.001, 1_000), "wheel_radius": (0.005, 2), "track": (0.01, 10),
+    "caster": (0.005, 10), "mass_behind": (0, 10), "chassis_radius": (0.005, 10), "friction": (0.0001, 10),
+    "inertia": (0, 1_000), "resistance": (0, 10_000), "torque": (0.001, 100_000), "stiffness": (0.001, 100_000),
+    "lag": (0, 10), "latency": (0, 10), "turn_acceleration": (0.001, 1_000_000),
+}  # fmt: skip
+"""The least and the largest number of each field: of a toy and of a lorry."""
 
 
 @dataclass(frozen=True)
@@ -51,10 +58,8 @@ class Drive:
     """The drive changes its turn rate no faster than this [rad/s^2]."""
 
     def __post_init__(self) -> None:
-        positive = ("mass", "wheel_mass", "wheel_radius", "track", "caster", "chassis_radius", "friction", "torque")
-        require_positive(self, *positive, "stiffness", "turn_acceleration")
-        for name in (*positive, "stiffness", "mass_behind", "inertia", "resistance", "lag", "latency"):
-            require(0 <= getattr(self, name) < inf, name, getattr(self, name), "at least 0 and finite")
+        for name, (low, high) in _BOUNDS.items():
+            require_within(self, low, high, name)
         bound = f"less than half the mass = {self.mass} kg"
         require(2 * self.wheel_mass < self.mass, "wheel_mass", self.wheel_mass, bound)
         bound = f"less than caster = {self.caster} m, or the robot falls over backwards"

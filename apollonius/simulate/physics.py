@@ -16,7 +16,7 @@ from apollonius.game.game import Game
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Polygon
 from apollonius.game.types import Real, Role
-from apollonius.io.errors import require, require_extra
+from apollonius.io.errors import InvalidInput, require, require_extra
 from apollonius.simulate.drive import Drive
 
 WHEELS = ("left", "right")
@@ -205,8 +205,22 @@ class Physics:
     def advance(
         self, states: Float64[np.ndarray, "games numbers"], wheel_speeds: Float[np.ndarray, "games steps wheels"]
     ) -> Float64[np.ndarray, "games numbers"]:
-        """Return the states after a step of the physics for each of the wheel speeds asked for [rad/s]."""
-        moved, _ = self._rollout.rollout(self.model, self._data, states, wheel_speeds)
+        """Return the states after a step of the physics for each of the wheel speeds asked for [rad/s].
+
+        Raises InvalidInput where MuJoCo warns of its numbers: it would put such a robot back to where it began.
+        """
+        warnings: list[str] = []
+        # Without a handler MuJoCo writes MUJOCO_LOG.TXT into the current folder.
+        self._mujoco.set_mju_user_warning(warnings.append)
+        try:
+            moved, _ = self._rollout.rollout(self.model, self._data, states, wheel_speeds)
+        finally:
+            self._mujoco.set_mju_user_warning(None)
+        if warnings:
+            raise InvalidInput(
+                f"MuJoCo cannot simulate these robots ({warnings[0]}): make masses, inertia, torque and stiffness of "
+                "the drive more like a real robot's."
+            )
         return moved[:, -1]
 
     def measure(self, states: Float64[np.ndarray, "games numbers"]) -> Float64[np.ndarray, "games columns"]:

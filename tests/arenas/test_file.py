@@ -34,6 +34,7 @@ def written(tmp_path):
 
 
 def test_a_file_says_what_differs_from_the_defaults(written):
+    """The ring of a polygon may be closed."""
     game = written("""
 capture_distance = 0.6
 max_steps = 300
@@ -45,7 +46,7 @@ x_max = 12
 y_max = 6.5
 discs = [{x = 6, y = 3, radius = 0.5}]
 [[arena.polygons]]
-vertices = [[4, 4], [6, 4], [5, 6.5]]
+vertices = [[4, 4], [6, 4], [5, 6.5], [4, 4]]
 """)
     disc, polygon = Disc(6.0, 3.0, 0.5), Polygon(((4.0, 4.0), (6.0, 4.0), (5.0, 6.5)))
     pursuer, evader = Unicycle(v_max=0.8, radius=0.25), Unicycle(v_max=1.0, u2_max=1.5, radius=0.2)
@@ -141,6 +142,8 @@ def test_rows_run_upwards_and_the_unknown_is_occupied(tmp_path):
         ({"negate": "1"}, [1, 0, 0, 0]),
         ({"free_thresh": "0.999", "occupied_thresh": "1"}, [0, 1, 1, 1]),
         ({"mode": "trinary", "cost": "3"}, [0, 0, 0, 1]),
+        *[({"negate": word}, [0, 0, 0, 1]) for word in ("false", "No", "OFF")],
+        *[({"negate": word}, [1, 0, 0, 0]) for word in ("true", "Yes", "ON", "'y'")],
     ],
 )
 def test_thresholds_are_those_of_map_server(tmp_path, changes, free):
@@ -160,19 +163,42 @@ def test_plain_and_raw_pgm_and_png_are_one_map(tmp_path):
         assert other.digest != raw.digest
 
 
+@pytest.mark.parametrize("mode", ["1", "L", "LA", "P", "RGB", "RGBA", "tRNS"])
+def test_colours_are_averaged_and_opacity_with_them_as_nav2_does(tmp_path, mode):
+    """What it calls free, cell by cell, of all greys, some of them transparent, and a few colours."""
+    cells = np.stack([np.tile(np.arange(0, 256, 5), (4, 1))] * 3 + [np.full((4, 52), 255)], axis=-1).astype(np.uint8)
+    cells[1, :, 3], cells[2, :, 3], cells[3, :, 0] = 0, 128, 255
+    cells = cells.repeat(3, axis=0).repeat(3, axis=1)
+    picture = Image.fromarray(cells)
+    picture = picture.convert("RGB") if mode in ("P", "tRNS") else picture
+    saved = picture.convert("RGB" if mode == "tRNS" else mode, dither=Image.Dither.NONE)
+    saved.save(tmp_path / "map.png", **({"transparency": (250, 250, 250)} if mode == "tRNS" else {}))
+    shown = np.asarray(saved.convert("RGB"), float)
+    if mode in ("LA", "RGBA"):
+        shown = np.concatenate([shown, cells[..., 3:]], axis=-1)
+    if mode == "tRNS":
+        opaque = 255.0 * (shown != 250).any(axis=-1, keepdims=True)
+        shown = np.concatenate([shown, opaque], axis=-1)
+    found = load_map(write(tmp_path, None, image="map.png", free_thresh="0.22"))
+    free = 1 - shown.mean(axis=-1) / 255 < 0.22
+    assert 0 < free.sum() < free.size
+    np.testing.assert_array_equal(~found.occupied()[::-1][1::3, 1::3], free[1::3, 1::3])
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
         ({"image": None}, "image = missing"),
         ({"image": "[3]"}, r"image = \['3'\] .* name of a file"),
         ({"image": "none.pgm"}, "none.pgm' .* check the path"),
-        ({"image": "floor.yaml"}, "no whole PGM or PNG"),
+        ({"image": "floor.yaml"}, "no whole PGM or PNG .* convert it to one of these"),
         ({"resolution": "0"}, "resolution = 0 .* more than 0"),
         ({"resolution": "fine"}, "resolution = fine"),
         ({"origin": "[0, 0]"}, r"origin = \[0, 0\] .* \[x, y, yaw\]"),
         ({"origin": "[0, 0, 0.1]"}, "yaw = 0.1 .* turn the image"),
         ({"origin": "[0, up, 0]"}, "origin = up"),
-        ({"negate": "2"}, "negate = 2"),
+        ({"negate": "2"}, "negate = 2 .* 0 or false .*, 1 or true"),
+        ({"negate": "perhaps"}, "negate = perhaps"),
         ({"occupied_thresh": "1.5"}, "free_thresh"),
         ({"free_thresh": "0.7"}, "free_thresh = 0.7 .* up to occupied_thresh = 0.65"),
         ({"mode": "scale"}, "mode = scale .* trinary"),
@@ -186,10 +212,10 @@ def test_plain_and_raw_pgm_and_png_are_one_map(tmp_path):
         ({"pixels": b"P5 20000 20000 255\n"}, r"\(20000, 20000\) .* at most 10,000 cells .* crop it"),
         ({"pixels": b"\x89PNG\r\n\x1a\n"}, "no whole PGM or PNG"),
         ({"pixels": b"P5 20 20 255\n" + bytes(100)}, "no whole PGM or PNG"),
-        ({"pixels": b"P6 20 20 255\n" + bytes(1200)}, "kind RGB .* grey"),
+        ({"pixels": b"Pf 20 20 1.0\n" + bytes(1600)}, "kind F .* convert it to PGM"),
         ({"pixels": b"P5 10000 10000 255\n"}, "needs 10.2 GiB of memory and this machine has 4.0 GiB: crop it"),
     ],
-    ids=range(25),
+    ids=range(26),
 )
 def test_each_error_of_a_map_is_one_clear_line_before_a_picture_too_large_is_read(tmp_path, monkeypatch, changes, said):
     monkeypatch.setattr(limits, "available_memory", lambda: 2**32)
@@ -229,7 +255,7 @@ def test_specks_are_reported_and_taken_out_where_the_map_says_so(hall, capsys):
     write(hall.parent, pixels)
     assert main(["arena", "check", str(hall)]) == 0
     said = capsys.readouterr().out
-    assert "specks on the map, of at most 4 cells: 1," in said
+    assert "specks on the map, of at most 4 cells: 1, at (5.75, 6.25); " in said
     area = float(said.partition("least_obstacle to ")[2].split()[0])
     for least, there in ((1, 4), (area, 0)):
         found = load_map(write(hall.parent, pixels, least_obstacle=least))

@@ -248,6 +248,10 @@ def test_the_plan_shows_what_was_found_and_says_what_is_wrong(tmp_path, monkeypa
     (axes,) = drawn[0].axes
     assert axes.get_images()[0].get_extent() == [0, 10, 0, 10]
     assert axes.get_title(loc="left").startswith("gate, 10 x 10 m: 1 thing is wrong")
+    save_plan("gate", replace(game, evader=game.pursuer), found, tmp_path / "plan.png")
+    for figure, body in zip(drawn, ("the pursuer's", "a robot's"), strict=True):
+        labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+        assert any(label.startswith(f"too near for {body} body (") for label in labels)
 
 
 def test_the_command_says_what_is_wrong(tmp_path, capsys):

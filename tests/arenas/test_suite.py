@@ -133,6 +133,7 @@ def test_a_list_of_arenas_is_a_game_in_each_of_them(three):
         assert to_dict(alone.arena) == to_dict(arena)
         x, y = np.random.default_rng(0).uniform(0, [[arena.x_max], [arena.y_max]], (2, 300)).astype(np.float32)
         np.testing.assert_allclose(clearances(padded, x, y), clearances(arena, x, y), atol=1e-5)
+        assert padded.map.field is three.scenario.arenas.map.field, "no game has a copy"
 
 
 def test_a_record_names_it(three):

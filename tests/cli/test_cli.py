@@ -306,6 +306,7 @@ def test_a_random_arena_in_place_of_several_is_the_one_that_is_played():
     [
         ("JAX_PLATFORMS", "nope", 2, "JAX_PLATFORMS = nope is not possible"),
         ("JAX_ENABLE_X64", "1", 2, "JAX_ENABLE_X64 = true is not possible"),
+        ("JAX_DEFAULT_PRNG_IMPL", "best", 2, 'JAX does not begin (Invalid value "best"'),
         ("PYTHONIOENCODING", "ascii:strict", 0, ""),
     ],
 )
@@ -321,6 +322,12 @@ def test_an_odd_environment_is_refused_or_makes_no_difference(monkeypatch, varia
     assert "Traceback" not in said.stderr
     if status == 0:
         assert " ? " in said.stdout  # for plus or minus
+
+
+def test_xlas_alarm_at_long_compilations_does_not_ring(monkeypatch):
+    monkeypatch.delenv("TF_CPP_MIN_LOG_LEVEL", raising=False)
+    asks = "import os; from apollonius.__main__ import main; main(); print(os.environ['TF_CPP_MIN_LOG_LEVEL'])"
+    assert run_process(asks).stdout.endswith("\n3\n")
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, seed_test
@@ -100,6 +101,69 @@ def test_unknown_options_are_refused():
     for name, value in (("observation", "eyes"), ("opponent", "nobody"), ("actions", "some"), ("render_mode", "me")):
         with pytest.raises(InvalidInput, match=value if name == "opponent" else f"{name} = {value}"):
             OneSide(Role.PURSUER, **{name: value})
+
+
+PURSUIT = "apollonius.envs.gymnasium:apollonius/Pursuit-v0"
+
+
+def spec_again(made):
+    """From its specification as JSON."""
+    return gymnasium.make(EnvSpec.from_json(made.spec.to_json()))
+
+
+def test_an_environments_specification_survives_json():
+    env = spec_again(gymnasium.make(PURSUIT, opponent="still", observation="paper", max_episode_steps=7))
+    assert isinstance(env.unwrapped, OneSide)
+    assert env.spec.max_episode_steps == 7
+    assert env.reset(seed=0)[0].shape == (8,)
+
+
+@pytest.mark.parametrize("kind", ["gymnasium", "one by one", "many", "pettingzoo"])
+def test_every_option_of_an_interface_is_known_or_refused_in_words_of_its_own(kind):
+    make = {
+        "gymnasium": partial(gymnasium.make, PURSUIT),
+        "one by one": partial(gymnasium.make_vec, PURSUIT, vectorization_mode="sync"),
+        "many": partial(gymnasium.make_vec, PURSUIT),
+        "pettingzoo": apollonius.parallel_env,
+    }[kind]
+    refused = {"opponnent": "still", "game": "chess", "observation": "eyes", "actions": "some", "render_mode": "smell"}
+    if kind == "many":
+        refused |= {"autoreset_mode": "Disabled", "render_mode": "rgb_array", "max_episode_steps": 0, "copy": False}
+    if kind != "pettingzoo":
+        refused |= {"role": "goalkeeper"}
+    for name, value in refused.items():
+        if (kind, name) in (("gymnasium", "render_mode"), ("one by one", "render_mode")):
+            continue  # Gymnasium itself looks at it, as text
+        with pytest.raises(InvalidInput, match=f"(?i){name} .*'?{value}") as refusal:
+            make(**{name: value})
+        assert "\n" not in str(refusal.value)
+
+
+def test_many_games_are_truncated_after_the_steps_that_are_asked_for_and_draw_nothing():
+    env = gymnasium.make_vec(PURSUIT, num_envs=3, opponent="still", observation="paper", max_episode_steps=2)
+    env.reset(seed=0)
+    assert [env.step(np.full(3, 4))[3].tolist() for _ in range(4)] == [[False] * 3, [True] * 3] * 2
+    assert env.render() is None
+    for wrong, said in (
+        (lambda: ManyGames("evader", game="zero-sum", max_episode_steps=2), "max_episode_steps = 2 .* wins by time"),
+        (lambda: env.reset(options={"reset_mask": np.ones(3, bool)}), "options = "),
+        (lambda: env.reset(seed=[1, 2, 3]), r"seed = \[1, 2, 3\] .* vectorization_mode='sync'"),
+    ):
+        with pytest.raises(InvalidInput, match=said):
+            wrong()
+
+
+def test_a_game_that_has_ended_goes_on_in_no_interface(env):
+    one = OneSide("pursuer", "still", Game(max_steps=2), "paper")
+    one.reset(seed=0)
+    assert [one.step(4)[3] for _ in range(2)] == [False, True]
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        one.step(4)
+    with pytest.raises(InvalidInput, match=r"options = .* left out"):
+        one.reset(options={"start": 3})
+    env.reset(seed=0)
+    with pytest.raises(InvalidInput, match=r"agents = evadr_0 .* among pursuer_0, evader_0"):
+        env.step({"pursuer_0": 0, "evader_0": 0, "evadr_0": 1})
 
 
 @pytest.mark.parametrize("kind", ["discrete", "continuous"])

@@ -162,7 +162,7 @@ def test_agents_kept_on_the_way_are_left_out(tmp_path):
 def advised():
     short = replace(make_game("paper"), arena=Arena(), max_steps=60)
     with pytest.MonkeyPatch.context() as patch:
-        panel = {"pursuer": ("still", "intercept"), "evader": ("still", "flee")}
+        panel = {"pursuer": ("still", "intercept"), "evader": ("still", "random")}
         patch.setattr(tournament, "PANELS", {"full": panel})
         yield tournament.advise(short, 16, seed=1)
 
@@ -170,9 +170,10 @@ def advised():
 def test_the_best_players_are_those_that_do_best_against_their_worst_opponent(advised):
     rates = advised.tournament.win_rates
     assert 0 < rates[1].min() < 1
-    assert advised.best.pursuer == "intercept"
+    assert advised.tournament.pursuers == ("still", "shielded:intercept"), "rules that move are behind a shield"
+    assert advised.best.pursuer == "shielded:intercept"
     assert advised.least.pursuer == rates[1].min()
-    assert advised.least.evader == 1 - rates[:, ["still", "flee"].index(advised.best.evader)].max()
+    assert advised.least.evader == 1 - rates[:, ["still", "shielded:random"].index(advised.best.evader)].max()
     assert advised.least.evader == (1 - rates.max(axis=0)).max()
 
 
@@ -185,7 +186,11 @@ def test_stops_are_where_the_best_pursuer_was_when_the_time_for_a_standing_evade
 def test_the_table_names_players_rates_and_places(advised):
     text = advice_table(advised)
     x, y = advised.stops[0]
-    for part in ("intercept, which wins", f"({x:g}, {y:g})", f"{advised.tournament.win_rates[1, 0]:.0%}"):
+    for part in (
+        "best pursuer: shielded:intercept, which wins at least",
+        f"({x:g}, {y:g})",
+        f"{advised.tournament.win_rates[1, 0]:.0%}",
+    ):
         assert part in text
 
 

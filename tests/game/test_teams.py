@@ -1,6 +1,8 @@
 """The rules against their NumPy twin, what must hold in teams, and refusals of games that nobody can play."""
 
 import math
+import subprocess
+import sys
 from dataclasses import replace
 from functools import partial
 
@@ -12,7 +14,7 @@ import pytest
 from apollonius.arenas.file import find_game, from_dict, load_game, to_dict
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.drive import Drive, Drives
-from apollonius.game.dynamics import Unicycle
+from apollonius.game.dynamics import Unicycle, as_action
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import in_teams, make_game, paper, randomised
@@ -319,6 +321,63 @@ def test_an_impossible_value_is_named_with_its_bound_and_the_remedy(change, said
     assert "\n" not in message
     for words in said:
         assert words in message
+
+
+def test_plain_numbers_are_actions_and_enumerations_print_their_names():
+    game = make_game("paper")
+    state = game.reset(jax.random.key(0))
+    plain, same = game.step(state, 8, [1]), game.step(state, jnp.int32(8), jnp.int32(1))
+    assert jax.tree.leaves(plain) == jax.tree.leaves(same)
+    assert f"{Outcome(int(plain.outcome))} {RobotStatus(3)} {ROLES.evader}" == "ONGOING OUT_OF_RANGE EVADER"
+    for act, said in (
+        (lambda: game.step(state, 9, 1), "action = 9 .* from 0 to 8"),
+        (lambda: as_action(np.float32(4.5)), "action = 4.5 .* two real ones"),
+        (lambda: game.step(state, [8, 8], 1), r"pursuer_action = \[8, 8\] .* 1 in number"),
+    ):
+        with pytest.raises(InvalidInput, match=said):
+            act()
+    assert as_action(np.int64(1)) == 1
+
+
+@pytest.mark.slow
+def test_a_seed_in_place_of_a_key_is_refused_with_the_key():
+    """In a process of its own, where types are not checked."""
+    said = subprocess.run(
+        [sys.executable, "-c", "import apollonius; apollonius.make_game('paper').reset(7)"],
+        capture_output=True, text=True, check=False,
+    ).stderr  # fmt: skip
+    assert said.splitlines()[-1].endswith("key = 7 is not possible: it must be a key of JAX, as jax.random.key(7).")
+
+
+@pytest.mark.parametrize(
+    ("setting", "value", "said"),
+    [
+        ("jax_threefry_partitionable", False, "true: a seed means other games"),
+        ("jax_default_prng_impl", "rbg", "threefry2x32: a seed"),
+        ("jax_random_seed_offset", 5, "0: a seed"),
+        ("jax_default_matmul_precision", "bfloat16", "highest: everything here is in single"),
+        ("jax_transfer_guard", "disallow", "allow: numbers are sent"),
+    ],
+)
+def test_settings_of_jax_that_change_numbers_are_refused_and_others_are_not(setting, value, said):
+    before = jax.config.values[setting]
+    jax.config.update(setting, value)
+    try:
+        with pytest.raises(InvalidInput, match=f"{setting.upper()} = .* must be {said}.*; unset it"):
+            Game()
+    finally:
+        jax.config.update(setting, before)
+    with jax.default_matmul_precision("highest"):
+        Game()
+
+
+def test_fast_arithmetic_of_xla_is_refused(monkeypatch):
+    for flags, name in (("", "cpu_enable_fast_math"), ("--xla_x=1 ", "gpu_enable_fast_min_max=true")):
+        monkeypatch.setenv("XLA_FLAGS", f"{flags}--xla_{name}")
+        with pytest.raises(InvalidInput, match=r"XLA_FLAGS = .* without fast-math"):
+            Game()
+    monkeypatch.setenv("XLA_FLAGS", "--xla_cpu_enable_fast_math=false --xla_cpu_prefer_vector_width=512")
+    Game()
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,8 @@
 """The drive, MuJoCo's robots, which go where their wheels take them, and games of theirs, judged by the rules."""
 
 import sys
-from dataclasses import replace
-from math import inf
+from dataclasses import fields, replace
+from math import inf, nan
 from xml.etree import ElementTree
 
 import jax
@@ -36,7 +36,7 @@ from tests.car import Car
 from tests.test_extending import WALL, WithCapsules
 
 LIMITS = np.array([[0.0, 1.2], [0.0, 1.2]])
-IDEAL = Drive(latency=0.0, lag=0.0, turn_acceleration=inf, friction=10.0, resistance=0.0, torque=1000.0)
+IDEAL = Drive(latency=0.0, lag=0.0, turn_acceleration=1e6, friction=10.0, resistance=0.0, torque=1000.0)
 """A drive without delay, lag or slip."""
 
 
@@ -78,8 +78,8 @@ def test_the_turn_rate_changes_no_faster_than_the_drive_can():
 
 
 def test_impossible_drives_are_refused():
-    impossible = {"torque": -1.0, "latency": -0.1, "lag": inf, "wheel_mass": 4.5, "mass": inf, "mass_behind": 0.2}
-    for name, value in impossible.items():
+    impossible = {"torque": -1.0, "latency": -0.1, "lag": inf, "wheel_mass": 4.5, "mass": 1e308, "mass_behind": 0.2}
+    for name, value in impossible.items() | {(field.name, nan) for field in fields(Drive)}:
         with pytest.raises(InvalidInput, match=name):
             Drive(**{name: value})
 
@@ -173,6 +173,15 @@ def test_what_no_body_can_do_is_refused(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(InvalidInput, match="pip install mujoco"):
         Physics(PAPER, Drive())
+
+
+def test_numbers_that_grow_beyond_all_bounds_end_the_games_and_leave_no_log(monkeypatch, tmp_path):
+    """MuJoCo would go on with both robots where they began."""
+    monkeypatch.chdir(tmp_path)
+    physics = Physics(PAPER, Drive(wheel_radius=0.005, friction=10.0, torque=1e5, stiffness=1e5))
+    with pytest.raises(InvalidInput, match=r"MuJoCo cannot simulate these robots \(Nan, .* torque"):
+        drive_on(physics, HERE, 1.2, 0.8, 2.0)
+    assert not list(tmp_path.iterdir())
 
 
 GAME = replace(make_game("paper"), max_steps=40)

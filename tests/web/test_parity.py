@@ -18,7 +18,7 @@ from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.shield import MARGIN, brakes
 from apollonius.agents.store import describe, save_agent
 from apollonius.arenas.charting import charted
-from apollonius.arenas.file import find_game, game_names, load_game, to_dict
+from apollonius.arenas.file import find_game, from_dict, game_names, load_game, to_dict
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.chart import COARSE
 from apollonius.game.dynamics import Unicycle
@@ -317,7 +317,10 @@ def test_a_passage_that_is_too_narrow_for_one_robot_is_said():
 def test_games_are_read_as_the_package_reads_them():
     names = [name for name in game_names() if not name.startswith("team") and name not in LIMITED]
     texts = [json.dumps(to_dict(find_game(name))) for name in names]
+    ring = {"arena": {"polygons": [{"vertices": [[1, 1], [2, 2], [2, 1], [1, 1]]}]}}
     assert [read.get("answer") for read in ask(read=texts)] == [*map(json.loads, texts)]
+    (closed,) = ask(read=[json.dumps(ring)])
+    assert closed["answer"] == json.loads(json.dumps(to_dict(from_dict(Game, ring, "a ring"))))
 
 
 REFUSED = [

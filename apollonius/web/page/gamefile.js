@@ -122,7 +122,8 @@ export function gameFrom(said, map = null) {
       const isPoint = Array.isArray(corner) && corner.length === 2 && corner.every((one) => Number.isFinite(one) && Math.abs(one) <= MAX_SIZE);
       require(isPoint, name, corner, "[x, y] of each corner");
     }
-    return { vertices: vertices.map(([x, y]) => [x, y]) };
+    const isClosed = vertices.length > 1 && vertices.at(-1).join() === vertices[0].join();
+    return { vertices: vertices.slice(0, isClosed ? -1 : undefined).map(([x, y]) => [x, y]) };
   });
   if (arena.territory !== undefined) arena.territory = filled(arena.territory, DISC, "arena.territory");
   if (map) arena.map = map;
@@ -172,7 +173,7 @@ function checkArena(arena, ends) {
     const name = `arena.polygons[${i}].vertices`;
     require(vertices.length >= 3, name, `${vertices.length} corners`, `3 to ${MOST_CORNERS}`);
     require(vertices.every(([x, y]) => inside(x, y)), name, vertices, "inside the walls; move them");
-    require(!hasMeetingEdges(vertices), name, vertices, "the corners in order around the obstacle, whose edges meet nowhere else");
+    require(!hasMeetingEdges(vertices), name, vertices, "the corners in order around the obstacle, each once, whose edges meet nowhere else");
   });
   if (arena.territory) {
     const { x, y, radius } = arena.territory;
