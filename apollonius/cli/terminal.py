@@ -58,14 +58,21 @@ def match_heading(match: "Match") -> str:
     return f"{pursuer} (pursuer) against {evader} (evader), {match.games:,} games, starts: {match.game.starts.speed}"
 
 
+_OWN_FAILURES = "hit_obstacle", "out_of_range"
+"""Outcomes by which a side fails, after its name."""
+
+
 def match_table(match: "Match", result: "MatchResult") -> str:
-    """Return a match as lines of text: who wins more, and a bar for each outcome that occurred."""
+    """Return a match as lines of text: who wins more, who fails, and a bar for each outcome that occurred."""
     pursuer, evader = result.pursuer_win_interval, result.evader_win_interval
     ahead = "The pursuer" if pursuer[0] > evader[1] else "The evader" if evader[0] > pursuer[1] else "Nobody surely"
     lines = [f"{ahead} wins more."]
     rates = result.pursuer_win_rate, result.evader_win_rate
     for side, player, rate, interval in zip(SIDES, match.players, rates, (pursuer, evader), strict=True):
+        failed = sum(result.outcomes[f"{side}_{how}"] for how in _OWN_FAILURES) + result.outcomes["both_failed"]
         lines.append(f"  {player.name} ({side}) wins {rate:.2%} of games {within(interval)}")
+        if failed:
+            lines[-1] += f", loses {failed / result.games:.2%} by a failure of its own"
     lines.append(f"{match.games:,} games, starts: {match.game.starts.speed}")
     shares = _shares(result.outcomes)
     rows = [(f"  {name.replace('_', ' ')}", f"{share:.1%}", f"{result.outcomes[name]:,}") for name, share in shares]

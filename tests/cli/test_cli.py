@@ -139,9 +139,9 @@ def test_evaluate_prints_one_json_object_and_records_the_games_that_the_pursuer_
 @pytest.mark.parametrize(
     ("captured", "verdict", "rate"),
     [
-        (90, "The pursuer wins more", "90.00% of games (95 % interval 82.56% to 94.48%)\n  evader"),
+        (90, "The pursuer wins more", "90.00% of games (95 % interval 82.56% to 94.48%), loses 10.00% by"),
         (10, "The evader wins more", "10.00% of games"),
-        (50, "Nobody surely wins more", "50.00% of games"),
+        (50, "Nobody surely wins more", "50.00% of games (95 % interval 40.38% to 59.62%), loses 50.00% by"),
     ],
 )
 def test_the_first_line_says_who_wins_and_how_surely(captured, verdict, rate):
