@@ -103,12 +103,16 @@ def run_resume(options: argparse.Namespace) -> int:
     from apollonius.learn.folder import load_config
     from apollonius.learn.progress import progress_of, runs_below
 
+    def is_over(run: Path) -> bool:
+        if progress_of(run).state.state != "finished":
+            return False
+        return (run / EVALUATION).is_file() or load_config(run / "config.toml").one_side is not None
+
     folder: Path = options.folder
     runs = runs_below(folder)
     if runs == [folder] and options.on is None:
         return _train_and_judge(load_config(folder / "config.toml"), folder, options)
-    left = [run for run in runs if progress_of(run).state.state != "finished" or not (run / EVALUATION).is_file()]
-    return train_all(left, folder, options)
+    return train_all([run for run in runs if not is_over(run)], folder, options)
 
 
 def _requested_config(options: argparse.Namespace) -> "RunConfig":

@@ -22,6 +22,8 @@ from apollonius.io.errors import InvalidInput, require, require_within
 from apollonius.learn.config import RunConfig
 
 FORMAT = "apollonius-checkpoint-2"
+METRICS = "metrics.jsonl"
+"""Name of the file in a run's folder with its metrics, which is never replaced while it is trained."""
 _OWN = (
     "agents/*.safetensors", "tables/*.safetensors", "checkpoint.safetensors", "*.jsonl", "evaluation.json",
     "state.json", "report.html", "config.toml",
@@ -50,21 +52,25 @@ def create_run(config: RunConfig, folder: Path, force: bool = False) -> None:
 
 @contextmanager
 def held(folder: Path) -> Generator[None, None, None]:
-    """Keep other processes from training in a run's folder, if it has locks; raises InvalidInput while one does."""
-    directory = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(directory, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        os.close(directory)
-        raise InvalidInput(f"'{folder}' is being trained by another process: wait for it, or stop it.") from error
-    except OSError:
-        pass  # a file system without locks
-    try:
+    """Keep other processes from training in a run's folder, if it has locks; raises InvalidInput while one does.
+
+    Other machines see a lock on NFS if it is that of a file open for writing, but not that of a folder. A link is no
+    such file: what it leads to may be somebody's own.
+    """
+
+    def opener(path: str, flags: int) -> int:
+        return os.open(path, flags | os.O_NOFOLLOW)
+
+    with open(folder / METRICS, "a+b", opener=opener) as file:  # with "+" it does not wait for a reader of a pipe
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise InvalidInput(f"'{folder}' is being trained by another process: wait for it, or stop it.") from error
+        except OSError:
+            pass  # a file system without locks
         for abandoned in folder.rglob("*.tmp"):  # by a process that was killed
             abandoned.unlink()
         yield
-    finally:
-        os.close(directory)
 
 
 def agent_file(run: Path, name: str, percent: int = 100) -> Path:

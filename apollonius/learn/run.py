@@ -32,6 +32,7 @@ from apollonius.learn import distillation, loop, ppo, train_state
 from apollonius.learn.caution import cautious, sampled
 from apollonius.learn.config import DISTILLATION, FIXED_TARGET, RESPONSE, SELF_PLAY, STAGES, RunConfig
 from apollonius.learn.folder import (
+    METRICS,
     Evaluation,
     Standing,
     agent_file,
@@ -77,7 +78,7 @@ class Run:
     def __post_init__(self) -> None:
         self.game = charted(self.config.game, find_observation(self.config.learner.observation).charted)
         self.checkpoint = self.folder / "checkpoint.safetensors"
-        self.metrics = self.folder / "metrics.jsonl"
+        self.metrics = self.folder / METRICS
         self.evaders = find_pool(self.config.evaders, Role.EVADER, self.game)
         self.game = charted(self.game, self.evaders.members.charted)
         self.plans = self.config.plans

@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import platform
 import re
 import subprocess
 import sys
@@ -391,6 +392,45 @@ def test_of_several_runs_those_that_ended_and_were_judged_are_left_alone(tiny, c
     asked.clear()
     assert main(["resume", "sweep"]) == 0
     assert asked == runs[1:]
+    text = Path(runs[1], "config.toml").read_text(encoding="utf-8")
+    Path(runs[1], "config.toml").write_text(text.replace('"both"', '"response"'), encoding="utf-8")
+    asked.clear()
+    assert main(["resume", "sweep"]) == 0
+    assert asked == runs[2:], "one side that learned alone is not judged"
+
+
+def test_odd_runs_of_strangers_hide_no_other_and_write_nothing_of_their_own_on_the_terminal(capsys):
+    line = {
+        "stage": "response",
+        "env_steps": 8,
+        "episodes": 1,
+        "updates": 1,
+        "seconds": 1.0,
+        "losses": {"pursuer": 0.1},
+    }
+    line |= {"env_steps_per_second": 8, "outcomes": counts_by_name([0] * 9), "pursuer_return": 0, "evader_return": 0}
+    odd = {
+        "process": ("state.json", {"state": "running", "machine": platform.node(), "process": 99999999999}),
+        "stage": ("metrics.jsonl", line),
+        "word\x1b[2J": (
+            "state.json",
+            {"state": "failed", "machine": "m\x1b]0;x\x07", "error": "\x1b[31mred\nrun finished"},
+        ),
+        "sound": ("metrics.jsonl", line | {"stage": "self-play"}),
+    }
+    for name, (file, record) in odd.items():
+        Path("runs", name).mkdir(parents=True)
+        Path("runs", name, "config.toml").write_text('stages = "self-play"', encoding="utf-8")
+        Path("runs", name, file).write_text(json.dumps(record) + "\n", encoding="utf-8")
+    os.utime("runs/sound/metrics.jsonl", (2**40, 2**40))
+    assert run_main("runs") == 0
+    lines = capsys.readouterr().out.removesuffix("\n").split("\n")
+    assert all(line.isprintable() for line in lines)
+    states = {line.split()[0]: line.split()[1] for line in lines[1:5]}
+    assert states == {"process": "failed", "sound": "waiting", "stage": "failed", "word\\x1b[2J": "failed"}
+    assert "process = 99999999999 is not possible" in lines[5]
+    assert "stage = response is not possible: it must be one of this training, self-play" in lines[6]
+    assert lines[7].endswith(": \\x1b[31mred run finished")
 
 
 def test_simulate_prints_both_matches_and_records_games(capsys):

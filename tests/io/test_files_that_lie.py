@@ -4,6 +4,8 @@ are sound; never anything else."""
 import copy
 import json
 import math
+import os
+import platform
 import tomllib
 from contextlib import suppress
 from dataclasses import asdict, replace
@@ -23,6 +25,7 @@ from apollonius.agents.network import make_network
 from apollonius.agents.store import describe, load_agent, save_agent
 from apollonius.arenas.file import load_game, save_game, to_dict
 from apollonius.arenas.map_file import load_map
+from apollonius.cli.terminal import runs_table
 from apollonius.evaluate.result import MatchResult
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.polygon import Polygon
@@ -33,6 +36,7 @@ from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import FORMAT as CHECKPOINT
 from apollonius.learn.folder import Evaluation, Standing, load_checkpoint, load_config, load_standing, save_checkpoint
 from apollonius.learn.metrics import MetricsLine, load_metrics
+from apollonius.learn.progress import State, load_state, progress_of
 from apollonius.play.replay import Replay, load_replay, save_replay
 from apollonius.show.report import load_matches
 from apollonius.solve.store import Problem, Solution, load_solution, save_solution
@@ -85,6 +89,11 @@ KINDS: dict[str, tuple[Any, Any, str]] = {
     "image": (write_map, lambda path: load_map(path.with_suffix(".yaml")), "m.pgm"),
     "config": (lambda path: path.write_text(tomli_w.dumps(to_dict(RunConfig(game=GAME)))), load_config, "config.toml"),
     "metrics": (write_metrics, load_metrics, "metrics.jsonl"),
+    "state": (
+        lambda path: path.write_text(json.dumps(asdict(State("running", platform.node(), os.getpid(), "1_3")))),
+        load_state,
+        "state.json",
+    ),
     "evaluation": (
         lambda path: path.write_text(json.dumps({"P_scratch against random": RESULT.to_dict()})),
         load_matches,
@@ -183,6 +192,8 @@ LIES = [
         {"mean_steps": float("nan")}, {"arenas": {"wins": [3]}}, {"robots": 3},
     )],
     ("evaluation", {"P_scratch": {}}), ("evaluation", {"a against b": 3}),
+    *[("state", {"process": number}) for number in (-1, 2**31, 10**30, 1.5, True)],
+    ("state", {"state": "paused"}), ("state", {"machine": None}), ("state", {"job": 3}),
     ("map", {"resolution": 10**4000}), ("map", {"mode": [[["trinary"]]]}), ("map", {"image": "x" * 5000}),
 ]  # fmt: skip
 
@@ -322,3 +333,29 @@ def test_a_file_is_sound_or_refused_in_one_line(kind, cases, file):
         told(kind, path)
 
     read()
+
+
+@pytest.mark.parametrize("cases", [25, pytest.param(2_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", ["config", "state", "metrics"])
+def test_a_run_that_is_not_sound_has_failed_and_is_one_line_of_the_table(kind, cases, tmp_path):
+    run = tmp_path / "run"
+    run.mkdir()
+    for one in ("config", "state", "metrics"):
+        KINDS[one][0](run / KINDS[one][2])
+    path = run / KINDS[kind][2]
+    content, header = path.read_bytes(), header_of(kind, path)
+    assert progress_of(run).state.state != "failed"
+
+    @settings(max_examples=cases)
+    @given(st.one_of(lies(header), damages(content), st.binary(max_size=200)))
+    def look(changed):
+        path.write_bytes(changed if isinstance(changed, bytes) else content)
+        with suppress(TypeError, ValueError):
+            if not isinstance(changed, bytes):
+                with_header(kind, path, changed)
+        progress = progress_of(run)
+        lines = runs_table([progress], tmp_path).split("\n")
+        assert len(lines) == 2 + bool(progress.state.error)
+        assert all(line.isprintable() for line in lines)
+
+    look()
