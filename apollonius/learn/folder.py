@@ -4,7 +4,8 @@ import fcntl
 import os
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -117,6 +118,8 @@ class Standing:
     """Evaluation of the best pursuer so far."""
     metrics_bytes: int = 0
     """Size of `metrics.jsonl`."""
+    ended: str = ""
+    """Digest of the config of a run that has ended, whose checkpoint holds nothing else."""
 
     def __post_init__(self) -> None:
         require_within(self, 0, 2**62, "chunks", "seconds", "metrics_bytes")
@@ -128,14 +131,28 @@ def save_checkpoint(path: Path, state: Any, standing: Standing) -> None:
     write_atomically(path, save(arrays, {FORMAT: to_json(asdict(standing))}))
 
 
-def load_standing(path: Path) -> Standing:
-    """Return how far the run of a checkpoint is; raises InvalidInput for a missing, damaged or foreign file."""
+def end_checkpoint(path: Path, config: RunConfig) -> None:
+    """Leave of the checkpoint of a run that has ended only that it has: nothing goes on from it."""
+    save_checkpoint(path, (), replace(load_standing(path), ended=_digest(config)))
+
+
+def _digest(config: RunConfig) -> str:
+    return sha256(to_json(to_dict(config), sort_keys=True).encode()).hexdigest()
+
+
+def load_standing(path: Path, config: RunConfig | None = None) -> Standing:
+    """Return how far the run of a checkpoint is; raises InvalidInput for a missing, damaged or foreign file, and for
+    one of another training than that of the config.
+    """
     with opened(path, "train again", "checkpoint") as file:
         metadata = file.metadata() or {}
     if FORMAT not in metadata:
         raise InvalidInput(f"'{path}' is no checkpoint of this version ({FORMAT}): train again.")
     record = parse_json(metadata[FORMAT], f"'{path}' holds no record of a run: train again")
-    return from_dict(Standing, record, f"the record of '{path}'")
+    standing = from_dict(Standing, record, f"the record of '{path}'")
+    if config and (standing.stage not in config.plans or standing.ended not in ("", _digest(config))):
+        raise InvalidInput(f"'{path}' is of another training than its config.toml: train again.")
+    return standing
 
 
 def load_checkpoint(path: Path, template: T) -> T:
