@@ -4,6 +4,7 @@ import argparse
 import errno
 import os
 import sys
+from io import TextIOWrapper
 from typing import Any, NoReturn
 
 from apollonius.cli.arena import add_arena, add_players
@@ -84,6 +85,9 @@ class OneLineParser(argparse.ArgumentParser):
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command with these arguments, or those of the process, and return its exit status."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):  # and not None, as of a process without them
+            stream.reconfigure(errors="replace")  # of signs that a terminal does not have, as ±
     parser, given = build_parser(), sys.argv[1:] if arguments is None else arguments
     if not given:
         parser.print_help()

@@ -138,7 +138,7 @@ class Compiled:
         with tempfile.TemporaryDirectory() as folder:
             library = Path(folder) / "program.so"
             for name, text in files(program).items():
-                Path(folder, name).write_text(text)
+                Path(folder, name).write_text(text, encoding="utf-8")
             words = ["gcc", *flags, "-shared", "-fPIC", f"{program.name}.c", "-lm", "-o", str(library)]
             subprocess.run(words, check=True, cwd=folder)
             self._function = getattr(ctypes.CDLL(str(library)), program.name)

@@ -102,7 +102,7 @@ def begin_metrics(path: Path, standing: Standing | None = None) -> None:
 
 def append_metrics(path: Path, line: MetricsLine) -> int:
     """Add a line to `metrics.jsonl`; return the file's size [bytes]."""
-    with open(path, "a") as file:
+    with open(path, "a", encoding="utf-8") as file:
         file.write(to_json({name: value for name, value in asdict(line).items() if value is not None}) + "\n")
         file.flush()
         return file.tell()

@@ -167,7 +167,7 @@ def compiled(programs: Sequence[Program], flags: Sequence[str]) -> bytes:
     texts = sources(programs)
     with tempfile.TemporaryDirectory() as folder:
         for name, text in texts.items():
-            Path(folder, name).write_text(text)
+            Path(folder, name).write_text(text, encoding="utf-8")
         command = [sys.executable, "-m", "ziglang", "cc", *_FLAGS, *flags]
         command += [*(f"-Wl,--export={program.name}" for program in programs), "-o", "programs.wasm"]
         command += [*(name for name in texts if name.endswith(".c")), "-lm"]

@@ -1,6 +1,7 @@
 """The command: what it prints, and that it refuses bad input in one line and leaves everything as it was."""
 
 import errno
+import io
 import json
 import os
 import platform
@@ -38,7 +39,7 @@ from tests.learn.tiny import STOPPING
 @pytest.fixture
 def tiny():
     """A config file of a training that takes seconds, with the promotion that optax needs."""
-    Path("tiny.toml").write_text(tomli_w.dumps(to_dict(replace(STOPPING, seed=5))))
+    Path("tiny.toml").write_text(tomli_w.dumps(to_dict(replace(STOPPING, seed=5))), encoding="utf-8")
     with jax.numpy_dtype_promotion("standard"):
         yield "tiny.toml"
 
@@ -91,6 +92,19 @@ def test_a_reader_that_leaves_early_is_no_error(monkeypatch):
     assert (result.returncode, result.stderr) == (1, "")
 
 
+@pytest.mark.parametrize(
+    ("encoding", "errors", "written"),
+    [("latin-1", "surrogateescape", b"\xb1?\n"), ("ascii", "strict", b"??\n"), ("utf-8", "strict", "±█\n".encode())],
+)
+def test_signs_that_a_stream_does_not_have_are_replaced(monkeypatch, encoding, errors, written):
+    for name in ("stdout", "stderr"):
+        monkeypatch.setattr(sys, name, io.TextIOWrapper(io.BytesIO(), encoding, errors))
+    monkeypatch.setattr("apollonius.cli.arena.run_list", lambda options: print("±█"))
+    run_main("arena", "list")
+    sys.stdout.flush()
+    assert sys.stdout.buffer.getvalue() == written
+
+
 def test_help_version_and_refusals_import_nothing_that_takes_time():
     result = run_process(
         "import sys\n"
@@ -129,7 +143,7 @@ def test_evaluate_prints_one_json_object_and_records_the_games_that_the_pursuer_
     assert all(replay.first_difference() is None for replay in replays)
     changed = json.loads(next(Path("replays").iterdir()).read_text())
     changed["states"][5][0] += 1e-3
-    Path("changed.json").write_text(json.dumps(changed))
+    Path("changed.json").write_text(json.dumps(changed), encoding="utf-8")
     assert run_main("show", "changed.json", "--out", "new/game.png") == 0
     said, errors = capsys.readouterr()
     assert said.startswith("random against random: pursuer ")
@@ -291,7 +305,7 @@ AMONG_FILES = [
 def test_bad_input_is_refused_and_never_costs_what_is_there(capsys, files, words, naming):
     for name, text in files.items():
         Path(name).parent.mkdir(parents=True, exist_ok=True)
-        Path(name).write_text(text)
+        Path(name).write_text(text, encoding="utf-8")
     assert_refused(capsys, *words.split(), naming=naming)
 
 
@@ -308,13 +322,14 @@ def test_a_random_arena_in_place_of_several_is_the_one_that_is_played():
         ("JAX_PLATFORMS", "nope", 2, "JAX_PLATFORMS = nope is not possible"),
         ("JAX_ENABLE_X64", "1", 2, "JAX_ENABLE_X64 = true is not possible"),
         ("PYTHONIOENCODING", "ascii:strict", 0, ""),
+        ("PYTHONIOENCODING", "ascii:surrogateescape", 0, ""),  # as of the locale POSIX
     ],
 )
 @pytest.mark.slow
 def test_an_odd_environment_is_refused_or_makes_no_difference(monkeypatch, variable, value, status, line):
     monkeypatch.setenv(variable, value)
     said = run_process(
-        "import sys; from apollonius.__main__ import main; sys.exit(main())",
+        "import sys; from apollonius.cli.main import main; sys.exit(main())",
         "tournament", "--pursuers", "random", "--evaders", "still", "--games", "2",
     )  # fmt: skip
     assert said.returncode == status, said.stderr
@@ -363,10 +378,10 @@ def test_train_makes_a_run_and_judges_it_and_force_replaces_it(tiny, capsys, mon
     wrote, then = printed.err.splitlines()[-2:]
     assert wrote.startswith("wrote run (")
     assert then == "next: apollonius report run"
-    assert set(json.loads(Path("run/evaluation.json").read_text())) == {"P_stage1 against still"}
+    assert set(json.loads(Path("run/evaluation.json").read_text(encoding="utf-8"))) == {"P_stage1 against still"}
 
-    Path("run/notes.txt").write_text("mine")
-    Path("run/report.html").write_text("of the run before")
+    Path("run/notes.txt").write_text("mine", encoding="utf-8")
+    Path("run/report.html").write_text("of the run before", encoding="utf-8")
     monkeypatch.setattr("apollonius.learn.run.Run.execute", lambda run: False)
     assert run_main(*arguments, "--force") == 130
     left = {str(path.relative_to("run")) for path in Path("run").rglob("*") if path.is_file()}
@@ -377,7 +392,7 @@ def test_seed_0_is_a_seed_and_a_run_that_is_stopped_says_how_to_go_on(tiny, caps
     monkeypatch.setattr("apollonius.learn.run.Run.execute", lambda run: False)
     for asked, seed in (([], 5), (["--seed", "0"], 0)):
         assert main(["train", "--config", tiny, *asked, "--out", f"run-{seed}"]) == 130
-        assert f"\nseed = {seed}\n" in "\n" + Path(f"run-{seed}/config.toml").read_text()
+        assert f"\nseed = {seed}\n" in "\n" + Path(f"run-{seed}/config.toml").read_text(encoding="utf-8")
         assert capsys.readouterr().err.splitlines()[-1] == f"stopped; go on with: apollonius resume run-{seed}"
 
 
@@ -387,8 +402,8 @@ def test_of_several_runs_those_that_ended_and_were_judged_are_left_alone(tiny, c
     assert main(["train", "--config", tiny, "--seeds", "1-3", "--out", "sweep"]) == 0
     assert asked == runs
     for run in runs[:2]:
-        Path(run, "state.json").write_text('{"state": "finished"}')
-    Path(runs[0], "evaluation.json").write_text("{}")
+        Path(run, "state.json").write_text('{"state": "finished"}', encoding="utf-8")
+    Path(runs[0], "evaluation.json").write_text("{}", encoding="utf-8")
     asked.clear()
     assert main(["resume", "sweep"]) == 0
     assert asked == runs[1:]
@@ -435,7 +450,7 @@ def test_odd_runs_of_strangers_hide_no_other_and_write_nothing_of_their_own_on_t
 
 def test_simulate_prints_both_matches_and_records_games(capsys):
     pytest.importorskip("mujoco")
-    Path("short.toml").write_text("max_steps = 15\n")
+    Path("short.toml").write_text("max_steps = 15\n", encoding="utf-8")
     words = "simulate pure-pursuit flee --games 3 --game short.toml --record 1"
     assert run_main(*words.split()) == 0
     said = capsys.readouterr().out
@@ -500,7 +515,7 @@ def test_reach_is_solved_once_and_then_loaded(capsys, monkeypatch):
         assert run_json(capsys, *arguments, "2") == first
     assert_refused(capsys, *arguments, "3", naming=("tables/six.safetensors", "another problem", "--force"))
     assert_refused(capsys, *arguments, "3", "--whole-cells", naming=("whole_cells = true", "all but game"))
-    Path("t.safetensors").write_text("mine")
+    Path("t.safetensors").write_text("mine", encoding="utf-8")
     safety = ("solve", "safety", *coarse, "--out", "t.safetensors")
     assert_refused(capsys, *safety, naming=("t.safetensors", "not a whole"))
     assert run_main(*arguments, "3", "--force") == 0
@@ -518,7 +533,7 @@ def test_one_obstacle_needs_two(capsys):
 
 
 def test_an_arena_without_obstacles_needs_one(capsys):
-    Path("empty.toml").write_text("[arena]\ndiscs = []\n")
+    Path("empty.toml").write_text("[arena]\ndiscs = []\n", encoding="utf-8")
     assert run_main("pursuers", "empty.toml") == 0
     said = capsys.readouterr().out.splitlines()
     assert said[0] == "empty.toml: 1 pursuer is enough, for idealised robots on this graph"

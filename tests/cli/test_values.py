@@ -95,7 +95,7 @@ def test_the_memory_of_a_container_counts(tmp_path, monkeypatch):
 
 
 def test_a_place_that_cannot_be_written_to_is_refused_at_once():
-    Path("file").write_text("")
+    Path("file").write_text("", encoding="utf-8")
     png = values.new_file(".png")
     inside = (values.new_folder, "file"), (values.new_folder, "file/deeper"), (png, "file/a.png")
     for parse, text in (*inside, (png, "/proc/a.png"), (png, f"{'long' * 100}.png/a.png"), (png, "\0.png")):

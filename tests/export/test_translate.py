@@ -3,7 +3,6 @@
 from shutil import which
 
 import jax
-import jax.extend
 import jax.numpy as jnp
 import numpy as np
 import pytest
