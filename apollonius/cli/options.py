@@ -129,7 +129,7 @@ def warn(options: argparse.Namespace, game: "Game", players: "Iterable[Named]" =
         if elsewhere:
             has = "has" if len(elsewhere) == 1 else "have"
             options.display.tell(f"{', '.join(elsewhere)} {has} learned in another arena; {ANY[role]} plays in any")
-    if game.scenario is not None or not options.game or not options.game.endswith(GAME_FILES):
+    if game.scenario is not None or not options.game or not options.game.lower().endswith(GAME_FILES):
         return
     from apollonius.arenas.survey import map_notes, missed_passage, survey  # which load SciPy
 

@@ -99,7 +99,7 @@ def test_a_reader_that_leaves_early_is_no_error(monkeypatch):
 def test_signs_that_a_stream_does_not_have_are_replaced(monkeypatch, encoding, errors, written):
     for name in ("stdout", "stderr"):
         monkeypatch.setattr(sys, name, io.TextIOWrapper(io.BytesIO(), encoding, errors))
-    monkeypatch.setattr("apollonius.cli.arena.run_list", lambda options: print("±█"))
+    monkeypatch.setattr("apollonius.cli.arena.run_list", lambda options: print("±█") or 0)
     run_main("arena", "list")
     sys.stdout.flush()
     assert sys.stdout.buffer.getvalue() == written
@@ -190,7 +190,11 @@ def test_slice_draws_an_agent_that_reads_a_chart(capsys):
 
 REFUSED = {
     "play --no-browser": "unrecognized arguments: --no-browser; see apollonius play --help",
-    "fly": "fly", "trian": "did you mean 'train'", "train --preset quik": "did you mean 'quick'",
+    "fly": "apollonius: unknown command 'fly'; see apollonius --help\n",
+    "trian": "apollonius: unknown command 'trian'; did you mean 'train'?\n",
+    "arena chek": "apollonius arena: unknown command 'chek'; did you mean 'check'?\n",
+    "train --preset quik": "--preset = quik is not possible: did you mean 'quick'?\n",
+    "simulate random still --drive robot.toml": "--drive: no such file: 'robot.toml'; see apollonius simulate --help\n",
     "evaluate random": "EVADER", "evaluate P_curriculm still": "did you mean 'P_curriculum'",
     "evaluate P_curriculum E_pool": "'E_pool': choose one of random, still, flee, flee-aware",
     "evaluate nobody still": "'nobody': choose one of random, still", "show shielded:nobody still": "'nobody'",
@@ -212,11 +216,16 @@ REFUSED = {
     "evaluate random still --vary dt=0:0.1:1": "at least 2", "evaluate random still --vary u2=1:2:2": "did you mean",
     "show random still --out game.avi": "one of .gif, .webp, .png, .json",
     "show random still --out game.png --speed 2": "only .gif, .webp move",
-    "show random still --out game.gif --speed 0": "from 0.05 to 100", "show nowhere.json": "check the path",
-    "report .": "the folder of a training run", "resume folder": "the folder of training runs",
-    "runs folder": "the folder of training runs", "train --seeds 3-1": "seeds as 0-9", "train --seeds x": "--seeds = x",
+    "show random still --out game.gif --speed 0": "from 0.05 to 100", "show nowhere.json": "no such file: 'nowhere",
+    "report .": "RUN: no such folder of a training run: '.'",
+    "resume folder": "no such folder of training runs: 'folder'",
+    "runs folder": "no such folder of training runs: 'folder'", "train --seeds 3-1": "seeds as 0-9", "train --seeds x": "--seeds = x",
     "train --seed 1 --seeds 0-1": "left out with --seeds", "train --vary dqn.batch": "FIELD=VALUE,VALUE",
     "train --vary dqn.batch=1:2": "dqn.batch", "train --vary lr=1": "'lr' is no known key",
+    "train --seeds 0-999,1000": "at most 1,000",
+    f"train --vary evaders={'[' * 5_000}": "evaders",
+    "train --seeds 0-999 --vary dqn.batch=1:100:100 --vary dqn.width=1:100:100 --vary dqn.depth=1:100:100":
+    "trainings = 1000000000 is not possible: it must be a whole number, at least 1, at most 1,000",
     "train --vary seed=1 --seeds 0-1": "of different fields", "train --on moon": "'moon'",
     "slice P_stage1": "--opponent", "slice nobody --opponent 5 5": "'nobody'", "slice random --opponent 5 5": "random",
     "slice P_stage1 --opponent 3 3": "opponent = (3.0, 3.0) is not possible",
@@ -233,7 +242,7 @@ REFUSED = {
     "regret E_scratch": "plays the evader", "regret P_stage1 --role robot": "--role",
     "regret still --games 2147483647": "--games", "tournament --pursuers random flee": "plays the evader, not",
     "exploit pursuer P_stage1 --attackers nobody": "--attackers",
-    "exploit pursuer P_stage1 --tables t.safetensors e.safetensors": "check the path",
+    "exploit pursuer P_stage1 --tables t.safetensors e.safetensors": "no such file: 't.safetensors",
     "export still --to c --out a.c":
     "side = missing is not possible: it must be pursuer or evader, as 'still' plays either",
     "export flee --to c --out a.c --side pursuer": "side = pursuer",
@@ -277,6 +286,7 @@ AMONG_FILES = [
     (RUNS, "evaluate first/none still", ["no agent is called 'first/none': did you mean 'first/P_one'?"]),
     (RUNS, "evaluate nowhere/P_one still", ["no agent is called 'nowhere/P_one'", "RUN/NAME"]),
     (OLD, "resume run", ["sede"]),
+    ({"hall.toml": "seed = 1"}, "arena check HALL.TOML", ["no such file: 'HALL.TOML'"]),
     (OLD, "train --force --out run --config run/config.toml", ["sede"]),
     (OLD, "train --force --out run --stage self-play --vary pursuer=nobody", ["nobody"]),
     (OLD, "train --force --out run --stage self-play --vary pursuer=E_scratch", ["evader"]),

@@ -22,10 +22,11 @@ from hypothesis import strategies as st
 from safetensors.numpy import load, save
 
 from apollonius.agents.network import make_network
-from apollonius.agents.store import describe, load_agent, save_agent
-from apollonius.arenas.file import load_game, save_game, to_dict
+from apollonius.agents.store import describe, load_agent, load_header, save_agent
+from apollonius.arenas.file import find_game, load_game, save_game, to_dict
 from apollonius.arenas.map_file import load_map
 from apollonius.cli.terminal import runs_table
+from apollonius.cli.values import known_agent, known_game
 from apollonius.evaluate.result import MatchResult
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.polygon import Polygon
@@ -267,6 +268,27 @@ def test_more_obstacles_than_a_game_can_have_are_refused_at_once(kind, tmp_path)
     assert "bytes" in (told("game", path) or "")
     path.write_text("dt = 0x" + "f" * 6_000)
     assert told("game", path) is not None
+
+
+@pytest.mark.parametrize("kind", [*TOML, "json game"])
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_a_byte_order_mark_is_taken_and_what_it_marks_is_named(kind, encoding, file):
+    path = file(kind)
+    path.write_bytes(path.read_bytes().decode().encode(encoding))
+    refused = encoding == "utf-16" and kind in TOML
+    assert (told(kind, path) or "").endswith("(it is UTF-16: save it as UTF-8)." * refused)
+    assert (told(kind, path) is None) == (not refused)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"), [("game", "HALL.TOML"), ("json game", "HALL.JSON"), ("agent", "P.SAFETENSORS")]
+)
+def test_suffixes_may_be_in_capitals(kind, name, tmp_path):
+    file, find = tmp_path / name, load_header if kind == "agent" else find_game
+    KINDS[kind][0](tmp_path / KINDS[kind][2])
+    (tmp_path / KINDS[kind][2]).rename(file)
+    assert find(file if kind == "agent" else str(file))
+    assert (known_agent if kind == "agent" else known_game)(str(file)) == str(file)
 
 
 HUGE = st.sampled_from([2**31, 2**63, 10**30, 10**400, -1, 0, 1e308])
