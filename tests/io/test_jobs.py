@@ -15,14 +15,18 @@ from apollonius.io.interrupts import asked
 from apollonius.io.workers import Job, run_jobs
 
 
-def test_a_module_that_is_being_loaded_is_told_by_its_frame(tmp_path, monkeypatch):
+def test_a_frame_tells_whether_an_exception_would_do_harm_or_be_lost(tmp_path, monkeypatch):
     (tmp_path / "loaded_here.py").write_text("import sys\nFRAME = sys._getframe()\n")
     monkeypatch.syspath_prepend(tmp_path)
     import loaded_here  # pyright: ignore[reportMissingImports]
 
-    assert interrupts._is_loading(loaded_here.FRAME)
-    assert not interrupts._is_loading(sys._getframe())
-    assert not interrupts._is_loading(None)
+    def _xla_gc_callback():
+        return sys._getframe()
+
+    assert interrupts._is_unfit(loaded_here.FRAME)
+    assert interrupts._is_unfit(_xla_gc_callback())
+    assert not interrupts._is_unfit(sys._getframe())
+    assert not interrupts._is_unfit(None)
 
 
 def write_down(path):
