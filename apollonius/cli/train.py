@@ -146,6 +146,7 @@ def _train_and_judge(config: "RunConfig", folder: Path, options: argparse.Namesp
     """Train to the end or to Ctrl-C; at the end judge the new agents."""
     from apollonius.arenas.suite import each_alone
     from apollonius.evaluate.pairings import evaluate_run
+    from apollonius.learn.folder import agent_file
     from apollonius.learn.metrics import Tracker
     from apollonius.learn.run import Run
     from apollonius.learn.teacher import TABLES
@@ -181,7 +182,7 @@ def _train_and_judge(config: "RunConfig", folder: Path, options: argparse.Namesp
     if not finished:
         raise KeyboardInterrupt
     if config.one_side is not None:
-        (agent,) = (folder / "agents").glob("*.safetensors")
+        agent = agent_file(folder, f"{config.one_side.role[0].upper()}_{config.kind}")
         finish(options, folder, then=command("exploit", config.one_side.role, agent))
         return 0
     display.begin("judging", compiles=True)

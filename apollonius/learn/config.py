@@ -13,7 +13,7 @@ from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.types import BySide, Role
 from apollonius.io.errors import InvalidInput, require
-from apollonius.io.limits import SEED, TRAININGS
+from apollonius.io.limits import SEED, TRAININGS, require_memory
 from apollonius.learn.learner_config import DQNConfig, LearnerConfig, SACConfig
 from apollonius.learn.ppo_config import PPOConfig
 from apollonius.learn.stage_config import (
@@ -81,6 +81,9 @@ class RunConfig:
         past, games = self.self_play.opponents, (self.sac or self.dqn).games
         fits = past.share == 0 or past.slot_games(games) > 0
         require(fits, "games", games, f"more, so that {past.scheme} has one for each of 2 x {past.slots} slots")
+        copies = 2 * past.versions * (past.share > 0)
+        needed = copies * 4 * (self.sac or self.dqn).depth * (self.sac or self.dqn).width ** 2
+        require_memory("versions", past.versions, needed, "keep fewer, or train a smaller network")
         longest = games * self.game.max_steps
         bound = f"at least games x max_steps = {longest:,}, so that games that {past.scheme} judges by can end"
         require(past.renewal >= longest or past.share == 0, "renewal", past.renewal, bound)

@@ -158,12 +158,12 @@ def test_in_a_pipe_lines_come_with_the_first_report(monkeypatch, capsys):
         live.begin("playing 8 games", compiles=True)
         time.sleep(0.2)
         assert capsys.readouterr().err == "", "a refusal would be the only line"
-        live.tell("P against E: 50.0%")
+        live.tell("P against E:\n50.0%\x1b[2J")
         live.report(2, 8)
         live.note({"loss": "0.5"})
         time.sleep(0.2)
         first, *_, last = capsys.readouterr().err.splitlines()
-    assert first == "P against E: 50.0%"
+    assert first == "P against E: 50.0%\\x1b[2J"
     assert last == "apollonius evaluate: playing 8 games, 25.0%, loss 0.5"
 
 
