@@ -52,7 +52,7 @@ def require(holds: Any, name: str, value: object, bound: str) -> None:
 
 
 def require_positive(record: object, *names: str) -> None:
-    """Refuse, by InvalidInput, a record unless its fields of these names are more than 0, and whole ones have 31 bits."""
+    """Refuse, by InvalidInput, a record unless its fields of these names are positive; whole ones of 31 bits."""
     for name in names:
         value = getattr(record, name)
         require(value > 0, name, value, "more than 0")
