@@ -213,7 +213,7 @@ def _arrays(jobs: Sequence[Job]) -> Iterator[Sequence[Job]]:
 
 
 def _ask_slurm(*command: str) -> str | None:
-    """Return the answer of a command of Slurm; None where there is none."""
+    """Return the output of a command of Slurm, or None if it fails."""
     try:
         return subprocess.run(command, capture_output=True, encoding="utf-8", errors="replace", check=True).stdout
     except (OSError, subprocess.CalledProcessError):

@@ -132,7 +132,7 @@ def save_checkpoint(path: Path, state: Any, standing: Standing) -> None:
 
 
 def end_checkpoint(path: Path, config: RunConfig) -> None:
-    """Leave of the checkpoint of a run that has ended only that it has: nothing goes on from it."""
+    """Replace the checkpoint of a run by a mark that the run has ended, as nothing resumes from it."""
     save_checkpoint(path, (), replace(load_standing(path), ended=_digest(config)))
 
 
