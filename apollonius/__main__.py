@@ -14,9 +14,6 @@ def main() -> int:
     from apollonius.io.interrupts import leave, listen, status, stopped
 
     listen()
-    for stream in (sys.stdout, sys.stderr):
-        if stream.errors == "strict":  # and would fail where a terminal has no sign for ±
-            stream.reconfigure(errors="replace")  # pyright: ignore[reportAttributeAccessIssue]
     try:
         from apollonius.cli.main import main as run
 

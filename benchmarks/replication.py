@@ -114,7 +114,7 @@ def play_all(asked: argparse.Namespace, path: Path) -> dict[str, Any]:
 
     def write(**found: Any) -> None:
         results.update(found)
-        path.write_text(json.dumps(results))
+        path.write_text(json.dumps(results), encoding="utf-8")
 
     first, best = plan_of("curriculum", FIXED_TARGET), np.full(len(seeds), -1)
     chosen: Any = None
@@ -193,7 +193,7 @@ def main() -> None:
     asked = parser.parse_args()
     asked.out.mkdir(parents=True, exist_ok=True)
     path = asked.out / "counts.json"
-    counts = json.loads(path.read_text()) if path.exists() else {}
+    counts = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     if "P_random v E_scratch" not in counts:  # which is played last
         counts = play_all(asked, path)
     seeds = tuple(range(len(counts["P_stage1 v still"])))

@@ -53,7 +53,7 @@ def main() -> None:
             survived = np.isin(outcome, evader_winning(time_limit_wins=True)).astype(int).tolist()
             found.setdefault("/".join(place), {})[evader.name] = survived
         print("/".join(place), found["/".join(place)], flush=True)
-    options.out.write_text(json.dumps(found, indent=1) + "\n")
+    options.out.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -42,7 +42,7 @@ HELD = {"bytes": 0}
 def resident() -> int:
     """The memory that this process holds [bytes]; 0 where the system does not tell."""
     told = Path("/proc/self/statm")
-    return int(told.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") if told.exists() else 0
+    return int(told.read_text(encoding="utf-8").split()[1]) * os.sysconf("SC_PAGE_SIZE") if told.exists() else 0
 
 
 @pytest.fixture(scope="session", autouse=True)

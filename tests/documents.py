@@ -51,7 +51,7 @@ def blocks(document: Path) -> list[Block]:
     """The blocks of a document in their order; indented ones have no language. What the site's generator is told, as
     `{raw} html`, is none.
     """
-    tokens = MarkdownIt().parse(document.read_text())
+    tokens = MarkdownIt().parse(document.read_text(encoding="utf-8"))
     return [
         Block(document, token.map[0] + 1, token.info, token.content)
         for token in tokens
@@ -61,7 +61,7 @@ def blocks(document: Path) -> list[Block]:
 
 def asides(document: Path) -> list[list[str]]:
     """The words of the commands that stand in the text, between backticks: whole ones, not the bare name of one."""
-    tokens = MarkdownIt().enable("table").parse(document.read_text())
+    tokens = MarkdownIt().enable("table").parse(document.read_text(encoding="utf-8"))
     spans = [part.content for token in tokens for part in token.children or () if part.type == "code_inline"]
     return [words for span in spans if (words := span.split())[0] == "apollonius" and len(words) > 2]
 

@@ -17,6 +17,14 @@ FLAG = re.compile(r"""["'](--[a-z][a-z-]*)""")
 NAMELESS = {"utils", "common", "helpers"}
 
 
+def is_of_some_encoding(node):
+    """Whether this is a call that reads or writes text as the system's language has it."""
+    if not isinstance(node, ast.Call) or any(one.arg == "encoding" for one in node.keywords):
+        return False
+    is_text = any(one.arg in ("text", "universal_newlines") for one in node.keywords)
+    return is_text or getattr(node.func, "attr", "") in ("read_text", "write_text")
+
+
 def violations(module, source):
     found, names = [], imported(ast.parse(source), set())
     if room_of(module) != "show" and any(name.split(".")[0] == "matplotlib" for name in names):
@@ -27,6 +35,8 @@ def violations(module, source):
         found.append(f"{module}: is called after nothing in particular")
     flags = FLAG.findall(source) if room_of(module) != "cli" else []
     found += [f"{module}: names {flag}, which only a command knows" for flag in flags]
+    texts = [ast.unparse(call) for call in ast.walk(ast.parse(source)) if is_of_some_encoding(call)]
+    found += [f"{module}: names no encoding in {text}" for text in texts]
     if "json.dumps(" in source and module != "apollonius.io.document":
         found.append(f"{module}: writes JSON without document.to_json, which knows no NaN")
     return found

@@ -199,7 +199,7 @@ def test_a_reader_who_follows_a_document_gets_to_its_end(name, tmp_path, monkeyp
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)  # what is exported to it is imported
     monkeypatch.setattr("apollonius.evaluate.pairings.JUDGED_GAMES", 8)  # of each training
-    Path("tiny.toml").write_text(tomli_w.dumps(to_dict(RUN)))
+    Path("tiny.toml").write_text(tomli_w.dumps(to_dict(RUN)), encoding="utf-8")
     names = {}
     for block in blocks(REPOSITORY / name):
         # What takes longer to run than to compile well.
@@ -207,7 +207,7 @@ def test_a_reader_who_follows_a_document_gets_to_its_end(name, tmp_path, monkeyp
         jax.config.update("jax_disable_most_optimizations", not solves)
         with jax.numpy_dtype_promotion("standard"):  # which optax needs
             if named := re.match(r"# (\S+\.toml)\n", block.code):
-                Path(named[1]).write_text(f"max_steps = 30\n{block.code}")
+                Path(named[1]).write_text(f"max_steps = 30\n{block.code}", encoding="utf-8")
             if block.language == "python" and ("stable_baselines3" not in block.code or find_spec("stable_baselines3")):
                 code = block.code
                 for much, less in LESS.items():

@@ -40,13 +40,14 @@ def main() -> None:
     programs = [*page_programs()]
     made_of = f'export const SOURCE = "{digest(sources(programs))}"; // SHA-256 of all C sources\n'
     if "--check" in sys.argv:
-        current = made_of in COMPILED.read_text()
+        current = made_of in COMPILED.read_text(encoding="utf-8")
         sys.exit(None if current else "the page's programs are outdated: run `make page`")
     layouts = json.dumps(_layouts(programs), separators=(",", ":"))
     module = base64.b64encode(compiled(programs, OF_PAGE)).decode()
     COMPILED.write_text(
         f"// Made by `make page` from `apollonius/web/programs.py`.\n\n{made_of}"
-        f'export const LAYOUTS = {layouts};\nexport const MODULE = "{module}";\n'
+        f'export const LAYOUTS = {layouts};\nexport const MODULE = "{module}";\n',
+        encoding="utf-8",
     )
     print(f"{COMPILED}: {COMPILED.stat().st_size:,} bytes")
 

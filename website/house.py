@@ -24,7 +24,7 @@ def sources() -> dict[str, str]:
     found: dict[str, str] = {}
     for path in [*PACKAGE.rglob("*.py"), *PACKAGE.rglob("*.pyi")]:
         name = ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__")
-        found[name] = found.get(name, "") + path.read_text()
+        found[name] = found.get(name, "") + path.read_text(encoding="utf-8")
     return found
 
 

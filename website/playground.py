@@ -23,7 +23,7 @@ def write_playground(folder: Path) -> None:
     as plain scripts, too, and `offline.html`, which loads them.
     """
     write_site(folder)
-    page = (folder / "index.html").read_text()
+    page = (folder / "index.html").read_text(encoding="utf-8")
     assert _PLAYER in page
     assert _LEAD in page
     page = page.replace(_LEAD, '<a id="lead" target="_top" href="../index.html" aria-label="Back to the site">‹</a>')
@@ -32,11 +32,19 @@ def write_playground(folder: Path) -> None:
         name = path.relative_to(folder).as_posix()
         if path.suffix in _DATA and name != "package.json":
             file = json.dumps([name, base64.b64encode(path.read_bytes()).decode()])
-            (folder / "offline" / f"{name.replace('/', '-')}.js").write_text(f"apolloniusFile(...{file});\n")
-    (folder / "offline" / "player.js").write_text(f"(() => {{\n{bundled(folder / 'player.js')}}})();\n")
+            (folder / "offline" / f"{name.replace('/', '-')}.js").write_text(
+                f"apolloniusFile(...{file});\n", encoding="utf-8"
+            )
+    (folder / "offline" / "player.js").write_text(
+        f"(() => {{\n{bundled(folder / 'player.js')}}})();\n", encoding="utf-8"
+    )
     for script in _SCRIPTS.glob("*.js"):
         shutil.copy(script, folder / script.name)
-    (folder / "index.html").write_text(page.replace("<head>", '<head>\n    <script src="from_folder.js"></script>'))
+    (folder / "index.html").write_text(
+        page.replace("<head>", '<head>\n    <script src="from_folder.js"></script>'), encoding="utf-8"
+    )
     scripts = '<script src="offline.js"></script><script defer src="offline/player.js"></script>'
     # Of a page that comes from a folder `'self'` is no address.
-    (folder / "offline.html").write_text(page.replace("-src 'self'", "-src 'self' file:").replace(_PLAYER, scripts))
+    (folder / "offline.html").write_text(
+        page.replace("-src 'self'", "-src 'self' file:").replace(_PLAYER, scripts), encoding="utf-8"
+    )

@@ -37,10 +37,10 @@ def write_reference(folder: Path) -> None:
         if room not in _NOT_FOR_CALLERS and not any(part.startswith("_") for part in module.name.split(".")):
             rooms.setdefault(room, []).append(module.name)
     for room, modules in rooms.items():
-        (api / f"{room}.md").write_text(_room(room, modules))
-    (folder / "command.md").write_text(_command_line(build_parser()))
-    (folder / "config.md").write_text(_config())
-    (api / "index.md").write_text(_index(sorted(rooms)))
+        (api / f"{room}.md").write_text(_room(room, modules), encoding="utf-8")
+    (folder / "command.md").write_text(_command_line(build_parser()), encoding="utf-8")
+    (folder / "config.md").write_text(_config(), encoding="utf-8")
+    (api / "index.md").write_text(_index(sorted(rooms)), encoding="utf-8")
 
 
 def _index(rooms: list[str]) -> str:

@@ -53,7 +53,10 @@ def cards() -> str:
 
 def leaderboard() -> str:
     """Return MyST source: a row for each card of the benchmark, the best of each track and side first."""
-    cards = [json.loads(path.read_text()) for path in (REPOSITORY / "benchmarks" / "leaderboard").glob("*.json")]
+    cards = [
+        json.loads(path.read_text(encoding="utf-8"))
+        for path in (REPOSITORY / "benchmarks" / "leaderboard").glob("*.json")
+    ]
     rows = ["| track | side | agent | worth | worst against | worst tenth | crashes | forfeits | us a decision |"]
     rows.append("|---|---|---|---|---|---|---|---|---|")
     for card in sorted(cards, key=lambda card: (card["track"], card["side"], -card["score"]["worth"])):
@@ -67,7 +70,7 @@ def leaderboard() -> str:
 
 def what_is_known() -> str:
     """Return the README's part of that name."""
-    text = (REPOSITORY / "README.md").read_text()
+    text = (REPOSITORY / "README.md").read_text(encoding="utf-8")
     return "\n" + text[text.index("## What is known") : text.index("## Documentation")]
 
 
@@ -85,7 +88,7 @@ def write_sources(folder: Path) -> None:
     for name in ("figures", "results"):
         shutil.copytree(DOCS / name, folder / name, ignore=shutil.ignore_patterns("paper", "demo"))
     for name, path in documents().items():
-        text = path.read_text()
+        text = path.read_text(encoding="utf-8")
         if path.suffix != ".md":
             text = f"# The licence\n\n```text\n{text}```\n"
         if name == "reference/arenas.md":
@@ -97,10 +100,10 @@ def write_sources(folder: Path) -> None:
         if name == "index.md":
             page += at_home(what_is_known(), REPOSITORY / "README.md")
         if name.startswith("tutorials/") and path.stem != "index":
-            (folder / name).with_suffix(".ipynb").write_text(notebook(text))
+            (folder / name).with_suffix(".ipynb").write_text(notebook(text), encoding="utf-8")
             title, _, below = page.partition("\n")
             page = f"{title}\n\n[Download as a notebook]({path.stem}.ipynb)\n{below}"
-        (folder / name).write_text(f"{page}\n{_contents(name)}")
+        (folder / name).write_text(f"{page}\n{_contents(name)}", encoding="utf-8")
 
 
 def notebook(text: str) -> str:

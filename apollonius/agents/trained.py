@@ -164,7 +164,7 @@ def file_of(name: str) -> Path | None:
     in_zoo = name.removeprefix(FROM_ZOO)
     if in_zoo in zoo_names():
         return ZOO / f"{in_zoo}.safetensors"
-    if Path(name).suffix == ".safetensors" or os.path.exists(name):
+    if name.lower().endswith(".safetensors") or os.path.exists(name):
         return Path(name)
     run, _, agent = name.rpartition("/")
     in_run = [folder / f"{agent}.safetensors" for folder in agents_folders(run) if run and agent]

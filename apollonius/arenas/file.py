@@ -53,7 +53,7 @@ def find_game(name: str) -> Game:
     if team and (counts := TEAM.fullmatch(team)):
         return in_teams(find_game(of_two), int(counts[1]), int(counts[2]))
     suite, _, within = name.partition("/")
-    if Path(name).suffix in GAME_FILES:
+    if name.lower().endswith(GAME_FILES):
         return load_game(Path(name))
     if is_scenario(name):
         return scenario_game(name)
@@ -147,7 +147,7 @@ def load_game(path: Path) -> Game:
     """
     content = read_bytes(path, "a game's .toml or .json file", "check the path, or name a preset")
     about = f"'{path}' is no JSON file; correct it"
-    data = parse_json(content, about) if path.suffix == ".json" else parse_toml(content, path)
+    data = parse_json(content, about) if path.suffix.lower() == ".json" else parse_toml(content, path)
     _read_teams(data, path)
     game = from_dict(Game, data, f"'{path}'", path.parent)
     alone = game.scenario is None or game.arena == Arena()

@@ -154,6 +154,7 @@ def arena_names(name: Any) -> list[str]:
     require(known, "scenario", name, f"one of {', '.join(some)}, or some arenas, as '{SUITES[0]}/maze-00,maze-01'")
     suite, within = name.split("/")
     names = suite_names(suite, within) if within in PARTS else within.split(",")
+    require(len(set(names)) == len(names), "scenario", name, "a list of different arenas")
     return [f"{suite}/{arena}" for arena in names]
 
 

@@ -10,6 +10,7 @@ from rich.console import Console, RenderableType
 from rich.progress import BarColumn, Progress, SpinnerColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from apollonius.io.errors import LONGEST_MESSAGE, shown
 from apollonius.io.interrupts import before_leaving
 
 _LINE_SECONDS = 10.0
@@ -59,8 +60,8 @@ class Display(Progress):
         self._notes = notes
 
     def tell(self, line: str) -> None:
-        """Print a line that stays, on standard error."""
-        self.console.print(line, markup=False, highlight=False, soft_wrap=True)
+        """Print one line that stays, whatever is in it, on standard error."""
+        self.console.print(shown(line, LONGEST_MESSAGE), markup=False, highlight=False, soft_wrap=True)
 
     def state(self) -> str:
         """Return the progress in words."""

@@ -69,7 +69,7 @@ def run_replay(options: argparse.Namespace) -> int:
     found, asked = ask_again(bag, name, game), len(bag.asked)
     braked = len(bag.decisions) - asked
     lines = [
-        f"{name} in the {asked:,} states of {options.bag}, a run of {shown(bag.player)}",
+        f"{shown(name)} in the {asked:,} states of {options.bag}, a run of {shown(bag.player)}",
         f"  acts otherwise in {len(found):,}; {braked:,} more steps braked",
     ]
     rows = [("  time", "step", "u1, u2 then", "u1, u2 now")]

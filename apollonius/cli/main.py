@@ -5,6 +5,7 @@ import errno
 import os
 import re
 import sys
+from io import TextIOWrapper
 from typing import Any, NoReturn
 
 from apollonius.cli.arena import add_arena, add_players
@@ -65,9 +66,13 @@ class OneLineParser(argparse.ArgumentParser):
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         """Refuse a value that is no choice of an argument, and name the nearest choice."""
-        known = [str(choice) for choice in action.choices or ()]
-        if action.choices is not None and value not in action.choices and (near := nearest(str(value), known)):
-            raise argparse.ArgumentError(action, f"= {shown(value)} is not possible: did you mean '{near}'?")
+        if action.choices is not None and value not in action.choices:
+            near = nearest(str(value), map(str, action.choices))
+            if isinstance(action, argparse._SubParsersAction):  # pyright: ignore[reportPrivateUsage]
+                hint = f"; did you mean '{near}'?" if near else ""
+                raise argparse.ArgumentError(None, f"unknown command '{shown(value)}'{hint}")
+            if near:
+                raise argparse.ArgumentError(action, f"= {shown(value)} is not possible: did you mean '{near}'?")
         super()._check_value(action, value)  # pyright: ignore[reportAttributeAccessIssue]
 
     def parse_known_args(  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -81,12 +86,16 @@ class OneLineParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         words = message.removeprefix("argument ").replace(": = ", " = ", 1).removesuffix(".")  # `values.unfit` has "= "
-        print(f"{self.prog}: {shown(words, LONGEST_MESSAGE)}; see {self.prog} --help", file=sys.stderr)
+        more = "" if words.endswith("?") else f"; see {self.prog} --help"
+        print(f"{self.prog}: {shown(words, LONGEST_MESSAGE)}{more}", file=sys.stderr)
         sys.exit(2)
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command with these arguments, or those of the process, and return its exit status."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):  # and not None, as of a process without them
+            stream.reconfigure(errors="replace")  # of signs that a terminal does not have, as ±
     parser, given = build_parser(), sys.argv[1:] if arguments is None else arguments
     if not given:
         parser.print_help()

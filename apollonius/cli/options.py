@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from apollonius.cli.terminal import varied_table
 from apollonius.cli.values import agent_of, count, installed, known_game, new_folder, require_writable, varied
 from apollonius.io.document import to_json
-from apollonius.io.errors import require
+from apollonius.io.errors import require, shown
 from apollonius.io.limits import GAME_FILES, GAMES, RECORDS, SEED, Counted
 from apollonius.io.workers import WORKERS, Run, run_jobs
 
@@ -129,7 +129,7 @@ def warn(options: argparse.Namespace, game: "Game", players: "Iterable[Named]" =
         if elsewhere:
             has = "has" if len(elsewhere) == 1 else "have"
             options.display.tell(f"{', '.join(elsewhere)} {has} learned in another arena; {ANY[role]} plays in any")
-    if game.scenario is not None or not options.game or not options.game.endswith(GAME_FILES):
+    if game.scenario is not None or not options.game or not options.game.lower().endswith(GAME_FILES):
         return
     from apollonius.arenas.survey import map_notes, missed_passage, survey  # which load SciPy
 
@@ -154,7 +154,7 @@ def finish(options: argparse.Namespace, *written: Path, then: str = "") -> None:
     display shows no more.
     """
     options.display.stop()
-    lines = [f"wrote {path} ({_size(path)})" for path in written]
+    lines = [f"wrote {shown(path)} ({_size(path)})" for path in written]
     if then and not getattr(options, "json", False):
         lines.append(f"next: {then}")
     print(*lines, sep="\n", file=sys.stderr, flush=True)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from apollonius.agents.names import SIDES
+from apollonius.io.errors import LONGEST_MESSAGE, shown
 
 if TYPE_CHECKING:
     from apollonius.cli.display import Display
@@ -37,12 +38,12 @@ def runs_table(runs: "Sequence[Progress]", below: Path) -> str:
     """Return training runs as lines of text; their names are paths below a folder."""
     rows = [("run", "state", "done", "pursuer wins", "machine", "last heard of")]
     for run in runs:
-        name = str(run.folder.relative_to(below)) if run.folder != below else run.folder.name
+        name = shown(run.folder.relative_to(below) if run.folder != below else run.folder.name)
         wins = "-" if run.evaluation is None else f"{run.evaluation.pursuer_win_rate:.1%}"
-        job = f" (Slurm {run.state.job})" if run.state.job else ""
+        machine = run.state.machine + (f" (Slurm {run.state.job})" if run.state.job else "")
         ago = "-" if run.age is None else f"{timedelta(seconds=round(run.age))} ago"
-        rows.append((name, run.state.state, f"{run.share:.0%}", wins, f"{run.state.machine or '-'}{job}", ago))
-    errors = [f"{run.folder}: {run.state.error}" for run in runs if run.state.error]
+        rows.append((name, run.state.state, f"{run.share:.0%}", wins, shown(machine or "-"), ago))
+    errors = [shown(f"{run.folder}: {run.state.error}", LONGEST_MESSAGE) for run in runs if run.state.error]
     return "\n".join([*columns(rows), *errors])
 
 

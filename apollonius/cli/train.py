@@ -103,12 +103,16 @@ def run_resume(options: argparse.Namespace) -> int:
     from apollonius.learn.folder import load_config
     from apollonius.learn.progress import progress_of, runs_below
 
+    def is_over(run: Path) -> bool:
+        if progress_of(run).state.state != "finished":
+            return False
+        return (run / EVALUATION).is_file() or load_config(run / "config.toml").one_side is not None
+
     folder: Path = options.folder
     runs = runs_below(folder)
     if runs == [folder] and options.on is None:
         return _train_and_judge(load_config(folder / "config.toml"), folder, options)
-    left = [run for run in runs if progress_of(run).state.state != "finished" or not (run / EVALUATION).is_file()]
-    return train_all(left, folder, options)
+    return train_all([run for run in runs if not is_over(run)], folder, options)
 
 
 def _requested_config(options: argparse.Namespace) -> "RunConfig":
@@ -142,6 +146,7 @@ def _train_and_judge(config: "RunConfig", folder: Path, options: argparse.Namesp
     """Train to the end or to Ctrl-C; at the end judge the new agents."""
     from apollonius.arenas.suite import each_alone
     from apollonius.evaluate.pairings import evaluate_run
+    from apollonius.learn.folder import agent_file
     from apollonius.learn.metrics import Tracker
     from apollonius.learn.run import Run
     from apollonius.learn.teacher import TABLES
@@ -177,7 +182,7 @@ def _train_and_judge(config: "RunConfig", folder: Path, options: argparse.Namesp
     if not finished:
         raise KeyboardInterrupt
     if config.one_side is not None:
-        (agent,) = (folder / "agents").glob("*.safetensors")
+        agent = agent_file(folder, f"{config.one_side.role[0].upper()}_{config.kind}")
         finish(options, folder, then=command("exploit", config.one_side.role, agent))
         return 0
     display.begin("judging", compiles=True)

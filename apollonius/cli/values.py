@@ -76,7 +76,7 @@ def seeds(text: str) -> tuple[int, ...]:
     for part in text.split(","):
         first, dash, last = part.partition("-")
         low, high = map(count(SEED), (first, last if dash else first))
-        if not low <= high < low + TRAININGS.most:
+        if not low <= high < low + TRAININGS.most - len(found):
             raise unfit(text, f"seeds as 0-9 or 0,3,7, at most {TRAININGS.most:,}")
         found |= dict.fromkeys(range(low, high + 1))
     return tuple(found)
@@ -91,7 +91,7 @@ def varied_field(text: str) -> tuple[str, tuple[Any, ...]]:
         raise unfit(text, "FIELD=VALUE,VALUE or FIELD=FROM:TO:COUNT, as dqn.learning_rate=1e-4,3e-4")
     try:
         return field, tuple(tomllib.loads(f"values = [{listed}]")["values"])
-    except ValueError:  # words without quotation marks
+    except (ValueError, RecursionError):  # words without quotation marks
         return field, tuple(listed.split(","))
 
 
@@ -124,7 +124,7 @@ def named(text: str) -> str:
 
 def agent_or_model(text: str) -> str:
     """Return a player's name or file, or the file of an ONNX model."""
-    return str(existing_file(text)) if named(text).endswith(ONNX) else known_agent(text)
+    return str(existing_file(text)) if named(text).lower().endswith(ONNX) else known_agent(text)
 
 
 def agent_of(side: str) -> Callable[[str], str]:
@@ -135,7 +135,7 @@ def agent_of(side: str) -> Callable[[str], str]:
 def known_agent(text: str, side: str | None = None) -> str:
     """Return a player's name or file; one that nobody has is refused here, where JAX is not needed for it."""
     bare = named(text).removeprefix(SHIELDED).removeprefix(SEARCHING)
-    if bare.endswith(_FILES):
+    if bare.lower().endswith(_FILES):
         existing_file(bare)
     known = [*BUILT_IN, *zoo_names()]
     name, in_run = bare.removeprefix(FROM_ZOO), [*agents_in_run(bare), *agents_in_run(bare.rpartition("/")[0])]
@@ -158,30 +158,28 @@ def agents_in_run(run: str) -> list[str]:
 def known_game(text: str) -> str:
     """Return a game's name or file; one that nobody has is refused here, where JAX is not needed for it."""
     name = named(text).split("/", 1)[-1] if TEAM.fullmatch(named(text).split("/")[0]) else text
-    if name.endswith(GAME_FILES):
+    if name.lower().endswith(GAME_FILES):
         existing_file(name)
     elif "/" not in name and not TEAM.fullmatch(name) and name not in game_names():
         raise argparse.ArgumentTypeError(unknown_game(name))
     return text
 
 
-def _path(is_fit: Callable[[Path], bool], bound: str) -> Callable[[str], Path]:
-    """Return the reader of a path that fits."""
+def _path(is_fit: Callable[[Path], bool], kind: str) -> Callable[[str], Path]:
+    """Return the reader of a path that fits, that of a kind of thing which is there."""
 
     def read(text: str) -> Path:
         path = Path(named(text))
         if not _is(lambda: is_fit(path)):
-            raise unfit(text, bound)
+            raise argparse.ArgumentTypeError(f"no such {kind}: '{shown(text)}'")
         return path
 
     return read
 
 
-existing_file = _path(Path.is_file, "a file that is there; check the path")
-run_folder = _path(lambda path: (path / "config.toml").is_file(), "the folder of a training run; check the path")
-runs_folder = _path(
-    lambda path: path.is_dir() and any(path.rglob("config.toml")), "the folder of training runs; check the path"
-)
+existing_file = _path(Path.is_file, "file")
+run_folder = _path(lambda path: (path / "config.toml").is_file(), "folder of a training run")
+runs_folder = _path(lambda path: path.is_dir() and any(path.rglob("config.toml")), "folder of training runs")
 
 
 def new_file(*suffixes: str, needs: Mapping[str, str] = _NEEDED) -> Callable[[str], Path]:

@@ -179,7 +179,7 @@ def environment() -> str:
 def processor() -> str:
     """Return the processor's capabilities as the system names them, or else this machine's name."""
     try:
-        first = Path("/proc/cpuinfo").read_text().split("\n\n")[0].splitlines()
+        first = Path("/proc/cpuinfo").read_text(encoding="utf-8").split("\n\n")[0].splitlines()
     except OSError:
         first = []
     named = [line for line in first if line.split(":")[0].strip() in _CAPABILITIES]

@@ -1,5 +1,6 @@
 """Files read so that none can do harm, whatever is in them, and written so that none is ever half there."""
 
+import codecs
 import json
 import math
 import os
@@ -95,8 +96,10 @@ def parse_json(content: str | bytes, about: str) -> dict[str, Any]:
 def parse_toml(content: bytes, path: Path) -> dict[str, Any]:
     """Return the tables of a TOML file, of which the path is for the message; errors as those of `parse_json`."""
     about = f"'{path}' is no TOML file; correct it"
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        raise InvalidInput(f"{about} (it is UTF-16: save it as UTF-8).")
     try:
-        data = tomllib.loads(content.decode())
+        data = tomllib.loads(content.decode("utf-8-sig"))  # some editors begin a file with a mark
     except (ValueError, RecursionError) as error:
         raise InvalidInput(f"{about} ({str(error) or 'nested too deeply'}).") from error
     _check(data, f"'{path}' cannot be used; correct it")

@@ -57,10 +57,11 @@ def require_printable(name: str, text: str) -> None:
 
 
 def require_positive(record: object, *names: str) -> None:
-    """Refuse, by InvalidInput, a record unless its fields of these names are more than 0."""
+    """Refuse, by InvalidInput, a record unless its fields of these names are positive; whole ones of 31 bits."""
     for name in names:
         value = getattr(record, name)
         require(value > 0, name, value, "more than 0")
+        require(isinstance(value, float) or value < 2**31, name, value, f"at least 1, at most {2**31 - 1:,}")
 
 
 def require_within(record: object, low: int | float, high: int | float, *names: str) -> None:

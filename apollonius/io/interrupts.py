@@ -99,7 +99,7 @@ def listen(says: bool = True) -> None:
 
     def hear(number: int, frame: FrameType | None) -> NoReturn:
         _heard.append(number)
-        if _is_loading(frame):  # what is half loaded crashes where an exception passes through it
+        if _is_unfit(frame):
             leave(128 + number, stopped() if says else "")
         raise KeyboardInterrupt
 
@@ -108,8 +108,13 @@ def listen(says: bool = True) -> None:
     threading.Thread(target=wait, name="signals", daemon=True).start()
 
 
-def _is_loading(frame: FrameType | None) -> bool:
+def _is_unfit(frame: FrameType | None) -> bool:
+    """Return whether an exception would pass through a module that is being loaded, which crashes when half loaded, or
+    through a function that is called as memory is freed, whose exceptions Python drops.
+    """
     while frame and not frame.f_code.co_filename.startswith("<frozen importlib"):
+        if frame.f_code.co_name in ("_xla_gc_callback", "__del__"):
+            return True
         frame = frame.f_back
     return frame is not None
 

@@ -30,7 +30,7 @@ def available_memory() -> int:
         available = _UNKNOWN
     for limit in _GROUP_LIMITS:
         with suppress(OSError, ValueError):  # there is none, or it says "max"
-            available = min(available, int(Path(limit).read_text()))
+            available = min(available, int(Path(limit).read_text(encoding="utf-8")))
     return available
 
 

@@ -5,19 +5,20 @@ may run anywhere that has the same folders, and be started any number of times.
 """
 
 import os
+import re
 import signal
 import subprocess
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from apollonius.io.cache import keep_compilations
-from apollonius.io.errors import InvalidInput, require, require_extra
+from apollonius.io.errors import LONGEST_MESSAGE, InvalidInput, require, require_extra, shown
 from apollonius.io.interrupts import SIGNALS, asked, asked_to_stop, listen
 
 DONE, STOPPED = "done", "stopped"
@@ -26,8 +27,10 @@ POLL_SECONDS = 0.2
 """Time between two looks at whether to stop."""
 _RESTARTS = 10
 """Most restarts of a job that reached its time limit on Slurm, or whose worker was lost."""
-_QUEUE_LOOKS = 15
+_POLLS_PER_LOOK = 15
 """Looks at whether to stop between two at Slurm's queue."""
+_LOOKS_WHEN_LOST = 40
+"""Looks in a row that find no trace of a lost job: two minutes, of which NFS may hide a new file for one."""
 _SLURM_MINUTES = 24 * 60
 """Time limit of a Slurm job, unless SBATCH_TIMELIMIT says another; a job that reaches it is requeued."""
 Ending = tuple[str, Any]
@@ -51,7 +54,12 @@ class Job:
         except KeyboardInterrupt:
             return STOPPED, None
         except (InvalidInput, OSError) as error:
-            return str(error), None
+            return _reason(error), None
+
+
+def _reason(error: BaseException) -> str:
+    """Return why a job failed; some errors, such as a MemoryError, have a name and no words."""
+    return shown(str(error) or type(error).__name__, LONGEST_MESSAGE)
 
 
 Run = Callable[[Sequence[Job]], list[Any]]
@@ -113,7 +121,7 @@ def in_processes(jobs: Sequence[Job], logs: Path | None) -> Iterator[tuple[Job, 
             alone.shutdown()
             cores.append(core)
             error = one.exception()
-            ending = one.result() if error is None else (STOPPED if over or asked() else str(error), None)
+            ending = one.result() if error is None else (STOPPED if over or asked() else _reason(error), None)
             over = over or ending[0] == STOPPED
             yield job, ending
         if asked() and not over:  # from a terminal the processes have heard of Ctrl-C as well, else only this one
@@ -133,9 +141,10 @@ def _work(job: Job, core: int, parent: int) -> Ending:
 
 
 def on_slurm(jobs: Sequence[Job], logs: Path | None) -> Iterator[tuple[Job, Ending]]:
-    """Run the jobs as an array, one core each; the environment variables of `sbatch` say partition, time and memory.
+    """Run the jobs as arrays, one core each; the environment variables of `sbatch` say partition, time and memory.
 
-    A job that left the queue without a result was lost, and is submitted again.
+    Neither the queue nor a file system shows at once what happens elsewhere. So a job is lost, and submitted again,
+    after `_LOOKS_WHEN_LOST` looks that find it nowhere; the result of an earlier copy counts, too.
     """
     require_extra("slurm", "slurm")
     import submitit  # pyright: ignore[reportMissingImports]
@@ -147,47 +156,82 @@ def on_slurm(jobs: Sequence[Job], logs: Path | None) -> Iterator[tuple[Job, Endi
             with asked_to_stop(again=False):  # by scancel, a preemption or a requeue
                 return job.run()
 
-    losses, cancelled, ask = Counter[str](), False, ["squeue", "-h", "-r", "-o", "%i", "-u", str(os.getuid())]
+    refusals = submitit.core.utils.FailedSubmissionError, submitit.core.utils.FailedJobError
+    waiting, copies = {job.name: job for job in jobs}, dict[str, list[Any]]()
+    absences, losses, cancelled = Counter[str](), Counter[str](), False
+
+    def cancel(names: Iterable[str]) -> None:
+        _ask_slurm("scancel", *(copy.job_id for name in names for copy in copies[name]))
+
     passing = TemporaryDirectory(prefix=".apollonius-", dir=Path.cwd())  # where other machines find it, too
     with nullcontext(logs) if logs else passing as folder:
         executor = submitit.SlurmExecutor(Path(folder).absolute(), max_num_timeout=_RESTARTS)
         executor.update_parameters(job_name="apollonius", time=_SLURM_MINUTES, array_parallelism=len(jobs))
         try:
-            waiting = dict(zip(executor.map_array(Call(), jobs), jobs, strict=True))
-            while waiting:
+            for array in _arrays(jobs):
+                submitted = zip(array, executor.map_array(Call(), array), strict=True)
+                copies |= {job.name: [copy] for job, copy in submitted}
+        except refusals as error:
+            cancel(copies)
+            raise InvalidInput(f"sbatch refuses the jobs ({error}): correct the SBATCH_... and go on.") from error
+        while waiting:
+            if asked() and not cancelled:
+                cancelled = True
+                cancel(waiting)
+            queue = _ask_slurm("squeue", "-h", "-r", "-o", "%i", "-u", str(os.getuid()))
+            for name in list(waiting) if queue is not None or cancelled else ():
+                absent = [copy for copy in copies[name] if copy.job_id not in (queue or "").split()]
+                over = [copy for copy in absent if copy.paths.result_pickle.exists()]
+                endings = [(f"see {copy.paths.stderr}", None) if copy.exception() else copy.result() for copy in over]
+                ending = min(endings, key=lambda ending: ending[0] != DONE, default=(STOPPED, None))
+                absences[name] = absences[name] + 1 if len(absent) == len(copies[name]) else 0
+                looks = 1 if cancelled or ending[0] != STOPPED else _LOOKS_WHEN_LOST  # what stops may be requeued
+                if ending[0] != DONE and absences[name] < looks:
+                    continue
+                if losses[name] == _RESTARTS and not endings and not cancelled:
+                    ending = f"it was lost {_RESTARTS + 1} times, see {copies[name][-1].paths.stderr}", None
+                elif not endings and not cancelled:
+                    absences[name] = 0
+                    losses[name] += 1
+                    with suppress(*refusals):  # it may be taken next time
+                        copies[name].append(executor.submit(Call(), waiting[name]))
+                    continue
+                if losses[name]:
+                    cancel([name])
+                yield waiting.pop(name), ending
+            for _ in range(_POLLS_PER_LOOK):
                 if asked() and not cancelled:
-                    cancelled = True
-                    subprocess.run(["scancel", *(one.job_id for one in waiting)], check=False)
-                queue = subprocess.run(ask, capture_output=True, text=True, check=False)
-                left = set(queue.stdout.split()) if queue.returncode == 0 else {one.job_id for one in waiting}
-                for one in [one for one in waiting if one.job_id not in left]:
-                    job, log = waiting.pop(one), one.paths.stderr
-                    if one.paths.result_pickle.exists():
-                        yield job, (f"see {log}", None) if one.exception() else one.result()
-                    elif cancelled:
-                        yield job, (STOPPED, None)
-                    elif losses[job.name] == _RESTARTS:
-                        yield job, (f"it was lost {_RESTARTS + 1} times, see {log}", None)
-                    else:
-                        losses[job.name] += 1
-                        waiting[executor.submit(Call(), job)] = job
-                for _ in range(_QUEUE_LOOKS):
-                    if asked() and not cancelled:
-                        break
-                    time.sleep(POLL_SECONDS)
-        except (submitit.core.utils.FailedSubmissionError, submitit.core.utils.FailedJobError) as error:
-            remedy = "correct the variables SBATCH_... and go on"
-            raise InvalidInput(f"sbatch refuses the jobs ({error}): {remedy}.") from error
+                    break
+                time.sleep(POLL_SECONDS)
+
+
+def _arrays(jobs: Sequence[Job]) -> Iterator[Sequence[Job]]:
+    """Yield the jobs in parts of which each is as large as an array on this cluster can be."""
+    limit = re.search(r"MaxArraySize\s*=\s*(\d+)", _ask_slurm("scontrol", "show", "config") or "")
+    most = max(1, int(limit[1])) if limit else len(jobs)
+    return (jobs[first : first + most] for first in range(0, len(jobs), most))
+
+
+def _ask_slurm(*command: str) -> str | None:
+    """Return the output of a command of Slurm, or None if it fails."""
+    try:
+        return subprocess.run(command, capture_output=True, encoding="utf-8", errors="replace", check=True).stdout
+    except (OSError, subprocess.CalledProcessError):
+        return None
 
 
 def on_ray(jobs: Sequence[Job], logs: Path | None) -> Iterator[tuple[Job, Ending]]:
-    """Run as many jobs at a time as the cluster has cores: the one of RAY_ADDRESS, or a new one of this machine."""
+    """Run as many jobs at a time as the cluster has cores: that of RAY_ADDRESS, or one that only this machine sees."""
     require_extra("ray", "ray")
     import ray  # pyright: ignore[reportMissingImports]
     from ray.exceptions import RayError  # pyright: ignore[reportMissingImports]
 
-    here = {} if "RAY_ADDRESS" in os.environ else {"num_cpus": len(available_cores()), "include_dashboard": False}
-    with ray.init(**here, log_to_driver=False):
+    own = {"num_cpus": len(available_cores()), "include_dashboard": False, "_node_ip_address": "127.0.0.1"}
+    try:
+        cluster = ray.init(**({} if "RAY_ADDRESS" in os.environ else own), log_to_driver=False)
+    except Exception as error:  # of any kind, as on a machine too busy to start all parts in time
+        raise InvalidInput(f"Ray does not start ({_reason(error)}): free a core, or correct RAY_ADDRESS.") from error
+    with cluster:
         remote = ray.remote(num_cpus=1, max_retries=_RESTARTS)(Job.run)
         waiting = {remote.remote(job): job for job in jobs}
         while waiting and not asked():
@@ -195,7 +239,7 @@ def on_ray(jobs: Sequence[Job], logs: Path | None) -> Iterator[tuple[Job, Ending
                 try:
                     ending = ray.get(one)
                 except RayError as error:
-                    ending = str(error), None
+                    ending = _reason(error), None
                 yield waiting.pop(one), ending
         for one, job in waiting.items():
             ray.cancel(one)

@@ -2,6 +2,7 @@
 
 import difflib
 import itertools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,7 +13,7 @@ from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.types import BySide, Role
 from apollonius.io.errors import InvalidInput, require
-from apollonius.io.limits import SEED, TRAININGS
+from apollonius.io.limits import SEED, TRAININGS, require_memory
 from apollonius.learn.learner_config import DQNConfig, LearnerConfig, SACConfig
 from apollonius.learn.ppo_config import PPOConfig
 from apollonius.learn.stage_config import (
@@ -80,6 +81,9 @@ class RunConfig:
         past, games = self.self_play.opponents, (self.sac or self.dqn).games
         fits = past.share == 0 or past.slot_games(games) > 0
         require(fits, "games", games, f"more, so that {past.scheme} has one for each of 2 x {past.slots} slots")
+        copies = 2 * past.versions * (past.share > 0)
+        needed = copies * 4 * (self.sac or self.dqn).depth * (self.sac or self.dqn).width ** 2
+        require_memory("versions", past.versions, needed, "keep fewer, or train a smaller network")
         longest = games * self.game.max_steps
         bound = f"at least games x max_steps = {longest:,}, so that games that {past.scheme} judges by can end"
         require(past.renewal >= longest or past.share == 0, "renewal", past.renewal, bound)
@@ -138,11 +142,11 @@ class RunConfig:
         return {name: Plan(self.learner, stage) for name, stage in zip(STAGES, stages, strict=True) if name in asked}
 
     def share(self, stage: str, env_steps: int) -> float:
-        """Return the share of the whole training that is done after some env steps of a stage.
-
-        The work of a stage is its env steps, once for each side that learns.
+        """Return the share of the whole training that is done after some env steps of a stage; raises InvalidInput for
+        a stage of another training. The work of a stage is its env steps, once for each side that learns.
         """
         plans = self.plans
+        require(stage in plans, "stage", stage, f"one of this training, {', '.join(plans)}")
         work = {name: (2 if name == SELF_PLAY else 1) * plan.stage.env_steps for name, plan in plans.items()}
         before = sum(work[name] for name in STAGES[: STAGES.index(stage)] if name in work)
         return (before + work[stage] * plans[stage].share(env_steps)) / sum(work.values())
@@ -168,8 +172,8 @@ def sweep(config: RunConfig, values: Mapping[str, Sequence[Any]]) -> dict[str, R
     """Return the trainings of a sweep by name, as `dqn.batch=64,seed=3`: all combinations of the values of fields, by
     their dotted paths; raises InvalidInput for an unknown field, an impossible value, and too many trainings.
     """
+    TRAININGS.require("trainings", math.prod(map(len, values.values())))
     combinations = list(itertools.product(*values.values()))
-    TRAININGS.require("trainings", len(combinations))
     found: dict[str, RunConfig] = {}
     for combination in combinations:
         changes = dict(zip(values, combination, strict=True))

@@ -4,7 +4,8 @@ import fcntl
 import os
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -22,6 +23,8 @@ from apollonius.io.errors import InvalidInput, require, require_within
 from apollonius.learn.config import RunConfig
 
 FORMAT = "apollonius-checkpoint-2"
+METRICS = "metrics.jsonl"
+"""Name of the file in a run's folder with its metrics, which is never replaced while it is trained."""
 _OWN = (
     "agents/*.safetensors", "tables/*.safetensors", "checkpoint.safetensors", "*.jsonl", "evaluation.json",
     "state.json", "report.html", "config.toml",
@@ -50,21 +53,25 @@ def create_run(config: RunConfig, folder: Path, force: bool = False) -> None:
 
 @contextmanager
 def held(folder: Path) -> Generator[None, None, None]:
-    """Keep other processes from training in a run's folder, if it has locks; raises InvalidInput while one does."""
-    directory = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(directory, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        os.close(directory)
-        raise InvalidInput(f"'{folder}' is being trained by another process: wait for it, or stop it.") from error
-    except OSError:
-        pass  # a file system without locks
-    try:
+    """Keep other processes from training in a run's folder, if it has locks; raises InvalidInput while one does.
+
+    Other machines see a lock on NFS if it is that of a file open for writing, but not that of a folder. A link is no
+    such file: what it leads to may be somebody's own.
+    """
+
+    def opener(path: str, flags: int) -> int:
+        return os.open(path, flags | os.O_NOFOLLOW)
+
+    with open(folder / METRICS, "a+b", opener=opener) as file:  # with "+" it does not wait for a reader of a pipe
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise InvalidInput(f"'{folder}' is being trained by another process: wait for it, or stop it.") from error
+        except OSError:
+            pass  # a file system without locks
         for abandoned in folder.rglob("*.tmp"):  # by a process that was killed
             abandoned.unlink()
         yield
-    finally:
-        os.close(directory)
 
 
 def agent_file(run: Path, name: str, percent: int = 100) -> Path:
@@ -111,6 +118,8 @@ class Standing:
     """Evaluation of the best pursuer so far."""
     metrics_bytes: int = 0
     """Size of `metrics.jsonl`."""
+    ended: str = ""
+    """Digest of the config of a run that has ended, whose checkpoint holds nothing else."""
 
     def __post_init__(self) -> None:
         require_within(self, 0, 2**62, "chunks", "seconds", "metrics_bytes")
@@ -122,14 +131,28 @@ def save_checkpoint(path: Path, state: Any, standing: Standing) -> None:
     write_atomically(path, save(arrays, {FORMAT: to_json(asdict(standing))}))
 
 
-def load_standing(path: Path) -> Standing:
-    """Return how far the run of a checkpoint is; raises InvalidInput for a missing, damaged or foreign file."""
+def end_checkpoint(path: Path, config: RunConfig) -> None:
+    """Replace the checkpoint of a run by a mark that the run has ended, as nothing resumes from it."""
+    save_checkpoint(path, (), replace(load_standing(path), ended=_digest(config)))
+
+
+def _digest(config: RunConfig) -> str:
+    return sha256(to_json(to_dict(config), sort_keys=True).encode()).hexdigest()
+
+
+def load_standing(path: Path, config: RunConfig | None = None) -> Standing:
+    """Return how far the run of a checkpoint is; raises InvalidInput for a missing, damaged or foreign file, and for
+    one of another training than that of the config.
+    """
     with opened(path, "train again", "checkpoint") as file:
         metadata = file.metadata() or {}
     if FORMAT not in metadata:
         raise InvalidInput(f"'{path}' is no checkpoint of this version ({FORMAT}): train again.")
     record = parse_json(metadata[FORMAT], f"'{path}' holds no record of a run: train again")
-    return from_dict(Standing, record, f"the record of '{path}'")
+    standing = from_dict(Standing, record, f"the record of '{path}'")
+    if config and (standing.stage not in config.plans or standing.ended not in ("", _digest(config))):
+        raise InvalidInput(f"'{path}' is of another training than its config.toml: train again.")
+    return standing
 
 
 def load_checkpoint(path: Path, template: T) -> T:

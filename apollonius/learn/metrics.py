@@ -102,7 +102,7 @@ def begin_metrics(path: Path, standing: Standing | None = None) -> None:
 
 def append_metrics(path: Path, line: MetricsLine) -> int:
     """Add a line to `metrics.jsonl`; return the file's size [bytes]."""
-    with open(path, "a") as file:
+    with open(path, "a", encoding="utf-8") as file:
         file.write(to_json({name: value for name, value in asdict(line).items() if value is not None}) + "\n")
         file.flush()
         return file.tell()
@@ -143,6 +143,7 @@ def _opened(to: str, folder: Path, config: dict[str, Any]) -> tuple[Callable[...
         tracker.start_run(run_name=folder.name)
         tracker.log_dict(config, "config.json")
         return tracker.log_metrics, tracker.end_run
+    os.environ.setdefault("WANDB_DIR", str(folder))  # its own files lie in the run, and not where one happens to be
     project = os.environ.get(f"{to.upper()}_PROJECT", "apollonius")  # trackio is made to be used as wandb
     return tracker.init(project=project, name=folder.name, config=config).log, tracker.finish
 

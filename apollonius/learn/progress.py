@@ -11,8 +11,9 @@ from typing import Literal
 
 from apollonius.arenas.file import from_dict
 from apollonius.io.document import parse_json, read_bytes, to_json, write_atomically
-from apollonius.io.errors import InvalidInput
-from apollonius.learn.folder import Evaluation, held, load_config
+from apollonius.io.errors import InvalidInput, require_within
+from apollonius.io.limits import MOST_COUNTED
+from apollonius.learn.folder import METRICS, Evaluation, held, load_config
 from apollonius.learn.metrics import MetricsLine, last_lines
 
 STATE = "state.json"
@@ -31,6 +32,17 @@ class State:
     process: int = 0
     job: str = ""
     error: str = ""
+
+    def __post_init__(self) -> None:
+        require_within(self, 0, MOST_COUNTED, "process")
+
+
+def load_state(path: Path) -> State:
+    """Return the state of a run by its file, if there is one; raises InvalidInput for a bad one."""
+    if not path.exists():
+        return State()
+    content = read_bytes(path, "a run's state", "train again")
+    return from_dict(State, parse_json(content, f"'{path}' is no record of a process; train again"), f"'{path}'")
 
 
 def keep_state(folder: Path, train: Callable[[], bool]) -> bool:
@@ -90,14 +102,13 @@ def runs_below(folder: Path) -> list[Path]:
 def progress_of(run: Path) -> Progress:
     """Return the progress of a run; one whose files cannot be read has failed."""
     try:
-        state = State()
-        if (run / STATE).is_file():
-            state = from_dict(State, parse_json(read_bytes(run / STATE, "a run's state", "train again"), STATE), STATE)
+        state, config = load_state(run / STATE), load_config(run / "config.toml")
         if state.state == "running" and _was_killed(state):
             state = replace(state, state="stopped")
-        line, evaluation = last_lines(run / "metrics.jsonl")
-        share = load_config(run / "config.toml").share(line.stage, line.env_steps) if line else 0.0
-        heard = [file.stat().st_mtime for file in (run / STATE, run / "metrics.jsonl") if file.exists()]
-        return Progress(run, state, share, line, evaluation, time.time() - max(heard) if heard else None)
+        line, evaluation = last_lines(run / METRICS)
+        share = config.share(line.stage, line.env_steps) if line else 0.0
+        times = [file.stat().st_mtime for file in (run / STATE, run / METRICS) if file.exists()]
+        age = min(max(0.0, time.time() - max(times)), MOST_COUNTED) if times else None  # clocks differ, and may be odd
+        return Progress(run, state, share, line, evaluation, age)
     except (InvalidInput, OSError) as error:
         return Progress(run, State("failed", error=str(error)), 0.0, None, None, None)

@@ -26,15 +26,16 @@ from apollonius.catalogue import find_pool
 from apollonius.game.game import sample_starts
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.types import ROLES, BySide, Outcome, Role
-from apollonius.io.errors import InvalidInput
 from apollonius.io.interrupts import asked
 from apollonius.learn import distillation, loop, ppo, train_state
 from apollonius.learn.caution import cautious, sampled
 from apollonius.learn.config import DISTILLATION, FIXED_TARGET, RESPONSE, SELF_PLAY, STAGES, RunConfig
 from apollonius.learn.folder import (
+    METRICS,
     Evaluation,
     Standing,
     agent_file,
+    end_checkpoint,
     load_checkpoint,
     load_config,
     load_standing,
@@ -77,7 +78,7 @@ class Run:
     def __post_init__(self) -> None:
         self.game = charted(self.config.game, find_observation(self.config.learner.observation).charted)
         self.checkpoint = self.folder / "checkpoint.safetensors"
-        self.metrics = self.folder / "metrics.jsonl"
+        self.metrics = self.folder / METRICS
         self.evaders = find_pool(self.config.evaders, Role.EVADER, self.game)
         self.game = charted(self.game, self.evaders.members.charted)
         self.plans = self.config.plans
@@ -91,17 +92,16 @@ class Run:
         return settings_of(self.config.response, self.config.ppo, self.game)
 
     def execute(self) -> bool:
-        """Train to the end of the last stage. Returns False if stopped early.
-
-        Raises InvalidInput when there is a checkpoint that this run cannot go on from, or while another process trains
-        in the folder. An OSError leaves the previous checkpoint untouched.
+        """Train to the end of the last stage; return False if stopped early. Raises InvalidInput for a checkpoint that
+        this run cannot go on from, and while another process trains in the folder.
         """
         return keep_state(self.folder, self._execute)
 
     def _execute(self) -> bool:
-        standing = load_standing(self.checkpoint) if self.checkpoint.exists() else None
-        if standing is not None and standing.stage not in self.plans:
-            raise InvalidInput(f"'{self.checkpoint}' is of another stage than its config.toml names: train again.")
+        standing = load_standing(self.checkpoint, self.config) if self.checkpoint.exists() else None
+        if standing is not None and standing.ended:
+            begin_metrics(self.metrics, standing)
+            return True
         stages = list(self.plans)
         best: Network | None = None
         for stage in stages[stages.index(standing.stage) if standing else 0 :]:
@@ -118,6 +118,7 @@ class Run:
             if not finished:
                 return False
             best = saved.best
+        end_checkpoint(self.checkpoint, self.config)
         return True
 
     def start(self, stage: str, networks: BySide[Network | None]) -> Saved:
@@ -221,8 +222,8 @@ class Run:
     def _save_agent(
         self, network: Network, role: Role, name: str, record: Mapping[str, object], stage: str, percent: int = 100
     ) -> None:
-        config = to_dict(self.config)
         command = "apollonius train --config FILE, where FILE holds the config of this record"
+        config = to_dict(self.config)
         training = {"command": command, "seed": self.config.seed, "stage": stage, **record, "config": config}
         agent = describe(network, role, to_dict(self.config.game), training)
         save_agent(agent, agent_file(self.folder, name, percent))

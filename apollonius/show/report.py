@@ -128,7 +128,7 @@ def report_of(folder: Path) -> dict[str, Any]:
         "stages": {name: (plan, by_stage[name]) for name, plan in stages.items()},
         "pictures": {name: learning_pictures(found, config.evaders) for name, found in by_stage.items() if found},
         "games": games,
-        "config": (folder / "config.toml").read_text("utf-8"),
+        "config": (folder / "config.toml").read_text(encoding="utf-8"),
     }
 
 
@@ -154,14 +154,14 @@ def render(report: Mapping[str, Any]) -> str:
     """Return a report as HTML, with everything from files escaped."""
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.policies["json.dumps_kwargs"]["allow_nan"] = False
-    return environment.from_string((_HERE / "report.html").read_text()).render(
+    return environment.from_string((_HERE / "report.html").read_text(encoding="utf-8")).render(
         **report,
         replays=[for_page(replay) for replay, _ in report["games"]],
         asked={"games": GAMES, "seed": SEED},
         bar=[outcome for outcome in _BAR if any(outcome in match.result.outcomes for match in report["matches"])],
         light=palette.LIGHT,
         dark=palette.DARK,
-        style=Markup((_HERE / "report.css").read_text()),
+        style=Markup((_HERE / "report.css").read_text(encoding="utf-8")),
         player=Markup(bundled(_HERE / "replay.js")),
     )
 
@@ -189,7 +189,7 @@ def bundled(entry: Path) -> str:
                 objects[source] = f"const {name} = (() => {{\n{inner}return {{ {exports} }};\n}})();\n"
             return f"const {{{found[1].replace(' as ', ': ')}}} = {name};\n"
 
-        return _IMPORT.sub(imported, _COMMENT.sub("", path.read_text()))
+        return _IMPORT.sub(imported, _COMMENT.sub("", path.read_text(encoding="utf-8")))
 
     text = text_of(entry)
     return "".join(objects.values()) + text

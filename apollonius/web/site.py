@@ -125,7 +125,7 @@ def write_site(folder: Path, choice: Choice | None = None) -> None:
         "files": published,
         "chosen": {name: value for name, value in vars(chosen).items() if name not in ("agents", "games")},
     }
-    (folder / "catalogue.json").write_text(to_json(catalogue))
+    (folder / "catalogue.json").write_text(to_json(catalogue), encoding="utf-8")
 
 
 def _write_map(occupancy: OccupancyMap, folder: Path) -> dict[str, Any]:

@@ -132,7 +132,7 @@ def test_what_the_chart_has_is_not_found(game):
 
 def test_the_check_of_an_arena_says_what_its_chart_resolves(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    Path("floor.toml").write_text(tomli_w.dumps(to_dict(floor(0.55))))
+    Path("floor.toml").write_text(tomli_w.dumps(to_dict(floor(0.55))), encoding="utf-8")
     assert main(["arena", "check", "floor.toml", "--json"]) == 0
     (note,) = json.loads(capsys.readouterr().out)["notes"]
     assert note.endswith("know no other way. This arena's chart resolves 1.00 m, so widen it to that.")

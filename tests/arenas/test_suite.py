@@ -87,6 +87,7 @@ def drawn(kind="discs", seed=0, **numbers):
         (lambda: suite.suite_arena(NAME, "racks-99"), "arena of suite-v1 = racks-99 .* one of discs-00"),
         (lambda: find_game("suite-v1/"), "no game is called 'suite-v1/': choose .* as 'suite-v1/racks-07'"),
         (lambda: find_game("suite-v1/none"), "arena of suite-v1 = none"),
+        (lambda: find_game("suite-v1/maze-00,maze-00"), "scenario = .* a list of different arenas"),
         (lambda: drawn(gap=4.0), "5 discs find no room: after .* ask for a smaller gap"),
         (lambda: drawn(gap=-1.0), "gap = -1"),
         (lambda: drawn(width=3.0), "width, height = .* at least 3.6 m"),
@@ -110,7 +111,7 @@ def drawn(kind="discs", seed=0, **numbers):
         (lambda: random_map("caves seed=9999999999 gap=1.0 width=10.0 height=10.0"), "seed = 9999999999"),
         (lambda: random_map("caves seed=0 gap=1.0 width=1e9 height=10.0"), "width, height = "),
     ],
-    ids=range(27),
+    ids=range(28),
 )
 def test_what_is_not_in_a_suite_or_cannot_be_drawn_is_refused(act, said):
     with pytest.raises(InvalidInput, match=said):

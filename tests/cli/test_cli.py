@@ -1,8 +1,10 @@
 """The command: what it prints, and that it refuses bad input in one line and leaves everything as it was."""
 
 import errno
+import io
 import json
 import os
+import platform
 import re
 import subprocess
 import sys
@@ -37,7 +39,7 @@ from tests.learn.tiny import STOPPING
 @pytest.fixture
 def tiny():
     """A config file of a training that takes seconds, with the promotion that optax needs."""
-    Path("tiny.toml").write_text(tomli_w.dumps(to_dict(replace(STOPPING, seed=5))))
+    Path("tiny.toml").write_text(tomli_w.dumps(to_dict(replace(STOPPING, seed=5))), encoding="utf-8")
     with jax.numpy_dtype_promotion("standard"):
         yield "tiny.toml"
 
@@ -90,6 +92,19 @@ def test_a_reader_that_leaves_early_is_no_error(monkeypatch):
     assert (result.returncode, result.stderr) == (1, "")
 
 
+@pytest.mark.parametrize(
+    ("encoding", "errors", "written"),
+    [("latin-1", "surrogateescape", b"\xb1?\n"), ("ascii", "strict", b"??\n"), ("utf-8", "strict", "±█\n".encode())],
+)
+def test_signs_that_a_stream_does_not_have_are_replaced(monkeypatch, encoding, errors, written):
+    for name in ("stdout", "stderr"):
+        monkeypatch.setattr(sys, name, io.TextIOWrapper(io.BytesIO(), encoding, errors))
+    monkeypatch.setattr("apollonius.cli.arena.run_list", lambda options: print("±█") or 0)
+    run_main("arena", "list")
+    sys.stdout.flush()
+    assert sys.stdout.buffer.getvalue() == written
+
+
 def test_help_version_and_refusals_import_nothing_that_takes_time():
     result = run_process(
         "import sys\n"
@@ -128,7 +143,7 @@ def test_evaluate_prints_one_json_object_and_records_the_games_that_the_pursuer_
     assert all(replay.first_difference() is None for replay in replays)
     changed = json.loads(next(Path("replays").iterdir()).read_text())
     changed["states"][5][0] += 1e-3
-    Path("changed.json").write_text(json.dumps(changed))
+    Path("changed.json").write_text(json.dumps(changed), encoding="utf-8")
     assert run_main("show", "changed.json", "--out", "new/game.png") == 0
     said, errors = capsys.readouterr()
     assert said.startswith("random against random: pursuer ")
@@ -175,7 +190,11 @@ def test_slice_draws_an_agent_that_reads_a_chart(capsys):
 
 REFUSED = {
     "play --no-browser": "unrecognized arguments: --no-browser; see apollonius play --help",
-    "fly": "fly", "trian": "did you mean 'train'", "train --preset quik": "did you mean 'quick'",
+    "fly": "apollonius: unknown command 'fly'; see apollonius --help\n",
+    "trian": "apollonius: unknown command 'trian'; did you mean 'train'?\n",
+    "arena chek": "apollonius arena: unknown command 'chek'; did you mean 'check'?\n",
+    "train --preset quik": "--preset = quik is not possible: did you mean 'quick'?\n",
+    "simulate random still --drive robot.toml": "--drive: no such file: 'robot.toml'; see apollonius simulate --help\n",
     "evaluate random": "EVADER", "evaluate P_curriculm still": "did you mean 'P_curriculum'",
     "evaluate P_curriculum E_pool": "'E_pool': choose one of random, still, flee, flee-aware",
     "evaluate nobody still": "'nobody': choose one of random, still", "show shielded:nobody still": "'nobody'",
@@ -197,11 +216,17 @@ REFUSED = {
     "evaluate random still --vary dt=0:0.1:1": "at least 2", "evaluate random still --vary u2=1:2:2": "did you mean",
     "show random still --out game.avi": "one of .gif, .webp, .png, .json",
     "show random still --out game.png --speed 2": "only .gif, .webp move",
-    "show random still --out game.gif --speed 0": "from 0.05 to 100", "show nowhere.json": "check the path",
-    "report .": "the folder of a training run", "resume folder": "the folder of training runs",
-    "runs folder": "the folder of training runs", "train --seeds 3-1": "seeds as 0-9", "train --seeds x": "--seeds = x",
+    "show random still --out game.gif --speed 0": "from 0.05 to 100", "show nowhere.json": "no such file: 'nowhere",
+    "report .": "RUN: no such folder of a training run: '.'",
+    "resume folder": "no such folder of training runs: 'folder'",
+    "runs folder": "no such folder of training runs: 'folder'",
+    "train --seeds 3-1": "seeds as 0-9", "train --seeds x": "--seeds = x",
     "train --seed 1 --seeds 0-1": "left out with --seeds", "train --vary dqn.batch": "FIELD=VALUE,VALUE",
     "train --vary dqn.batch=1:2": "dqn.batch", "train --vary lr=1": "'lr' is no known key",
+    "train --seeds 0-999,1000": "at most 1,000",
+    f"train --vary evaders={'[' * 5_000}": "evaders",
+    "train --seeds 0-999 --vary dqn.batch=1:100:100 --vary dqn.width=1:100:100 --vary dqn.depth=1:100:100":
+    "trainings = 1000000000 is not possible: it must be a whole number, at least 1, at most 1,000",
     "train --vary seed=1 --seeds 0-1": "of different fields", "train --on moon": "'moon'",
     "slice P_stage1": "--opponent", "slice nobody --opponent 5 5": "'nobody'", "slice random --opponent 5 5": "random",
     "slice P_stage1 --opponent 3 3": "opponent = (3.0, 3.0) is not possible",
@@ -218,7 +243,7 @@ REFUSED = {
     "regret E_scratch": "plays the evader", "regret P_stage1 --role robot": "--role",
     "regret still --games 2147483647": "--games", "tournament --pursuers random flee": "plays the evader, not",
     "exploit pursuer P_stage1 --attackers nobody": "--attackers",
-    "exploit pursuer P_stage1 --tables t.safetensors e.safetensors": "check the path",
+    "exploit pursuer P_stage1 --tables t.safetensors e.safetensors": "no such file: 't.safetensors",
     "export still --to c --out a.c":
     "side = missing is not possible: it must be pursuer or evader, as 'still' plays either",
     "export flee --to c --out a.c --side pursuer": "side = pursuer",
@@ -262,6 +287,7 @@ AMONG_FILES = [
     (RUNS, "evaluate first/none still", ["no agent is called 'first/none': did you mean 'first/P_one'?"]),
     (RUNS, "evaluate nowhere/P_one still", ["no agent is called 'nowhere/P_one'", "RUN/NAME"]),
     (OLD, "resume run", ["sede"]),
+    ({"hall.toml": "seed = 1"}, "arena check HALL.TOML", ["no such file: 'HALL.TOML'"]),
     (OLD, "train --force --out run --config run/config.toml", ["sede"]),
     (OLD, "train --force --out run --stage self-play --vary pursuer=nobody", ["nobody"]),
     (OLD, "train --force --out run --stage self-play --vary pursuer=E_scratch", ["evader"]),
@@ -290,7 +316,7 @@ AMONG_FILES = [
 def test_bad_input_is_refused_and_never_costs_what_is_there(capsys, files, words, naming):
     for name, text in files.items():
         Path(name).parent.mkdir(parents=True, exist_ok=True)
-        Path(name).write_text(text)
+        Path(name).write_text(text, encoding="utf-8")
     assert_refused(capsys, *words.split(), naming=naming)
 
 
@@ -308,13 +334,14 @@ def test_a_random_arena_in_place_of_several_is_the_one_that_is_played():
         ("JAX_ENABLE_X64", "1", 2, "JAX_ENABLE_X64 = true is not possible"),
         ("JAX_DEFAULT_PRNG_IMPL", "best", 2, 'JAX does not begin (Invalid value "best"'),
         ("PYTHONIOENCODING", "ascii:strict", 0, ""),
+        ("PYTHONIOENCODING", "ascii:surrogateescape", 0, ""),  # as of the locale POSIX
     ],
 )
 @pytest.mark.slow
 def test_an_odd_environment_is_refused_or_makes_no_difference(monkeypatch, variable, value, status, line):
     monkeypatch.setenv(variable, value)
     said = run_process(
-        "import sys; from apollonius.__main__ import main; sys.exit(main())",
+        "import sys; from apollonius.cli.main import main; sys.exit(main())",
         "tournament", "--pursuers", "random", "--evaders", "still", "--games", "2",
     )  # fmt: skip
     assert said.returncode == status, said.stderr
@@ -369,10 +396,10 @@ def test_train_makes_a_run_and_judges_it_and_force_replaces_it(tiny, capsys, mon
     wrote, then = printed.err.splitlines()[-2:]
     assert wrote.startswith("wrote run (")
     assert then == "next: apollonius report run"
-    assert set(json.loads(Path("run/evaluation.json").read_text())) == {"P_stage1 against still"}
+    assert set(json.loads(Path("run/evaluation.json").read_text(encoding="utf-8"))) == {"P_stage1 against still"}
 
-    Path("run/notes.txt").write_text("mine")
-    Path("run/report.html").write_text("of the run before")
+    Path("run/notes.txt").write_text("mine", encoding="utf-8")
+    Path("run/report.html").write_text("of the run before", encoding="utf-8")
     monkeypatch.setattr("apollonius.learn.run.Run.execute", lambda run: False)
     assert run_main(*arguments, "--force") == 130
     left = {str(path.relative_to("run")) for path in Path("run").rglob("*") if path.is_file()}
@@ -383,7 +410,7 @@ def test_seed_0_is_a_seed_and_a_run_that_is_stopped_says_how_to_go_on(tiny, caps
     monkeypatch.setattr("apollonius.learn.run.Run.execute", lambda run: False)
     for asked, seed in (([], 5), (["--seed", "0"], 0)):
         assert main(["train", "--config", tiny, *asked, "--out", f"run-{seed}"]) == 130
-        assert f"\nseed = {seed}\n" in "\n" + Path(f"run-{seed}/config.toml").read_text()
+        assert f"\nseed = {seed}\n" in "\n" + Path(f"run-{seed}/config.toml").read_text(encoding="utf-8")
         assert capsys.readouterr().err.splitlines()[-1] == f"stopped; go on with: apollonius resume run-{seed}"
 
 
@@ -393,16 +420,55 @@ def test_of_several_runs_those_that_ended_and_were_judged_are_left_alone(tiny, c
     assert main(["train", "--config", tiny, "--seeds", "1-3", "--out", "sweep"]) == 0
     assert asked == runs
     for run in runs[:2]:
-        Path(run, "state.json").write_text('{"state": "finished"}')
-    Path(runs[0], "evaluation.json").write_text("{}")
+        Path(run, "state.json").write_text('{"state": "finished"}', encoding="utf-8")
+    Path(runs[0], "evaluation.json").write_text("{}", encoding="utf-8")
     asked.clear()
     assert main(["resume", "sweep"]) == 0
     assert asked == runs[1:]
+    text = Path(runs[1], "config.toml").read_text(encoding="utf-8")
+    Path(runs[1], "config.toml").write_text(text.replace('"both"', '"response"'), encoding="utf-8")
+    asked.clear()
+    assert main(["resume", "sweep"]) == 0
+    assert asked == runs[2:], "one side that learned alone is not judged"
+
+
+def test_odd_runs_of_strangers_hide_no_other_and_write_nothing_of_their_own_on_the_terminal(capsys):
+    line = {
+        "stage": "response",
+        "env_steps": 8,
+        "episodes": 1,
+        "updates": 1,
+        "seconds": 1.0,
+        "losses": {"pursuer": 0.1},
+    }
+    line |= {"env_steps_per_second": 8, "outcomes": counts_by_name([0] * 9), "pursuer_return": 0, "evader_return": 0}
+    odd = {
+        "process": ("state.json", {"state": "running", "machine": platform.node(), "process": 99999999999}),
+        "stage": ("metrics.jsonl", line),
+        "word\x1b[2J": (
+            "state.json",
+            {"state": "failed", "machine": "m\x1b]0;x\x07", "error": "\x1b[31mred\nrun finished"},
+        ),
+        "sound": ("metrics.jsonl", line | {"stage": "self-play"}),
+    }
+    for name, (file, record) in odd.items():
+        Path("runs", name).mkdir(parents=True)
+        Path("runs", name, "config.toml").write_text('stages = "self-play"', encoding="utf-8")
+        Path("runs", name, file).write_text(json.dumps(record) + "\n", encoding="utf-8")
+    os.utime("runs/sound/metrics.jsonl", (2**40, 2**40))
+    assert run_main("runs") == 0
+    lines = capsys.readouterr().out.removesuffix("\n").split("\n")
+    assert all(line.isprintable() for line in lines)
+    states = {line.split()[0]: line.split()[1] for line in lines[1:5]}
+    assert states == {"process": "failed", "sound": "waiting", "stage": "failed", "word\\x1b[2J": "failed"}
+    assert "process = 99999999999 is not possible" in lines[5]
+    assert "stage = response is not possible: it must be one of this training, self-play" in lines[6]
+    assert lines[7].endswith(": \\x1b[31mred run finished")
 
 
 def test_simulate_prints_both_matches_and_records_games(capsys):
     pytest.importorskip("mujoco")
-    Path("short.toml").write_text("max_steps = 15\n")
+    Path("short.toml").write_text("max_steps = 15\n", encoding="utf-8")
     words = "simulate pure-pursuit flee --games 3 --game short.toml --record 1"
     assert run_main(*words.split()) == 0
     said = capsys.readouterr().out
@@ -467,7 +533,7 @@ def test_reach_is_solved_once_and_then_loaded(capsys, monkeypatch):
         assert run_json(capsys, *arguments, "2") == first
     assert_refused(capsys, *arguments, "3", naming=("tables/six.safetensors", "another problem", "--force"))
     assert_refused(capsys, *arguments, "3", "--whole-cells", naming=("whole_cells = true", "all but game"))
-    Path("t.safetensors").write_text("mine")
+    Path("t.safetensors").write_text("mine", encoding="utf-8")
     safety = ("solve", "safety", *coarse, "--out", "t.safetensors")
     assert_refused(capsys, *safety, naming=("t.safetensors", "not a whole"))
     assert run_main(*arguments, "3", "--force") == 0
@@ -485,7 +551,7 @@ def test_one_obstacle_needs_two(capsys):
 
 
 def test_an_arena_without_obstacles_needs_one(capsys):
-    Path("empty.toml").write_text("[arena]\ndiscs = []\n")
+    Path("empty.toml").write_text("[arena]\ndiscs = []\n", encoding="utf-8")
     assert run_main("pursuers", "empty.toml") == 0
     said = capsys.readouterr().out.splitlines()
     assert said[0] == "empty.toml: 1 pursuer is enough, for idealised robots on this graph"

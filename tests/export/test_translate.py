@@ -6,7 +6,6 @@ import subprocess
 from shutil import which
 
 import jax
-import jax.extend
 import jax.numpy as jnp
 import numpy as np
 import pytest

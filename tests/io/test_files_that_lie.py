@@ -4,6 +4,8 @@ are sound; never anything else."""
 import copy
 import json
 import math
+import os
+import platform
 import tomllib
 from contextlib import suppress
 from dataclasses import asdict, replace
@@ -20,11 +22,13 @@ from hypothesis import strategies as st
 from safetensors.numpy import load, save
 
 from apollonius.agents.network import make_network
-from apollonius.agents.store import describe, save_agent
+from apollonius.agents.store import describe, load_header, save_agent
 from apollonius.agents.trained import learned_elsewhere
-from apollonius.arenas.file import load_game, save_game, to_dict
+from apollonius.arenas.file import find_game, load_game, save_game, to_dict
 from apollonius.arenas.map_file import load_map
 from apollonius.catalogue import find_player, price_of_losing
+from apollonius.cli.terminal import runs_table
+from apollonius.cli.values import known_agent, known_game
 from apollonius.evaluate.result import MatchResult
 from apollonius.export.player import home_of
 from apollonius.game.outcome import counts_by_name
@@ -36,6 +40,7 @@ from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import FORMAT as CHECKPOINT
 from apollonius.learn.folder import Evaluation, Standing, load_checkpoint, load_config, load_standing, save_checkpoint
 from apollonius.learn.metrics import MetricsLine, load_metrics
+from apollonius.learn.progress import State, load_state, progress_of
 from apollonius.play.replay import Replay, load_replay, save_replay
 from apollonius.show.report import load_matches
 from apollonius.solve.store import Problem, Solution, load_solution, save_solution
@@ -103,6 +108,11 @@ KINDS: dict[str, tuple[Any, Any, str]] = {
     "image": (write_map, lambda path: load_map(path.with_suffix(".yaml")), "m.pgm"),
     "config": (lambda path: path.write_text(tomli_w.dumps(to_dict(RunConfig(game=GAME)))), load_config, "config.toml"),
     "metrics": (write_metrics, load_metrics, "metrics.jsonl"),
+    "state": (
+        lambda path: path.write_text(json.dumps(asdict(State("running", platform.node(), os.getpid(), "1_3")))),
+        load_state,
+        "state.json",
+    ),
     "evaluation": (
         lambda path: path.write_text(json.dumps({"P_scratch against random": RESULT.to_dict()})),
         load_matches,
@@ -202,6 +212,8 @@ LIES = [
         {"mean_steps": float("nan")}, {"arenas": {"wins": [3]}}, {"robots": 3},
     )],
     ("evaluation", {"P_scratch": {}}), ("evaluation", {"a against b": 3}),
+    *[("state", {"process": number}) for number in (-1, 2**31, 10**30, 1.5, True)],
+    ("state", {"state": "paused"}), ("state", {"machine": None}), ("state", {"job": 3}),
     ("map", {"resolution": 10**4000}), ("map", {"mode": [[["trinary"]]]}), ("map", {"image": "x" * 5000}),
 ]  # fmt: skip
 
@@ -277,6 +289,27 @@ def test_more_obstacles_than_a_game_can_have_are_refused_at_once(kind, tmp_path)
     assert told("game", path) is not None
 
 
+@pytest.mark.parametrize("kind", [*TOML, "json game"])
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_a_byte_order_mark_is_taken_and_what_it_marks_is_named(kind, encoding, file):
+    path = file(kind)
+    path.write_bytes(path.read_bytes().decode().encode(encoding))
+    refused = encoding == "utf-16" and kind in TOML
+    assert (told(kind, path) or "").endswith("(it is UTF-16: save it as UTF-8)." * refused)
+    assert (told(kind, path) is None) == (not refused)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"), [("game", "HALL.TOML"), ("json game", "HALL.JSON"), ("agent", "P.SAFETENSORS")]
+)
+def test_suffixes_may_be_in_capitals(kind, name, tmp_path):
+    file, find = tmp_path / name, load_header if kind == "agent" else find_game
+    KINDS[kind][0](tmp_path / KINDS[kind][2])
+    (tmp_path / KINDS[kind][2]).rename(file)
+    assert find(file if kind == "agent" else str(file))
+    assert (known_agent if kind == "agent" else known_game)(str(file)) == str(file)
+
+
 HUGE = st.sampled_from([2**31, 2**63, 10**30, 10**400, -1, 0, 1e308])
 NUMBERS = st.one_of(st.integers(), st.floats(), st.floats(0, 20), HUGE)
 WORDS = ["pursuer", "game", "values", "rest", "moving", "paper", "zero-sum"]
@@ -341,3 +374,29 @@ def test_a_file_is_sound_or_refused_in_one_line(kind, cases, file):
         told(kind, path)
 
     read()
+
+
+@pytest.mark.parametrize("cases", [25, pytest.param(2_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", ["config", "state", "metrics"])
+def test_a_run_that_is_not_sound_has_failed_and_is_one_line_of_the_table(kind, cases, tmp_path):
+    run = tmp_path / "run"
+    run.mkdir()
+    for one in ("config", "state", "metrics"):
+        KINDS[one][0](run / KINDS[one][2])
+    path = run / KINDS[kind][2]
+    content, header = path.read_bytes(), header_of(kind, path)
+    assert progress_of(run).state.state != "failed"
+
+    @settings(max_examples=cases)
+    @given(st.one_of(lies(header), damages(content), st.binary(max_size=200)))
+    def look(changed):
+        path.write_bytes(changed if isinstance(changed, bytes) else content)
+        with suppress(TypeError, ValueError):
+            if not isinstance(changed, bytes):
+                with_header(kind, path, changed)
+        progress = progress_of(run)
+        lines = runs_table([progress], tmp_path).split("\n")
+        assert len(lines) == 2 + bool(progress.state.error)
+        assert all(line.isprintable() for line in lines)
+
+    look()

@@ -15,14 +15,18 @@ from apollonius.io.interrupts import asked
 from apollonius.io.workers import Job, run_jobs
 
 
-def test_a_module_that_is_being_loaded_is_told_by_its_frame(tmp_path, monkeypatch):
+def test_a_frame_tells_whether_an_exception_would_do_harm_or_be_lost(tmp_path, monkeypatch):
     (tmp_path / "loaded_here.py").write_text("import sys\nFRAME = sys._getframe()\n")
     monkeypatch.syspath_prepend(tmp_path)
     import loaded_here  # pyright: ignore[reportMissingImports]
 
-    assert interrupts._is_loading(loaded_here.FRAME)
-    assert not interrupts._is_loading(sys._getframe())
-    assert not interrupts._is_loading(None)
+    def _xla_gc_callback():
+        return sys._getframe()
+
+    assert interrupts._is_unfit(loaded_here.FRAME)
+    assert interrupts._is_unfit(_xla_gc_callback())
+    assert not interrupts._is_unfit(sys._getframe())
+    assert not interrupts._is_unfit(None)
 
 
 def write_down(path):
@@ -111,6 +115,34 @@ def test_on_ray_a_job_whose_worker_is_lost_begins_again_and_one_that_fails_is_na
     assert all((tmp_path / work.__name__).read_text() for work in (be_lost_once, write_down))
 
 
+def run_out_of_memory(path):
+    raise MemoryError
+
+
+@pytest.mark.usefixtures("one_core")
+def test_an_error_without_words_is_told_by_its_name(tmp_path):
+    told = []
+    with pytest.raises(InvalidInput, match="1 of 1 failed"):
+        run_jobs(jobs_of(run_out_of_memory, tmp_path, 1), told.append)
+    assert told == ["failed: job 0 (MemoryError)"]
+
+
+def test_a_ray_that_does_not_start_is_one_line_and_is_seen_by_this_machine_alone(tmp_path, monkeypatch):
+    ray = MagicMock()
+    ray.init.side_effect = Exception("The current node timed out during startup.\nThis could happen")
+    monkeypatch.setitem(sys.modules, "ray", ray)
+    monkeypatch.setitem(sys.modules, "ray.exceptions", ray)
+    monkeypatch.setattr("apollonius.io.errors.find_spec", lambda module: module)
+    monkeypatch.delenv("RAY_ADDRESS", raising=False)
+    with pytest.raises(InvalidInput, match=r"^Ray does not start \(The current .* could happen\): .*RAY_ADDRESS\.$"):
+        run_jobs(jobs_of(write_down, tmp_path), print, on="ray")
+    assert ray.init.call_args.kwargs["_node_ip_address"] == "127.0.0.1"
+    monkeypatch.setenv("RAY_ADDRESS", "10.0.0.1:6379")
+    with pytest.raises(InvalidInput, match="Ray does not start"):
+        run_jobs(jobs_of(write_down, tmp_path), print, on="ray")
+    assert ray.init.call_args.kwargs == {"log_to_driver": False}
+
+
 class Refusal(Exception):
     """What `submitit` raises where `sbatch` takes no job."""
 
@@ -133,24 +165,137 @@ def test_what_sbatch_refuses_is_one_line(array, tmp_path):
         run_jobs(jobs_of(write_down, tmp_path), print, on="slurm")
 
 
-def test_ctrl_c_cancels_what_slurm_still_runs_and_keeps_what_is_done(array, tmp_path, monkeypatch):
-    queue, told = {"7_1", "7_2"}, []
-    monkeypatch.setattr(jobs_module, "POLL_SECONDS", 0.01)
+class Queue:
+    """A Slurm of one look after the other: at each one `on_look` may change what is listed and who has a result."""
 
-    def run(command, **_):
+    def __init__(self, array, monkeypatch):
+        self.array, self.executor = array, sys.modules["submitit"].SlurmExecutor.return_value
+        self.listed, self.looks, self.cancelled = set(), 0, []
+        self.on_look = lambda look: None
+        array.side_effect = lambda call, jobs: [self.copy(f"7_{number}") for number in range(len(jobs))]
+        self.executor.submit.side_effect = lambda call, job: self.copy(f"8_{self.looks}")
+        self.copies = {}
+        monkeypatch.setattr(jobs_module, "POLL_SECONDS", 0.0)
+        monkeypatch.setattr(jobs_module, "_LOOKS_WHEN_LOST", 5)
+        monkeypatch.setattr(jobs_module.subprocess, "run", self.run)
+
+    def copy(self, number):
+        self.copies[number] = one = MagicMock(job_id=number)
+        one.paths.result_pickle.exists.return_value, one.exception.return_value = False, None
+        return one
+
+    def end(self, number, *ending):
+        self.listed.discard(number)
+        self.copies[number].paths.result_pickle.exists.return_value = True
+        self.copies[number].result.return_value = ending
+
+    def run(self, command, **_):
         if command[0] == "scancel":
-            queue.difference_update(command[1:])
-        return MagicMock(returncode=0, stdout="\n".join(queue))
+            self.cancelled += command[1:]
+            self.listed.difference_update(command[1:])
+        if command[0] == "squeue":
+            self.looks += 1
+            assert self.looks < 100
+            self.on_look(self.looks)
+        return MagicMock(
+            returncode=0, stdout="MaxArraySize = 2\n" if command[0] == "scontrol" else " ".join(self.listed)
+        )
 
-    monkeypatch.setattr(jobs_module.subprocess, "run", run)
+
+@pytest.fixture
+def queue(array, monkeypatch):
+    return Queue(array, monkeypatch)
+
+
+def test_ctrl_c_cancels_what_slurm_still_runs_and_keeps_what_is_done(queue, tmp_path, monkeypatch):
+    told = []
     monkeypatch.setattr(jobs_module, "asked", lambda: bool(told))
-    array.return_value = made = [MagicMock(job_id=f"7_{number}") for number in range(3)]
-    made[0].exception.return_value, made[0].result.return_value = None, ("done", True)
-    for one in made[1:]:
-        one.paths.result_pickle.exists.return_value = False
+
+    def look(number):
+        if number == 1:
+            queue.listed.add("7_1")
+            queue.end("7_0", "done", True)
+
+    queue.on_look = look
     with pytest.raises(KeyboardInterrupt):
-        run_jobs(jobs_of(write_down, tmp_path), told.append, on="slurm")
-    assert told == ["done: job 0", "stopped: job 1", "stopped: job 2"]
+        run_jobs(jobs_of(write_down, tmp_path, 2), told.append, on="slurm")
+    assert told == ["done: job 0", "stopped: job 1"]
+    assert queue.cancelled == ["7_1"]
+
+
+def test_a_job_that_slurm_lists_late_and_whose_result_is_seen_late_is_not_submitted_again(queue, tmp_path):
+    def look(number):
+        (queue.listed.update if 4 < number < 6 else queue.listed.difference_update)(["7_0"])
+        if number == 10:
+            queue.end("7_0", "done", 36)
+
+    queue.on_look = look
+    assert run_jobs(jobs_of(write_down, tmp_path, 1), print, on="slurm") == [36]
+    queue.executor.submit.assert_not_called()
+    assert queue.cancelled == []
+
+
+def test_a_lost_job_is_submitted_again_and_a_late_result_of_its_first_copy_counts(queue, tmp_path):
+    def look(number):
+        if number == 7:
+            queue.listed.add(number_of_second())
+        if number == 9:
+            queue.end("7_0", "done", 36)
+
+    def number_of_second():
+        (second,) = set(queue.copies) - {"7_0"}
+        return second
+
+    queue.on_look = look
+    assert run_jobs(jobs_of(write_down, tmp_path, 1), print, on="slurm") == [36]
+    assert queue.cancelled == ["7_0", "8_5"]
+
+
+def test_a_requeued_job_is_not_taken_for_stopped_and_one_that_failed_is(queue, tmp_path):
+    """A preempted job leaves a result that says so, and may be out of the queue for a moment."""
+    told = []
+
+    def look(number):
+        if number == 2:
+            queue.end("7_0", "stopped", False)
+            queue.end("7_1", "no such agent", None)
+        if number == 4:
+            queue.listed.add("7_0")
+        if number == 6:
+            queue.end("7_0", "done", 36)
+
+    queue.on_look = look
+    with pytest.raises(InvalidInput, match="1 of 2 failed"):
+        run_jobs(jobs_of(write_down, tmp_path, 2), told.append, on="slurm")
+    assert told == ["failed: job 1 (no such agent)", "done: job 0"]
+
+
+def test_a_job_that_is_lost_again_and_again_fails_and_sbatch_may_refuse_once(queue, tmp_path):
+    queue.executor.submit.side_effect = [Refusal("busy"), *(queue.copy(f"9_{number}") for number in range(9))]
+    told = []
+    with pytest.raises(InvalidInput, match="1 of 1 failed"):
+        run_jobs(jobs_of(write_down, tmp_path, 1), told.append, on="slurm")
+    assert "it was lost 11 times" in told[0]
+
+
+def test_an_array_is_no_larger_than_the_cluster_takes(queue, tmp_path):
+    sizes = []
+
+    def submit(call, jobs):
+        sizes.append(len(jobs))
+        made = [queue.copy(f"{len(sizes)}_{number}") for number in range(len(jobs))]
+        for one in made:
+            queue.end(one.job_id, "done", one.job_id)
+        if len(sizes) == 4:
+            raise Refusal("too many jobs")
+        return made
+
+    queue.array.side_effect = submit
+    assert run_jobs(jobs_of(write_down, tmp_path, 3), print, on="slurm") == ["1_0", "1_1", "2_0"]
+    assert sizes == [2, 1]
+    with pytest.raises(InvalidInput, match="sbatch refuses the jobs"):
+        run_jobs(jobs_of(write_down, tmp_path, 3), print, on="slurm")
+    assert queue.cancelled == ["3_0", "3_1"]
 
 
 SOON = 2.0 + 6.0

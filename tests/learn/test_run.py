@@ -1,9 +1,11 @@
 """A training run in its folder: its files, and that stopping it in any way changes nothing."""
 
+import fcntl
 import json
 import os
 import platform
 import shutil
+import stat
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -71,6 +73,7 @@ def test_a_run_leaves_its_config_metrics_checkpoint_and_agents(uninterrupted):
     assert {path.name for path in uninterrupted.iterdir()} == files
     assert sorted(agents(uninterrupted)) == [*CURRICULUM, "P_stage1"]
     assert load_config(uninterrupted / "config.toml") == RUN
+    assert (uninterrupted / CHECKPOINT).stat().st_size < 1_000, "without what only a resumed run needs"
 
 
 def test_every_chunk_has_a_line_of_metrics(uninterrupted):
@@ -158,6 +161,32 @@ def test_two_processes_never_train_in_one_folder(tmp_path):
             with pytest.raises(InvalidInput, match="is being trained by another process: wait for it"):
                 begins()
         assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+
+
+def test_a_folder_on_nfs_is_locked_for_other_machines_too(tmp_path, monkeypatch):
+    """There a lock of what is not open for writing is an error, and one of a folder is this machine's alone."""
+    folder, locks = begin(tmp_path / "run"), []
+
+    def flock(file, operation):
+        number = file if isinstance(file, int) else file.fileno()
+        assert stat.S_ISREG(os.fstat(number).st_mode)
+        assert fcntl.fcntl(number, fcntl.F_GETFL) & os.O_ACCMODE != os.O_RDONLY
+        if os.fstat(number).st_ino in locks:
+            raise BlockingIOError
+        locks.append(os.fstat(number).st_ino)
+
+    monkeypatch.setattr(fcntl, "flock", flock)
+    with held(folder), pytest.raises(InvalidInput, match="is being trained"), held(folder):
+        pass
+
+
+def test_a_link_in_a_run_is_not_followed_to_what_is_somebodys_own(tmp_path):
+    folder, own = begin(tmp_path / "run"), tmp_path / "thesis.tex"
+    own.write_text("mine")
+    (folder / "metrics.jsonl").symlink_to(own)
+    with pytest.raises(OSError, match="symbolic links"):
+        Run(RUN, folder).execute()
+    assert own.read_text() == "mine"
 
 
 @pytest.fixture
@@ -301,12 +330,21 @@ def test_a_checkpoint_that_lies_about_the_metrics_is_refused_and_cuts_nothing(un
         assert (folder / "metrics.jsonl").read_bytes() == whole
 
 
+@pytest.fixture(scope="module")
+def stopped(tmp_path_factory):
+    """The folder of a run that was stopped."""
+    folder = begin(tmp_path_factory.mktemp("run") / "stopped")
+    assert not Run(RUN, folder, should_stop=stop_after(5)).execute()
+    return folder
+
+
+@pytest.mark.parametrize("source", ["stopped", "uninterrupted"])
 @pytest.mark.parametrize(
     "changed",
     [{"dqn": replace(DQN, depth=2)}, {"dqn": replace(DQN, replay_capacity=2 * CHUNK)}, {"stages": "fixed-target"}],
 )
-def test_a_checkpoint_of_another_config_is_refused(uninterrupted, tmp_path, changed):
+def test_a_checkpoint_of_another_config_is_refused(source, tmp_path, changed, request):
     config = replace(RUN, **changed)
-    shutil.copy(uninterrupted / CHECKPOINT, folder := begin(tmp_path / "run", config))
+    shutil.copy(request.getfixturevalue(source) / CHECKPOINT, folder := begin(tmp_path / "run", config))
     with pytest.raises(InvalidInput, match="train again"):
         Run(config, folder).execute()

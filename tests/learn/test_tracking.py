@@ -1,5 +1,6 @@
 """Trackers have the records of metrics.jsonl: TensorBoard files are read back, stand-ins keep what they are sent."""
 
+import os
 import shutil
 import sys
 from unittest.mock import MagicMock
@@ -54,10 +55,13 @@ def stand_in(name, monkeypatch):
 @pytest.mark.parametrize("name", ["wandb", "mlflow", "trackio"])
 def test_other_trackers_are_sent_every_record_and_closed(run, monkeypatch, name):
     module = stand_in(name, monkeypatch)
+    monkeypatch.setenv("WANDB_DIR", "")  # so that what follows is undone
+    monkeypatch.delenv("WANDB_DIR")
     assert main(["track", str(run), "--to", name]) == 0
     called = [(path.rsplit(".", 1)[-1], given, options) for path, given, options in module.mock_calls]
     logged = [given for what, given, _ in called if what in ("log", "log_metrics")]
     check({(key, step): value for values, step in logged for key, value in values.items()}, run)
+    assert os.environ.get("WANDB_DIR") == (None if name == "mlflow" else str(run.resolve()))
     assert called[-1][0] in ("finish", "end_run")
     told = [one for _, given, options in called for one in (*given, *options.values())]
     assert run.name in told

@@ -121,7 +121,7 @@ def test_whole_games_at_ten_decisions_a_second(nodes, world, folder):
     }
     print(json.dumps(log))
     if "LOG" in os.environ:
-        Path(os.environ["LOG"]).write_text(json.dumps(log, indent=1) + "\n")
+        Path(os.environ["LOG"]).write_text(json.dumps(log, indent=1) + "\n", encoding="utf-8")
     assert np.mean(between) == pytest.approx(0.1, abs=0.002)
     assert np.quantile(np.abs(between - 0.1), 0.95) < 0.03
     assert np.quantile(between, 0.99) < 0.2

@@ -22,7 +22,7 @@ class Export:
     """
 
     def __init__(self, file: Path) -> None:
-        self.text = file.read_text()
+        self.text = file.read_text(encoding="utf-8")
         self.facts = json.loads(self.text)
         self.robots = 1 + self.facts["mates"] + self.facts["opponents"]
         base, name = file.resolve().parent, self.facts["name"]
