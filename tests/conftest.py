@@ -1,5 +1,6 @@
 """How every test runs: no silent promotion, compilations kept between runs, the same examples each time."""
 
+import functools
 import gc
 import os
 import shutil
@@ -72,6 +73,7 @@ def figures_can_be_read():
     """In every figure that a test saves, panels fill it, data fill the panels, and neither these nor words overlap."""
     save = Figure.savefig
 
+    @functools.wraps(save)
     def checked(figure, *arguments, **options):
         save(figure, *arguments, **options)
         renderer, words = FigureCanvasAgg(figure).get_renderer(), set()
