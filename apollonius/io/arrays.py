@@ -1,5 +1,6 @@
 """Arrays by name, as safetensors files hold them: read so that no file can do harm, its header first."""
 
+import os
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -26,9 +27,11 @@ _NUMBERS = {"BOOL": np.dtype(bool), "U8": np.dtype(np.uint8), "I8": np.dtype(np.
 @contextmanager
 def opened(path: Path, remedy: str, kind: str = "safetensors file") -> Generator[Any, None, None]:
     """Open a safetensors file, of which only the header is read yet; raises InvalidInput for a `kind` of file that it
-    is not, one that is cut off, and a header of more than `MOST_HEADER` bytes.
+    is not, one that is missing or cut off, and a header of more than `MOST_HEADER` bytes.
     """
     damaged = f"'{path}' is not a whole {kind}"
+    if not os.path.isfile(path):  # a pipe would wait for a writer
+        raise InvalidInput(f"{damaged} (it is no file): {remedy}.")
     try:
         with open(path, "rb") as file:
             size = int.from_bytes(file.read(8), "little")

@@ -105,8 +105,6 @@ def load_solution(path: Path) -> Solution:
 
 def is_solution(path: Path) -> bool:
     try:
-        if not path.is_file():
-            return False
         with opened(path, "") as file:
             return bool(read_header(path, file, FORMAT, ""))
     except (InvalidInput, OSError):

@@ -304,3 +304,12 @@ def test_suffixes_may_be_in_capitals(kind, name, tmp_path):
     (tmp_path / KINDS[kind][2]).rename(file)
     assert find(file if kind == "agent" else str(file))
     assert (known_agent if kind == "agent" else known_game)(str(file)) == str(file)
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_pipe_is_not_waited_for(kind, file):
+    path = file(kind)
+    path.unlink()
+    os.mkfifo(path)
+    assert told(kind, path) is not None
