@@ -14,7 +14,8 @@ from apollonius.game.types import NUM_ACTIONS, Bits, Scalar
 from apollonius.observe.view import View
 
 NEAR = 0.05
-"""Clearance [m] below which a robot at rest drives only where it gains some."""
+"""Clearance [m] below which a robot at rest drives only where it gains some; as
+the lengths below, on the scale of the paper's robots."""
 _DIRECTIONS = 32
 """Directions in which a free way is looked for."""
 _PLACES = (0.05, 0.1, 0.2, 0.3)
