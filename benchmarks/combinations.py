@@ -46,7 +46,7 @@ def game_of(place: Game, sensors: str, drive: str, radius: float, pursuers: int)
 
 
 def cell(match: Match) -> dict[str, Any]:
-    """Play a match; return its captures and, by side, the robots that failed by themselves and all of them."""
+    """Play a match; return its captures and, by side, the robots that failed by themselves and all robots."""
     results = play_games(match)
     outcome = np.asarray(results.outcome)
 

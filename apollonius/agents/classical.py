@@ -10,11 +10,11 @@ from jaxtyping import Array, Float, Int
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy, Memory
 from apollonius.game.dynamics import wrap_angle
 from apollonius.game.game import Game
-from apollonius.game.types import NUM_ACTIONS, Bits, Real, RobotState, Role, Scalar
+from apollonius.game.types import NUM_ACTIONS, Bits, RobotState, Role, Scalar
 from apollonius.io.errors import require
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.paper import PAPER
-from apollonius.observe.view import Robot, View
+from apollonius.observe.view import View
 
 BRAKE_STRAIGHT = 1
 """Index of the action (u1 = -u1_max, u2 = 0)."""
@@ -49,9 +49,8 @@ class Uniform(AbstractBlind):
 
 
 class AbstractClassical(AbstractActionValuePolicy):
-    """A player that reads the view and follows a rule; controls are held for `dt` [s]."""
+    """A player that reads the view and follows a rule."""
 
-    dt: Real
     misfit: ClassVar[tuple[str, str, str]] = ("game", "another", "one for this player")
     """The refusal of a game that its rule does not fit: name, value and bound."""
 
@@ -64,11 +63,7 @@ class AbstractClassical(AbstractActionValuePolicy):
     def for_side(cls, game: Game, role: Role, **rule: Any) -> "AbstractClassical":
         """Return the player of one side of a game; raises InvalidInput where its rule does not fit the game."""
         require(cls.fits(game), *cls.misfit)
-        return cls(game.dt, **rule)
-
-    def hold(self, robot: Robot, action: Int[Array, ""]) -> RobotState:
-        """Return a robot's state after one step."""
-        return robot.body.move(robot.state, *robot.body.controls(action), self.dt)
+        return cls(**rule)
 
 
 class AbstractSteering(AbstractClassical):
@@ -79,15 +74,12 @@ class AbstractSteering(AbstractClassical):
 
         So a control is used only while more than half a step is missing, and a course once held is held quietly.
         """
-        return self.towards(seen.own, *self.course(seen))
-
-    def towards(self, own: Robot, heading: Scalar, speed: Scalar) -> Float[Array, "9"]:
-        """Return those values for a heading [rad] and a speed [m/s]."""
-        turn = jnp.maximum(own.body.u2_max * self.dt, 1e-6)
-        thrust = jnp.maximum(own.body.u1_max * self.dt, 1e-6)
+        (heading, speed), own, dt = self.course(seen), seen.own, seen.dt
+        turn = jnp.maximum(own.body.u2_max * dt, 1e-6)
+        thrust = jnp.maximum(own.body.u1_max * dt, 1e-6)
 
         def value(action: Int[Array, ""]) -> Scalar:
-            after = self.hold(own, action)
+            after = own.body.move(own.state, *own.body.controls(action), dt)
             return -jnp.abs(wrap_angle(heading - after.heading)) / turn - jnp.abs(speed - after.v) / thrust
 
         return jax.vmap(value)(jnp.arange(NUM_ACTIONS))

@@ -14,7 +14,8 @@ from apollonius.game.types import NUM_ACTIONS, Bits, Scalar
 from apollonius.observe.view import View
 
 NEAR = 0.05
-"""Clearance [m] below which a robot at rest drives only where it gains some."""
+"""Clearance [m] below which a robot at rest drives only where it gains some; as
+the lengths below, on the scale of the paper's robots."""
 _DIRECTIONS = 32
 """Directions in which a free way is looked for."""
 _PLACES = (0.05, 0.1, 0.2, 0.3)
@@ -32,7 +33,7 @@ _AHEAD = 7
 
 
 def departures(seen: View) -> Bool[Array, "9"]:
-    """Return the actions that are allowed: all of them to a robot that moves.
+    """Return the actions that are allowed: all nine to a robot that moves.
 
     One at rest may drive off, or turn towards the direction in which the path to its opponent is shortest, among those
     in which the body has a clearance of `NEAR` or gains it. With less clearance than that it does only the latter and,

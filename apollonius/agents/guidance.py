@@ -1,6 +1,5 @@
 """Players that chase by a law of guidance, pure pursuit or constant bearing, that flee, or that guard a territory."""
 
-from math import ceil
 from typing import Any
 
 import equinox as eqx
@@ -13,7 +12,7 @@ from apollonius.game.dynamics import Unicycle, wrap_angle
 from apollonius.game.game import Game
 from apollonius.game.teams import separation
 from apollonius.game.types import NUM_ACTIONS, Real, RobotState, Role, Scalar
-from apollonius.observe.view import Robot, View
+from apollonius.observe.view import View
 
 
 class PurePursuit(AbstractSteering):
@@ -57,9 +56,10 @@ def arc_speed(body: Unicycle, robot: RobotState, target: RobotState) -> Scalar:
 _HORIZON = 4.0
 """Time that a fleeing robot looks ahead [s]: the paper's needs as long to stop from its top speed."""
 _MARGIN = 0.1
-"""Least clearance of a way [m]."""
+"""Least clearance of a way [m], on the scale of the paper's robots."""
 _WIDE = 1.0
-"""Clearance [m] up to which a metre of it is worth a metre of distance; beyond it more is worth nothing."""
+"""Clearance [m] up to which a metre of it is worth a metre of distance, on the scale of the paper's robots; beyond it
+more is worth nothing."""
 
 _Reached = tuple[RobotState, Scalar, Scalar]
 """State that a robot has reached, least clearance on its way [m], and number of steps with clearance enough."""
@@ -82,28 +82,23 @@ class FleeAware(AbstractClassical):
     distance from the pursuer there, which is taken to go straight on, and by its least clearance on the way.
     """
 
-    steps: int | Array = eqx.field(static=True, default=40)
-
-    @classmethod
-    def for_side(cls, game: Game, role: Role, **rule: Any) -> AbstractClassical:
-        return super().for_side(game, role, steps=ceil(_HORIZON / game.dt), **rule)
-
     def values(self, seen: View) -> Float[Array, "9"]:
         """Return distance and clearance in metres; where that runs out, how late, below all ways on which it lasts."""
         coast, body = jnp.zeros(()), seen.own.body
-        pursuer = seen.opponent.body.move(seen.opponent.state, coast, coast, self.steps * self.dt)
+        steps = jnp.ceil(_HORIZON / jnp.asarray(seen.dt, jnp.float32))
+        pursuer = seen.opponent.body.move(seen.opponent.state, coast, coast, steps * seen.dt)
 
         def value(action: Int[Array, ""]) -> Scalar:
             def one_step(_: Int[Array, ""], reached: _Reached) -> _Reached:
                 robot, clearance, clear = reached
-                after = self.hold(Robot(body, robot), action)
+                after = body.move(robot, *body.controls(action), seen.dt)
                 clearance = jnp.minimum(clearance, seen.arena.clearance_along(robot, after) - body.radius)
                 return after, clearance, clear + (clearance > _MARGIN).astype(jnp.float32)
 
             start = seen.own.state, jnp.asarray(jnp.inf, jnp.float32), jnp.zeros(())
-            end, clearance, clear = jax.lax.fori_loop(0, self.steps, one_step, start)
+            end, clearance, clear = jax.lax.fori_loop(0, steps.astype(jnp.int32), one_step, start)
             lasts = separation(end, pursuer) + jnp.minimum(clearance, _WIDE)
-            runs_out = clear - self.steps
+            runs_out = clear - steps
             return jnp.where(clearance > _MARGIN, lasts, runs_out)
 
         return jax.vmap(value)(jnp.arange(NUM_ACTIONS))

@@ -1,4 +1,7 @@
-"""Players that find their way by the chart, and go by what they believe: one that searches, one that hides."""
+"""Players that find their way by the chart, and go by what they believe: one that searches, one that hides.
+
+Lengths and times in their rules are on the scale of the paper's robots.
+"""
 
 from dataclasses import replace
 

@@ -23,7 +23,7 @@ from apollonius.io.errors import require
 from apollonius.observe.view import Robot, View
 
 MARGIN = 1e-3
-"""Clearance [m] that must be left: many times what rounding can make of it."""
+"""Clearance [m] that must be left, whatever the robots' scale: many times what rounding can make of it."""
 BRAKING = (0, 1, 2)
 """Actions that brake: while turning right, going straight, or turning left."""
 _TRIED = 8

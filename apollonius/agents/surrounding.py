@@ -1,7 +1,7 @@
 """Pursuers that surround the evader as a team: by the area that is left to it, and by their bearings around it.
 
 Each decides for itself, by what it sees of its mates. Path lengths and cells are those of the arena's chart, so that
-obstacles count.
+obstacles count. Lengths in their rules are on the scale of the paper's robots.
 """
 
 from abc import abstractmethod

@@ -140,7 +140,7 @@ def built(texts: Mapping[str, str], compiler: str, command: Sequence[str]) -> Ge
     with tempfile.TemporaryDirectory() as folder:
         made, log = Path(folder, "program"), Path(folder, "log")
         for name, text in texts.items():
-            Path(folder, name).write_text(text, "utf-8")
+            Path(folder, name).write_text(text, encoding="utf-8")
         words = [*command, "-o", str(made)]
         try:
             with log.open("wb") as errors:  # no pipe, which processes of a compiler that hangs would keep open
@@ -156,7 +156,7 @@ def built(texts: Mapping[str, str], compiler: str, command: Sequence[str]) -> Ge
         except (OSError, subprocess.TimeoutExpired) as reason:
             raise InvalidInput(f"{compiler} does not work here ({reason}): install it anew.") from reason
         if done.returncode or not made.exists():
-            lines = log.read_text("utf-8", "replace").splitlines() or [f"exit status {done.returncode}"]
+            lines = log.read_text(encoding="utf-8", errors="replace").splitlines() or [f"exit status {done.returncode}"]
             said = next((line for line in lines if "error" in line), lines[-1])
             raise InvalidInput(f"{compiler} fails ({said}): install it anew.")
         yield made

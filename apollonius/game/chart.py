@@ -32,7 +32,7 @@ NO_PATH = 2**16 - 1
 GLANCES = 12
 """Steps of a ray: each is as long as the clearance at the end of the one before."""
 FARTHEST = 12.0
-"""Length of rays that meet nothing [m]."""
+"""Length of rays that meet nothing [m], on the scale of the arenas in which agents learned."""
 
 CellWeights = tuple[Int[Array, "4"], Float[Array, "4"]]
 """The four coarse cells around a point, and their weights."""

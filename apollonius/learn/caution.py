@@ -20,7 +20,7 @@ from apollonius.learn.replay_buffer import ReplayBuffer
 from apollonius.observe.egocentric import BRAKING, ROOM
 
 COST = 30.0
-"""Cost of a metre of missing clearance, in lost games: of 3 cm, most of one."""
+"""Cost of a metre of missing clearance, in lost games, on the scale of the paper's robots: of 3 cm, most of one."""
 _ROWS = 20_000
 
 

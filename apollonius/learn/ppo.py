@@ -113,8 +113,8 @@ def play_and_learn(plan: Plan, state: TrainState, setting: Setting) -> tuple[Tra
     after, error = _learn(plan, learner, _in_units(game, row), state.iterations, env_steps, learn_key)
     seen, kept = row.observation.reshape(-1, row.observation.shape[-1]), _kept_of_a_round(config)
     buffer = add(state.learners[stage.side].buffer, (seen[:: len(seen) // kept][:kept],))
-    ended = played.outcome, stage.side, game.reward.time_limit_wins
-    practice = Practice(games, with_losses(before.lost, before.games.state, *ended))
+    lost = with_losses(before.lost, game, before.games.state, played.outcome, stage.side)
+    practice = Practice(games, lost)
     return iterated(state, practice, played, env_steps, {stage.side: (LearnerState(after, buffer), error)})
 
 

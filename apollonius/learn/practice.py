@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
+from apollonius.game.game import Game
 from apollonius.game.outcome import evader_wins, pursuer_wins
 from apollonius.game.types import GameState, Outcome, Role, choose
 from apollonius.learn.replay_buffer import ReplayBuffer
@@ -12,8 +13,8 @@ from apollonius.play.rollout import Games
 
 _KEPT = 4096
 """States that are kept."""
-_TOO_LATE = 15
-"""Steps before the end of a lost game from which on it is not begun again."""
+_TOO_LATE = 1.5
+"""Time [s] before the end of a lost game from which on it is not begun again."""
 
 
 class Practice(eqx.Module):
@@ -31,18 +32,18 @@ def no_losses(states: GameState) -> ReplayBuffer[GameState]:
 
 def with_losses(
     lost: ReplayBuffer[GameState],
+    game: Game,
     states: GameState,
     outcome: Int[Array, "steps games"],
     role: Role,
-    time_limit_wins: bool,
 ) -> ReplayBuffer[GameState]:
     """Return the ring with those of some states, leaves `[games]`, from which one side lost in the steps that followed,
     but not at once.
     """
     end, rows = jnp.argmax(outcome != Outcome.ONGOING, axis=0), len(lost.rows.steps)
     first = jnp.take_along_axis(outcome, end[None], axis=0)[0]
-    won = pursuer_wins(first) if role == Role.EVADER else evader_wins(first, time_limit_wins)
-    new = won & (end >= _TOO_LATE)
+    won = pursuer_wins(first) if role == Role.EVADER else evader_wins(first, game.reward.time_limit_wins)
+    new = won & (end >= _TOO_LATE / game.dt)
     row = jnp.where(new, (lost.head + jnp.cumsum(new) - 1) % rows, rows)
     begun = eqx.tree_at(lambda batch: batch.steps, states, jnp.zeros_like(states.steps))
     kept = jax.tree.map(lambda ring, leaf: ring.at[row].set(leaf, mode="drop"), lost.rows, begun)

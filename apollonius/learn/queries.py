@@ -1,4 +1,7 @@
-"""The states that a student and its teacher are asked about, and the starts of their games."""
+"""The states that a student and its teacher are asked about, and the starts of their games.
+
+Lengths and speeds are on the scale of the paper's robots.
+"""
 
 import functools
 from dataclasses import replace

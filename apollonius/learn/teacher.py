@@ -29,12 +29,12 @@ from apollonius.solve.solving import cached_tables, reference_grid
 TABLES = "tables"
 """Folder of the solved game in that of a run."""
 _AHEAD = 2
-"""Steps of an action after which the clearance is looked up."""
+"""Steps of an action, of about 0.1 s, after which the clearance is looked up."""
 DEEPEST = 0.3
 """Largest difference to the best action, before clearance counts: capacity spent on how bad a bad action is would be
 lost to the choice between good ones."""
 STEEPNESS = 10.0
-"""Cost of a missing metre of clearance."""
+"""Cost of a missing metre of clearance, on the scale of the paper's robots."""
 COSTLIEST = 0.8
 """Largest cost of missing clearance."""
 

@@ -27,7 +27,8 @@ NEVER = 1e3
 LONG_AGO = 100.0
 """Time since a cell was seen [s] from which on it is as good as never seen."""
 NEAR = 30.0
-"""Length [m] that is added to those of paths, so that cells at hand are worth no detour."""
+"""Length [m] that is added to those of paths, on the scale of the paper's arena, so that cells at hand are worth no
+detour."""
 RAYS = 128
 """Directions in which a robot's range of sight is looked up."""
 _GLANCES = 16

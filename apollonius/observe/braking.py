@@ -15,7 +15,7 @@ shorter step takes of it would look small beside what it gains, step after step.
 _POINTS = 12
 """Places, equally far apart, at which the clearance of a path to rest is looked up."""
 _LEAST_BRAKING = 0.05
-"""Deceleration of a robot that cannot brake as hard as this [m/s^2]."""
+"""Deceleration of a robot that cannot brake as hard as this [m/s^2], on the scale of the paper's robots."""
 _SHARPEST = 3.0
 """Largest turn from one place to the next [rad]."""
 

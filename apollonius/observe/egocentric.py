@@ -46,7 +46,7 @@ def _mirror() -> Mirror:
 
 
 class Egocentric(AbstractObservation):
-    """The robots, and of the arena rays and path lengths.
+    """The robots, and of the arena rays and path lengths; networks read all on the scale of the paper's robots.
 
     Robots (23). Of the robot itself its speed, v_max, v_min, u1_max, u2_max and radius in units of the paper's robots,
     and its clearance here and where it would come to rest if it braked straight ahead, clipped to [-1, 1] (8).

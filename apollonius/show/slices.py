@@ -27,6 +27,8 @@ CELLS = 200
 """Cells of a slice along each side of the arena."""
 _SIGNS = 16
 """Signs for the acceleration along each side of the arena."""
+_ARROW = 0.07
+"""Length of the opponent's arrow, as a share of the arena's longer side."""
 _TURNS = {"right": "#f6d68a", "straight": "#f4f4ef", "left": "#c9bfe6"}
 """Pale colours of the three turns, by action level: neither side's."""
 _LEVELS = {"brake": "_", "hold": ".", "speed up": "+"}
@@ -99,7 +101,7 @@ def save_slice(
         _draw_actions(right, found)
         for axes in (left, right):
             draw_arena(axes, game.arena)
-            _draw_opponent(axes, role, opponent, float(game.capture_distance))
+            _draw_opponent(axes, role, opponent, game)
         left.set_title(f"{name}: value of its best action\nat {_motion(*own)}")
         motion = _motion(float(opponent.v), float(opponent.heading))
         other = role.other.name.lower()
@@ -141,11 +143,12 @@ def _draw_actions(axes: Axes, found: Slice) -> None:
     axes.legend(handles=keys, loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2, title="turn and acceleration")
 
 
-def _draw_opponent(axes: Axes, role: Role, opponent: RobotState, capture_distance: float) -> None:
+def _draw_opponent(axes: Axes, role: Role, opponent: RobotState, game: Game) -> None:
     """Draw the opponent with its heading, and how near the robots must come for a capture."""
-    colour = palette.SIDES[role.other]
+    colour, reach = palette.SIDES[role.other], float(game.capture_distance)
     x, y, heading = float(opponent.x), float(opponent.y), float(opponent.heading)
-    axes.add_patch(Circle((x, y), capture_distance, fill=False, edgecolor=colour, linewidth=1.2, linestyle="--"))
-    dx, dy = 0.7 * np.cos(heading), 0.7 * np.sin(heading)
-    axes.arrow(x, y, dx, dy, width=0.05, head_width=0.22, length_includes_head=True, color=colour)
+    axes.add_patch(Circle((x, y), reach, fill=False, edgecolor=colour, linewidth=1.2, linestyle="--"))
+    length = _ARROW * float(max(game.arena.x_max - game.arena.x_min, game.arena.y_max - game.arena.y_min))
+    dx, dy, width = length * np.cos(heading), length * np.sin(heading), length / 14
+    axes.arrow(x, y, dx, dy, width=width, head_width=4 * width, length_includes_head=True, color=colour)
     axes.plot(x, y, "o", color=colour, markersize=6, markeredgecolor=palette.PAPER)

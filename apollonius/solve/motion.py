@@ -14,7 +14,8 @@ from apollonius.io.limits import HOLD, JOINT_HOLD
 from apollonius.solve.grid import Grid
 
 HORIZON = 20.0
-"""Time scale [s] of the discount of later outcomes, exp(-t / HORIZON); it tells much longer times apart less well."""
+"""Time scale [s] of the discount of later outcomes, exp(-t / HORIZON), on the scale of the paper's games; it tells much
+longer times apart less well."""
 NEVER = 255
 """The step of what does not happen within a hold, later than any step of one."""
 UNROLL = 5

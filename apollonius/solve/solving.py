@@ -1,4 +1,7 @@
-"""Problems of each kind solved on their usual grids; the game of two from both sides, kept in a folder."""
+"""Problems of each kind solved on their usual grids; the game of two from both sides, kept in a folder.
+
+Usual distances and times are on the scale of the paper's robots; a caller may name the nodes.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict

@@ -134,7 +134,7 @@ class Robots(eqx.Module):
         """The state of the game, the first side its pursuers."""
         return GameState(_by_side(self.states), jnp.zeros((), jnp.int32), status=_by_side(self.status))
 
-    def game(self, arena: Arena, capture_distance: Scalar, dt: Real = 1.0, max_steps: int | Array = 1) -> Game:
+    def game(self, arena: Arena, capture_distance: Scalar, dt: Real, max_steps: int | Array = 1) -> Game:
         """Return the game between them."""
         (first, *pursuers), (other, *evaders) = _by_side(self.bodies)
         teams = Teams(tuple(pursuers), tuple(evaders))

@@ -41,21 +41,15 @@ _ENDLESS = 2**28
 """Length of arrays that the page makes as long as it needs."""
 
 
-class _FleeAware(FleeAware):
-    """A player that looks ahead for any number of steps."""
-
-    steps: int | Array = 0
-
-
-_RULES: dict[str, Callable[[Scalar], AbstractClassical]] = {
-    "pure_pursuit": PurePursuit,
-    "intercept": Intercept,
-    "flee": Flee,
-    "flee_aware": lambda dt: _FleeAware(dt, jnp.ceil(4 / dt).astype(jnp.int32)),
-    "guard": lambda dt: Territory(dt, guards=True),
-    "reach": lambda dt: Territory(dt, guards=False),
-    "voronoi_pursuit": VoronoiPursuit,
-    "encirclement": Encirclement,
+_RULES: dict[str, AbstractClassical] = {
+    "pure_pursuit": PurePursuit(),
+    "intercept": Intercept(),
+    "flee": Flee(),
+    "flee_aware": FleeAware(),
+    "guard": Territory(guards=True),
+    "reach": Territory(guards=False),
+    "voronoi_pursuit": VoronoiPursuit(),
+    "encirclement": Encirclement(),
 }
 
 
@@ -67,11 +61,11 @@ def _made(function: Callable[..., Any], name: str | None = None, **shapes: Any) 
         return translated(function, *given, name=name or function.__name__, whole=True)
 
 
-def _of_view(name: str, answer: Callable[[View, Scalar], Array]) -> Program:
-    """Return the program that answers all that a robot sees and the step's duration [s]."""
+def _of_view(name: str, answer: Callable[[View], Array]) -> Program:
+    """Return the program that answers all that a robot sees."""
 
     def view(robots: Robots, floor: Floor, field: Field, chart: Chart, capture_distance: Scalar, dt: Scalar) -> Array:
-        return answer(robots.seen(floor.arena(field, chart), capture_distance, dt), dt)
+        return answer(robots.seen(floor.arena(field, chart), capture_distance, dt))
 
     return _made(view, name)
 
@@ -85,7 +79,7 @@ def player_program(player: AbstractPolicy) -> Program:
         plays, "player", type(player).__name__, "one with discrete actions and without a memory, to play in the page"
     )
 
-    def act(seen: View, dt: Scalar) -> Int[Array, ""]:
+    def act(seen: View) -> Int[Array, ""]:
         return jnp.asarray(player(player.observation(seen), (), jnp.uint32(0))[0], jnp.int32)
 
     return _of_view("own", act)
@@ -98,10 +92,10 @@ def page_programs() -> Iterator[Program]:
     for function in (*rules, functions.chart, functions.leads, functions.network, functions.search):
         yield _made(function)
     for name in READS:
-        yield _of_view(name, lambda seen, _, name=name: find_observation(name)(seen))
-    yield _of_view("departure_costs", lambda seen, _: departure_costs(seen))
+        yield _of_view(name, find_observation(name))
+    yield _of_view("departure_costs", departure_costs)
     for name, player in _RULES.items():
-        yield _of_view(name, lambda seen, dt, player=player: player(dt).values(seen))
+        yield _of_view(name, player.values)
 
 
 def _examples() -> dict[str, Any]:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from scipy.special import expit
 
 from apollonius.agents.classical import Still, Uniform
-from apollonius.agents.shield import BRAKING
+from apollonius.agents.shield import BRAKING, Motion
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
 from apollonius.cli.main import main
@@ -33,6 +33,7 @@ from apollonius.game.teams import Teams
 from apollonius.game.types import BySide, Outcome, RobotState, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.io.workers import WORKERS
+from apollonius.observe.view import Robot
 from apollonius.play import playout
 from apollonius.play.playout import Results
 from apollonius.show import matches as pictures
@@ -349,12 +350,12 @@ def test_shields_get_one_structure_and_leave_as_much_room_as_before():
     assert shapes[0] == shapes[1] != jax.tree.map(jnp.shape, before[0])
     places = np.random.default_rng(0).uniform((1, 1, -3), (9, 9, 3), (200, 3)).astype(np.float32).T
 
-    def clearances(backup, x, y, heading):
-        robot = RobotState(x, y, jnp.float32(0.6), heading)
-        return backup._clearances(robot, backup._near(robot))
+    def clearances(backup, body, x, y, heading):
+        motion = Motion(RobotState(x, y, jnp.float32(0.6), heading), None)
+        return backup._clearances(Robot(body, motion.state), motion, backup._near(motion.state))
 
-    measured = jax.jit(jax.vmap(clearances, in_axes=(None, 0, 0, 0)))
-    for old, new in zip(before, after, strict=True):
-        found = np.asarray(measured(old.backup, *places))
-        assert found.shape == (200, len(BRAKING))
-        np.testing.assert_allclose(measured(new.backup, *places), found, atol=1e-5)
+    measured = jax.jit(jax.vmap(clearances, in_axes=(None, None, 0, 0, 0)))
+    for game, old, new in zip(games, before, after, strict=True):
+        expected = np.asarray(measured(old.backup, game.pursuer, *places))
+        assert expected.shape == (200, len(BRAKING))
+        np.testing.assert_allclose(measured(new.backup, game.pursuer, *places), expected, atol=1e-5)

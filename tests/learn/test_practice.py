@@ -1,5 +1,7 @@
 """Which states are kept of lost games, and how many games begin in them."""
 
+from dataclasses import replace
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -28,11 +30,14 @@ def played(*ends):
 
 
 @pytest.mark.parametrize(
-    ("role", "time_limit_wins", "expected"),
-    [(Role.EVADER, False, [0]), (Role.PURSUER, False, [2]), (Role.PURSUER, True, [2, 3])],
-)
-def test_states_are_kept_from_which_a_game_was_lost_though_not_at_once(role, time_limit_wins, expected):
-    lost = practice.with_losses(practice.no_losses(STATES), STATES, played(*ENDS), role, time_limit_wins)
+    ("game", "role", "expected"),
+    [
+        (GAME, Role.EVADER, [0]), (GAME, Role.PURSUER, [2]), (make_game("zero-sum"), Role.PURSUER, [2, 3]),
+        (replace(GAME, dt=0.2), Role.EVADER, [0, 1]),
+    ],
+)  # fmt: skip
+def test_states_are_kept_from_which_a_game_was_lost_though_not_at_once(game, role, expected):
+    lost = practice.with_losses(practice.no_losses(STATES), game, STATES, played(*ENDS), role)
     assert int(lost.filled) == int(lost.head) == len(expected)
     np.testing.assert_array_equal(lost.rows.pursuer.x[: len(expected)], STATES.pursuer.x[jnp.array(expected)])
     assert (lost.rows.steps == 0).all(), "its time begins anew"
@@ -42,7 +47,7 @@ def test_the_latest_take_the_place_of_the_oldest(monkeypatch):
     monkeypatch.setattr(practice, "_KEPT", 4)
     lost, captured = practice.no_losses(STATES), [(20, Outcome.CAPTURED)] * 3
     for _ in range(2):
-        lost = practice.with_losses(lost, STATES, played(*captured), Role.EVADER, False)
+        lost = practice.with_losses(lost, GAME, STATES, played(*captured), Role.EVADER)
     assert (int(lost.filled), int(lost.head)) == (4, 2)
     np.testing.assert_array_equal(lost.rows.evader.y, STATES.evader.y[jnp.array([1, 2, 2, 0])])
 
@@ -51,7 +56,7 @@ def test_the_latest_take_the_place_of_the_oldest(monkeypatch):
 def test_a_share_of_games_begins_where_others_were_lost_as_soon_as_some_were(filled, share, expected):
     captured = [(20, Outcome.CAPTURED)] * filled
     empty = practice.no_losses(STATES)
-    lost = practice.with_losses(empty, STATES, played(*captured), Role.EVADER, False)
+    lost = practice.with_losses(empty, GAME, STATES, played(*captured), Role.EVADER)
     drawn = reset_batch(GAME, jax.random.key(1), 2000)
     starts = practice.with_retries(share, drawn, lost, jax.random.key(2))
     again = np.isin(starts.pursuer.x, STATES.pursuer.x)

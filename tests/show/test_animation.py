@@ -35,7 +35,7 @@ from apollonius.show.arena import draw_arena
 from apollonius.show.canvas import SIZE, Canvas
 from apollonius.show.palette import DARK, EVADER, LIGHT, OBSTACLE, PAPER, PURSUER
 from apollonius.show.report import bundled, for_page
-from apollonius.show.slices import _TURNS, _draw_actions, save_slice, slice_values
+from apollonius.show.slices import _TURNS, _draw_actions, _draw_opponent, save_slice, slice_values
 from apollonius.show.style import draw_rate, draw_seeds, draw_strips, smooth
 from tests.acting import state_of
 from tests.documents import REPOSITORY
@@ -344,6 +344,14 @@ def test_a_slice_says_of_whom_it_is(tmp_path, monkeypatch):
         "P: value of its best action\nat 0.6 m/s, heading 46°",
         "P: its best action\nevader at (7.5, 7) m, 0.4 m/s, heading -57°",
     ]
+
+
+@pytest.mark.parametrize("size", [2.0, 10.0, 100.0])
+def test_the_arrow_of_the_opponent_is_a_share_of_the_arena(size):
+    axes = Figure().subplots()
+    _draw_opponent(axes, Role.PURSUER, OPPONENT, Game(arena=Arena(x_max=size, y_max=size)))
+    away = np.hypot(*(axes.patches[-1].get_xy() - [7.5, 7.0]).T)
+    assert away.max() == pytest.approx(0.07 * size)
 
 
 def test_the_turn_of_the_best_action_is_a_colour_and_its_acceleration_a_sign():

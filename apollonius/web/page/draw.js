@@ -1,9 +1,9 @@
-// A match under way on a canvas, from above: the arena, trails, robots. Lengths are in metres, y points up.
+// A match under way on a canvas, from above: the arena, trails, robots. Lengths are in metres, y points up. The widths
+// of lines are those of an arena of 10 m.
 
 import { PURSUER, ROLES, bodyOf, bySide, isActive, robotOf, robotsOf, wrapAngle } from "./game.js";
 
-const ROBOT = 0.16; // least radius that a robot is drawn with [m]
-const SMALLEST = 0.018; // least radius, as a share of the arena, so that robots are found in large arenas
+const SMALLEST = 0.018; // least radius of a robot's sign, as a share of the arena's longer side
 const MARGIN = 0.25; // around the walls [m]
 const MOST_PIXELS = 2048; // along a side of a map's picture; of a larger map some cells are left out
 const pictures = new WeakMap(); // with their colours, by what they show
@@ -158,7 +158,7 @@ export function draw(canvas, { game, states, at, colours, beneath, above, fog = 
 }
 
 /** The least radius that robots are drawn with in an arena [m]. */
-export const leastRadius = ({ x_min, x_max, y_min, y_max }) => Math.max(ROBOT, SMALLEST * Math.max(x_max - x_min, y_max - y_min));
+export const leastRadius = ({ x_min, x_max, y_min, y_max }) => SMALLEST * Math.max(x_max - x_min, y_max - y_min);
 
 /** One of a game's robots. */
 function drawRobot(context, game, who, now, colours) {
