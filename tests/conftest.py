@@ -119,7 +119,7 @@ LONGEST = (
     "test_joint.py", "test_cli.py", "test_page.py", "test_classical.py", "test_shield.py", "test_dqn.py",
     "test_report.py", "test_rollout.py", "test_physics.py", "test_animation.py", "test_loop.py", "test_opponents.py",
     "test_server.py", "test_suite.py", "test_motion.py", "test_outcome.py", "test_free_space.py", "test_reproduce.py",
-    "test_file.py", "test_solving.py", "test_match.py", "test_site.py",
+    "test_file.py", "test_solving.py", "test_match.py", "test_site.py", "test_fuzzing.py",
 )  # fmt: skip
 """Files whose tests take ten seconds and more, which begin before all others, so that no core waits in the end."""
 

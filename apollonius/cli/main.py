@@ -113,6 +113,11 @@ def main(arguments: list[str] | None = None) -> int:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains once more at its exit
         return 1
+    except OSError as error:
+        where = f" '{shown(error.filename)}'" if error.filename else ""
+        how = stopped().removeprefix("stopped").removeprefix("; ") or "give the same command again"
+        full = f"; make room on the disk, then {how}" if error.errno == errno.ENOSPC else ""
+        message = f"cannot use{where}: {error.strerror or error}{full}"
     except (RuntimeError, ValueError) as error:
         if "Unable to initialize backend" in str(error):
             wish = shown(os.environ.get("JAX_PLATFORMS", ""))
@@ -121,11 +126,6 @@ def main(arguments: list[str] | None = None) -> int:
             message = f"JAX does not begin ({shown(error)}): correct the environment variable, or unset it"
         else:
             raise
-    except OSError as error:
-        where = f" '{shown(error.filename)}'" if error.filename else ""
-        how = stopped().removeprefix("stopped").removeprefix("; ") or "give the same command again"
-        full = f"; make room on the disk, then {how}" if error.errno == errno.ENOSPC else ""
-        message = f"cannot use{where}: {error.strerror or error}{full}"
     except KeyboardInterrupt:
         print(stopped(), file=sys.stderr, flush=True)
         return status() or INTERRUPTED

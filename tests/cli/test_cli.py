@@ -466,6 +466,13 @@ def test_odd_runs_of_strangers_hide_no_other_and_write_nothing_of_their_own_on_t
     assert lines[7].endswith(": \\x1b[31mred run finished")
 
 
+def test_a_pipe_in_the_place_of_metrics_is_refused(capsys):
+    Path("run").mkdir()
+    Path("run/config.toml").write_text("seed = 3", encoding="utf-8")
+    os.mkfifo("run/metrics.jsonl")
+    assert_refused(capsys, "resume", "run", naming=["cannot use: File or stream is not seekable"])
+
+
 def test_simulate_prints_both_matches_and_records_games(capsys):
     pytest.importorskip("mujoco")
     Path("short.toml").write_text("max_steps = 15\n", encoding="utf-8")
