@@ -24,7 +24,7 @@ from tests.documents import REPOSITORY
 from tests.web.browser import needs_chromium, playwright
 
 pytestmark = needs_chromium
-SPIRAL = "68ef36e88dd9c4e8f3a096933aeceddbdf95ea94d314e08f2719119930fbfd16"
+SPIRAL = "eaf7876b54cada04c61699f271ac0f633e5d34713b1a3e9b09a7d501aef9e69b"
 """SHA-256 of the C sources of `spiral.wasm`, which `write_player` makes anew."""
 
 
