@@ -33,7 +33,7 @@ _AHEAD = 7
 
 
 def departures(seen: View) -> Bool[Array, "9"]:
-    """Return the actions that are allowed: all of them to a robot that moves.
+    """Return the actions that are allowed: all to a robot that moves.
 
     One at rest may drive off, or turn towards the direction in which the path to its opponent is shortest, among those
     in which the body has a clearance of `NEAR` or gains it. With less clearance than that it does only the latter and,
