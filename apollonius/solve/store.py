@@ -1,6 +1,5 @@
 """Solutions as files: the table in safetensors, and a header that says what was solved and how well."""
 
-import os
 from dataclasses import dataclass
 from math import inf, prod
 from pathlib import Path
@@ -89,8 +88,6 @@ def load_solution(path: Path) -> Solution:
     """Read a solution's file, the table only if its size is what the header says; raises InvalidInput for a file that
     is missing, damaged, foreign, larger than memory, or with values that are not finite.
     """
-    if not os.path.isfile(path):
-        raise InvalidInput(f"there is no solution '{path}': check the path, or solve it with apollonius solve.")
     remedy = "solve it again, into another file"
     foreign = f"'{path}' holds no whole Apollonius solution: {remedy}"
     with opened(path, remedy, "Apollonius solution") as file:
