@@ -1,4 +1,4 @@
-"""What a pursuer at rest may do: drive off, or turn towards a free way to its opponent.
+"""Actions allowed to a pursuer at rest: driving off, or turning towards a free way to its opponent.
 
 A policy without a memory that turns on the spot can stand for ever, right of a heading at which left is best and left
 of one at which right is best, most often nose to an obstacle that it must not touch.
@@ -14,7 +14,7 @@ from apollonius.game.types import NUM_ACTIONS, Bits, Scalar
 from apollonius.observe.view import View
 
 NEAR = 0.05
-"""Clearance [m] below which a robot at rest drives only where it gains some; as
+"""Clearance [m] below which a robot at rest drives only where it gains some; like
 the lengths below, on the scale of the paper's robots."""
 _DIRECTIONS = 32
 """Directions in which a free way is looked for."""
@@ -63,7 +63,7 @@ def departures(seen: View) -> Bool[Array, "9"]:
 
 
 def departure_costs(seen: View) -> Float[Array, "9"]:
-    """Return what the values of the nine actions are lowered by: nothing where `departures` allows one."""
+    """Return the cost of each of the nine actions: 0 where `departures` allows it."""
     return jnp.where(departures(seen), 0.0, _FORBIDDEN)
 
 

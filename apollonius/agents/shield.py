@@ -79,7 +79,7 @@ class Backup(eqx.Module):
         That path is one segment, so this takes little arithmetic; rounding gets another `MARGIN`.
         """
         if self.arena.map is not None or robot.turn_time is not None:
-            # A map's clearance along a segment depends on where it is cut; a slow drive goes on turning.
+            # Clearances on maps depend on where a segment is cut, and a slow drive keeps turning.
             return replace(self, manoeuvres=(1,)).clearance_after(robot, action) > MARGIN
         before = Motion(robot.state_on_command, None)
         near, after = self._near(before.state), self._hold(robot, before, action).state

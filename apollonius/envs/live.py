@@ -45,7 +45,7 @@ def require_known(environment: type, unknown: dict[str, Any]) -> None:
     """Refuse arguments that an environment does not have."""
     known = list(inspect.signature(environment).parameters)[:-1]
     for name, value in unknown.items():
-        require(False, name, value, f"left out, as it is none of the arguments {', '.join(known)}")
+        require(False, name, value, f"left out: the arguments are {', '.join(known)}")
 
 
 def require_no_options(options: dict[str, Any] | None) -> None:

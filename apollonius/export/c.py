@@ -154,11 +154,11 @@ def built(texts: Mapping[str, str], compiler: str, command: Sequence[str]) -> Ge
                     check=False,
                 )
         except (OSError, subprocess.TimeoutExpired) as reason:
-            raise InvalidInput(f"{compiler} does not work here ({reason}): install it anew.") from reason
+            raise InvalidInput(f"{compiler} does not work here ({reason}): reinstall it.") from reason
         if done.returncode or not made.exists():
             lines = log.read_text(encoding="utf-8", errors="replace").splitlines() or [f"exit status {done.returncode}"]
             said = next((line for line in lines if "error" in line), lines[-1])
-            raise InvalidInput(f"{compiler} fails ({said}): install it anew.")
+            raise InvalidInput(f"{compiler} fails ({said}): reinstall it.")
         yield made
 
 
