@@ -55,8 +55,8 @@ def main() -> None:
     numbers = act(np.zeros((2, size), np.float32))[0].size
     os.write(0, np.array([size, numbers], "<u4").tobytes())
     while rows := number():
-        seen = np.frombuffer(requests.read(4 * rows * size), np.float32)
-        os.write(0, act(seen.reshape(rows, size)).reshape(rows, numbers).tobytes())
+        observations = np.frombuffer(requests.read(4 * rows * size), np.float32)
+        os.write(0, act(observations.reshape(rows, size)).reshape(rows, numbers).tobytes())
 
 
 def as_actions(answer: np.ndarray, rows: int) -> np.ndarray:

@@ -43,9 +43,9 @@ def as_role(given: object) -> Role:
 
 def require_known(environment: type, unknown: dict[str, Any]) -> None:
     """Refuse arguments that an environment does not have."""
-    known = list(inspect.signature(environment).parameters)[:-1]
+    names = list(inspect.signature(environment).parameters)[:-1]
     for name, value in unknown.items():
-        require(False, name, value, f"left out: the arguments are {', '.join(known)}")
+        require(False, name, value, f"left out: the arguments are {', '.join(names)}")
 
 
 def require_no_options(options: dict[str, Any] | None) -> None:

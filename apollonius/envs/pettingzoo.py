@@ -86,8 +86,8 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
         """Let all agents hold their actions for one step; raises ResetNeeded where no game is under way."""
         if not self.agents:
             raise gymnasium.error.ResetNeeded("a game begins with reset()")
-        others = sorted(actions.keys() - set(self.possible_agents))
-        require(not others, "agents", ", ".join(map(str, others)), f"among {', '.join(self.possible_agents)}")
+        strangers = sorted(actions.keys() - set(self.possible_agents))
+        require(not strangers, "agents", ", ".join(map(str, strangers)), f"among {', '.join(self.possible_agents)}")
         live, acting = self._live, set(self.agents)
         given = [actions.get(agent) if agent in acting else live.idle for agent in self.possible_agents]
         live.step(given, np.uint32(0))

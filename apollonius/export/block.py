@@ -137,9 +137,9 @@ class Block:
 
     def variable(self, kind: str, first: str, const: str = "") -> str:
         """Return the name of a new variable with a first value."""
-        made = self.name("_s")
-        self.put(f"{const}{TYPES[kind]} {made} = {first};")
-        return made
+        name = self.name("_s")
+        self.put(f"{const}{TYPES[kind]} {name} = {first};")
+        return name
 
     def array(self, kind: str, shape: Shape) -> Value:
         """Return a new array whose contents are undefined."""

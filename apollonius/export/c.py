@@ -138,10 +138,10 @@ def _rows(array: np.ndarray) -> str:
 def built(texts: Mapping[str, str], compiler: str, command: Sequence[str]) -> Generator[Path]:
     """Give the file that a compiler makes of texts by name; raises InvalidInput with its first error if it fails."""
     with tempfile.TemporaryDirectory() as folder:
-        made, log = Path(folder, "program"), Path(folder, "log")
+        program, log = Path(folder, "program"), Path(folder, "log")
         for name, text in texts.items():
             Path(folder, name).write_text(text, encoding="utf-8")
-        words = [*command, "-o", str(made)]
+        words = [*command, "-o", str(program)]
         try:
             with log.open("wb") as errors:  # no pipe, which processes of a compiler that hangs would keep open
                 done = subprocess.run(
@@ -155,11 +155,11 @@ def built(texts: Mapping[str, str], compiler: str, command: Sequence[str]) -> Ge
                 )
         except (OSError, subprocess.TimeoutExpired) as reason:
             raise InvalidInput(f"{compiler} does not work here ({reason}): reinstall it.") from reason
-        if done.returncode or not made.exists():
+        if done.returncode or not program.exists():
             lines = log.read_text(encoding="utf-8", errors="replace").splitlines() or [f"exit status {done.returncode}"]
-            said = next((line for line in lines if "error" in line), lines[-1])
-            raise InvalidInput(f"{compiler} fails ({said}): reinstall it.")
-        yield made
+            error = next((line for line in lines if "error" in line), lines[-1])
+            raise InvalidInput(f"{compiler} fails ({error}): reinstall it.")
+        yield program
 
 
 def has_compiler() -> bool:

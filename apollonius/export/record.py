@@ -85,8 +85,8 @@ def record_of(name: str, tree: Any) -> Record:
         words = "_".join(re.findall("[A-Za-z0-9]+", jax.tree_util.keystr(path))).lower()
         words = words if words[:1].isalpha() or not path else f"value_{words}".rstrip("_")
         words = f"{words}_" if is_taken(words) else words
-        others = (f"{words}_{number}" for number in itertools.count(2))
-        unique = next(word for word in itertools.chain([words], others) if word not in leaves)
+        alternatives = (f"{words}_{number}" for number in itertools.count(2))
+        unique = next(word for word in itertools.chain([words], alternatives) if word not in leaves)
         kind, shape = str(_kind(leaf)), tuple(np.shape(leaf))
         require(kind in TYPES, f"the kind of {name}", kind, f"one of {', '.join(TYPES)}: convert it")
         require(0 not in shape, f"the shape of {name}", shape, "of at least one element: leave the array out")

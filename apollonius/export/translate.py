@@ -60,8 +60,8 @@ def translated(function: Callable[..., Any], *arguments: Any, name: str = "progr
     values = translator.run(
         block, closed.jaxpr, closed.consts, [_of_leaf(one, leaf) for one in given for leaf in one.leaves]
     )
-    made = shape if isinstance(shape, dict) else {"result": shape}
-    results = [record_of(f"next_{key}" if key in names else str(key), made[key]) for key in sorted(made)]
+    shapes = shape if isinstance(shape, dict) else {"result": shape}
+    results = [record_of(f"next_{key}" if key in names else str(key), shapes[key]) for key in sorted(shapes)]
     _require_names(name, given, results)
     targets = [_of_leaf(record, leaf, "*") for record in results for leaf in record.leaves]
     for value, target in zip(values, targets, strict=True):
