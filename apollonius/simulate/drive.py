@@ -16,7 +16,7 @@ _BOUNDS = {
     "inertia": (0, 1_000), "resistance": (0, 10_000), "torque": (0.001, 100_000), "stiffness": (0.001, 100_000),
     "lag": (0, 10), "latency": (0, 10), "turn_acceleration": (0.001, 1_000_000),
 }  # fmt: skip
-"""The least and the largest number of each field: of a toy and of a lorry; `docs/reference/game_files.md` shows them."""
+"""The least and the largest number of each field: of a toy and of a lorry."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""A ROS 2 node that drives one robot of a pursuit-evasion game by an exported player, and one that places it on a map."""
+"""ROS 2 nodes: one drives a robot of a pursuit-evasion game by an exported player, one places it on a map."""
 
 import sys
 

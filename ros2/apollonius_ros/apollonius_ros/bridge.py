@@ -11,6 +11,7 @@ Parameters: `map`, the map's frame ("map"), and `patience` (1.0 s).
 
 import math
 import sys
+from contextlib import suppress
 
 from apollonius_ros import end_without_ros
 
@@ -79,10 +80,8 @@ def move(pose, transform):
 def main():
     """Publish until SIGINT or SIGTERM."""
     rclpy.init()
-    try:
+    with suppress(KeyboardInterrupt, ExternalShutdownException):
         rclpy.spin(Bridge())
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
     return 0
 
 
