@@ -104,7 +104,7 @@ def test_all_documents_say_the_same_of_shields_on_robots():
             kind = "shielded" if name.startswith(SHIELDED) else "bare"
             before = counts.get((side, kind), (0, 0))
             counts[side, kind] = [one + more for one, more in zip(before, cell[f"{side} fail"], strict=True)]
-    written = ((("pursuers", "shielded"), "{} of {:,} games"), (("evaders", "shielded"), "in {} of {:,},"))
+    written = ((("pursuers", "shielded"), "in {} of {:,} simulated games,"), (("evaders", "shielded"), "in {} of {:,},"))
     for key, form in (*written, (("pursuers", "bare"), "in {} of {:,};")):
         assert form.format(*counts[key]) in said
 
