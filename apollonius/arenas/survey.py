@@ -98,7 +98,7 @@ def survey(game: Game) -> Survey:
             )
     notes = map_notes(arena)
     radii, catch = float(game.pursuer.radius + game.evader.radius), float(game.capture_distance)
-    if radii > 0 and catch < radii + _LEAST_GAP:
+    if radii > 0 and catch - radii < _LEAST_GAP - 1e-6:
         left = f"{catch - radii:.2g} m are left between the bodies at a capture, so that real robots touch"
         notes.append(
             f"{'the bodies overlap before they count as caught' if catch < radii else left}: capture_distance = "
