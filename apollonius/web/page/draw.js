@@ -6,7 +6,7 @@ import { PURSUER, ROLES, bodyOf, bySide, isActive, robotOf, robotsOf, wrapAngle 
 const SMALLEST = 0.015; // least radius of a robot's sign, as a share of the arena's longer side
 const MARGIN = 0.35; // around the walls [m], where a robot without a radius is seen whole
 const GLOWS = 3; // how long a trail glows behind its robot [s]
-const PIECES = 12; // of a glowing trail
+const PIECES = 24; // of a glowing trail
 const LATEST = [[7, 0.1], [3.5, 0.22], [1.4, 0.9]]; // widths of light around a trail, each with its opacity
 const MOST_PIXELS = 2048; // along a side of a map's picture; of a larger map some cells are left out
 const pictures = new WeakMap(); // with their colours, by what they show

@@ -1,5 +1,6 @@
 // A person's time with the page: a match is chosen, counted in, played, paused, over, and looked back at.
 
+import { openAttract } from "./attract.js";
 import { asChoice, asQuery } from "./choices.js";
 import { findGame } from "./files.js";
 import { EVADER, ROLES, bodiesOf, isActive } from "./game.js";
@@ -9,10 +10,10 @@ import { IMPACT, SlowReplay, hasCrashed, lastBrake, lastChance, standIn } from "
 import { BLUES, openLesson } from "./lesson.js";
 import { keepBest, levelWonBy, ofLevel } from "./levels.js";
 import { Match } from "./match.js";
-import { ANYWHERE, findTeam } from "./players.js";
+import { findTeam } from "./players.js";
 import { sound } from "./sound.js";
 import { startAt } from "./starts.js";
-import { SHIELDED, YOU, asTime, describeBrake, describeChance, describeEnd, describeReady } from "./words.js";
+import { YOU, asTime, describeBrake, describeChance, describeEnd, describeReady } from "./words.js";
 
 const LONGEST_PAUSE = 0.25; // of the clock, when a browser held frames back [s]
 const COUNTDOWN = 1.5; // before a person's game continues [s]
@@ -20,8 +21,6 @@ const MOST_STEPS = 30; // in a frame
 const BEAT = 0.5; // of the countdown [s]
 const SPARE = 12; // of a frame after the game, to look back at it [ms]
 const SHARED = "shared"; // the name of the game of a link, among the games
-const BEFORE = 5; // of the silent game, which is not shown [s]
-const ATTRACT_SEED = 7; // of a chase that ends soon after that on the first level's floor
 const OUT = "You are out. Your team plays on.";
 
 export class Session {
@@ -78,32 +77,6 @@ export class Session {
     }
   }
 
-  /** Let two shipped agents play behind the start's card, as far into their game as a chase takes to begin. */
-  async #attractWith(match) {
-    const { catalogue, phase } = this;
-    const areKnown = ROLES.every((role) => Object.hasOwn(catalogue.files, ANYWHERE[role]));
-    if (phase !== "ready" || !this.people.length || match.game.sensors || !areKnown || isCalm()) return;
-    const [pursuer, evader] = await Promise.all(
-      ROLES.map((role) => findTeam(catalogue, SHIELDED + ANYWHERE[role], role, bodiesOf(match.game, role).length, "sharp")),
-    ).catch(() => [null, null]);
-    if (this.match === match && pursuer) this.attract = new Match(match.game, { pursuer, evader }, ATTRACT_SEED);
-  }
-
-  /** The silent game goes on; its beginning is not shown, and after its end another begins. */
-  #playSilently(passed) {
-    const { attract } = this;
-    const { dt } = attract.game;
-    const until = performance.now() + SPARE;
-    while (attract.seconds < BEFORE && !attract.isOver && performance.now() < until) attract.step();
-    if (attract.seconds < BEFORE && !attract.isOver) return;
-    this.time += Math.min(passed, LONGEST_PAUSE);
-    if (attract.isOver && this.time > IMPACT) {
-      attract.next();
-      this.time = 0;
-    }
-    for (; this.time >= dt && !attract.isOver; this.time -= dt) attract.step();
-  }
-
   /** Begin a level's lesson. */
   async #teach(choice, blue = Object.keys(BLUES)[0]) {
     const lesson = await openLesson(this.catalogue, choice.level, blue);
@@ -141,7 +114,13 @@ export class Session {
     const { me, match, guard, people } = this;
     match.decide(); // so that no move waits for the arena's chart
     this.enter("ready", describeReady({ me, people: people.length, isFoggy: Boolean(match.game.sensors), shields: guard.times }));
-    this.#attractWith(match);
+    if (people.length && !isCalm()) this.#attract(match);
+  }
+
+  /** Let agents play behind the start's card; where they cannot be loaded, nothing is seen. */
+  async #attract(match) {
+    const attract = await openAttract(this.catalogue, match.game).catch(() => null);
+    if (this.match === match && this.phase === "ready") this.attract = attract;
   }
 
   /** The one button: start, pause, go on, the next game or level. */
@@ -161,7 +140,7 @@ export class Session {
       else this.match.next();
       this.#beginGame();
     }
-    Object.assign(this, { counted: this.people.length ? COUNTDOWN : 0, attract: null, time: phase === "ready" ? 0 : this.time });
+    Object.assign(this, { counted: this.people.length ? COUNTDOWN : 0, attract: null });
     this.enter("counting");
   }
 
@@ -177,13 +156,16 @@ export class Session {
 
   /** Pause, if a game is under way. */
   pause() {
-    const isPlaying = this.lesson ? !this.lesson.isPaused : this.phase === "playing" || this.phase === "counting";
+    const isPlaying = this.phase === "lesson" ? !this.lesson.isPaused : this.phase === "playing" || this.phase === "counting";
     if (isPlaying) this.go();
   }
 
   /** Get ready for another game: `again` at the same start, `next` at another one. */
   begins(how) {
-    if (this.lesson && this.phase === "lesson") return this.lesson.begins(how);
+    if (this.lesson) {
+      this.lesson.begins(how);
+      return this.enter("lesson");
+    }
     this.match?.[how]();
     if (this.match) this.#makeReady();
   }
@@ -191,7 +173,7 @@ export class Session {
   /** Let some time [s] pass in the countdown or the match. */
   pass(seconds) {
     if (this.phase === "lesson") this.lesson.pass(seconds);
-    else if (this.phase === "ready" && this.attract) this.#playSilently(seconds);
+    else if (this.phase === "ready") this.attract?.pass(seconds);
     else if (this.phase === "counting") this.#countDown(seconds);
     else if (this.phase === "playing") this.#advance(this.pace * Math.min(seconds, LONGEST_PAUSE));
     else if (this.phase === "over") this.#goBack();

@@ -15,7 +15,7 @@ const SVG = "http://www.w3.org/2000/svg";
 function describe({ outcome, seconds }) {
   const ends = {
     ongoing: "hunts",
-    [CAUGHT]: `caught blue: ${asTime(seconds)}`,
+    [CAUGHT]: `caught: ${asTime(seconds)}`,
     pursuer_hit_obstacle: `hit a pillar: ${asTime(seconds)}`,
     pursuer_out_of_range: `hit the wall: ${asTime(seconds)}`,
     no_result: "did not arrive",

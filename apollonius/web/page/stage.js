@@ -19,16 +19,18 @@ export class Stage {
   /** Draw a session as it is at a time [s]. Robots are drawn one step late, between the last two states, to move smoothly. */
   show(session, clock) {
     const { element, colours } = this;
-    const { phase, time, ending, people, choice } = session;
-    const match = session.attract ?? ending?.held ?? session.match;
+    const { phase, ending, people, choice } = session;
+    const attract = session.attract?.isShown ? session.attract : null;
+    const match = attract?.match ?? ending?.held ?? session.match;
+    const { time } = attract ?? session;
     const last = match.states.length - 1;
     const at = ending?.at(clock) ?? Math.min(last, Math.max(0, last - 1 + time / match.game.dt));
     const now = stateAt(match.states, at);
-    const isSilentlyOver = session.attract?.isOver;
+    const isSilentlyOver = attract?.match.isOver;
     const age = isSilentlyOver ? time : (ending?.sinceEnd(clock) ?? null);
     const end = isSilentlyOver ? endOf(match) : session.end;
-    const own = (session.attract ? [] : people).map((role) => ({ role, number: 0 })).filter((who) => !match.isOver && isActive(robotOf(match.state, who)));
-    const fog = session.attract ? null : fogOf(match, session.me);
+    const own = (attract ? [] : people).map((role) => ({ role, number: 0 })).filter((who) => !match.isOver && isActive(robotOf(match.state, who)));
+    const fog = attract ? null : fogOf(match, session.me);
     const hasLayers = this.layers.length && !(ending && at < last);
     const shown = fog ? veilOf(match.game.arena, fog, colours) : hasLayers ? layersOf(match, this.#knownOf(match), colours) : {};
     const above = (context) => {
@@ -39,7 +41,7 @@ export class Stage {
     this.#shake(ending ? (age ?? Infinity) : Infinity);
     draw(element("canvas"), { ...match, at, colours, beneath: shown.beneath, above, fog });
     if (ending) this.#showEnding(session, at);
-    const timed = session.attract ? session.match : match;
+    const timed = attract ? session.match : match;
     element("clock").textContent = (choice.level?.isEndless ? timed.seconds : Math.max(0, timed.secondsLeft)).toFixed(1);
     if (phase === "playing") for (const role of people) this.#press(role, people.length === 2);
   }
@@ -105,5 +107,5 @@ function drawSteered(context, { game, states }, who, robot, guard, colours) {
   if (isHelping) circle(context, robot.x, robot.y, 2.6 * least).stroke();
   context.restore();
   const said = isHelping ? `shield${Number.isFinite(left) ? `: ${left} left` : ""}` : isTime && guard.times ? "brake: ↓" : "";
-  if (said) write(context, game.arena, robot, 4 * least, said, 2.6 * least, colours.ink);
+  if (said) write(context, game.arena, robot, 4 * least, said, 2 * least, colours.ink);
 }
