@@ -56,6 +56,9 @@ def test_a_person_plays_a_game_to_its_end(desk, tmp_path):
     assert desk.match("state.evader[0].heading") != before["heading"]
     desk.let_pass(20)
     page.keyboard.up("ArrowUp")
+    place = page.locator("#message").bounding_box()
+    hit = desk.match("state.evader[0].y")
+    assert (place["y"] > 280) == (hit > 5), "the message is not where the crash was"
     ended, last = desk.match("seconds"), page.evaluate("apollonius.page.lostAt") / 10
     could = f"Until {last:.1f}\u00a0s you could have braked in time."
     assert page.inner_text("#message") == f"You ran into a wall after {ended:.1f}\u00a0s. You lose. {could}"
@@ -120,7 +123,10 @@ def test_a_person_who_lasts_has_won(desk):
     desk.end_after(3)
     assert page.inner_text("#message") == "You survived for 0.3\u00a0s. You win! New under Games: this level, endless."
     assert page.inner_text("#evader-score") == "1"
+    colours = "[getComputedStyle(document.getElementById('message')).backgroundColor, document.body.dataset.result]"
+    assert page.evaluate(colours) == ["rgb(43, 108, 163)", "won"], "the colour of who has won"
     page.click("#menu")
+    assert page.inner_text("#games-title") == "Levels: 1 of 13 won"
     assert page.inner_text("#levels li:first-child").endswith("won\nEndless")
     phase = page.evaluate(
         """() => {
@@ -314,6 +320,7 @@ def within(page, size, names):
 
 def test_two_people_share_a_touch_screen(phone):
     page = phone.open("?pursuer=you&evader=you")
+    assert page.inner_text("#message") == "Start to begin; red has the left pad, blue the right one."
     page.click("#go")
     fingers = []
     for side, share in (("pursuer", 0.5), ("evader", 0.9)):

@@ -145,11 +145,11 @@ function showLayers() {
 
 // ---- frames
 
-let last = 0;
+let last = null;
 
 function frame(now) {
   requestAnimationFrame(frame);
-  const passed = (now - last) / 1000;
+  const passed = last === null ? 0 : (now - last) / 1000;
   last = now;
   if (page.phase === "drawing") return workshop.editor.draw(stage.colours);
   if (page.phase !== "lesson" && !page.match) return;
