@@ -19,17 +19,14 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import BySide, Outcome, Role
 from apollonius.io.document import to_json
 from apollonius.learn import loop, train_state
-from apollonius.learn.config import PRESETS
-from apollonius.learn.stage_config import Plan
+from apollonius.learn.learner_config import DQNConfig
+from apollonius.learn.stage_config import Plan, StageConfig
 from apollonius.learn.train_state import TrainState
 from apollonius.web.site import LEARNERS, LEARNING
 
 COMMAND = "python -m website.learners"
-PLAN = Plan(
-    replace(PRESETS["quick"].dqn, width=96, depth=3),
-    replace(PRESETS["quick"].fixed_target, progress=10.0),
-)
-"""`quick`, but progress weighs more, so that the first steps are seen early."""
+PLAN = Plan(DQNConfig(width=96, depth=3, learning_rate=1e-3), StageConfig(env_steps=8_000_000, progress=10.0))
+"""A small network. Progress weighs much, so that the first steps are seen early."""
 PUPILS = {0: 0, 20: 2, 120: 12, 195: 20, 977: 100}
 """Chunks of the training after which a pursuer is shown, each with the share of the training [%]."""
 MEASURED = (60, 90, 160, 250, 300, 400, 500, 650, 800)
