@@ -181,12 +181,12 @@ class Apart(AbstractPlayers):
 
 
 def solo(policy: AbstractPolicy) -> Pool:
-    """Return the pool of just this player."""
+    """Return one player as the players of a side, as `play_out` and `collect` take them."""
     return stack([policy])
 
 
 def stack(policies: list[AbstractPolicy]) -> Pool:
-    """Return the pool of these players, which must have one structure."""
+    """Return several players of one structure as the players of a side: each game meets one, drawn at random."""
     arrays, rests = zip(*(eqx.partition(policy, eqx.is_array_like) for policy in policies), strict=True)
     rest = rests[0] if jax.tree.leaves(rests[0]) else None
     return Pool(jax.tree.map(_stacked, *arrays), len(policies), rest=rest)
