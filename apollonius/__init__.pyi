@@ -39,6 +39,7 @@ from apollonius.game.types import Role as Role
 from apollonius.game.types import Timestep as Timestep
 from apollonius.observe.observation import AbstractObservation as AbstractObservation
 from apollonius.observe.registry import find_observation as find_observation
+from apollonius.observe.registry import register_observation as register_observation
 from apollonius.observe.view import look as look
 from apollonius.play.autoreset import autoreset as autoreset
 from apollonius.play.playout import play_out as play_out

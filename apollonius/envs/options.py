@@ -149,7 +149,7 @@ def _rewarded(game: Game, given: object, role: Role | None) -> tuple[Game, OwnRe
 
 
 def _require_function(name: str, given: object, count: int, bound: str) -> None:
-    """Refuse what is no function of so many arguments, such as a class."""
+    """Refuse what is no function of this number of arguments, such as a class."""
     if not callable(given) or isinstance(given, type):
         require(False, name, given, bound)
         return

@@ -1,4 +1,4 @@
-"""All observations by name: a new one is a file beside this one, and a line here."""
+"""All observations by name."""
 
 from apollonius.io.errors import require, require_spelt
 from apollonius.observe.egocentric import EGOCENTRIC
@@ -20,3 +20,12 @@ def find_observation(given: str | AbstractObservation) -> AbstractObservation:
         require_spelt("observation", given, name, OBSERVATIONS)
         require(False, "observation", given, f"one of {', '.join(OBSERVATIONS)}, or an AbstractObservation")
     return OBSERVATIONS[name]
+
+
+def register_observation(observation: AbstractObservation) -> None:
+    """Make an observation known by its name, to `find_observation` as to files and trainings.
+
+    Raises InvalidInput if another one has the name.
+    """
+    known = OBSERVATIONS.setdefault(observation.name, observation)
+    require(known == observation, "observation", observation.name, "a name that no other observation has")

@@ -44,14 +44,14 @@ def autoreset(game: Game, key: PRNGKeyArray, games: int, starts: int = STARTS) -
         key: draws the starts.
         games: the number of games at once.
         starts: how many each game has. It takes them in turn, then the first again: drawing one for every game at
-            every step would cost far more than the step. Another call, with another key, draws others; its `step` goes
-            on with the same batch.
+            every step would cost far more than the step. Another call, with another key, draws others; its `step`
+            takes the same batch.
 
     The actions are of the pursuers and of the evaders: `[games]` of 0..8, `[games, 2]` of two numbers in [-1, 1], or
     one number for all games; of a team a tuple of these, one a robot.
 
     Raises:
-        InvalidInput: for no games, no starts, and actions that are not of so many games.
+        InvalidInput: for no games, no starts, and actions of another number of games.
     """
     require_key(key)
     PARALLEL_GAMES.require("games", games)
