@@ -117,7 +117,8 @@ def test_a_new_obstacle_is_read_from_files_and_refused_by_whoever_does_not_know_
 
 @pytest.mark.slow
 def test_a_new_observation_is_read_by_networks_in_games_and_from_files(tmp_path, monkeypatch):
-    monkeypatch.setattr(registry, "OBSERVATIONS", dict(registry.OBSERVATIONS))
+    monkeypatch.setitem(registry.OBSERVATIONS, BEARING.name, BEARING)  # so that it is gone after the test
+    del registry.OBSERVATIONS[BEARING.name]
     register_observation(BEARING)
     register_observation(BEARING)
     monkeypatch.setattr(Bearing, "name", "paper")

@@ -28,8 +28,9 @@ class Batch(eqx.Module):
 
 
 BothActions = BySide[Any] | Sequence[Any] | Array
+"""The pursuers' and the evaders' actions in every game."""
 Step = Callable[[Batch, BothActions], tuple[Batch, Timestep]]
-"""One step of every game, from the pursuers' and the evaders' actions."""
+"""One step of every game of a batch."""
 
 
 def autoreset(game: Game, key: PRNGKeyArray, games: int, starts: int = STARTS) -> tuple[Batch, Step]:
