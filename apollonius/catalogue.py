@@ -30,8 +30,9 @@ TABLE = "table"
 """Instead of a player's name, where both sides are solved anyway: the player by the game solved for that side."""
 
 
-def find_player(name: str, role: Role, game: Game) -> Named:
-    """Return the player of this name: built in, in the zoo, of a training run, or a file; greedy if it was trained.
+def find_player(name: str | AbstractPolicy, role: Role, game: Game) -> Named:
+    """Return the player of a name: built in, in the zoo, of a training run, or a file; greedy if it was trained. A
+    policy is returned under the name of its class.
 
     Args:
         name: `shielded:` before it puts the player behind a shield (`apollonius.agents.shield`), then `searching:`
@@ -42,7 +43,9 @@ def find_player(name: str, role: Role, game: Game) -> Named:
         InvalidInput: when nobody has it, its file is bad or of another game, it plays the other side only, or a shield
             cannot help.
     """
-    require(isinstance(cast(object, name), str), "player", name, "a name, or the path of a file")
+    if isinstance(name, AbstractPolicy):
+        return Named(type(name).__name__, name)
+    require(isinstance(cast(object, name), str), "player", name, "a name, the path of a file, or an AbstractPolicy")
     is_once = max(name.count(SHIELDED), name.count(SEARCHING)) <= 1
     require(is_once, "player", name, f"one with '{SHIELDED}' once, and '{SEARCHING}' once")
     if name.startswith(SHIELDED):

@@ -1,9 +1,10 @@
-"""Env steps, updates and backups per second on this machine: `python benchmarks/speed.py env|train|solve [OPTIONS]`.
+"""Env steps, updates and backups per second on this machine: `python benchmarks/speed.py WHAT [OPTIONS]`.
 
 `env` plays at random with auto-reset, in any game; one env step moves the robots of both sides.
+`loops` plays as `env` by the public functions, one loop after another, in seconds of the processor.
 `train` trains in the `paper` game from the first update on.
 `solve` sweeps over one robot's grid and over a grid of two; a backup is one action at one node.
-Medians of wall seconds; pin it to a core (`taskset -c 0`).
+Medians; of wall seconds except of `loops`; pin it to a core (`taskset -c 0`).
 """
 
 import argparse
@@ -12,6 +13,7 @@ import os
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import jax
@@ -24,12 +26,15 @@ from apollonius.arenas.file import find_game
 from apollonius.cli.values import nodes
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.presets import make_game
-from apollonius.game.types import NUM_ACTIONS, BySide, GameState, Role
+from apollonius.game.types import NUM_ACTIONS, BySide, GameState, Role, Timestep, choose
 from apollonius.learn.learner_config import PROFILES, DQNConfig
 from apollonius.learn.loop import play_and_learn
 from apollonius.learn.stage_config import Plan, SelfPlayConfig, StageConfig
 from apollonius.learn.train_state import start
-from apollonius.play.random_bits import fold_in
+from apollonius.observe.registry import find_observation
+from apollonius.observe.view import look
+from apollonius.play.autoreset import Batch, autoreset
+from apollonius.play.random_bits import fold_in, random_bits
 from apollonius.play.rollout import Games, begin, collect
 from apollonius.solve.grid import lanes_of
 from apollonius.solve.joint import make_duel, value_before_move
@@ -37,7 +42,7 @@ from apollonius.solve.motion import make_zero_sum_game, motion_of
 from apollonius.solve.solving import joint_grids, reference_grid
 from apollonius.solve.transition_map import make_side
 
-STEPS, START_ROWS = 250, 16
+STEPS, START_ROWS, LOOP_STEPS = 250, 16, 100
 Stepped = tuple[Games, tuple[Array, ...]]
 """Games under way, and what an environment returns of a step: observations, rewards, flags."""
 
@@ -74,6 +79,61 @@ def _random_play(game: Game, players: BySide[Pool], carry: Stepped, starts: Game
 
     # What a step returns overwrites what the one before returned, so all of it is computed.
     return jax.lax.fori_loop(0, STEPS, one_step, carry)
+
+
+def measure_loops(game: Game, games: int) -> dict[str, Any]:
+    """Time loops that step all games at random; each keeps the rewards and ends of every step."""
+    key, (batch, step) = jax.random.key(0), autoreset(game, jax.random.key(1), games)
+    encode = find_observation("encoded")
+
+    def alone(batch: Batch, actions: Array) -> tuple[Batch, Timestep]:
+        after = jax.vmap(game.step)(batch.state, *actions)
+        return replace(batch, state=after.state), after
+
+    def drawing(batch: Batch, actions: Array) -> tuple[Batch, Timestep]:
+        after = jax.vmap(game.step)(batch.state, *actions)
+        fresh = reset_batch(game, jax.random.fold_in(key, batch.turn), games)
+        ended = after.terminated | after.truncated
+        return Batch(jax.vmap(choose)(ended, fresh, after.state), batch.turn + 1), after
+
+    def observed(batch: Batch, actions: Array) -> tuple[Batch, tuple[Timestep, Array]]:
+        batch, after = step(batch, actions)
+        return batch, (after, jax.vmap(lambda state: encode(look(game, state, Role.PURSUER)))(batch.state))
+
+    loops = {"step": alone, "autoreset": step, "autoreset, observation": observed, "step, reset_batch": drawing}
+    return {name: _speed_of(loop, batch, games) for name, loop in loops.items()}
+
+
+def _speed_of(loop: Callable[[Batch, Array], tuple[Batch, Any]], batch: Batch, games: int) -> float:
+    """Return env steps per second of the processor."""
+
+    @jax.jit
+    def play(batch: Batch, key: PRNGKeyArray) -> tuple[Batch, Any]:
+        def one_step(carry: tuple[Batch, Any], turn: Array) -> tuple[tuple[Batch, Any], None]:
+            words = random_bits(fold_in(key, turn), (2, games))
+            batch, told = loop(carry[0], (((words >> 16) * NUM_ACTIONS) >> 16).astype(jnp.int32))
+            return (batch, jax.tree.map(jnp.add, carry[1], _kept(told))), None
+
+        nothing = jax.tree.map(
+            lambda leaf: jnp.zeros(leaf.shape, leaf.dtype),
+            jax.eval_shape(lambda: _kept(loop(batch, jnp.zeros((2, games), jnp.int32))[1])),
+        )
+        return jax.lax.scan(one_step, (batch, nothing), jnp.arange(LOOP_STEPS))[0]
+
+    last = batch
+
+    def run(repeat: int) -> Any:
+        nonlocal last
+        last, kept = play(last, jax.random.key(repeat))
+        return kept
+
+    return games * LOOP_STEPS / timed(run, 9, time.process_time)
+
+
+def _kept(told: Any) -> tuple[Array, ...]:
+    """Return what a learner keeps of a step, so that all of it is computed."""
+    after, *seen = told if isinstance(told, tuple) else (told,)
+    return (*after.reward, after.terminated.astype(jnp.int32), after.truncated.astype(jnp.int32), *seen)
 
 
 def measure_training(config: DQNConfig, stage: str) -> dict[str, Any]:
@@ -119,28 +179,30 @@ def measure_solver(counts: Sequence[int], hold: int) -> dict[str, Any]:
     }
 
 
-def timed(run: Callable[[int], Any], repeats: int) -> float:
-    """Return the median wall seconds of a repeat; one that compiles and warms up goes before."""
+def timed(run: Callable[[int], Any], repeats: int, clock: Callable[[], float] = time.perf_counter) -> float:
+    """Return the median seconds of a repeat; one that compiles and warms up goes before."""
     seconds: list[float] = []
     for repeat in range(repeats + 1):
-        began = time.perf_counter()
+        began = clock()
         jax.block_until_ready(run(repeat))
-        seconds.append(time.perf_counter() - began)
+        seconds.append(clock() - began)
     return statistics.median(seconds[1:])
 
 
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("env", "train", "solve"))
-    parser.add_argument("--games", type=int, default=4096, help="of env: at a time (default: %(default)s)")
-    parser.add_argument("--game", default="paper", help="of env: a name or file (default: %(default)s)")
+    parser.add_argument("what", choices=("env", "loops", "train", "solve"))
+    parser.add_argument("--games", type=int, default=4096, help="of env and loops: at a time (default: %(default)s)")
+    parser.add_argument("--game", default="paper", help="of env and loops: a name or file (default: %(default)s)")
     parser.add_argument("--profile", choices=PROFILES, default="fast", help="of train (default: %(default)s)")
     parser.add_argument("--stage", choices=("fixed-target", "self-play"), default="fixed-target", help="of train")
     parser.add_argument("--grid", type=nodes, default="11x11x5x8", help="of solve, of two (default: %(default)s)")
     options = parser.parse_args()
     if options.what == "env":
         result = measure_env(find_game(options.game), options.games)
+    elif options.what == "loops":
+        result = measure_loops(find_game(options.game), options.games)
     elif options.what == "solve":
         result = measure_solver(options.grid, hold=10)
     else:

@@ -1,4 +1,4 @@
-"""Agents by name; and `docs/how-to/extend.md`: a new obstacle, observation or robot is a short file and a line."""
+"""Agents by name; and `docs/how-to/extend.md`: a new obstacle or robot is a short file and a line."""
 
 import inspect
 from dataclasses import replace
@@ -35,13 +35,14 @@ from apollonius.io.errors import InvalidInput
 from apollonius.learn import opponents
 from apollonius.learn.archive import renew
 from apollonius.observe import registry
+from apollonius.observe.registry import register_observation
 from apollonius.observe.view import look
 from apollonius.play.playout import play_out
 from apollonius.show.canvas import Canvas
 from apollonius.show.palette import OBSTACLE
 from tests import bearing
 from tests.acting import act, act_in_rows, robot, state
-from tests.bearing import BEARING
+from tests.bearing import BEARING, Bearing
 from tests.capsule import Capsule
 from tests.car import Car
 from tests.documents import REPOSITORY
@@ -116,7 +117,14 @@ def test_a_new_obstacle_is_read_from_files_and_refused_by_whoever_does_not_know_
 
 @pytest.mark.slow
 def test_a_new_observation_is_read_by_networks_in_games_and_from_files(tmp_path, monkeypatch):
-    monkeypatch.setitem(registry.OBSERVATIONS, BEARING.name, BEARING)
+    monkeypatch.setitem(registry.OBSERVATIONS, BEARING.name, BEARING)  # so that it is gone after the test
+    del registry.OBSERVATIONS[BEARING.name]
+    register_observation(BEARING)
+    register_observation(BEARING)
+    monkeypatch.setattr(Bearing, "name", "paper")
+    with pytest.raises(InvalidInput, match=r"observation = paper .* no other"):
+        register_observation(BEARING)
+    monkeypatch.setattr(Bearing, "name", "bearing")
     game = Game(arena=Arena(discs=(Disc(7.0, 5.0, 0.5),)), max_steps=20)
     start = state((5.0, 5.0, 0.6, np.pi / 2), (5.0, 7.0))
     np.testing.assert_allclose(BEARING(look(game, start, Role.PURSUER)), [0.0, 1.0, 0.0, 0.2, 1.0, 1.0], atol=1e-5)

@@ -14,7 +14,7 @@ from apollonius.io.errors import InvalidInput, nearest, unknown_name
 
 @dataclass(frozen=True)
 class Named:
-    """A player, what it is called, and the header of its file if it has one."""
+    """A player with its name and, if it is from a file, the header of that."""
 
     name: str
     policy: AbstractPolicy

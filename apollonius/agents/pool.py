@@ -62,15 +62,20 @@ class Pool(AbstractPlayers):
         members: a policy whose array leaves have a leading axis of length `size`.
         size: number of members.
         bits: random bits of each game that are used instead of every step's, so that what players try can last.
+        rest: the policy's leaves that are no arrays, as the functions in a network, which all members share.
     """
 
     members: AbstractPolicy
     size: int = eqx.field(static=True, default=1)
     bits: UInt32[Array, " games"] | None = None
+    rest: AbstractPolicy | None = eqx.field(static=True, default=None)
 
     @property
     def _first(self) -> AbstractPolicy:
-        return jax.tree.map(lambda leaf: leaf[0], self.members)
+        return self._whole(jax.tree.map(lambda leaf: leaf[0], self.members))
+
+    def _whole(self, policy: AbstractPolicy) -> AbstractPolicy:
+        return policy if self.rest is None else eqx.combine(policy, self.rest)
 
     @property
     def observation(self) -> Whole:
@@ -95,7 +100,7 @@ class Pool(AbstractPlayers):
             return act_in_rows(self._first, read, rows, memory, bits)
 
         def of_member(policy: AbstractPolicy) -> Acted:
-            return act_in_rows(policy, read, rows, memory, bits)
+            return act_in_rows(self._whole(policy), read, rows, memory, bits)
 
         def theirs(everyone: Array) -> Array:
             index = member.reshape(1, -1, *[1] * (everyone.ndim - 2))
@@ -176,13 +181,15 @@ class Apart(AbstractPlayers):
 
 
 def solo(policy: AbstractPolicy) -> Pool:
-    """Return the pool of just this player."""
+    """Return one player as the players of a side, as `play_out` and `collect` take them."""
     return stack([policy])
 
 
 def stack(policies: list[AbstractPolicy]) -> Pool:
-    """Return the pool of these players, which must have one structure."""
-    return Pool(jax.tree.map(_stacked, *policies), len(policies))
+    """Return several players of one structure as the players of a side: each game meets one, drawn at random."""
+    arrays, rests = zip(*(eqx.partition(policy, eqx.is_array_like) for policy in policies), strict=True)
+    rest = rests[0] if jax.tree.leaves(rests[0]) else None
+    return Pool(jax.tree.map(_stacked, *arrays), len(policies), rest=rest)
 
 
 def _stacked(*leaves: Any) -> Array:

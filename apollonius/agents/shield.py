@@ -224,5 +224,8 @@ def _surroundings(game: Game, body: Unicycle) -> Surroundings | None:
 
 
 def shielded(policy: AbstractPolicy, game: Game, role: Role) -> Shielded:
-    """Return a player behind a shield, for one side of a game; errors as those of `brakes`."""
+    """Return a player behind a shield, which replaces actions after which it could not brake in time.
+
+    Errors are those of `brakes`.
+    """
     return Shielded(policy, brakes(game, role))

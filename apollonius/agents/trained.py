@@ -39,7 +39,7 @@ class AbstractByNetwork(AbstractPolicy):
 
 
 class Greedy(AbstractByNetwork, AbstractActionValuePolicy):
-    """The action of highest value; among equals, the lowest index."""
+    """A player with a network of action values, which takes the action of highest value; of equals the first."""
 
     network: QNetwork
 

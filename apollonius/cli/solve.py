@@ -15,10 +15,11 @@ from apollonius.io.errors import InvalidInput, require
 from apollonius.io.limits import HOLD
 
 if TYPE_CHECKING:
-    from apollonius import BySide, Game, Role, SaddlePolicy
+    from apollonius import BySide, Game, Role
     from apollonius.cli.display import Display
     from apollonius.solve.enough import Enough
     from apollonius.solve.grid import Sweep
+    from apollonius.solve.players import SaddlePolicy
     from apollonius.solve.store import Problem
 
 
@@ -50,9 +51,9 @@ def add_table_options(parser: argparse.ArgumentParser) -> None:
 
 def requested_tables(options: argparse.Namespace, game: "Game") -> "BySide[SaddlePolicy]":
     """Return the players by the solved game: from files, or solved here and kept in the cache."""
-    from apollonius import BySide, Role, joint_grid
+    from apollonius import BySide, Role
     from apollonius.io.cache import cache_folder
-    from apollonius.solve.solving import FEW_PAIRS, table_player
+    from apollonius.solve.solving import FEW_PAIRS, joint_grid, table_player
 
     if options.tables:
         options.display.begin(SOLVING[0], compiles=True)
@@ -113,9 +114,10 @@ def run_solve(options: argparse.Namespace) -> int:
 
 
 def _requested_problem(options: argparse.Namespace, game: "Game") -> "Problem":
-    from apollonius import Role, joint_grid, reference_grid
+    from apollonius import Role, reference_grid
     from apollonius.arenas.file import to_dict
     from apollonius.solve.grid import make_grid
+    from apollonius.solve.solving import joint_grid
     from apollonius.solve.store import Problem
 
     what, target = options.what, options.target

@@ -18,7 +18,7 @@ from apollonius.game.types import ROLES, Action, Bits, BySide, DriveStates, Game
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.tracking import Track
-from apollonius.play.rollout import Games, SideState, begin, look_around, of_robots, step_games
+from apollonius.play.rollout import Games, Pay, SideState, begin, look_around, of_robots, step_games
 
 SPARE = 4
 """Starts are drawn beforehand, for this many times the number of games at once."""
@@ -134,7 +134,7 @@ class Result(eqx.Module):
 @dataclass(frozen=True)
 class Batch:
     """Constants of many games: of players that on one side are `Outside`, and whether a game that has ended begins
-    again in the next step, not in the same one.
+    again in the next step, not in the same one; `pay` as of `step_games`.
     """
 
     game: Game
@@ -142,6 +142,7 @@ class Batch:
     players: BySide[Pool]
     num_envs: int
     next_step: bool
+    pay: Pay | None = None
 
     def sample_starts(self, bits: Bits) -> UnderWay:
         keys = jax.random.split(jax.random.key(bits), SPARE * self.num_envs)
@@ -160,7 +161,7 @@ class Batch:
         asked = BySide.of(self.role, actions if several else actions[:, None], None)
         games = resumed(self.game, self.players, now.state, now.carried, asked)
         drawn = jax.random.bits(jax.random.key(bits), (self.num_envs,), jnp.uint32)
-        games, made = step_games(self.game, self.players, games, jnp.stack([drawn, drawn]))
+        games, made = step_games(self.game, self.players, games, jnp.stack([drawn, drawn]), pay=self.pay)
         own, status = made.sides[self.role], games.state.status
         rewards = jnp.unstack(own.reward, axis=1) if several else [own.reward]
         result = Result(

@@ -5,12 +5,12 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from apollonius.envs.live import (
-    RENDER_MODES,
-    LiveGame,
-    action_space,
+from apollonius.envs.live import RENDER_MODES, LiveGame
+from apollonius.envs.options import (
+    GivenObservation,
+    GivenPlayer,
+    GivenReward,
     as_role,
-    observation_space,
     random_bits,
     require_known,
     require_no_options,
@@ -24,8 +24,7 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
     """A game seen from one side, of one robot; on the other there may be a team.
 
     Actions are the 9 of Eq. 5, or two numbers in [-1, 1]. The reward is that side's of Eq. 8 or 9. `info["outcome"]` is
-    `ongoing`, or the name of a row of Tables II and III. The opponent is a player that `find_player` knows; the game,
-    observation, actions and render mode are as those of `apollonius.envs.live.LiveGame`.
+    `ongoing`, or the name of a row of Tables II and III. The options are those of `apollonius.envs.live.LiveGame`.
 
     Raises InvalidInput for what is unknown, a side of several robots, and in a forked process:
     `gymnasium.vector.AsyncVectorEnv` has those unless it is given `context="spawn"`.
@@ -36,22 +35,22 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
     def __init__(
         self,
         role: Role | str,
-        opponent: str = "random",
+        opponent: GivenPlayer = "random",
         game: Game | str = "paper",
-        observation: str = "encoded",
+        observation: GivenObservation = "encoded",
         render_mode: str | None = None,
         actions: str = "discrete",
+        reward: GivenReward = None,
         **unknown: Any,
     ) -> None:
         require_known(OneSide, unknown)
         role = as_role(role)
-        self._live = live = LiveGame(game, observation, actions, render_mode, {role.other: opponent})
+        self._live = live = LiveGame(game, observation, actions, render_mode, reward, {role.other: opponent})
         count, sides = len(live.game.bodies[role]), f"{role.name.lower()}s"
         require(count == 1, sides, count, f"1, who alone acts from outside: of a team play all {sides} by PettingZoo")
         self.metadata = type(self).metadata | {"render_fps": live.frames_per_second}
         self.render_mode = render_mode
-        self.observation_space = observation_space(observation)
-        self.action_space = action_space(actions)
+        self.observation_space, self.action_space = live.observation_space, live.action_space
         self._robot = live.places.index((role, 0))
 
     def reset(

@@ -1,27 +1,32 @@
-"""Spaces of observations and actions, and one game under way behind one compiled call, for all interfaces."""
+"""One game under way behind one compiled call, for all interfaces of a single game."""
 
-import inspect
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import accumulate, pairwise, starmap
 from typing import Any
 
-import gymnasium
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, UInt8, UInt32
 
 from apollonius.agents.policy import mixed
-from apollonius.agents.pool import Pool, solo
-from apollonius.arenas.charting import charted
+from apollonius.agents.pool import Pool
 from apollonius.arenas.file import as_game
-from apollonius.catalogue import find_player
 from apollonius.envs.batch import Compiled, Outside, begun, carried, require_unforked, resumed
+from apollonius.envs.options import (
+    GivenObservation,
+    GivenPlayer,
+    GivenReward,
+    OwnReward,
+    action_space,
+    as_actions,
+    make_contest,
+    observation_space,
+)
 from apollonius.game.game import Game
-from apollonius.game.types import NUM_ACTIONS, ROLES, Bits, BySide, GameState, Outcome, RobotStatus, Role
+from apollonius.game.types import Bits, BySide, GameState, Outcome, RobotStatus, Role
 from apollonius.io.errors import require
-from apollonius.observe.registry import find_observation
 from apollonius.play.replay import as_state
 from apollonius.play.rollout import look_around, step_games
 from apollonius.show.canvas import Canvas
@@ -34,75 +39,6 @@ RENDER_MODES = ["rgb_array"]
 _OUTCOMES = [outcome.name.lower() for outcome in Outcome]
 
 
-def as_role(given: object) -> Role:
-    """Return a side, or that of a name, which an environment's specification in JSON has; raises InvalidInput."""
-    sides = {str(role).lower(): role for role in Role}
-    require(str(given).lower() in sides, "role", given, f"one of {', '.join(sides)}")
-    return sides[str(given).lower()]
-
-
-def require_known(environment: type, unknown: dict[str, Any]) -> None:
-    """Refuse arguments that an environment does not have."""
-    names = list(inspect.signature(environment).parameters)[:-1]
-    for name, value in unknown.items():
-        require(False, name, value, f"left out: the arguments are {', '.join(names)}")
-
-
-def require_no_options(options: dict[str, Any] | None) -> None:
-    """Refuse options of a reset."""
-    require(not options, "options", options, "left out, as this environment has none")
-
-
-def observation_space(observation: str) -> gymnasium.spaces.Box:
-    """Return the space of a robot's observations; raises InvalidInput if they are unknown.
-
-    They are within 2 of 0 unless a robot goes half an arena beyond the walls in one step.
-    """
-    return gymnasium.spaces.Box(-2.0, 2.0, (find_observation(observation).size,), np.float32)
-
-
-def action_space(actions: str) -> gymnasium.spaces.Space[Any]:
-    """Return the space of a robot's actions of a kind; raises InvalidInput if it is unknown."""
-    require(actions in ("discrete", "continuous"), "actions", actions, "one of discrete, continuous")
-    continuous = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
-    return continuous if actions == "continuous" else gymnasium.spaces.Discrete(NUM_ACTIONS)
-
-
-def seated(game: Game, observation: str, actions: str, inside: dict[Role, str]) -> tuple[Game, BySide[Pool]]:
-    """Return a game with a chart if anybody reads one, and who plays it: players of the package by their names, and
-    `Outside` on the other sides.
-    """
-    reads, found = find_observation(observation), {role: find_player(inside[role], role, game) for role in inside}
-    first = jnp.zeros((), jnp.int32) if actions == "discrete" else jnp.zeros(2)
-    players = ROLES.map(lambda role: solo(found[role].policy if role in found else Outside(first, reads)))
-    return charted(game, reads.charted or any(one.policy.charted for one in found.values())), players
-
-
-def as_actions(given: Any, kind: str, batch: tuple[int, ...] = ()) -> np.ndarray:
-    """Return one action of a kind, or a batch, in its number type; raises InvalidInput for what is not in the space."""
-    discrete = kind == "discrete"
-    name, numbers = "actions" if batch else "action", "a whole number" if discrete else "numbers"
-    shape = batch if discrete else (*batch, 2)
-    least, most = (0, NUM_ACTIONS - 1) if discrete else (-1, 1)
-    try:
-        actions = np.asarray(given)
-    except ValueError:  # of lists of several lengths
-        actions = np.asarray(None)
-    # A message costs as much as a step of the game.
-    if actions.dtype.kind not in ("iu" if discrete else "iuf"):
-        require(False, name, given, f"{numbers} from {least} to {most}")
-    if actions.shape != shape:
-        require(False, f"shape of {name}", actions.shape, str(shape))
-    low, high = (actions.min(), actions.max()) if shape else (actions, actions)
-    if not (least <= low and high <= most):
-        require(False, name, low if low == high else f"{low} to {high}", f"from {least} to {most}")
-    return actions.astype(np.int32 if discrete else np.float32)
-
-
-def random_bits(random: np.random.Generator) -> np.uint32:
-    return np.uint32(random.integers(2**32, dtype=np.uint64))
-
-
 class LiveGame:
     """One game, one step at a time, either side's actions from outside or from a player of the package (`inside`).
 
@@ -112,25 +48,33 @@ class LiveGame:
     """
 
     def __init__(
-        self, game: Game | str, observation: str, actions: str, render_mode: str | None, inside: dict[Role, str]
+        self,
+        game: Game | str,
+        observation: GivenObservation,
+        actions: str,
+        render_mode: str | None,
+        reward: GivenReward,
+        inside: Mapping[Role, GivenPlayer],
     ) -> None:
         require_unforked()
         require(render_mode in (None, *RENDER_MODES), "render_mode", render_mode, f"{RENDER_MODES[0]}, or None")
         game = as_game(game)
         game.require_one_arena("an environment of a single game")
-        game, players = seated(game, observation, actions, inside)
-        self.game = game
+        contest = make_contest(game, observation, actions, reward, inside)
+        self.game = game = contest.game
+        self.observation_space, self.action_space = observation_space(contest.reads), action_space(actions)
         self.frames_per_second = max(1, round(1 / float(game.dt)))
         self.places = [(role, number) for role in Role for number in range(len(game.bodies[role]))]
         """Side and number of each robot, in the order of a game's robots."""
         self._end = _COLUMNS * len(self.places)
-        sizes = [0 if role in inside else find_observation(observation).size for role, _ in self.places]
+        sizes = [0 if role in inside else contest.reads.size for role, _ in self.places]
         self._seen = list(starmap(slice, pairwise(accumulate([self._end + 3, *sizes]))))
-        self._kind, space = actions, action_space(actions)
+        self._kind, space = actions, self.action_space
         self.idle = np.zeros(space.shape or (), space.dtype)
         """A placeholder for the action of a robot that is not played from outside."""
         # The game is a constant of both functions.
-        self._begin, self._step = Compiled(_begin, game, players), Compiled(_step, game, players, self.idle.shape)
+        self._begin = Compiled(_begin, game, contest.players)
+        self._step = Compiled(_step, game, contest.players, contest.reward, self.idle.shape)
         self._numbers: Array | None = None
         self._canvas = Canvas(game) if render_mode else None
 
@@ -214,8 +158,9 @@ def _bits_of(players: BySide[Pool], bits: Bits) -> UInt32[Array, "2 1"]:
 
 
 def _step(
-    game: Game, players: BySide[Pool], shape: tuple[int, ...], numbers: Float[Array, " numbers"],
-    given: Int[Array, " given"] | Float[Array, " given"], bits: Bits, leaves: Sequence[Array],
+    game: Game, players: BySide[Pool], reward: OwnReward | None, shape: tuple[int, ...],
+    numbers: Float[Array, " numbers"], given: Int[Array, " given"] | Float[Array, " given"], bits: Bits,
+    leaves: Sequence[Array],
 ) -> tuple[Float[Array, " numbers"], tuple[Array, ...]]:  # fmt: skip
     counts = game.bodies.map(len)
     rows = numbers[: _COLUMNS * sum(counts)].reshape(-1, _COLUMNS)
@@ -225,7 +170,7 @@ def _step(
         state = replace(state, status=BySide(statuses[: counts.pursuer], statuses[counts.pursuer :]))
     actions = BySide(*jnp.split(given[1:].reshape(1, sum(counts), *shape), [counts.pursuer], axis=1))
     games = resumed(game, players, jax.tree.map(lambda leaf: leaf[None], state), leaves, actions)
-    games, made = step_games(game, players, games, _bits_of(players, bits))
+    games, made = step_games(game, players, games, _bits_of(players, bits), pay=reward)
     seen = [made.sides[role].next_observation for role in Role if isinstance(players[role].members, Outside)]
     ends = [made.terminated, made.truncated, made.outcome]
     return _packed(games.state, made.sides.map(lambda side: side.reward), ends, seen), carried(games, players)

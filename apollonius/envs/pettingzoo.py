@@ -7,14 +7,8 @@ import numpy as np
 from gymnasium.utils.seeding import np_random
 from pettingzoo import ParallelEnv
 
-from apollonius.envs.live import (
-    RENDER_MODES,
-    LiveGame,
-    action_space,
-    observation_space,
-    random_bits,
-    require_known,
-)
+from apollonius.envs.live import RENDER_MODES, LiveGame
+from apollonius.envs.options import GivenObservation, GivenReward, random_bits, require_known
 from apollonius.game.game import Game
 from apollonius.game.types import RobotStatus
 from apollonius.io.errors import require
@@ -42,19 +36,20 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
     def __init__(
         self,
         game: Game | str = "paper",
-        observation: str = "encoded",
+        observation: GivenObservation = "encoded",
         render_mode: str | None = None,
         actions: str = "discrete",
+        reward: GivenReward = None,
         **unknown: Any,
     ) -> None:
         require_known(BothSides, unknown)
-        self._live = live = LiveGame(game, observation, actions, render_mode, {})
+        self._live = live = LiveGame(game, observation, actions, render_mode, reward, {})
         self.metadata = type(self).metadata | {"render_fps": live.frames_per_second}
         self.render_mode = render_mode
         self.possible_agents = [f"{role.name.lower()}_{number}" for role, number in live.places]
         self.agents: list[str] = []
-        self.observation_spaces = {agent: observation_space(observation) for agent in self.possible_agents}
-        self.action_spaces = {agent: action_space(actions) for agent in self.possible_agents}
+        self.observation_spaces = dict.fromkeys(self.possible_agents, live.observation_space)
+        self.action_spaces = dict.fromkeys(self.possible_agents, live.action_space)
         self._random, _ = np_random()
 
     def observation_space(self, agent: str) -> gymnasium.spaces.Space[np.ndarray]:

@@ -11,15 +11,18 @@ from gymnasium.vector.utils import batch_space
 
 from apollonius.arenas.file import as_game
 from apollonius.envs.batch import SPARE, Batch, Compiled, UnderWay, require_unforked
-from apollonius.envs.live import (
+from apollonius.envs.options import (
+    GivenObservation,
+    GivenPlayer,
+    GivenReward,
     action_space,
     as_actions,
     as_role,
+    make_contest,
     observation_space,
     random_bits,
     require_known,
     require_no_options,
-    seated,
 )
 from apollonius.game.game import Game
 from apollonius.game.types import Role
@@ -28,7 +31,7 @@ from apollonius.io.limits import PARALLEL_GAMES, Counted
 
 _MODES = {mode.value: mode for mode in (AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP)}
 """By the names that Gymnasium's `make_vec` takes."""
-_SYNC = "; make_vec has it with vectorization_mode='sync', where it is much slower"
+_SYNC = "; vectorization_mode='sync' has it, and is much slower"
 
 
 class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
@@ -60,13 +63,14 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self,
         role: Role | str,
         num_envs: int = 1,
-        opponent: str = "random",
+        opponent: GivenPlayer = "random",
         game: Game | str = "paper",
-        observation: str = "encoded",
+        observation: GivenObservation = "encoded",
         actions: str = "discrete",
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
         render_mode: str | None = None,
         max_episode_steps: int | None = None,
+        reward: GivenReward = None,
         **unknown: Any,
     ) -> None:
         require_unforked()
@@ -75,21 +79,21 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         PARALLEL_GAMES.require("num_envs", num_envs)
         mode = AutoresetMode(autoreset_mode) if autoreset_mode in _MODES else autoreset_mode
         require(mode in _MODES.values(), "autoreset_mode", autoreset_mode, f"one of {', '.join(_MODES)}{_SYNC}")
-        require(render_mode is None, "render_mode", render_mode, f"None, as so many games draw no pictures{_SYNC}")
-        game = _shortened(as_game(game), max_episode_steps)
+        require(render_mode is None, "render_mode", render_mode, f"None: there are no pictures of many games{_SYNC}")
+        contest = make_contest(as_game(game), observation, actions, reward, {role.other: opponent})
+        game = _shortened(contest.game, max_episode_steps)
         self.metadata = type(self).metadata | {"autoreset_mode": mode}
         self.num_envs = num_envs
         robots = len(game.bodies[role])
-        spaces = observation_space(observation), action_space(actions)
+        spaces = observation_space(contest.reads), action_space(actions)
         several = spaces if robots == 1 else (batch_space(one, robots) for one in spaces)
         self.single_observation_space, self.single_action_space = several
         self._kind, self._acting = actions, (num_envs,) if robots == 1 else (num_envs, robots)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        game, players = seated(game, observation, actions, {role.other: opponent})
         self._next_step = mode == AutoresetMode.NEXT_STEP
         # The game is a constant of what is compiled.
-        batch = Batch(game, role, players, num_envs, self._next_step)
+        batch = Batch(game, role, contest.players, num_envs, self._next_step, contest.reward)
         self._draw, self._step = Compiled(Batch.sample_starts, batch), Compiled(Batch.step, batch)
         self._now: UnderWay | None = None
         self._left = 0

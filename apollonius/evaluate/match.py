@@ -33,7 +33,7 @@ def starting(game: Game, speed: str | None) -> Game:
 
 @dataclass(frozen=True)
 class Match:
-    """A match that is asked for: a number of games of two players.
+    """A match to be played: two players, a game, a number of games and a seed.
 
     Its starts depend on the game, the number of games, the seed and that alone, so matches of other players with the
     same ones are paired: they meet the very same starts.

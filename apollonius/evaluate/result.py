@@ -109,7 +109,7 @@ def count_sightings(results: Results) -> dict[str, SightingCounts] | None:
 
 @dataclass(frozen=True)
 class MatchResult:
-    """What a match came to. Rates are in [0, 1], with Wilson 95 % intervals."""
+    """The results of a match: counts of outcomes, rates in [0, 1] with Wilson 95 % intervals, mean lengths."""
 
     outcomes: dict[str, int]
     """Games by outcome: the rows of Tables II and III, plus `both_failed`."""

@@ -98,9 +98,11 @@ class Card:
 
 
 def measure_card(match: Match, own: SaddlePolicy, other: SaddlePolicy, report: Report = silent) -> Card:
-    """Compare what an agent gets from `other`, the player by the other side's table, with what its own side's promises.
+    """Measure an agent's regret: play it against the solved game's best opponent, and compare its results with the
+    value that the solved game promises its side.
 
-    Between the nodes of the grid that promise is no bound: it errs either way. Errors are those of `play_match`.
+    `own` and `other` are the players by the tables of the agent's side and of the opponent's. Between the nodes of the
+    grid the promise is no bound: it errs either way. Errors are those of `play_match`.
     """
     zero_sum_game, games = own.zero_sum_game, match.games
     starts, _ = begin(match)

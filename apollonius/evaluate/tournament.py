@@ -150,9 +150,9 @@ class Advice:
 
 
 def advise(game: Game, games: int, seed: int = 0, report: Report = silent) -> Advice:
-    """Play every pursuer of the panel that fits a game against every evader; errors as of `play_tournament`.
+    """Play every pursuer of the panel that fits a game against every evader.
 
-    Rules that move are behind a shield, without which they crash.
+    Rules that move are behind a shield, without which they crash. Raises InvalidInput as `play_tournament` does.
     """
     panel = PANELS["team" if game.teams else "lidar" if game.sensors else "full"]
 

@@ -5,6 +5,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int, Shaped
 
 from apollonius.game.types import NUM_ACTIONS, Action, Controls, Real, RobotState, Scalar
@@ -59,11 +60,16 @@ def action_levels(action: Action) -> tuple[Scalar, Scalar]:
 
 def as_action(action: Any) -> Action:
     """Return an action, which may be a plain number; raises InvalidInput for anything else."""
-    if isinstance(action, int):
+    if isinstance(action, int | np.integer):
         require(0 <= action < NUM_ACTIONS, "action", action, f"from 0 to {NUM_ACTIONS - 1}")
-    array = jnp.asarray(action)
+    bound = f"a whole number from 0 to {NUM_ACTIONS - 1}, or two real ones from -1 to 1"
+    try:
+        array = jnp.asarray(action)
+    except (TypeError, ValueError):  # of text, of None
+        require(False, "action", action, bound)
+        raise
     shape = (2,) if is_continuous(array) else ()
-    require(array.shape == shape, "action", action, f"a whole number, or two real ones: of shape {shape}")
+    require(array.shape == shape and array.dtype != bool, "action", action, bound)
     return array
 
 

@@ -1,7 +1,6 @@
 """The game: the rules composed. One reset, one step, neither batched nor auto-reset."""
 
 from dataclasses import replace
-from typing import cast
 
 import equinox as eqx
 import jax
@@ -116,8 +115,7 @@ class Game(eqx.Module):
 
     def reset(self, key: PRNGKeyArray) -> GameState:
         """Draw an arena and an initial state. The key is consumed."""
-        is_key = isinstance(cast(object, key), jax.Array | np.ndarray)
-        require(is_key, "key", key, f"a key of JAX, as jax.random.key({int(key) if isinstance(key, int) else 0})")
+        validation.require_key(key)
         if self.scenario is None:
             return self.starts.sample(key, self.arena, self.bodies)
         place_key, start_key = jax.random.split(key)
@@ -219,6 +217,7 @@ _paid_apart = fusion_barrier(_paid)
 
 def reset_batch(game: Game, key: PRNGKeyArray, games: int) -> GameState:
     """Draw initial states of several games, leaves `[games]`. The key is consumed."""
+    validation.require_key(key)
     return jax.vmap(game.reset)(jax.random.split(key, games))
 
 

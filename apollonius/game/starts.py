@@ -20,7 +20,7 @@ _Placed = tuple[Role, Unicycle, RobotState]
 
 
 class Starts(eqx.Module):
-    """Robots uniform in the free space, apart from each other, headings uniform.
+    """The distribution of starts: robots uniform in the free space, apart from each other, headings uniform.
 
     Attributes:
         speed: `rest` (v = 0, or the robot's lowest) or `moving` (v uniform between the robot's limits; from some of

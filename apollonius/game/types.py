@@ -136,7 +136,7 @@ class RobotStatus(Named):
 
 
 class RobotState(eqx.Module):
-    """One robot (Eq. 6). Four scalar leaves, so that a batch of robots is four contiguous arrays.
+    """The state of one robot (Eq. 6): position, speed and heading.
 
     `x`, `y` in metres in the arena's frame; `v` in m/s along the heading;
     `heading` in radians from the x axis, counter-clockwise, wrapped to (-pi, pi].

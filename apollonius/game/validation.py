@@ -69,6 +69,14 @@ def require_usual_numbers() -> None:
     require(not _FAST.search(flags), "XLA_FLAGS", flags, "without fast-math, which rounds as it likes; take it out")
 
 
+def require_key(key: Any) -> None:
+    """Refuse what is no key of JAX, such as a seed."""
+    is_array = isinstance(key, jax.Array | np.ndarray)
+    is_key = is_array and (jax.numpy.issubdtype(key.dtype, jax.dtypes.prng_key) or key.ndim > 0)
+    seed = key if isinstance(key, int) else 0
+    require(is_key, "key", key, f"a key of JAX, as jax.random.key({shown(seed)})")
+
+
 def is_swept(game: Any) -> bool:
     """Return whether numbers of a game are traced or swept, arrays whose values are not known here."""
     return any(isinstance(leaf, (jax.Array, np.ndarray)) for leaf in _numbers(game).values())

@@ -45,6 +45,13 @@ def unknown_name(kind: str, name: str, known: Sequence[str], others: str, meant:
     return f"no {kind} is called '{shown(name)}': choose one of {', '.join(known)}, or give {others}."
 
 
+def require_spelt(name: str, value: object, word: str, known: Iterable[str]) -> None:
+    """Refuse, by InvalidInput, a value of this name whose word is nearly a known one, which the message names."""
+    near = nearest(word, known)
+    if near:
+        raise InvalidInput(f"{name} = {shown(value)} is not possible: did you mean '{near}'?")
+
+
 def require(holds: Any, name: str, value: object, bound: str) -> None:
     """Refuse a value of this name, by InvalidInput, unless the condition holds: "it must be" within the bound."""
     if not holds:

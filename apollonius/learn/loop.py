@@ -21,6 +21,7 @@ from apollonius.learn import archive, dqn, replay_buffer, sac
 from apollonius.learn.learner_config import DQNConfig, ReplayConfig, SACConfig, linear
 from apollonius.learn.stage_config import Plan
 from apollonius.learn.train_state import Learner, LearnerState, TrainState, players
+from apollonius.play.autoreset import turn_of
 from apollonius.play.rollout import Transition, begin, collect
 
 _STARTS_PER_CHUNK = 4096
@@ -80,8 +81,7 @@ def play_and_learn(plan: Plan, game: Game, state: TrainState, fixed: Mapping[Rol
     starts = jax.tree.map(lambda leaf: leaf.reshape(rows, steps, games), drawn)
 
     def one_iteration(state: TrainState, index: Int[Array, ""]) -> tuple[TrainState, Metrics]:
-        fresh = jax.tree.map(lambda leaf: jax.lax.dynamic_index_in_dim(leaf, index % rows, keepdims=False), starts)
-        return _iterate(plan, game, state, fixed, fresh)
+        return _iterate(plan, game, state, fixed, turn_of(starts, index))
 
     after, metrics = jax.lax.scan(one_iteration, state, jnp.arange(plan.learner.iterations_per_chunk))
     return after, jax.tree.map(lambda leaf: jnp.sum(leaf, axis=0), metrics)

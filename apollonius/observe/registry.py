@@ -1,6 +1,6 @@
-"""All observations by name: a new one is a file beside this one, and a line here."""
+"""All observations by name."""
 
-from apollonius.io.errors import require
+from apollonius.io.errors import require, require_spelt
 from apollonius.observe.egocentric import EGOCENTRIC
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.paper import ENCODED, PAPER
@@ -11,7 +11,21 @@ OBSERVATIONS: dict[str, AbstractObservation] = {one.name: one for one in _ALL}
 """By their names in files and configurations."""
 
 
-def find_observation(name: str) -> AbstractObservation:
-    """Return the observation of this name; raises InvalidInput for an unknown one, and lists the known ones."""
-    require(name in OBSERVATIONS, "observation", name, f"one of {', '.join(OBSERVATIONS)}")
+def find_observation(given: str | AbstractObservation) -> AbstractObservation:
+    """Return the observation of a name, or the one that is given; raises InvalidInput for anything else."""
+    if isinstance(given, AbstractObservation):
+        return given
+    name = str(given)
+    if name not in OBSERVATIONS:
+        require_spelt("observation", given, name, OBSERVATIONS)
+        require(False, "observation", given, f"one of {', '.join(OBSERVATIONS)}, or an AbstractObservation")
     return OBSERVATIONS[name]
+
+
+def register_observation(observation: AbstractObservation) -> None:
+    """Make an observation known by its name, to `find_observation` as to files and trainings.
+
+    Raises InvalidInput if another one has the name.
+    """
+    known = OBSERVATIONS.setdefault(observation.name, observation)
+    require(known == observation, "observation", observation.name, "a name that no other observation has")

@@ -1,10 +1,10 @@
 """Batched play of two sides: the waist of the hourglass, used by training and by judging.
 
-`collect` plays for a number of steps and starts finished games again (the only auto-reset there is);
-`apollonius.play.playout` plays given starts to their ends, once each.
+`collect` plays for a number of steps and starts finished games again; `apollonius.play.playout` plays given starts to
+their ends, once each.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -18,11 +18,15 @@ from apollonius.agents.policy import Memory, mixed
 from apollonius.agents.pool import AbstractPlayers, Pool, Read
 from apollonius.game.drive import drive_of, respond
 from apollonius.game.game import Game
-from apollonius.game.types import ROLES, Action, Actions, BySide, DriveStates, GameState, Role, Timestep, choose
+from apollonius.game.types import ROLES, Action, Actions, BySide, DriveStates, GameState, Role, Scalar, Timestep, choose
 from apollonius.observe import tracking
 from apollonius.observe.observation import WHOLE, perceive
 from apollonius.observe.tracking import Sightings, Track, update
+from apollonius.play.autoreset import turn_of
 from apollonius.play.random_bits import fold_in, random_bits
+
+Pay = Callable[[GameState, Timestep], BySide[tuple[Scalar, ...]]]
+"""The rewards of all robots by the state before a step and by the step, without a batch."""
 
 
 class Experience(eqx.Module):
@@ -132,18 +136,19 @@ def step_games(
     bits: UInt32[Array, "2 games"],
     observes: bool = True,
     foresees: bool = True,
+    pay: Pay | None = None,
 ) -> tuple[Games, Transition]:
     """Play every game one step on, by fresh random bits of each side, without resets.
 
     Where nobody `observes` transitions have no observations, which take long to trace, where nobody `foresees` none of
-    what they led to.
+    what they led to. Rewards are those of the game, unless a function pays.
     """
     tracks, seen = look_around(game, players, games, bits)
     acted = ROLES.map(lambda role: decide(players[role], games.sides[role], seen[role], bits[role]))
     actions = acted.map(lambda side: side[0])
     drives = games.sides.map(lambda side: side.drives)
     after, drives = jax.vmap(step_driven, in_axes=(None, 0, 0, 0))(game, games.state, drives, actions)
-    rewards = after.rewards.map(of_robots)
+    rewards = (after.rewards if pay is None else jax.vmap(pay)(games.state, after)).map(of_robots)
 
     def side_after(role: Role) -> SideState:
         before = games.sides[role]
@@ -212,17 +217,16 @@ def collect(
     """Play on for a number of steps; a finished game begins again, with newly drawn members of both pools. The key is
     consumed. Returns the games after them, and the transitions, leaves `[steps, games]`, as `step_games`.
 
-    A game that finishes at step t takes its own column of row `t % rows` of the starts, leaves `[rows, games]`. They
-    are drawn beforehand, as drawing one for every game at every step costs more than the step.
+    A game that finishes at step t takes its own column of row `t % rows` of the starts, leaves `[rows, games]`, as in
+    `apollonius.play.autoreset`.
     """
-    rows, batch = len(jax.tree.leaves(starts)[0]), len(games.state.steps)
+    batch = len(games.state.steps)
     kinds = 2 if any(pool.samples for pool in players) else 1  # new members that are alone share the actions' bits
 
     def one_step(games: Games, step: Int[Array, ""]) -> tuple[Games, Transition]:
         bits = random_bits(fold_in(key, step), (2 * kinds, batch))
         after, transition = step_games(game, players, games, bits[:2], foresees=foresees)
-        fresh_state = jax.tree.map(lambda row: jax.lax.dynamic_index_in_dim(row, step % rows, keepdims=False), starts)
-        fresh = begin(game, fresh_state, players, bits[-2:])
+        fresh = begin(game, turn_of(starts, step), players, bits[-2:])
         return jax.vmap(choose)(transition.ended, fresh, after), transition
 
     return jax.lax.scan(one_step, games, jnp.arange(steps))

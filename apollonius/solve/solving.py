@@ -45,8 +45,9 @@ _LONGEST = 2.0
 
 
 def reference_grid(game: Game, role: Role) -> tuple[Grid, int]:
-    """Return a grid on which a hold moves the robot by whole cells of speed, and nearly so of heading; and the control
-    steps of a hold.
+    """Return a grid of one robot's states, for `solve_safety` and `solve_reach`, and the control steps of a hold.
+
+    A hold moves the robot by whole cells of speed, and nearly so of heading.
     """
     body = game.body(role)
     dt = float(game.dt)

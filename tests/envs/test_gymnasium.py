@@ -18,16 +18,18 @@ from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, see
 from pettingzoo.utils.conversions import parallel_to_aec
 
 import apollonius
+from apollonius.agents.policy import AbstractPolicy
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import as_game
 from apollonius.catalogue import find_player
 from apollonius.envs.gymnasium import OneSide
-from apollonius.envs.live import as_actions
+from apollonius.envs.options import as_actions, make_contest
 from apollonius.envs.vector import ManyGames
 from apollonius.game.arena import Arena
 from apollonius.game.drive import Drive, Drives
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
+from apollonius.game.reward import Reward
 from apollonius.game.sensing import Sensing, Sensors
 from apollonius.game.starts import Starts
 from apollonius.game.types import GameState, Outcome, RobotState, RobotStatus, Role
@@ -37,8 +39,10 @@ from apollonius.observe.registry import find_observation
 from apollonius.observe.view import look
 from apollonius.show.palette import EVADER, PURSUER
 from tests.acting import act, observe
+from tests.bearing import BEARING
 
 GAMES = 64
+PURSUIT = "apollonius.envs.gymnasium:apollonius/Pursuit-v0"
 
 
 @pytest.mark.parametrize(("name", "actions"), [("Pursuit", "discrete"), ("Evasion", "continuous")])
@@ -103,7 +107,85 @@ def test_unknown_options_are_refused():
             OneSide(Role.PURSUER, **{name: value})
 
 
-PURSUIT = "apollonius.envs.gymnasium:apollonius/Pursuit-v0"
+class Accelerating(AbstractPolicy):
+    """Speeds up straight on."""
+
+    def __call__(self, seen, memory, bits):
+        return jnp.int32(7), memory
+
+
+def speeds(view):
+    """Own speed and the opponent's [m/s]."""
+    return [view.own.state.v, view.opponent.state.v]
+
+
+def thrift(before, after):
+    """Ten times the speed before the step, and a share of the game's own reward."""
+    return 10 * before.pursuer.v + after.reward.pursuer / 4
+
+
+def test_an_opponent_an_observation_and_a_reward_can_be_objects():
+    """The same in one game and in many, and after pickling."""
+    given = {"opponent": Accelerating(), "observation": speeds, "reward": thrift}
+    env, known = gymnasium.make(PURSUIT, **given), OneSide("pursuer", Accelerating(), observation="paper")
+    many = pickle.loads(pickle.dumps(ManyGames("pursuer", 2, **given)))
+    assert env.observation_space == gymnasium.spaces.Box(-np.inf, np.inf, (2,))
+    for one in (env, many, known):
+        one.reset(seed=0)
+    for step in range(3):
+        seen, reward, *_ = env.step(8)
+        np.testing.assert_allclose(seen, [0.03 * (step + 1)] * 2, atol=1e-6)
+        own, expected = known.step(8)[:2]
+        assert seen[0] == pytest.approx(0.6 * (own[2] + 1), abs=1e-5)
+        assert reward == pytest.approx(0.3 * step + expected / 4, abs=1e-5)
+        seen, rewards, *_ = many.step(np.array([8, 4]))
+        np.testing.assert_allclose(seen, [[0.03 * (step + 1)] * 2, [0, 0.03 * (step + 1)]], atol=1e-6)
+        assert rewards[0] > 0.3 * step - 0.1
+
+
+def test_each_robot_of_a_team_is_paid_what_a_function_says():
+    env = apollonius.parallel_env("team-2v1", BEARING, reward=lambda before, after: apollonius.BySide((1, 2.5), -3))
+    assert env.observation_space("evader_0").shape == (6,)
+    env.reset(seed=0)
+    assert env.step(dict.fromkeys(env.agents, 4))[1] == {"pursuer_0": 1, "pursuer_1": 2.5, "evader_0": -3}
+
+
+def test_a_reward_of_the_package_is_that_of_the_game():
+    env = ManyGames("evader", 1, "still", reward=Reward(profile="zero-sum"), observation="paper")
+    env.reset(seed=0)
+    assert env.step(np.array([4]))[1].tolist() == [0]
+    with pytest.raises(InvalidInput, match=r"max_episode_steps = 2 .* wins by time"):
+        ManyGames("evader", 1, reward=Reward(profile="zero-sum"), max_episode_steps=2)
+
+
+DEFAULTS = {"observation": "paper", "actions": "discrete", "reward": None}
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"observation": type(BEARING)}, "observation = <class .* encoded, .* an AbstractObservation, or a function"),
+        ({"observation": lambda: 3}, "observation = <lambda> .* a function of a view: too many"),
+        ({"observation": lambda view: 3.0}, r"observation = an array of shape \(\) .* a row of numbers"),
+        ({"observation": lambda view: ["x"]}, r"observation = \['x'\] .* a row of numbers"),
+        ({"observation": "encodd"}, "observation = encodd .* did you mean 'encoded'"),
+        ({"reward": "paper"}, "reward = paper .* a Reward, or a function"),
+        ({"reward": lambda after: 1}, "reward = <lambda> .* of the state before a step and of the step: too"),
+        ({"reward": lambda *step: None}, "reward of the pursuer = None .* a number"),
+        ({"reward": lambda *step: jnp.ones(3)}, r"reward of the pursuer = an array of shape \(3,\) .* a number"),
+        ({"reward": lambda *step: apollonius.BySide((1, 2), 0)}, r"= \(1, 2\) .* a tuple of 1, one a robot"),
+    ],
+    ids=str,
+)
+def test_objects_of_a_wrong_kind_are_refused_in_one_line(options, said):
+    with pytest.raises(InvalidInput, match=said) as refusal:
+        make_contest(make_game("paper"), *(DEFAULTS | options).values(), {Role.EVADER: "still"})
+    assert "\n" not in str(refusal.value)
+
+
+def test_both_sides_are_paid_by_a_reward_of_both():
+    with pytest.raises(InvalidInput, match=r"reward = of one side, 1.0 .* of both sides, as apollonius.BySide"):
+        apollonius.parallel_env(reward=lambda *step: 1.0)
 
 
 def spec_again(made):

@@ -24,6 +24,7 @@ from apollonius.game.sensing import Noise, Sensing, Sensors
 from apollonius.game.starts import Starts
 from apollonius.game.teams import Teams
 from apollonius.game.types import NUM_ACTIONS, ROLES, BySide, GameState, Outcome, RobotState, RobotStatus
+from apollonius.game.validation import require_key
 from apollonius.io.errors import InvalidInput
 from tests.acting import clearances, state_of
 from tests.oracle import numpy_teams
@@ -332,6 +333,11 @@ def test_plain_numbers_are_actions_and_enumerations_print_their_names():
     for act, said in (
         (lambda: game.step(state, 9, 1), "action = 9 .* from 0 to 8"),
         (lambda: as_action(np.float32(4.5)), "action = 4.5 .* two real ones"),
+        (lambda: as_action(np.int64(12)), "action = 12 .* from 0 to 8"),
+        (lambda: as_action("up"), "action = up .* a whole number from 0 to 8"),
+        (lambda: as_action(True), "action = true .* a whole number from 0 to 8"),
+        (lambda: require_key(3), r"key = 3 .* as jax.random.key\(3\)"),
+        (lambda: require_key(jnp.int32(3)), r"key = 3 .* a key of JAX"),
         (lambda: game.step(state, [8, 8], 1), r"pursuer_action = \[8, 8\] .* 1 in number"),
     ):
         with pytest.raises(InvalidInput, match=said):

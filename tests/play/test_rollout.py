@@ -30,8 +30,10 @@ from apollonius.game.game import Game, reset_batch
 from apollonius.game.presets import in_teams, make_game, randomised
 from apollonius.game.scenario import Spread
 from apollonius.game.types import BySide, Outcome, Role
+from apollonius.io.errors import InvalidInput
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.paper import ENCODED, PAPER
+from apollonius.play.autoreset import autoreset
 from apollonius.play.playout import play_out
 from apollonius.play.random_bits import fold_in, random_bits
 from apollonius.play.replay import as_rows, as_state, load_replay, play_actions, save_replay
@@ -121,6 +123,45 @@ def test_collect_is_stepping_and_starting_again_by_hand():
         returns[:, ended] = 0
     np.testing.assert_allclose(games.state.evader.x, state.evader.x, atol=1e-5)
     np.testing.assert_array_equal(games.state.steps, state.steps)
+
+
+def test_a_batch_that_begins_again_by_itself_tells_how_each_game_ended():
+    """The pursuers drive on; evaders stand. Games that end take their own starts in turn, and then the first again."""
+    batch, step = autoreset(GAME, jax.random.key(4), GAMES, starts=ROWS)
+    step_once, firsts, turns = jax.jit(step), [np.asarray(batch.state.evader.x)], []
+    for turn in range(STEPS):
+        before, accelerate = batch.state, np.full(GAMES, 7)
+        batch, now = numpy(step_once(batch, (accelerate, 4)))
+        after = numpy(step_many(GAME, before, accelerate, np.full(GAMES, 4)))
+        np.testing.assert_allclose(now.state.pursuer.x, after.state.pursuer.x, atol=1e-6)
+        np.testing.assert_allclose(now.reward.evader, after.reward.evader, atol=1e-5)
+        np.testing.assert_array_equal(now.outcome, after.outcome)
+        ended = now.terminated | now.truncated
+        np.testing.assert_array_equal(batch.state.steps, np.where(ended, 0, now.state.steps))
+        np.testing.assert_array_equal(batch.state.pursuer.x[~ended], now.state.pursuer.x[~ended])
+        turns += [((turn + 1) % ROWS, game, batch.state.evader.x[game]) for game in np.flatnonzero(ended)]
+    starts = dict.fromkeys((row, game) for row, game, _ in turns)
+    assert len({(row, game, float(x)) for row, game, x in turns}) == len(starts) > GAMES
+    assert all(x == firsts[0][game] for row, game, x in turns if row == 0)
+    assert len({float(x) for _, _, x in turns}) == len(starts)
+
+
+def test_a_scan_takes_the_step_as_it_stands_and_bad_arguments_are_refused():
+    batch, step = autoreset(GAME, jax.random.key(4), GAMES, starts=ROWS)
+    actions = jax.random.randint(jax.random.key(0), (5, 2, GAMES), 0, 9)
+    last, told = jax.jit(functools.partial(jax.lax.scan, step))(batch, actions)
+    for one in actions:
+        batch, now = step(batch, BySide(*one))
+    np.testing.assert_allclose(last.state.evader.y, batch.state.evader.y, atol=1e-6)
+    np.testing.assert_allclose(told.reward.pursuer[-1], now.reward.pursuer, atol=1e-6)
+    for wrong, said in (
+        (lambda: autoreset(GAME, jax.random.key(0), 0), "games = 0 "),
+        (lambda: autoreset(GAME, jax.random.key(0), 4, starts=0), "starts = 0 "),
+        (lambda: step(batch, (9, 4)), "action = 9 .* from 0 to 8"),
+        (lambda: step(batch, (np.zeros(3, int), 4)), r"actions = of shape \(3,\) .* of 64 games"),
+    ):
+        with pytest.raises(InvalidInput, match=said):
+            wrong()
 
 
 def test_a_member_acts_in_its_game_to_the_end_and_another_may_follow():

@@ -1,0 +1,219 @@
+"""The options of environments, by name or as objects: sides, spaces, players, observations, rewards, actions."""
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import gymnasium
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.pool import Pool, solo
+from apollonius.arenas.charting import charted
+from apollonius.catalogue import find_player
+from apollonius.envs.batch import Outside
+from apollonius.game.game import Game
+from apollonius.game.reward import Reward
+from apollonius.game.types import NUM_ACTIONS, ROLES, BySide, GameState, Role, Scalar, Timestep
+from apollonius.io.errors import require, require_spelt
+from apollonius.observe.observation import AbstractObservation
+from apollonius.observe.registry import OBSERVATIONS, find_observation
+from apollonius.observe.view import View, look
+
+GivenPlayer = str | AbstractPolicy
+"""A player as an option: a name or a file, as of `find_player`, or a policy."""
+GivenObservation = str | AbstractObservation | Callable[[View], Any]
+"""An observation as an option: a name, an object, or a function from a view to numbers."""
+GivenReward = Reward | Callable[[GameState, Timestep], Any] | None
+"""Rewards as an option: those of the game, the package's with other weights, or a function of the state before a step
+and of the step, without a batch: it returns the reward of the side that acts from outside, or a `BySide` of both."""
+
+
+@dataclass(frozen=True)
+class OwnObservation(AbstractObservation):
+    """The numbers that a function makes of a view."""
+
+    function: Callable[[View], Any]
+    size: int  # pyright: ignore[reportIncompatibleVariableOverride]
+
+    def __call__(self, view: View) -> Float[Array, " size"]:
+        return _numbers(self.function, view)
+
+
+def _numbers(function: Callable[[View], Any], view: View) -> Float[Array, "..."]:
+    return _as_array("observation", function(view), "a row of numbers")
+
+
+def _as_array(name: str, value: Any, bound: str) -> Float[Array, "..."]:
+    try:
+        return jnp.asarray(value, jnp.float32)
+    except (TypeError, ValueError):  # of text, of None, of rows of several lengths
+        require(False, name, value, bound)
+        raise
+
+
+@dataclass(frozen=True)
+class OwnReward:
+    """The rewards of all robots by a function of the state before a step and of the step.
+
+    What it returns is of the side `role`, unless it is a `BySide`; on either side it is one number for all robots, or
+    a tuple of one for each.
+    """
+
+    function: Callable[[GameState, Timestep], Any]
+    role: Role | None
+
+    def __call__(self, before: GameState, after: Timestep) -> BySide[tuple[Scalar, ...]]:
+        """Return every robot's reward; raises InvalidInput for what are no rewards."""
+        value = self.function(before, after)
+        of_both = isinstance(value, BySide)
+        bound = "of both sides, as apollonius.BySide(pursuer, evader)"
+        require(of_both or self.role is not None, "reward", f"of one side, {value}", bound)
+        sides = value if of_both else BySide.of(self.role or Role.PURSUER, value, 0.0)
+
+        def of_each(role: Role) -> tuple[Scalar, ...]:
+            count, given = len(before.robots[role]), sides[role]
+            name, bound = f"reward of the {role.name.lower()}", f"a number, or a tuple of {count}, one a robot"
+            each = given if isinstance(given, tuple | list) else (given,) * count
+            require(len(each) == count, name, given, bound)
+            numbers = tuple(_as_array(name, one, bound) for one in each)
+            for one in numbers:
+                require(one.ndim == 0, name, f"an array of shape {one.shape}", bound)
+            return numbers
+
+        return ROLES.map(of_each)
+
+
+@dataclass(frozen=True)
+class Contest:
+    """A game with a chart if anybody reads one, who plays it, and what else pays them than the game's own reward."""
+
+    game: Game
+    players: BySide[Pool]
+    reads: AbstractObservation
+    reward: OwnReward | None
+
+
+def make_contest(
+    game: Game,
+    observation: object,
+    actions: str,
+    reward: object,
+    inside: Mapping[Role, GivenPlayer],
+) -> Contest:
+    """Return a game and its players: those of the package inside, and `Outside` on the other sides.
+
+    Raises InvalidInput for options that are unknown or of a wrong kind.
+    """
+    outside = [role for role in Role if role not in inside]
+    game, own = _rewarded(game, reward, outside[0] if len(outside) == 1 else None)
+    found = {role: find_player(player, role, game).policy for role, player in inside.items()}
+    reads = _observation(game, observation, outside[0])
+    first = jnp.zeros((), jnp.int32) if actions == "discrete" else jnp.zeros(2)
+    players = ROLES.map(lambda role: solo(found[role] if role in found else Outside(first, reads)))
+    return Contest(charted(game, reads.charted or any(one.charted for one in found.values())), players, reads, own)
+
+
+def _observation(game: Game, given: object, role: Role) -> AbstractObservation:
+    """Return an observation; one by a function has the size of what that makes of a view of the game."""
+    if isinstance(given, str | AbstractObservation):
+        return find_observation(given)
+    bound = f"one of {', '.join(OBSERVATIONS)}, an AbstractObservation, or a function of a view"
+    _require_function("observation", given, 1, bound)
+    assert callable(given)
+    numbers = jax.eval_shape(lambda: _numbers(given, look(game, game.reset(jax.random.key(0)), role)))
+    require(numbers.ndim == 1, "observation", f"an array of shape {numbers.shape}", "a row of numbers")
+    return OwnObservation(function=given, size=numbers.size)
+
+
+def _rewarded(game: Game, given: object, role: Role | None) -> tuple[Game, OwnReward | None]:
+    """Return a game with the rewards that are given as such, and those by a function."""
+    if given is None:
+        return game, None
+    if isinstance(given, Reward):
+        return replace(game, reward=given), None
+    _require_function("reward", given, 2, "a Reward, or a function of the state before a step and of the step")
+    assert callable(given)
+    own = OwnReward(given, role)
+
+    def paid() -> BySide[tuple[Scalar, ...]]:
+        state = game.reset(jax.random.key(0))
+        return own(state, game.step(state, *([0] * len(side) for side in game.bodies)))
+
+    jax.eval_shape(paid)
+    return game, own
+
+
+def _require_function(name: str, given: object, count: int, bound: str) -> None:
+    """Refuse what is no function of this number of arguments, such as a class."""
+    if not callable(given) or isinstance(given, type):
+        require(False, name, given, bound)
+        return
+    try:
+        inspect.signature(given).bind(*[None] * count)
+    except TypeError as error:
+        require(False, name, getattr(given, "__name__", given), f"{bound}: {error}")
+
+
+def as_role(given: object) -> Role:
+    """Return a side, or that of a name, which an environment's specification in JSON has; raises InvalidInput."""
+    sides = {str(role).lower(): role for role in Role}
+    require(str(given).lower() in sides, "role", given, f"one of {', '.join(sides)}")
+    return sides[str(given).lower()]
+
+
+def require_known(environment: type, unknown: dict[str, Any]) -> None:
+    """Refuse arguments that an environment does not have."""
+    names = list(inspect.signature(environment).parameters)[:-1]
+    for name, value in unknown.items():
+        require_spelt(name, value, name, names)
+        require(False, name, value, f"left out: the arguments are {', '.join(names)}")
+
+
+def require_no_options(options: dict[str, Any] | None) -> None:
+    """Refuse options of a reset."""
+    require(not options, "options", options, "left out, as this environment has none")
+
+
+def observation_space(reads: AbstractObservation) -> gymnasium.spaces.Box:
+    """Return the space of a robot's observations: for those of the package within 2 of 0, which they are unless a robot
+    goes half an arena beyond the walls in one step, for others all numbers.
+    """
+    most = 2.0 if reads in OBSERVATIONS.values() else np.inf
+    return gymnasium.spaces.Box(-most, most, (reads.size,), np.float32)
+
+
+def action_space(actions: str) -> gymnasium.spaces.Space[Any]:
+    """Return the space of a robot's actions of a kind; raises InvalidInput if it is unknown."""
+    require(actions in ("discrete", "continuous"), "actions", actions, "one of discrete, continuous")
+    continuous = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
+    return continuous if actions == "continuous" else gymnasium.spaces.Discrete(NUM_ACTIONS)
+
+
+def as_actions(given: Any, kind: str, batch: tuple[int, ...] = ()) -> np.ndarray:
+    """Return one action of a kind, or a batch, in its number type; raises InvalidInput for what is not in the space."""
+    discrete = kind == "discrete"
+    name, numbers = "actions" if batch else "action", "a whole number" if discrete else "numbers"
+    shape = batch if discrete else (*batch, 2)
+    least, most = (0, NUM_ACTIONS - 1) if discrete else (-1, 1)
+    try:
+        actions = np.asarray(given)
+    except ValueError:  # of lists of several lengths
+        actions = np.asarray(None)
+    # A message costs as much as a step of the game.
+    if actions.dtype.kind not in ("iu" if discrete else "iuf"):
+        require(False, name, given, f"{numbers} from {least} to {most}")
+    if actions.shape != shape:
+        require(False, f"shape of {name}", actions.shape, str(shape))
+    low, high = (actions.min(), actions.max()) if shape else (actions, actions)
+    if not (least <= low and high <= most):
+        require(False, name, low if low == high else f"{low} to {high}", f"from {least} to {most}")
+    return actions.astype(np.int32 if discrete else np.float32)
+
+
+def random_bits(random: np.random.Generator) -> np.uint32:
+    return np.uint32(random.integers(2**32, dtype=np.uint64))

@@ -1,0 +1,88 @@
+"""Games that begin again when they end, from starts that are drawn beforehand."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Int, PRNGKeyArray
+
+from apollonius.game.dynamics import as_action
+from apollonius.game.game import Game, reset_batch
+from apollonius.game.types import BySide, GameState, T, Timestep, choose
+from apollonius.game.validation import require_key
+from apollonius.io.errors import require
+from apollonius.io.limits import PARALLEL_GAMES, Counted
+
+STARTS = 16
+"""Starts that are drawn for each game of a batch, unless others are asked for."""
+
+
+class Batch(eqx.Module):
+    """Games under way: their states, leaves `[games]`, and how many steps the batch has made."""
+
+    state: GameState
+    turn: Int[Array, ""]
+
+
+BothActions = BySide[Any] | Sequence[Any] | Array
+"""The pursuers' and the evaders' actions in every game."""
+Step = Callable[[Batch, BothActions], tuple[Batch, Timestep]]
+"""One step of every game of a batch."""
+
+
+def autoreset(game: Game, key: PRNGKeyArray, games: int, starts: int = STARTS) -> tuple[Batch, Step]:
+    """Return games at their starts, and `step(batch, actions) -> batch, timestep`, in which a game that ends begins
+    again. The key is consumed.
+
+    The states are `batch.state`, leaves `[games]`. `timestep.state` is what the step led to in every game, also where
+    it ended; there the next batch has another start. `step` is pure: for `jit`, and for `scan` as it stands.
+
+    Args:
+        game: the rules.
+        key: draws the starts.
+        games: the number of games at once.
+        starts: how many each game has. It takes them in turn, then the first again: drawing one for every game at
+            every step would cost far more than the step. Another call, with another key, draws others; its `step`
+            takes the same batch.
+
+    The actions are of the pursuers and of the evaders: `[games]` of 0..8, `[games, 2]` of two numbers in [-1, 1], or
+    one number for all games; of a team a tuple of these, one a robot.
+
+    Raises:
+        InvalidInput: for no games, no starts, and actions of another number of games.
+    """
+    require_key(key)
+    PARALLEL_GAMES.require("games", games)
+    Counted(0).require("starts", starts)
+    pool = _draw(game, key, games, starts)
+
+    def in_all(action: Any) -> Array:
+        given = as_action(action) if jnp.ndim(action) == 0 else jnp.asarray(action)
+        spread = jnp.broadcast_to(given, (games,)) if given.ndim == 0 else given
+        require(len(spread) == games, "actions", f"of shape {given.shape}", f"one number, or of {games} games")
+        return spread
+
+    def step(batch: Batch, actions: BothActions) -> tuple[Batch, Timestep]:
+        pursuers, evaders = actions
+        asked = jax.tree.map(in_all, (pursuers, evaders))
+        after = jax.vmap(game.step)(batch.state, *asked)
+        ended = after.terminated | after.truncated
+        state = jax.vmap(choose)(ended, turn_of(pool, batch.turn), after.state)
+        return Batch(state, batch.turn + 1), after
+
+    return Batch(turn_of(pool, jnp.int32(0)), jnp.int32(1)), step
+
+
+@partial(jax.jit, static_argnums=(2, 3))
+def _draw(game: Game, key: PRNGKeyArray, games: int, starts: int) -> GameState:
+    drawn = reset_batch(game, key, starts * games)
+    return jax.tree.map(lambda leaf: leaf.reshape(starts, games, *leaf.shape[1:]), drawn)
+
+
+def turn_of(rows: T, turn: Int[Array, ""]) -> T:
+    """Return the row of a pytree, leaves `[rows, ...]`, whose turn it is: after the last the first again."""
+    count = len(jax.tree.leaves(rows)[0])
+    return jax.tree.map(lambda leaf: jax.lax.dynamic_index_in_dim(leaf, turn % count, keepdims=False), rows)
