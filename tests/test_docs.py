@@ -2,6 +2,7 @@
 
 import argparse
 import importlib
+import json
 import re
 import runpy
 import tomllib
@@ -11,6 +12,7 @@ from pathlib import Path
 import jax
 import pytest
 import tomli_w
+import yaml
 
 from apollonius.agents.built_in import PLAYERS
 from apollonius.agents.names import SEARCHING, SHIELDED
@@ -56,8 +58,8 @@ def asked(words):
             extra = re.fullmatch(r"\.\[(.*)\]", what)
             assert extra is None or set(extra[1].split(",")) <= set(project["optional-dependencies"])
             return {}
-        case ["source", "activate"] | ["gcc" | "python3", *_]:
-            return {}  # the tests of exported files and of the ROS node run these
+        case ["source", "activate"] | ["gcc" | "python3" | "ros2", *_]:
+            return {}  # the tests of exported files and of the ROS nodes run these, but for other packages' programs
         case ["uvx", "--from", ".", "apollonius", *arguments] | ["apollonius", *arguments]:
             program = main
         case ["python", "-m", module, *arguments]:
@@ -86,6 +88,39 @@ def check_command(words):
             assert bare in known or bare.isupper() or bare.endswith(FILES), name
     game = options.get("game")
     assert game is None or is_scenario(game) or game.endswith(GAME_FILES) or find_game(game)
+
+
+ON_A_ROBOT = ("concepts/simulation", "how-to/ros2", "how-to/export", "how-to/lidar", "reference/agents")
+"""Documents that say what the one on the shield says of robots."""
+
+
+def test_all_documents_say_the_same_of_shields_on_robots():
+    """And with the numbers of the benchmark."""
+    (said,) = re.findall(r"^\*\*On a robot: .*? own failure", (DOCS / "concepts/shield.md").read_text(), re.MULTILINE)
+    assert [name for name in ON_A_ROBOT if said not in (DOCS / f"{name}.md").read_text()] == []
+    counts = {}
+    for cell in json.loads((DOCS / "results" / "combinations.json").read_text())["cells"]:
+        for side, name in zip(("pursuers", "evaders"), cell["players"], strict=True):
+            kind = "shielded" if name.startswith(SHIELDED) else "bare"
+            before = counts.get((side, kind), (0, 0))
+            counts[side, kind] = [one + more for one, more in zip(before, cell[f"{side} fail"], strict=True)]
+    forms = {
+        ("pursuers", "shielded"): "in {} of {:,} simulated games,",
+        ("evaders", "shielded"): "in {} of {:,},",
+        ("pursuers", "bare"): "in {} of {:,};",
+    }
+    assert [form for key, form in forms.items() if form.format(*counts[key]) not in said] == []
+
+
+def test_a_page_cites_what_the_citation_file_does():
+    cited = yaml.safe_load((REPOSITORY / "CITATION.cff").read_text())
+    (paper,) = cited["references"]
+    (text,) = (block.code for block in blocks(DOCS / "start.md") if block.code.startswith("@software"))
+    authors = " and ".join(f"{one['family-names']}, {one['given-names']}" for one in paper["authors"])
+    pages = f"{paper['start']}--{paper['end']}"
+    ours = cited["title"], cited["authors"][0]["name"], cited["version"], cited["abstract"].removesuffix(".")
+    theirs = paper["title"], authors, paper["collection-title"].split(" (")[0], pages, str(paper["year"])
+    assert [one for one in (*ours, *theirs) if f"{{{one}" not in text] == []
 
 
 def test_every_block_says_what_it_is():

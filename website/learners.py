@@ -1,4 +1,4 @@
-"""The pursuers of "Watch it learn": one training of the preset `quick`, stage 1, saved after shares of it.
+"""The pursuers of "Watch it learn": one training of stage 1, saved after shares of it, and what they catch.
 
 python -m website.learners
 """
@@ -6,36 +6,85 @@ python -m website.learners
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
+
+import jax
 
 from apollonius.agents.store import describe, save_agent
 from apollonius.arenas.file import to_dict
-from apollonius.game.types import BySide, Role
-from apollonius.learn.config import FIXED_TARGET, PRESETS
-from apollonius.learn.folder import create_run, load_checkpoint
-from apollonius.learn.run import Run
-from apollonius.web.site import LEARNERS
+from apollonius.catalogue import find_pool
+from apollonius.evaluate.match import Match, play_match
+from apollonius.game.game import Game
+from apollonius.game.presets import make_game
+from apollonius.game.types import BySide, Outcome, Role
+from apollonius.io.document import to_json
+from apollonius.learn import loop, train_state
+from apollonius.learn.learner_config import DQNConfig
+from apollonius.learn.stage_config import Plan, StageConfig
+from apollonius.learn.train_state import TrainState
+from apollonius.web.site import LEARNERS, LEARNING
 
-SHARES = (0, 1, 5, 25, 100)
-"""Shares of the training [%]; `levels.js` offers the same."""
+COMMAND = "python -m website.learners"
+PLAN = Plan(DQNConfig(width=96, depth=3, learning_rate=1e-3), StageConfig(env_steps=8_000_000, progress=10.0))
+"""A small network. Progress weighs much, so that the first steps are seen early."""
+PUPILS = {0: 0, 20: 2, 120: 12, 195: 20, 977: 100}
+"""Chunks of the training after which a pursuer is shown, each with the share of the training [%]."""
+MEASURED = (60, 90, 160, 250, 300, 400, 500, 650, 800)
+"""Other chunks after which one is measured, for the curve."""
+BEST = "pursuer"
+"""The agent of the zoo that a person meets in most levels."""
+BLUES = ("still", "flee-aware")
+GAMES, SEED = 1000, 1
+RADIUS, SECONDS = 0.15, 20
+"""Of the robots in levels of the page [m], and the time limit of the lesson [s]."""
+
+
+def lesson() -> Game:
+    """Return the paper's game as the page's lesson has it."""
+    game = make_game("paper")
+    wide = game.bodies.map(lambda bodies: replace(bodies[0], radius=RADIUS))
+    return replace(game, pursuer=wide.pursuer, evader=wide.evader, max_steps=round(SECONDS / game.dt))
+
+
+def measured(game: Game, pursuer: str) -> dict[str, float]:
+    """Return the share of blues that a player catches in a game, by the rule that they follow."""
+    matches = {blue: play_match(Match.of_names(game, pursuer, blue, GAMES, SEED)) for blue in BLUES}
+    return {blue: match.outcomes[Outcome.CAPTURED.name.lower()] / GAMES for blue, match in matches.items()}
 
 
 def main() -> None:
-    """Train, stop after each share, and save what has been learned."""
-    config = replace(PRESETS["quick"], stages=FIXED_TARGET)
-    done = [0.0]
-    with TemporaryDirectory() as folder:
-        create_run(config, Path(folder))
-        for percent in SHARES:
-            run = Run(config, Path(folder), lambda _, share: done.append(share), lambda: done[-1] >= percent / 100)  # noqa: B023
-            saved = run.start(FIXED_TARGET, BySide(None, None))
-            if percent:
-                run.execute()
-                saved = load_checkpoint(run.checkpoint, saved)
-            training = {"command": "python -m website.learners", "env_steps": int(saved.train.env_steps)}
-            network = saved.train.learners[Role.PURSUER].learner.average
-            agent = describe(network, Role.PURSUER, to_dict(config.game), training)
-            save_agent(agent, LEARNERS / f"learner-{percent}.safetensors")
-            print(f"after {percent} %: {training['env_steps']:,} env steps", flush=True)
+    """Train; save and measure what has been learned after some chunks."""
+    game = lesson()
+    evaders = find_pool(("still",), Role.EVADER, game)
+    trained = PLAN.stage.trained_in(game)
+    state = train_state.start(PLAN, trained, jax.random.key(0), {Role.EVADER: evaders}, BySide(None, None))
+    curve: list[dict[str, float]] = []
+    pupils: list[dict[str, Any]] = []
+
+    def judge(state: TrainState, chunk: int) -> None:
+        """Measure the pursuer as it is now, and save it if it is one of those that are shown."""
+        share, env_steps = PUPILS.get(chunk), int(state.env_steps)
+        with TemporaryDirectory() as folder:
+            is_shown = chunk in PUPILS
+            name = f"learner-{share}"
+            path = (LEARNERS if is_shown else Path(folder)) / f"{name}.safetensors"
+            side = state.learners[Role.PURSUER].learner
+            network = side.average if chunk == PLAN.chunks else side.network
+            training = {"command": COMMAND, "env_steps": env_steps}
+            save_agent(describe(network, Role.PURSUER, to_dict(game), training), path)
+            shares = measured(game, str(path))
+        curve.append({"env_steps": env_steps, **shares})
+        if is_shown:
+            pupils.append({"name": name, "label": f"{share}\u00a0%", "env_steps": env_steps, **shares})
+        print(f"{chunk} of {PLAN.chunks}: {env_steps:,} env steps, {shares}", flush=True)
+
+    judge(state, 0)
+    for chunk, (after, _) in enumerate(loop.chunks(PLAN, trained, state, {Role.EVADER: evaders}), 1):
+        if chunk in MEASURED or chunk in PUPILS:
+            judge(after, chunk)
+    pupils.append({"name": BEST, "label": "your red", "env_steps": None, **measured(game, BEST)})
+    record = {"games": GAMES, "seconds": SECONDS, "curve": curve, "pupils": pupils}
+    LEARNING.write_text(to_json(record, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

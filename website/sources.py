@@ -22,7 +22,8 @@ PARTS = {
     "Get started": ("start",),
     "Tutorials": _folder("tutorials", "play train floor_plan own_learner"),
     "How-to": _folder(
-        "how-to", "runs extend evaluate solve environments jax teams lidar export ros2 pictures reproduce cache"
+        "how-to",
+        "runs extend evaluate solve environments jax teams lidar export ros2 turtlebot pictures reproduce cache",
     ),
     "Reference": _folder(
         "reference", "command config api/index rules game_files run_folder agents arenas browser glossary"

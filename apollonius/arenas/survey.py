@@ -26,6 +26,8 @@ _SPECK = 4
 """Cells of the largest obstacle of a map that may be noise."""
 _SHOWN = 12
 """Greatest number of specks whose places are shown."""
+_LEAST_GAP = 0.1
+"""Least distance between two bodies at a capture for which there is no note [m]."""
 _LEAST_ROOM = 0.02
 """Least share of the arena on which a robot can start."""
 _LONGER = 1.1
@@ -96,10 +98,11 @@ def survey(game: Game) -> Survey:
             )
     notes = map_notes(arena)
     radii, catch = float(game.pursuer.radius + game.evader.radius), float(game.capture_distance)
-    if catch < radii:
+    if radii > 0 and catch - radii < _LEAST_GAP - 1e-6:
+        left = f"{catch - radii:.2g} m are left between the bodies at a capture, so that real robots touch"
         notes.append(
-            f"the bodies overlap before they count as caught: capture_distance = {catch:g} m is less than both radii "
-            f"together, {radii:g} m."
+            f"{'the bodies overlap before they count as caught' if catch < radii else left}: capture_distance = "
+            f"{catch:g} m, from centre to centre, and the radii are {radii:g} m together."
         )
     return Survey(clearance < 0, (parts[0], parts[1]), haven, tuple(wrong), tuple(notes))
 

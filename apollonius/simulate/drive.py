@@ -21,7 +21,7 @@ _BOUNDS = {
 
 @dataclass(frozen=True)
 class Drive:
-    """A robot of the size and speed of a Pioneer 3-DX; docs/concepts/simulation.md says which numbers are assumed.
+    """A robot of about the size of a Pioneer 3-DX; `examples/pioneer.toml` says which numbers have a source.
 
     Two driven wheels stand left and right of the point that the game calls the robot's position; a ball caster behind.
     """
@@ -31,7 +31,7 @@ class Drive:
     wheel_mass: float = 0.7
     """Of one wheel [kg]."""
     wheel_radius: float = 0.0975
-    """[m]."""
+    """Of one wheel [m]."""
     track: float = 0.33
     """From wheel to wheel [m]."""
     caster: float = 0.2

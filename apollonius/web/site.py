@@ -18,14 +18,16 @@ from apollonius.game.game import Game
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Polygon
 from apollonius.game.types import BySide, Role
-from apollonius.io.document import to_json
+from apollonius.io.document import parse_json, to_json
 from apollonius.io.errors import require
 from apollonius.io.limits import SEED
 
 PAGE = Path(__file__).parent / "page"
 """HTML, CSS and plain JavaScript."""
 LEARNERS = Path(__file__).parent / "learners"
-"""The pursuer of one short training after shares of it: 0, 1, 5, 25 and 100 %."""
+"""The pursuer of one short training after shares of it."""
+LEARNING = LEARNERS / "learning.json"
+"""How many evaders these pursuers catch, as `python -m website.learners` has measured it."""
 YOU = "you"
 """The name of a person in place of an agent's."""
 ANY_ARENA = ("egocentric", "team")
@@ -106,7 +108,7 @@ def write_site(folder: Path, choice: Choice | None = None) -> None:
     names: dict[str, list[str]] = {role.name.lower(): [] for role in Role}
     published, anywhere = {}, []
     paths = {name: ZOO / f"{name}.safetensors" for name in zoo_names()}
-    paths |= {path.stem: path for path in sorted(LEARNERS.glob("*.safetensors"))} | chosen.agents
+    paths |= {path.stem: path for path in sorted(LEARNERS.glob("*.safetensors"), key=_by_number)} | chosen.agents
     for number, (name, path) in enumerate(paths.items()):
         header = None if path.suffix == OWN else load_header(path)
         if header is None or header.observation in READS:
@@ -123,9 +125,15 @@ def write_site(folder: Path, choice: Choice | None = None) -> None:
         "agents": names,
         "anywhere": anywhere,
         "files": published,
+        "learning": parse_json(LEARNING.read_bytes(), str(LEARNING)),
         "chosen": {name: value for name, value in vars(chosen).items() if name not in ("agents", "games")},
     }
     (folder / "catalogue.json").write_text(to_json(catalogue), encoding="utf-8")
+
+
+def _by_number(path: Path) -> tuple[int, str]:
+    """Return a key that sorts `learner-5` before `learner-25`."""
+    return len(path.stem), path.stem
 
 
 def _write_map(occupancy: OccupancyMap, folder: Path) -> dict[str, Any]:

@@ -225,12 +225,14 @@ def test_a_haven_of_the_evader_is_found():
     assert not survey(may_reach).haven.any()
 
 
-def test_bodies_that_overlap_before_they_are_caught_are_noted():
+def test_bodies_that_overlap_or_nearly_touch_when_they_are_caught_are_noted():
     body = Unicycle(radius=0.2)
     found = survey(Game(pursuer=body, evader=body))
     assert found.wrong == ()
-    assert "capture_distance = 0.3 m is less than both radii together, 0.4 m" in found.notes[0]
-    assert survey(Game(pursuer=body, evader=body, capture_distance=0.4)).notes == ()
+    assert found.notes[0].startswith("the bodies overlap before they count as caught: capture_distance = 0.3 m, ")
+    (note,) = survey(Game(pursuer=body, evader=body, capture_distance=0.46)).notes
+    assert note.startswith("0.06 m are left between the bodies at a capture")
+    assert survey(Game(pursuer=body, evader=body, capture_distance=0.51)).notes == survey(Game()).notes == ()
 
 
 def test_the_plan_shows_what_was_found_and_says_what_is_wrong(tmp_path, monkeypatch):

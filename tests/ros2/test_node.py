@@ -1,5 +1,6 @@
 """The ROS 2 package: its decisions without ROS, the node with stand-ins for ROS, and its launch file with some, too."""
 
+import cmath
 import importlib
 import itertools
 import json
@@ -283,6 +284,10 @@ def test_files_that_do_not_belong_together_are_refused(tmp_path):
         type(export)(tmp_path / "robot.robot.json")
 
 
+ROS = ("clock", "executors", "qos", "serialization", "signals", "time")
+"""Modules of `rclpy` that the package imports, besides `node`."""
+
+
 class Node:
     """What the node uses of `rclpy.node.Node`: calls are recorded."""
 
@@ -305,19 +310,22 @@ def parameters(name):
 
 
 @pytest.fixture
-def made_node(monkeypatch):
-    """Make the package's node with parameters."""
+def stubs(monkeypatch):
+    """Put stand-ins for ROS where they are imported from."""
     kinds = {
         one: type(one, (), {"__new__": lambda cls, **values: MagicMock(**values), "WARN": b"\1", "OK": b"\0"})
         for one in ("Twist", "TwistStamped", "String", "Bool", "Odometry", "DiagnosticArray", "DiagnosticStatus")
     }
     packages = ["diagnostic_msgs", "geometry_msgs", "nav_msgs", "std_msgs"]
-    modules = dict.fromkeys(
-        ["rclpy", "rclpy.clock", "rclpy.qos", "rclpy.signals", "rclpy.serialization", *packages], MagicMock()
-    )
+    modules = dict.fromkeys(["rclpy", *(f"rclpy.{part}" for part in ROS), *packages], MagicMock())
     modules |= {f"{name}.msg": SimpleNamespace(**kinds, KeyValue=MagicMock) for name in packages}
     for name, module in (modules | {"rclpy.node": SimpleNamespace(Node=Node)}).items():
         monkeypatch.setitem(sys.modules, name, module)
+
+
+@pytest.fixture
+def made_node(stubs, monkeypatch):
+    """Make the package's node with parameters."""
     module = importlib.import_module("apollonius_ros.node")
     monkeypatch.setattr(module, "Export", Player)
 
@@ -440,8 +448,65 @@ def test_an_overtaken_message_changes_nothing_and_a_doubt_is_diagnosed(made_node
     assert (status.level, status.message[:20]) == (b"\1", "robot1: poses differ")
 
 
-def test_without_ros_it_says_what_is_missing():
-    program = "import runpy, sys; sys.modules['rclpy'] = None; runpy.run_module('apollonius_ros.node')"
+@pytest.fixture
+def bridge(stubs, monkeypatch):
+    """A bridge, and the transform that its localiser sends: 2 m to the right, 1 m down, turned by 0.7 rad, at 5.0 s."""
+    turn = {"rotation.z": math.sin(0.35), "rotation.w": math.cos(0.35)}
+    shift = {"translation.x": 2.0, "translation.y": -1.0}
+    transform = MagicMock(**{f"transform.{name}": value for name, value in (turn | shift).items()})
+    transform.header.stamp.sec, transform.header.stamp.nanosec = 5, 0
+    gone = type("TransformException", (Exception,), {})
+    buffer = MagicMock(**{"return_value.lookup_transform": MagicMock(return_value=transform)})
+    tf2 = SimpleNamespace(Buffer=buffer, TransformException=gone, TransformListener=MagicMock())
+    monkeypatch.setitem(sys.modules, "tf2_ros", tf2)
+    monkeypatch.setattr(Node, "given", {})
+    return importlib.import_module("apollonius_ros.bridge").Bridge(), buffer().lookup_transform, gone
+
+
+def crossed(bridge, message):
+    """The messages that come out of the bridge after one that goes in."""
+    published = bridge.asked.create_publisher().publish
+    before = published.call_count
+    listeners(bridge)["odom"](message)
+    return [one.args[0] for one in published.mock_calls[before:]]
+
+
+@pytest.mark.parametrize("heading", [0.0, 1.2, -3.0])
+def test_the_bridge_puts_odometry_on_the_map(bridge, made_node, heading):
+    node, lookup, _ = bridge
+    assert [one.args[1] for one in node.asked.create_publisher.mock_calls] == ["map_odom"]
+    message = odometry(3.0, 1.0, 0.25, heading, stamp=5.4, frame="odom")
+    place, facing = message.pose.pose.position, message.pose.pose.orientation
+    z, w = facing.z, facing.w
+    tilt = 0.1  # about the robot's own axis ahead, after its heading
+    facing.x, facing.y = w * math.sin(tilt), z * math.sin(tilt)
+    facing.z, facing.w = z * math.cos(tilt), w * math.cos(tilt)
+    (out,) = crossed(node, message)
+    assert lookup.call_args.args[:2] == ("map", "odom")
+    assert out.header.frame_id == "map"
+    assert complex(place.x, place.y) == pytest.approx(2 - 1j + (3 + 1j) * cmath.exp(0.7j))
+    assert (out.header.stamp.sec, out.twist.twist.linear.x) == (5, 0.25)
+    state = sys.modules["apollonius_ros.node"].state_of(out)
+    assert cmath.exp(1j * state[3]) == pytest.approx(cmath.exp(1j * (heading + 0.7)))
+    assert facing.x**2 + facing.y**2 == pytest.approx(math.sin(tilt) ** 2), "still as tilted"
+
+
+def test_the_bridge_is_silent_where_the_localiser_is(bridge):
+    node, lookup, gone = bridge
+    warning = node.get_logger().warning
+    stamp = lookup.return_value.header.stamp
+    for since, now, passes in ((5, 6.0, True), (5, 6.1, False), (5, 4.5, True), (0, 100.0, True)):
+        stamp.sec = since
+        assert len(crossed(node, odometry(3.0, 1.0, 0.25, 0.0, stamp=now, frame="odom"))) == passes
+    assert warning.call_args.args[0].startswith("the transform from 'map' is 1.1 s older than the odometry")
+    lookup.side_effect = gone("no such frame")
+    assert crossed(node, odometry(3.0, 1.0, 0.25, 0.0, stamp=5.1, frame="odom")) == []
+    assert warning.call_args.args[0].startswith("no transform from 'map' to 'odom': no such frame")
+
+
+@pytest.mark.parametrize("name", ["node", "bridge"])
+def test_without_ros_it_says_what_is_missing(name):
+    program = f"import runpy, sys; sys.modules['rclpy'] = None; runpy.run_module('apollonius_ros.{name}')"
     environment = os.environ | {"PYTHONPATH": str(PACKAGE)}
     command = [sys.executable, "-c", program]
     ended = subprocess.run(command, env=environment, capture_output=True, text=True)

@@ -1,8 +1,11 @@
 """The drive, MuJoCo's robots, which go where their wheels take them, and games of theirs, judged by the rules."""
 
+import re
 import sys
+import tomllib
 from dataclasses import fields, replace
 from math import inf, nan
+from pathlib import Path
 from xml.etree import ElementTree
 
 import jax
@@ -13,7 +16,7 @@ import pytest
 from apollonius.agents.classical import Still, Uniform
 from apollonius.agents.policy import AbstractContinuous, AbstractPolicy
 from apollonius.agents.pool import solo
-from apollonius.arenas.file import find_game
+from apollonius.arenas.file import find_game, from_dict
 from apollonius.evaluate.match import Match, play_games
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.drive import Drive as Slow
@@ -28,11 +31,13 @@ from apollonius.game.types import BySide, Outcome, RobotState, RobotStatus
 from apollonius.io.errors import InvalidInput
 from apollonius.observe import paper
 from apollonius.play.replay import as_state, load_replay, save_replay
-from apollonius.simulate.drive import Drive, References
+from apollonius.simulate import drive as drive_module
+from apollonius.simulate.drive import Drive, References, load_drive
 from apollonius.simulate.physics import Physics, mjcf
 from apollonius.simulate.simulation import compare, record_course, simulate, simulate_match
 from tests.acting import a_match
 from tests.car import Car
+from tests.documents import ALL, REPOSITORY
 from tests.test_extending import WALL, WithCapsules
 
 LIMITS = np.array([[0.0, 1.2], [0.0, 1.2]])
@@ -84,8 +89,41 @@ def test_impossible_drives_are_refused():
             Drive(**{name: value})
 
 
+def test_the_documents_list_every_key_of_a_drives_file():
+    """With its unit, default, bounds and docstring, in the order of the fields."""
+    source = Path(drive_module.__file__).read_text(encoding="utf-8")
+    abouts = re.findall(r'^    (\w+): float = .*\n    """(.*)\."""$', source, re.MULTILINE)
+    rows = []
+    for field, (name, about) in zip(fields(Drive), abouts, strict=True):
+        assert field.name == name
+        unit, (low, high) = re.search(r" \[(.*?)\]|$", about), drive_module._BOUNDS[name]
+        meaning = about.replace(unit[0], "")
+        rows.append(f"| `{name}` | {unit[1] or ''} | {field.default:g} | {low:g} | {high:.7g} | {meaning} |")
+    document = (REPOSITORY / "docs" / "reference" / "game_files.md").read_text(encoding="utf-8")
+    assert [line for line in document.splitlines() if line in rows] == rows, "\n".join(rows)
+
+
 pytest.importorskip("mujoco")
 PAPER = make_game("paper")
+
+
+def said_of_turtlebots():
+    """The game of the guide to TurtleBots, in a hall instead of on its reader's map."""
+    (code,) = (block.code for block in ALL if block.document.name == "turtlebot.md" and block.language == "toml")
+    return tomllib.loads(code) | {"arena": {"x_max": 5, "y_max": 4}, "max_steps": 60}
+
+
+@pytest.mark.parametrize("name", ["pioneer", "turtlebot4"])
+def test_games_of_real_robots_can_be_simulated(name):
+    game = from_dict(Game, said_of_turtlebots(), "the guide") if name == "turtlebot4" else replace(PAPER, max_steps=60)
+    drive = load_drive(REPOSITORY / "examples" / f"{name}.toml")
+    found = simulate_match(Match.of_names(game, "intercept", "still", 4), drive)
+    states, actions = found.course(0)
+    v_max, gained = float(game.pursuer.v_max), len(actions) * float(game.dt * game.pursuer.u1_max)
+    assert 0.8 * min(v_max, gained) < states[:, 2].max() < 1.02 * v_max
+    assert np.isfinite(states).all()
+
+
 HERE = np.array([[2.0, 5.0, 0.0, 0.5, 8.0, 8.0, 0.6, -2.5], [1.0, 1.0, 0.3, 3.1, 9.0, 9.0, 0.0, 0.0]])
 
 

@@ -4,8 +4,8 @@ import { pathToFileURL } from "node:url";
 
 const { page, ...asked } = JSON.parse(readFileSync(0, "utf8"));
 const load = (name) => import(pathToFileURL(`${page}/${name}.js`));
-const [game, calls, players, { Match }, hindsight, file, plan, { survey }, fog, share] = await Promise.all(
-  ["game", "calls", "players", "match", "hindsight", "gamefile", "plan", "survey", "fog", "share"].map(load),
+const [game, calls, players, { Match }, hindsight, file, plan, { survey }, fog, share, levels, starts, { Guard }] = await Promise.all(
+  ["game", "calls", "players", "match", "hindsight", "gamefile", "plan", "survey", "fog", "share", "levels", "starts", "guard"].map(load),
 );
 
 /** What all robots have in a row, as either side has it. */
@@ -43,6 +43,22 @@ const matchOf = ({ game: rules, seed, ...sides }) => {
   const found = game.ROLES.map((role, side) => [role, Array(counts[side]).fill(findPlayer(sides[role], role))]);
   return new Match(rules, Object.fromEntries(found), seed);
 };
+
+/** What a beginner wants to do, by name: from a robot and its rival to an action. */
+const towards = (away) => (robot, rival) => {
+  const wanted = Math.atan2(rival.y - robot.y, rival.x - robot.x) + (away ? Math.PI : 0);
+  const turn = game.wrapAngle(wanted - robot.heading);
+  return game.HOLD + 3 + (Math.abs(turn) < 0.1 ? 0 : Math.sign(turn));
+};
+const BOTS = { flees: towards(true), chases: towards(false), stands: () => game.HOLD };
+
+/** Who plays a level: a beginner behind the level's guard, or a player with a shield. */
+function ofBot({ side, shields }, bot) {
+  if (!BOTS[bot]) return findPlayer({ name: `shielded:${bot}` }, side);
+  const guard = new Guard(shields);
+  const wants = (state) => BOTS[bot](state[side][0], state[game.other(side)][0]);
+  return { name: bot, act: (rules, state, ...rest) => guard.action(wants(state), rules, state, ...rest) };
+}
 
 /** What comes of a question, or the complaint. */
 const tried = (work) => work.then((answer) => ({ answer }), ({ message }) => ({ complaint: message }));
@@ -125,6 +141,17 @@ const answers = {
     }
     return lost;
   },
+  /** A level as a beginner plays it, or a player with a shield, against another: outcome and seconds. */
+  levels: (all) => all.map(({ number, game: rules, bot, against }) => {
+    const level = levels.LEVELS[number - 1];
+    const own = ofBot(level, bot);
+    const opponent = findPlayer({ name: `shielded:${against}`, late: players.DIFFICULTIES[level.difficulty].late }, game.other(level.side));
+    const played = levels.ofLevel(rules, level);
+    const sides = game.bySide((role) => [role === level.side ? own : opponent]);
+    const match = new Match(played, sides, level.seed, starts.startAt(played, level.start));
+    while (!match.isOver) match.step();
+    return [match.outcome, match.seconds];
+  }),
   read: (texts) => Promise.all(texts.map((text) => tried(Promise.resolve(text).then(file.readGame)))),
   survey: (texts) => texts.map((text) => survey(file.readGame(text))),
   links: (fragments) => Promise.all(fragments.map((fragment) => tried(file.fromFragment("#game=", fragment)))),
@@ -143,7 +170,10 @@ const answers = {
     const made = plan.withWall(file.gameFrom({ arena: { x_max: 9, y_max: 7 } }), [1, 1], [6, 1]);
     const wall = { kind: "polygons", index: 0 };
     const corners = ({ arena }) => arena.polygons[0].vertices;
+    const hall = plan.withWall(file.gameFrom({}), [2, 4], [8, 4]);
     return {
+      joined: [[0.12, 3.04], [9.9, 6.87], [4.01, 4.2], [5.04, 5.01]].map((point) => plan.joined(hall, point)),
+      corner: plan.withWall(hall, [8, 4], [8, 7]).arena.polygons[1].vertices,
       steep: corners(plan.withWall(file.gameFrom({}), [3, 1], [3, 4])),
       far: corners(plan.moved(made, wall, [100, -100])),
       crossed: corners(plan.resized(made, wall, 0, [8, 5])),

@@ -56,6 +56,9 @@ def test_a_person_plays_a_game_to_its_end(desk, tmp_path):
     assert desk.match("state.evader[0].heading") != before["heading"]
     desk.let_pass(20)
     page.keyboard.up("ArrowUp")
+    place = page.locator("#message").bounding_box()
+    hit = desk.match("state.evader[0].y")
+    assert (place["y"] > 280) == (hit > 5), "the message is not where the crash was"
     ended, last = desk.match("seconds"), page.evaluate("apollonius.page.lostAt") / 10
     could = f"Until {last:.1f}\u00a0s you could have braked in time."
     assert page.inner_text("#message") == f"You ran into a wall after {ended:.1f}\u00a0s. You lose. {could}"
@@ -120,7 +123,10 @@ def test_a_person_who_lasts_has_won(desk):
     desk.end_after(3)
     assert page.inner_text("#message") == "You survived for 0.3\u00a0s. You win! New under Games: this level, endless."
     assert page.inner_text("#evader-score") == "1"
+    colours = "[getComputedStyle(document.getElementById('message')).backgroundColor, document.body.dataset.result]"
+    assert page.evaluate(colours) == ["rgb(43, 108, 163)", "won"], "the colour of who has won"
     page.click("#menu")
+    assert page.inner_text("#games-title") == "Levels: 1 of 13 won"
     assert page.inner_text("#levels li:first-child").endswith("won\nEndless")
     phase = page.evaluate(
         """() => {
@@ -156,7 +162,7 @@ def test_an_endless_level_counts_how_long_a_person_lasts(desk):
 def test_in_fog_the_opponent_is_drawn_where_it_is_in_sight_and_the_package_shows_the_same_fog(desk, tmp_path):
     page = desk.open("?level=11")
     assert page.inner_text("#goal") == "11. You are blue (walls hide you both): survive 60\u00a0s"
-    assert page.inner_text("#message").endswith("Grey is where the other may be")
+    assert page.inner_text("#message").endswith("Hatched is where the other may be.")
     drawn = """async (number) => {
       const { fogOf } = await import("./fog.js");
       const match = apollonius.page.match.from(number);
@@ -206,36 +212,85 @@ def test_a_game_that_is_shared_is_played_again(desk, tmp_path):
     film.value.save_as(tmp_path / film.value.suggested_filename)
     assert (tmp_path / "apollonius.webm").read_bytes().startswith(b"\x1aE\xdf\xa3"), "Matroska's first bytes"
     link = page.evaluate("navigator.clipboard.readText()").removeprefix(desk.address)
+    assert "It works on this computer only" in page.inner_text("#message")
     page = desk.open(link)
-    assert page.inner_text("#goal") == "Red: knows any arena. Blue: a person"
-    desk.play(9)
-    assert desk.match("replay().states") == ended
+    seconds = f"{(len(ended) - 1) / 10:.1f}\u00a0s"
+    assert page.inner_text("#goal") == f"Somebody fled for {seconds}. Then it is your turn"
+    desk.let_pass(9)
+    assert desk.match("replay().states") == ended, "it plays by itself"
+    desk.let_pass(0.5)
+    assert page.inner_text("#go") == f"Beat this: {seconds}"
+    page.click("#go")
+    playwright.expect(page.locator("#goal")).to_have_text("You are blue: survive 100\u00a0s")
+    page.wait_for_selector("#go:enabled")
+    assert desk.match("replay().states[0]") == ended[0]
+    assert desk.match("players.pursuer[0].name") == "shielded:pursuer"
     for damaged in (link[:-20], link[:30] + "A" * 9, "#replay=", link + "A" * 20_000):
         page = desk.open(damaged)
         assert page.inner_text("#message") == "The link's game cannot be played again; copy the whole link"
 
 
-def test_a_slider_shows_how_the_opponent_learned(desk):
+def test_six_pursuers_of_one_training_play_the_same_start_without_a_person(desk):
     page = desk.open("?level=3")
-    assert page.inner_text("#message").endswith("Your opponent is a neural network that taught itself")
-    reached = []
-    for place in range(5):
-        page.fill("#learning input", str(place))
-        page.wait_for_selector("#go:enabled")
-        desk.play(0.5)
-        reached.append(desk.match("players.pursuer[0].name"))
-        assert page.inner_text("#learning output") == f"{reached[-1].removeprefix('learner-')} %"
-    assert reached == [f"learner-{share}" for share in (0, 1, 5, 25, 100)]
-    desk.finish()
-    assert desk.match("outcome") == "captured"
+    assert page.inner_text("#goal") == "3. Red learns to hunt; blue stands still"
+    lesson = "apollonius.page.lesson.matches"
+    assert len(page.evaluate(f"{lesson}.map(({{ start }}) => JSON.stringify(start.evader))")) == 6
+    assert page.evaluate(f"new Set({lesson}.map(({{ start }}) => start)).size") == 1
+    desk.let_pass(1)
+    assert page.evaluate(f"{lesson}[0].seconds") > 1, "nobody presses a button"
+    desk.let_pass(11)
+    outcomes = page.evaluate(f"{lesson}.map(({{ outcome }}) => outcome)")
+    assert outcomes[-1] == "captured"
+    assert len(set(outcomes)) > 1
+    assert page.inner_text("#six button:last-child").startswith("your red\ncaught")
+    label = page.get_attribute("#curve", "aria-label")
+    assert re.match(r"Caught: 0\s%: \d+\s%, 2\s%: .* your red: \d+\s%$", label)
+    page.click("#go")
+    paused = page.evaluate(f"{lesson}[0].states.length")
+    desk.let_pass(1)
+    assert page.evaluate(f"{lesson}[0].states.length") == paused
+    page.click("#let-blue")
+    playwright.expect(page.locator("#goal")).to_have_text("3. Red learns to hunt; blue flees")
+    assert page.get_attribute("#curve", "aria-label") != label
+    page.click("#six button:nth-child(4)")
+    page.wait_for_selector("#go:enabled")
+    assert "pursuer=learner-20&evader=you" in page.url
+    assert page.inner_text("#learning output") == "20\u00a0%"
+    desk.open("?level=3").click("#next-level")
+    playwright.expect(page.locator("#goal")).to_have_text(re.compile("^4. You are red"))
+
+
+def test_a_slider_chooses_the_share_of_the_training(desk):
     page = desk.open("?pursuer=learner-0&evader=still&game=paper")
     page.fill("#learning input", "2")
     page.wait_for_selector("body[data-phase=counting]")
     desk.let_pass(0.5)
     assert desk.match("seconds") > 0
-    assert "pursuer=learner-5" in page.url, "who only watches need not press a button"
+    assert "pursuer=learner-12" in page.url, "who only watches need not press a button"
+    assert page.is_visible("#curve")
     page = desk.open("?level=2")
     assert page.is_hidden("#learning")
+
+
+def test_agents_chase_silently_until_a_person_begins(desk):
+    page = desk.open("?level=2")
+    assert page.inner_text("#message").startswith("Red is hunting you.\nSpace to begin")
+    for _ in range(20):
+        desk.let_pass(0.5)
+    assert page.evaluate("apollonius.page.attract.match.seconds") > 5
+    assert page.inner_text("#clock") == "40.0"
+    assert desk.match("states.length") == 1
+    page.keyboard.press("Space")
+    assert page.evaluate("apollonius.page.attract") is None
+    desk.let_pass(1.75)
+    assert page.get_attribute("body", "data-phase") == "playing"
+    page.emulate_media(reduced_motion="reduce")
+    desk.open("?level=2")
+    desk.let_pass(1)
+    assert page.evaluate("apollonius.page.attract") is None
+    desk.open("?level=3")
+    assert page.inner_text("#go") == "Resume"
+    page.emulate_media(reduced_motion="no-preference")
 
 
 @pytest.mark.parametrize("people", [1, 2])
@@ -265,6 +320,7 @@ def within(page, size, names):
 
 def test_two_people_share_a_touch_screen(phone):
     page = phone.open("?pursuer=you&evader=you")
+    assert page.inner_text("#message") == "Start to begin; red has the left pad, blue the right one."
     page.click("#go")
     fingers = []
     for side, share in (("pursuer", 0.5), ("evader", 0.9)):

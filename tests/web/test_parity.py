@@ -17,6 +17,7 @@ from apollonius.agents.classical import AbstractClassical
 from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.shield import MARGIN, brakes
 from apollonius.agents.store import describe, save_agent
+from apollonius.agents.trained import ZOO
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game, from_dict, game_names, load_game, to_dict
 from apollonius.game.arena import Arena, Disc
@@ -373,3 +374,30 @@ def test_shapes_stay_shapes():
     assert moves["far"] == [[4, 0], [9, 0], [9, 0.2], [4, 0.2]]
     assert moves["small"] == 0
     assert len({x for x, _ in moves["crossed"]}) == 2
+
+
+def test_a_beginner_meets_no_wall_at_once_and_the_hunter_can_win():
+    paper = to_dict(make_game("paper"))
+    floor = paper | {"arena": paper["arena"] | {"discs": []}}
+    red = str(ZOO / "pursuer.safetensors")
+    games = [
+        (1, floor, "flees", red),
+        (2, paper, "flees", red),
+        (2, paper, "flee-aware", red),
+        (4, paper, "chases", "flee-aware"),
+        (4, paper, "intercept", "flee-aware"),
+    ]
+    asked = [{"number": number, "game": game, "bot": bot, "against": one} for number, game, bot, one in games]
+    first, fled, aware, chased, aimed = ask(levels=asked)
+    assert first == ["no_result", 20], "who drives away from red wins the first level"
+    assert aware == ["no_result", 40]
+    assert fled[0] == "captured", "and in the second one is caught, but no wall is in the way"
+    assert fled[1] > 10
+    assert chased[1] > 15, "who only chases blue has its shields first"
+    assert aimed[0] == "captured", "who aims ahead and brakes wins"
+
+
+def test_walls_leave_no_slits():
+    moves = ask(moves=1)
+    assert moves["joined"] == [[0, 3], [10, 6.9], [4, 4.1], [5, 5]]
+    assert moves["corner"] == [[8.1, 3.9], [8.1, 7], [7.9, 7], [7.9, 3.9]]

@@ -146,8 +146,11 @@ def test_the_site_is_whole(tmp_path):
     catalogue = published(tmp_path)
     assert catalogue["games"] == {name: to_dict(find_game(name)) for name in set(game_names()) - {"lidar", "blind"}}
     read = [name for name in zoo_names() if load_header(ZOO / f"{name}.safetensors").observation in READS]
-    learners = {path.stem: path for path in LEARNERS.iterdir()}
+    learners = {path.stem: path for path in LEARNERS.glob("*.safetensors")}
     assert len(learners) == 5
+    in_order = [f"learner-{share}" for share in (0, 2, 12, 20, 100)]
+    assert [name for name in catalogue["agents"]["pursuer"] if name in learners] == in_order
+    assert [pupil["name"] for pupil in catalogue["learning"]["pupils"]] == [*in_order, "pursuer"]
     assert sorted(catalogue["agents"]["pursuer"] + catalogue["agents"]["evader"]) == sorted([*read, *learners])
     assert read == sorted(zoo_names())
     assert set(catalogue["anywhere"]) == {"pursuer", "evader"}

@@ -52,14 +52,18 @@ def opened(browser, address, page, **screen):
 
 
 @pytest.mark.parametrize("screen", [{}, PHONE], ids=["desktop", "phone"])
-def test_the_game_at_home_can_be_played_without_scrolling(browser, address, screen):
+def test_at_home_six_pursuers_learn_at_once_and_below_them_is_a_game(browser, address, screen):
     with opened(browser, address, "index.html", **screen) as tab:
-        game = tab.frame_locator(".hero iframe")
+        lesson = tab.frame_locator(".hero iframe")
+        lesson.locator("#go:enabled").wait_for()
+        first = lesson.locator("#six button").first
+        box, height = first.bounding_box(), tab.viewport_size["height"]
+        assert box["y"] + box["height"] < height, "without scrolling"
+        playwright.expect(lesson.locator("#six button[data-outcome=caught]").first).to_be_visible(timeout=30_000)
+        tab.locator("iframe.wide").scroll_into_view_if_needed()
+        game = tab.frame_locator("iframe.wide")
         game.locator("#go:enabled").wait_for()
         assert game.locator("#goal").inner_text().startswith("1. ")
-        part = game.locator("#pad-evader" if screen else "#canvas")
-        box, height = part.bounding_box(), tab.viewport_size["height"]
-        assert box["y"] + box["height"] < height
         game.locator("#go").click()
         playwright.expect(game.locator("#go")).to_have_text("Pause", timeout=20_000)
 

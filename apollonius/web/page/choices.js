@@ -2,11 +2,12 @@
 // robots, how hard, a seed.
 
 import { MOST_ROBOTS } from "./calls.js";
-import { drawGround, scaled } from "./draw.js";
+import { drawGround, drawRobots, scaled } from "./draw.js";
 import { make } from "./files.js";
-import { EVADER, ROLES, countsOf, other, partsOf, teamName } from "./game.js";
-import { LEVELS, bestOf, endless } from "./levels.js";
+import { EVADER, ROLES, countsOf, inTeams, other, partsOf, teamName } from "./game.js";
+import { LEVELS, bestOf, endless, ofLevel } from "./levels.js";
 import { ANYWHERE, DIFFICULTIES, ruleNames } from "./players.js";
+import { drawStart, makeRandom, startAt } from "./starts.js";
 import { SHIELDED, YOU, bare, inWords } from "./words.js";
 
 const AT_HOME = ["paper", "zero-sum"]; // games in the arena that most agents were trained in
@@ -64,7 +65,7 @@ export class Choices {
       const trained = (knows) => this.agents[role].filter((agent) => this.anywhere.includes(agent) === knows);
       field.replaceChildren(
         ...asOptions([YOU]),
-        make("optgroup", { label: "knows any arena" }, ...asOptions(trained(true))),
+        make("optgroup", { label: "trained in many arenas" }, ...asOptions(trained(true))),
         make("optgroup", { label: "rules of thumb" }, ...asOptions(ruleNames(role, this.games[name], this.#counts))),
         make("optgroup", { label: "trained in one arena" }, ...asOptions(trained(false))),
       );
@@ -126,7 +127,7 @@ export class Choices {
 
 /** A level as what the form would say. */
 export function asChoice(level) {
-  const players = { [level.side]: YOU, [other(level.side)]: (level.isBare ? "" : SHIELDED) + level.against };
+  const players = level.isLesson ? {} : { [level.side]: YOU, [other(level.side)]: SHIELDED + level.against };
   return { ...players, game: level.game, difficulty: level.difficulty, seed: level.seed, level };
 }
 
@@ -135,16 +136,44 @@ export function asQuery({ level, ...choice }) {
   return `?${new URLSearchParams(level ? { level: level.number, ...(level.isEndless && { endless: 1 }) } : choice)}`;
 }
 
+const SIGN = 2.5; // times larger than in the arena
+
+/** The arena of a level, with its robots where they start. */
+function drawLevel(canvas, games, level, colours) {
+  const [name, counts] = partsOf(level.game, games);
+  const game = ofLevel(counts ? inTeams(games[name], ...counts) : games[name], level);
+  const context = scaled(canvas, game.arena);
+  drawGround(context, game.arena, colours);
+  drawRobots(context, game, level.start ? startAt(game, level.start) : drawStart(game, makeRandom(level.seed)), colours, SIGN);
+}
+
+/** How many levels a person has won, in words. */
+export function describeProgress() {
+  const playable = LEVELS.filter(({ side }) => side);
+  const won = playable.filter((level) => bestOf(level) !== null).length;
+  return won ? `Levels: ${won} of ${playable.length} won` : "Levels";
+}
+
+/** A small button for each level, by its number; a star where it is won. */
+export function levelStrip(current, onChoice) {
+  return LEVELS.map((level) => {
+    const isWon = bestOf(level) !== null;
+    const title = `${level.number}. ${level.name}${isWon ? ", won" : ""}`;
+    const button = make("button", { title, ariaLabel: title, onclick: () => onChoice(level) }, isWon ? "★" : `${level.number}`);
+    if (level.number === current?.number) button.setAttribute("aria-current", "true");
+    return button;
+  });
+}
+
 /** Buttons for all levels, with their arenas and what has been reached in each. */
 export function levelButtons(games, colours, current, onChoice) {
   return LEVELS.map((level) => {
-    const { arena } = games[partsOf(level.game, games)[0]];
     const picture = make("canvas", { width: PICTURE, height: PICTURE, ariaHidden: "true" });
-    drawGround(scaled(picture, arena), arena, colours);
+    drawLevel(picture, games, level, colours);
     const best = bestOf(level);
     const isFlight = level.side === EVADER;
-    const reached = best === null ? "" : `; ✓ won${isFlight ? "" : `, ${best.toFixed(1)} s`}`;
-    const about = make("small", {}, `${isFlight ? "flee" : "hunt"}, ${level.difficulty}${reached}`);
+    const reached = best === null ? "" : `; ★ won${isFlight ? "" : `, ${best.toFixed(1)} s`}`;
+    const about = make("small", {}, level.isLesson ? "six reds of one training" : `${isFlight ? "flee" : "hunt"}, ${level.difficulty}${reached}`);
     const button = make("button", { onclick: () => onChoice(level) }, picture, `${level.number}. ${level.name}`, about);
     if (level === current) button.setAttribute("aria-current", "true");
     const longest = bestOf(endless(level));

@@ -3,15 +3,18 @@
 
 import { PURSUER, ROLES, bodyOf, bySide, isActive, robotOf, robotsOf, wrapAngle } from "./game.js";
 
-const SMALLEST = 0.018; // least radius of a robot's sign, as a share of the arena's longer side
-const MARGIN = 0.25; // around the walls [m]
+const SMALLEST = 0.015; // least radius of a robot's sign, as a share of the arena's longer side
+const MARGIN = 0.35; // around the walls [m], where a robot without a radius is seen whole
+const GLOWS = 3; // how long a trail glows behind its robot [s]
+const PIECES = 24; // of a glowing trail
+const LATEST = [[7, 0.1], [3.5, 0.22], [1.4, 0.9]]; // widths of light around a trail, each with its opacity
 const MOST_PIXELS = 2048; // along a side of a map's picture; of a larger map some cells are left out
 const pictures = new WeakMap(); // with their colours, by what they show
 
 /** Colours by name, as a page's style has them just now for an element. */
 export function coloursOf(element) {
   const style = getComputedStyle(element);
-  const names = ["paper", "ink", "obstacle", ...ROLES];
+  const names = ["paper", "ink", "obstacle", "fog", ...ROLES];
   return Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
 }
 
@@ -138,9 +141,9 @@ export function drawGround(context, arena, colours, beneath) {
  * @param scene {game, states, at, colours}: the rules, the states of the game, the number of the one to draw it at, whole or
  *   not, {paper, ink, obstacle, pursuer, evader}; and if wanted: `beneath` and `above`, functions that draw on the bare
  *   ground, and between trails and robots. Team mates have their numbers, and a robot that is out of play is a cross.
- *   In `fog` (`fogOf`) the rival is seen where it is in sight
+ *   In `fog` (`fogOf`) the rival is seen where it is in sight. Signs are `zoom` times as large, as in a small picture
  */
-export function draw(canvas, { game, states, at, colours, beneath, above, fog = null }) {
+export function draw(canvas, { game, states, at, colours, beneath, above, fog = null, zoom = 1 }) {
   const now = stateAt(states, at);
   const passed = [...states.slice(0, Math.floor(at) + 1), now];
   const context = begin(canvas, game.arena);
@@ -148,30 +151,56 @@ export function draw(canvas, { game, states, at, colours, beneath, above, fog = 
   const robots = robotsOf(now, ROLES).filter(({ role }) => !(fog?.isHidden && role === fog.rival));
   for (const who of robots.filter(({ role }) => role !== fog?.rival)) {
     const trail = passed.map((state) => robotOf(state, who)).map(({ x, y }) => [x, y]);
-    context.strokeStyle = colours[who.role];
-    context.lineWidth = 0.035;
-    path(context, trail).stroke();
-    circle(context, ...trail[0], 0.08).stroke(); // around its start
+    drawTrail(context, trail, Math.round(GLOWS / game.dt), zoom * leastRadius(game.arena), colours[who.role]);
   }
   above?.(context);
-  for (const who of robots) drawRobot(context, game, who, now, colours);
+  for (const who of robots) drawRobot(context, game, who, now, colours, zoom);
+}
+
+/** Where a robot was: all of it faintly, what it drove just now as a trail of light; a ring around its start once it has left it. */
+function drawTrail(context, trail, recent, radius, colour) {
+  const [start, now] = [trail[0], trail.at(-1)];
+  context.save();
+  context.strokeStyle = colour;
+  context.globalAlpha = 0.45;
+  context.lineWidth = 0.18 * radius;
+  path(context, trail).stroke();
+  if (Math.hypot(now[0] - start[0], now[1] - start[1]) > 3 * radius) circle(context, ...start, 0.5 * radius).stroke();
+  const lit = trail.slice(-recent - 1);
+  context.lineCap = "butt";
+  for (let piece = 0; piece < PIECES; piece++) {
+    const [from, to] = [piece, piece + 1].map((end) => Math.floor((end * (lit.length - 1)) / PIECES));
+    if (to === from) continue;
+    const share = (piece + 1) / PIECES;
+    for (const [wide, opacity] of LATEST) {
+      context.globalAlpha = opacity * share ** 2;
+      context.lineWidth = 0.3 * radius * wide * (0.4 + 0.6 * share);
+      path(context, lit.slice(from, to + 1)).stroke();
+    }
+  }
+  context.restore();
 }
 
 /** The least radius that robots are drawn with in an arena [m]. */
 export const leastRadius = ({ x_min, x_max, y_min, y_max }) => SMALLEST * Math.max(x_max - x_min, y_max - y_min);
 
+/** All robots of a state, without their trails. */
+export function drawRobots(context, game, state, colours, zoom) {
+  for (const who of robotsOf(state, ROLES)) drawRobot(context, game, who, state, colours, zoom);
+}
+
 /** One of a game's robots. */
-function drawRobot(context, game, who, now, colours) {
+function drawRobot(context, game, who, now, colours, zoom) {
   const { role, number } = who;
   const robot = robotOf(now, who);
-  const radius = Math.max(bodyOf(game, who).radius, leastRadius(game.arena));
+  const radius = Math.max(bodyOf(game, who).radius, zoom * leastRadius(game.arena));
   if (!isActive(robot)) {
     context.strokeStyle = colours[role];
     context.lineWidth = 0.4 * radius;
     cross(context, robot, radius);
   } else if (role === PURSUER) drawPursuer(context, robot, radius, game.capture_distance, colours);
   else drawEvader(context, robot, radius, colours);
-  if (now[role].length > 1) drawNumber(context, game.arena, robot, radius, number + 1, colours[role]);
+  if (now[role].length > 1) write(context, game.arena, robot, 2.4 * radius, `${number + 1}`, 2.2 * radius, colours[role]);
 }
 
 /** Return the point at a distance ahead of a robot, or at an angle to it. */
@@ -182,30 +211,30 @@ export function ahead(robot, length, angle = 0) {
 /** An arrowhead, and around it a ring as wide as its reach: an evader whose centre comes inside is caught. */
 function drawPursuer(context, robot, radius, reach, colours) {
   context.strokeStyle = context.fillStyle = colours.pursuer;
-  context.lineWidth = 0.02;
+  context.lineWidth = 0.13 * radius;
   circle(context, robot.x, robot.y, reach).stroke();
-  const corners = [[1.4, 0], [1.2, 2.4], [0.4, Math.PI], [1.2, -2.4]];
+  const corners = [[1.3, 0], [1.15, 2.4], [0.4, Math.PI], [1.15, -2.4]];
   path(context, corners.map(([length, angle]) => ahead(robot, length * radius, angle))).fill();
 }
 
-/** The number of a team mate, beside it, on the side of the arena's middle. */
-function drawNumber(context, arena, robot, radius, number, colour) {
+/** Write beside a robot, at a distance to the side of the arena's middle; `size` is the letters' height [m]. */
+export function write(context, arena, robot, distance, text, size, colour) {
   const [right, up] = ["x", "y"].map((axis) => Math.sign(arena[`${axis}_min`] + arena[`${axis}_max`] - 2 * robot[axis]) || 1);
   context.save();
   context.translate(robot.x, robot.y);
   context.scale(1, -1); // letters stand upright
-  context.font = `${2.2 * radius}px system-ui, sans-serif`;
-  context.textAlign = "center";
+  context.font = `600 ${size}px system-ui, sans-serif`;
+  context.textAlign = text.length > 1 ? (right > 0 ? "left" : "right") : "center";
   context.textBaseline = "middle";
   context.fillStyle = colour;
-  context.fillText(`${number}`, 2.4 * right * radius, -2.4 * up * radius);
+  context.fillText(text, distance * right, -distance * up);
   context.restore();
 }
 
 /** A disc with a nose. */
 function drawEvader(context, robot, radius, colours) {
   context.strokeStyle = context.fillStyle = colours.evader;
-  circle(context, robot.x, robot.y, 0.8 * radius).fill();
-  context.lineWidth = 0.06;
-  path(context, [[robot.x, robot.y], ahead(robot, 1.7 * radius)]).stroke();
+  circle(context, robot.x, robot.y, 0.95 * radius).fill();
+  context.lineWidth = 0.3 * radius;
+  path(context, [[robot.x, robot.y], ahead(robot, 1.5 * radius)]).stroke();
 }

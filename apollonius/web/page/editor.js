@@ -1,7 +1,7 @@
 // An arena under a person's hand: tools for pointers and keys, what is selected, undo. Changes are those of `plan.js`.
 
 import { begin, circle, drawGround, path, placing } from "./draw.js";
-import { GRID, gripsOf, moved, resized, snapped, withBlock, withDisc, withWall, without } from "./plan.js";
+import { GRID, gripsOf, joined, moved, resized, snapped, withBlock, withDisc, withWall, without } from "./plan.js";
 
 const TAP = 0.25; // a pointer that moved less [m] has tapped
 const TOUCH = 18; // how near a finger hits a grip [px]
@@ -121,7 +121,8 @@ export class Editor {
     const way = snapped([point[0] - from[0], point[1] - from[1]]);
     if (kind === "move") this.game = moved(base, this.selected, way);
     else if (kind === "resize") this.game = resized(base, this.selected, grip, snapped(point));
-    else this.game = MAKES[kind].make(base, snapped(from), snapped(point));
+    else if (kind === "disc") this.game = withDisc(base, snapped(from), snapped(point));
+    else this.game = MAKES[kind].make(base, joined(base, from), joined(base, point));
   }
 
   #up(event) {

@@ -1,11 +1,15 @@
 // Fog: robots that see no further than walls and obstacles let them, what they know of their opponents, and how it is drawn.
 
-import { CELLS, search } from "./calls.js";
-import { circle, picture } from "./draw.js";
+import { CELLS, clearanceAlong, leads, search } from "./calls.js";
+import { circle, path, picture } from "./draw.js";
 import { PURSUER, bySide, other } from "./game.js";
 
-const FOG = 0.3; // how opaque it is
+const [FOG, HATCH] = [0.22, 0.4]; // how opaque it and its lines are
+const APART = 0.022; // lines, as a share of the arena's side
+const [RAYS, HALVES] = [360, 10]; // of a robot's sight, and how often the length of one is halved
 const RING = 0.32; // around where a robot was seen last [m]
+const walls = new WeakMap(); // by an arena: cells to whose middle no path leads, as it is too near a wall
+const layers = new WeakMap(); // by what is known of a state: the picture of the fog
 const memories = bySide(() => new WeakMap()); // by a state of a game: what the side's robot knows then
 
 /** Return a game of two robots in fog. */
@@ -36,19 +40,21 @@ export function bySight(player) {
 /**
  * What a person sees of a match in fog, or null where all is seen.
  *
- * @returns {rival, isHidden, last, credit}: the other side, whether its robot is out of sight, where it was seen last, or null, and
- *   in which cells it can be, as `search` says
+ * @returns {rival, isHidden, last, credit, own, blocked}: the other side, whether its robot is out of sight, where it was seen last,
+ *   or null, in which cells it can be, as `search` says, the person's robot, and which cells have no path
  */
 export function fogOf({ game, states, isOver }, me) {
   if (!me || isOver || !isFoggy(game, me)) return null;
   const found = knowledge(game, states, me);
   const isHidden = found.age > 0;
-  return { rival: other(me), isHidden, last: isHidden && found.isSeen ? found.last : null, credit: found.credit };
+  if (!walls.has(game.arena)) walls.set(game.arena, leads(game, states[0]).map((lead) => Number(Number.isNaN(lead))));
+  const last = isHidden && found.isSeen ? found.last : null;
+  return { rival: other(me), isHidden, last, credit: found.credit, own: states.at(-1)[me][0], blocked: walls.get(game.arena) };
 }
 
 /** Return functions that draw fog on the bare ground, and above it a dashed ring where the rival was seen last. */
-export function veilOf(arena, { rival, isHidden, last, credit }, colours) {
-  const beneath = (context) => isHidden && drawCells(context, arena, FOG, credit, colours);
+export function veilOf(arena, { rival, isHidden, last, ...known }, colours) {
+  const beneath = (context) => isHidden && drawFog(context, arena, known, colours);
   const above = (context) => {
     if (!last) return;
     context.strokeStyle = colours[rival];
@@ -58,6 +64,82 @@ export function veilOf(arena, { rival, isHidden, last, credit }, colours) {
     context.setLineDash([]);
   };
   return { beneath, above };
+}
+
+/** Cells where an opponent can be, and the ones beside walls next to them. */
+function covered(credit, blocked) {
+  let cover = Array.from(credit, (one) => one >= 0);
+  const isBeside = (cell) => [-1, 1, -CELLS, CELLS].some((step) => cover[cell + step]);
+  for (let ring = 0; ring < 2; ring++) cover = cover.map((is, cell) => is || (blocked[cell] > 0 && isBeside(cell)));
+  return cover;
+}
+
+/** The outline of what a robot has in sight: along each ray as far as nothing is touched. */
+function sightOf(arena, from) {
+  const { x_min, x_max, y_min, y_max } = arena;
+  const longest = Math.hypot(x_max - x_min, y_max - y_min);
+  return Array.from({ length: RAYS }, (_, ray) => {
+    const angle = (2 * Math.PI * ray) / RAYS;
+    const at = (length) => ({ x: from.x + length * Math.cos(angle), y: from.y + length * Math.sin(angle) });
+    let [free, touching] = [0, longest];
+    for (let half = 0; half < HALVES; half++) {
+      const middle = (free + touching) / 2;
+      if (clearanceAlong(arena, from, at(middle)) > 0) free = middle;
+      else touching = middle;
+    }
+    const { x, y } = at(touching);
+    return [x, y];
+  });
+}
+
+/** Draw fog: hatched, at the screen's own resolution, and nowhere in what the robot has in sight. */
+function drawFog(context, arena, { credit, own, blocked }, colours) {
+  const { width, height } = context.canvas;
+  let layer = layers.get(credit);
+  if (layer?.width !== width || layer.height !== height || layer.colours !== colours) {
+    layer = Object.assign(new OffscreenCanvas(width, height), { colours });
+    paintFog(layer.getContext("2d"), context.getTransform(), arena, covered(credit, blocked), sightOf(arena, own), colours);
+    layers.set(credit, layer);
+  }
+  const { x_min, x_max, y_min, y_max } = arena;
+  context.save();
+  context.beginPath();
+  context.rect(x_min, y_min, x_max - x_min, y_max - y_min);
+  context.clip();
+  context.resetTransform();
+  context.drawImage(layer, 0, 0);
+  context.restore();
+}
+
+function paintFog(context, transform, { x_min: x, x_max: right, y_min: y, y_max: top }, cover, sight, colours) {
+  const side = Math.max(right - x, top - y);
+  context.setTransform(transform);
+  context.fillStyle = context.strokeStyle = colours.fog;
+  context.globalAlpha = FOG;
+  context.fillRect(x, y, side, side);
+  context.globalAlpha = HATCH;
+  context.lineWidth = 0.004 * side;
+  for (let from = -side; from < side; from += APART * side) path(context, [[x + from, y], [x + from + side, y + side]]).stroke();
+  context.globalAlpha = 1;
+  context.globalCompositeOperation = "destination-in";
+  context.resetTransform();
+  context.drawImage(maskOf(context.canvas, transform, { x, y, side }, cover, sight), 0, 0);
+}
+
+/** A canvas that is full where there is fog. */
+function maskOf({ width, height }, transform, { x, y, side }, cover, sight) {
+  const context = new OffscreenCanvas(width, height).getContext("2d");
+  const cell = side / CELLS;
+  context.setTransform(transform);
+  context.lineJoin = "round";
+  context.lineWidth = 0.5 * cell; // rounds the corners
+  context.beginPath();
+  cover.forEach((is, at) => is && context.rect(x + cell * (at % CELLS), y + cell * Math.floor(at / CELLS), cell, cell));
+  context.fill();
+  context.stroke();
+  context.globalCompositeOperation = "destination-out";
+  path(context, sight).fill();
+  return context.canvas;
 }
 
 /** Draw cells of an arena's chart, from the bottom: each in the colour that its value has, if any; dark where an opponent can be. */

@@ -8,6 +8,7 @@ import { SHIELDED, bare } from "./words.js";
 const LASTS = 3; // of the slow replay, at least [s]
 const SLOWER = 2; // times slower than it was
 const FASTER = 3; // times faster, in a film
+export const IMPACT = 1.1; // for how long a game that is over stands still before it is replayed [s]
 const AFTERWARDS = 1.5; // the end of a film, which stands still [s]
 const GIVEN = { [PURSUER]: 20, [EVADER]: 10 }; // how long a pursuer has to win, and an evader to stay free [s]
 const STRIDE = 1; // between moments that are tried [s]
@@ -20,15 +21,18 @@ export class SlowReplay {
     this.last = match.states.length - 1;
   }
 
-  /** Play from a state, by its number, or from a few seconds before the end if that is earlier; `now` is the time [s]. */
-  play(number, now) {
+  /**
+   * Play from a state, by its number, or from a few seconds before the end if that is earlier; `now` is the time [s]. The end
+   * stands still before, for a `rest` [s].
+   */
+  play(number, now, rest = 0) {
     const moments = Math.max(1, Math.round(LASTS / SLOWER / this.match.game.dt));
-    Object.assign(this, { first: clip(number, 0, Math.max(0, this.last - moments)), begun: now, held: null, slower: SLOWER });
+    Object.assign(this, { first: clip(number, 0, Math.max(0, this.last - moments)), begun: now + rest, rest, held: null, slower: SLOWER });
   }
 
   /** Play all of it faster than it was; returns how long that takes [s]. */
   film(now) {
-    Object.assign(this, { first: 0, begun: now, held: null, slower: 1 / FASTER, isFilmed: true });
+    Object.assign(this, { first: 0, begun: now, rest: 0, held: null, slower: 1 / FASTER, isFilmed: true });
     return (this.last * this.match.game.dt) / FASTER + AFTERWARDS;
   }
 
@@ -37,9 +41,18 @@ export class SlowReplay {
     this.held = this.match.from(number);
   }
 
+  /** For how long the end has been shown at a time [s]: before the replay or after it; null where another moment is shown. */
+  sinceEnd(now) {
+    if (this.held) return null;
+    if (now < this.begun) return this.rest - (this.begun - now);
+    const after = now - this.begun - (this.last - this.first) * this.match.game.dt * this.slower;
+    return after >= 0 ? after : null;
+  }
+
   /** The number of the state that is shown at a time [s], whole or between two. */
   at(now) {
     if (this.held) return this.held.states.length - 1;
+    if (now < this.begun && this.rest) return this.last;
     return Math.min(this.first + Math.max(0, now - this.begun) / this.slower / this.match.game.dt, this.last);
   }
 }

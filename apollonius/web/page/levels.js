@@ -4,21 +4,16 @@
 import { inFog } from "./fog.js";
 import { EVADER, PURSUER } from "./game.js";
 
-/** The shares of one training [%] after each of which the page has its pursuer. */
-export const SHARES = [0, 1, 5, 25, 100];
-/** The name of that pursuer. */
-export const learner = (share) => `learner-${share}`;
-
 /**
  * In their order: what it is called, whom a person plays, against whom, how hard, where, for how long [s]; in the first one
- * the person starts with open floor ahead, and a shield brakes for the robot; opponents have one unless they are bare; in
- * fog nobody sees through walls.
+ * the person starts with open floor ahead, and a shield brakes for the robot; opponents have one; in fog nobody
+ * sees through walls. A lesson is watched.
  */
 export const LEVELS = [
-  { name: "Open floor", side: EVADER, against: "pursuer", difficulty: "gentle", game: "open", seconds: 20, seed: 3571, isGuarded: true },
-  { name: "Three pillars", side: EVADER, against: "pursuer", difficulty: "gentle", game: "paper", seconds: 40 },
-  { name: "Watch it learn", side: EVADER, against: learner(100), difficulty: "sharp", game: "paper", seconds: 40, seed: 3, isBare: true },
-  { name: "The hunter", side: PURSUER, against: "flee-aware", difficulty: "gentle", game: "paper", seconds: 60 },
+  { name: "Open floor", side: EVADER, against: "pursuer", difficulty: "gentle", game: "open", seconds: 20, shields: Infinity, start: { pursuer: [9.2, 0.8, 1.6], evader: [5.5, 5.5, 2.4] } },
+  { name: "Three pillars", side: EVADER, against: "pursuer", difficulty: "gentle", game: "paper", seconds: 40, shields: 2, start: { pursuer: [9.4, 5.1, 3.1], evader: [6, 5.5, 3.1] } },
+  { name: "Watch it learn", side: null, difficulty: "sharp", game: "paper", seconds: 20, isLesson: true },
+  { name: "The hunter", side: PURSUER, against: "flee-aware", difficulty: "gentle", game: "paper", seconds: 60, shields: 2, start: { pursuer: [1.5, 5.5, 0], evader: [5.5, 5.5, 1.6] } },
   { name: "A courtyard", side: EVADER, against: "pursuer", difficulty: "gentle", game: "courtyard", seconds: 60 },
   { name: "Nine houses", side: EVADER, against: "pursuer", difficulty: "fair", game: "blocks", seconds: 60 },
   { name: "Hunting in the office", side: PURSUER, against: "flee-aware", difficulty: "fair", game: "office", seconds: 100 },
@@ -33,17 +28,24 @@ export const LEVELS = [
 
 const ENDLESS = 600; // [s]
 
-/** The level after the one that the person of a session has won, or null. */
-export function levelWonBy({ choice, match, me }) {
+/** The level after the one that the person of a session has won or watched, or null. */
+export function levelWonBy({ choice, match, me, lesson }) {
+  if (lesson) return LEVELS[lesson.level.number];
   return me && choice?.level && match?.isOver && match.winner === me ? (LEVELS[choice.level.number] ?? null) : null;
 }
 
 /** Return a level of an evader in which it plays for as long as it lasts, and not only up to a limit. */
 export const endless = (level) => ({ ...level, name: `${level.name}, endless`, seconds: ENDLESS, isEndless: true });
 
-/** Return a game with the time limit of a level, and its fog. */
+const RADIUS = 0.15; // of robots at least, so that what is seen to touch a wall does [m]
+
+/** Return a game with the time limit of a level, its fog, and robots that are as large as they look. */
 export function ofLevel(game, { seconds, isFoggy }) {
-  const lasting = { ...game, max_steps: Math.round(seconds / game.dt) };
+  const wide = (body) => ({ ...body, radius: Math.max(body.radius, RADIUS) });
+  const { pursuers = [], evaders = [] } = game.teams ?? {};
+  const teams = game.teams && { ...game.teams, pursuers: pursuers.map(wide), evaders: evaders.map(wide) };
+  const bodies = { pursuer: wide(game.pursuer), evader: wide(game.evader) };
+  const lasting = { ...game, ...bodies, ...(teams && { teams }), max_steps: Math.round(seconds / game.dt) };
   return isFoggy ? inFog(lasting) : lasting;
 }
 

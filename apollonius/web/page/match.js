@@ -16,18 +16,19 @@ export class Match {
    * @param game rules, as `apollonius.arenas.file.to_dict` writes them, a map with its field
    * @param players {pursuer, evader}, lists of who plays each robot: {name, act(game, state, who, states) -> action}
    * @param seed of the starts
+   * @param first the first start, if it is not drawn
    */
-  constructor(game, players, seed) {
+  constructor(game, players, seed, first = null) {
     Object.assign(this, { game, players, seed });
     this.random = makeRandom(seed);
     this.number = 0;
     this.score = { [PURSUER]: 0, [EVADER]: 0 };
-    this.next();
+    this.next(first);
   }
 
   /** Begin the next game, at a start of its own. */
-  next() {
-    this.start = drawStart(this.game, this.random);
+  next(start = null) {
+    this.start = start ?? drawStart(this.game, this.random);
     this.number += 1;
     this.again();
   }

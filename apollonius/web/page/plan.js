@@ -7,10 +7,38 @@ const WALL = 0.2; // how thick drawn walls are [m]
 const LEAST = 0.1; // smallest radius, and smallest length of a wall [m]
 const [SMALLEST, LARGEST] = [2, 60]; // of an arena's sides [m]
 const APART = 1e-6; // what is nearer [m] touches
+const NEAR = 0.25; // to a wall [m], where a point is drawn to it, as slits let robots through
 
 const round = (value, step = 1e-3) => Number((Math.round(value / step) * step).toFixed(3));
 /** The nearest point on the grid. */
 export const snapped = ([x, y]) => [round(x, GRID), round(y, GRID)];
+
+/** The nearest point of a segment. */
+function nearestOn([x, y], [[fromX, fromY], [toX, toY]]) {
+  const [alongX, alongY] = [toX - fromX, toY - fromY];
+  const share = clip(((x - fromX) * alongX + (y - fromY) * alongY) / Math.max(alongX ** 2 + alongY ** 2, APART), 0, 1);
+  return [fromX + share * alongX, fromY + share * alongY];
+}
+
+/** The nearest point of an arena's polygons, if one is near. */
+function nearestWall({ polygons = [] }, [x, y], near) {
+  const edges = polygons.flatMap(({ vertices }) => vertices.map((corner, index) => [corner, vertices[(index + 1) % vertices.length]]));
+  const away = ([toX, toY]) => Math.hypot(toX - x, toY - y);
+  const points = edges.map((edge) => nearestOn([x, y], edge)).filter((point) => away(point) <= near);
+  return points.sort((one, two) => away(one) - away(two))[0] ?? null;
+}
+
+/** A point of a wall or block that is drawn: on the arena's border or on another wall if it is near, or else on the grid. */
+export function joined({ arena }, [x, y]) {
+  const onBorder = (length, ...borders) => borders.find((border) => Math.abs(length - border) <= NEAR);
+  const border = [onBorder(x, arena.x_min, arena.x_max), onBorder(y, arena.y_min, arena.y_max)];
+  if (border[0] === undefined && border[1] === undefined) {
+    const wall = nearestWall(arena, snapped([x, y]), NEAR);
+    if (wall) return wall.map((length) => round(length));
+  }
+  return [border[0] ?? round(x, GRID), border[1] ?? round(y, GRID)];
+}
+
 const inside = ({ x_min, x_max, y_min, y_max }, [x, y]) => [round(clip(x, x_min, x_max)), round(clip(y, y_min, y_max))];
 
 const withArena = (game, changes) => ({ ...game, arena: { ...game.arena, ...changes } });
@@ -54,11 +82,16 @@ function withPolygon(game, corners) {
 /** A block between two opposite corners. */
 export const withBlock = (game, [x, y], [toX, toY]) => withPolygon(game, [[x, y], [toX, y], [toX, toY], [x, toY]]);
 
-/** A straight wall from one point to another. */
-export function withWall(game, [x, y], [toX, toY]) {
-  const length = Math.hypot(toX - x, toY - y);
+/** A straight wall from one point to another; where it meets another wall it fills the corner. */
+export function withWall(game, from, to) {
+  const length = Math.hypot(to[0] - from[0], to[1] - from[1]);
   if (length < LEAST) return game;
-  const [leftX, leftY] = [(-(toY - y) / length) * (WALL / 2), ((toX - x) / length) * (WALL / 2)];
+  const [alongX, alongY] = [((to[0] - from[0]) / length) * (WALL / 2), ((to[1] - from[1]) / length) * (WALL / 2)];
+  const [leftX, leftY] = [-alongY, alongX];
+  const meets = (point) => Number(nearestWall(game.arena, point, APART) !== null);
+  const [before, after] = [meets(from), meets(to)];
+  const [x, y] = [from[0] - before * alongX, from[1] - before * alongY];
+  const [toX, toY] = [to[0] + after * alongX, to[1] + after * alongY];
   return withPolygon(game, [[x - leftX, y - leftY], [toX - leftX, toY - leftY], [toX + leftX, toY + leftY], [x + leftX, y + leftY]]);
 }
 

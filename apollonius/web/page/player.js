@@ -1,40 +1,51 @@
 // The page: buttons, keys and choices in, frames out. What is played is a `Session`.
 
-import { Choices, asChoice, levelButtons } from "./choices.js";
+import { BLUES } from "./lesson.js";
+import { Choices, asChoice, describeProgress, levelButtons, levelStrip } from "./choices.js";
 import { copyLink, make, saveAs } from "./files.js";
 import { ROLES } from "./game.js";
-import { SHARES, learner, withOpenFloor } from "./levels.js";
+import { levelWonBy, withOpenFloor } from "./levels.js";
 import { Session } from "./session.js";
-import { asReplayLink, drawCard, fromReplayLink, record } from "./share.js";
+import { Six } from "./six.js";
+import { asReplayLink, drawCard, fromReplayLink, isLocal, record } from "./share.js";
+import { toggleSound } from "./sound.js";
 import { Stage } from "./stage.js";
 import { Steering } from "./steering.js";
 import { LAYERS } from "./why.js";
-import { describeGoal, wordsOf } from "./words.js";
+import { YOU, asTime, describeGoal, wordsOf } from "./words.js";
 import { Workshop } from "./workshop.js";
 
 const element = (id) => document.getElementById(id);
 const steering = new Steering();
 const stage = new Stage(element, steering);
 const page = new Session((role, together) => steering.action(role, together), showPhase);
+const six = new Six(element, playAgainst);
 let choices, workshop;
 globalThis.apollonius = { page }; // for the console, and for tests
 
 // ---- what is said of the session
 
 function showPhase(message) {
-  const { phase, match, choice, me, people } = page;
+  const { phase, match, choice, me, people, lesson } = page;
   Object.assign(document.body.dataset, { phase, people: people.length, me: me ?? "" });
   element("message").textContent = message;
+  document.body.dataset.result = phase === "over" && me ? (match.winner === me ? "won" : "lost") : "";
+  document.body.dataset.message = phase === "over" && isAbove(page.end, match.game.arena) ? "below" : "";
   element("go").textContent = page.label;
   element("go").disabled = element("again").disabled = element("next").disabled = phase === "loading";
   element("download").disabled = phase !== "over";
-  const share = SHARES.findIndex((one) => choice?.pursuer === learner(one));
+  const share = pupils().findIndex(({ name }) => name === choice?.pursuer);
   element("learning").hidden = share < 0;
+  element("six").hidden = element("let-blue").hidden = element("next-level").hidden = !lesson;
+  element("training").hidden = !lesson && share < 0;
+  if (phase !== "counting") element("strip").replaceChildren(...levelStrip(choice?.level ?? null, (level) => choose(asChoice(level))));
+  if (lesson) return showLesson();
   if (!match) return;
   if (share >= 0) {
     const [output, input] = element("learning").children;
-    output.textContent = `${SHARES[share]} %`;
+    output.textContent = pupils()[share].label;
     input.value = share;
+    six.showCurve({ ...page.catalogue.learning, blue: Object.hasOwn(BLUES, choice.evader) ? choice.evader : "flee-aware" });
   }
   const { arena } = match.game;
   document.body.style.setProperty("--aspect", (arena.x_max - arena.x_min) / (arena.y_max - arena.y_min));
@@ -45,18 +56,40 @@ function showPhase(message) {
   }
 }
 
+/** Whether a game ended in the upper half of the arena, where the message would cover it. */
+const isAbove = (end, { y_min, y_max }) => end !== null && end.y > (y_min + y_max) / 2;
+
+const pupils = () => (page.catalogue?.learning.pupils ?? []).filter(({ env_steps }) => env_steps !== null);
+
+function showLesson() {
+  const { lesson } = page;
+  if (six.lesson !== lesson) six.open(lesson);
+  document.body.style.setProperty("--aspect", 1.5);
+  element("goal").textContent = `${lesson.level.number}. Red learns to hunt; blue ${BLUES[lesson.blue]}`;
+  element("let-blue").textContent = lesson.blue === "still" ? "Let blue flee" : "Let blue stand";
+}
+
+/** Leave a lesson, and play against one of its pursuers. */
+function playAgainst(pursuer) {
+  return page.begin({ pursuer, evader: YOU, game: page.lesson.level.game, difficulty: "sharp", seed: page.lesson.level.seed, level: null });
+}
+
 // ---- what can be done: each of these is a button
 
 const actions = {
   go: () => page.go(),
   again: () => page.begins("again"),
   next: () => page.begins("next"),
+  "let-blue": () => page.changeBlue(),
+  "next-level": () => page.begin(asChoice(levelWonBy(page))),
   menu() {
     page.pause();
     element("levels").replaceChildren(...levelButtons(page.catalogue.games, stage.colours, page.choice?.level ?? null, (level) => choose(asChoice(level))));
+    element("games-title").textContent = describeProgress();
     document.activeElement?.blur(); // so that Space and arrows are the game's again when the menu closes
     element("games").showModal();
   },
+  sound: () => element("sound").setAttribute("aria-pressed", String(toggleSound())),
   why() {
     const isHidden = element("layers").toggleAttribute("hidden");
     element("why").setAttribute("aria-pressed", String(!isHidden));
@@ -75,14 +108,22 @@ const actions = {
 
 /** Copy a link that plays the game again, and save or hand on its picture. */
 async function share() {
+  const { match, choice, ending } = page;
   const text = element("message").textContent;
-  const picture = new File([await drawCard(element("canvas"), text, stage.colours)], "apollonius.png", { type: "image/png" });
-  const url = location.href.split(/[?#]/)[0] + (await asReplayLink(page.match));
+  ending.hold(ending.last); // as a picture shows how it ended
+  stage.show(page, performance.now() / 1000);
+  const home = location.href.split(/[?#]/)[0];
+  const { level } = choice;
+  const below = ["Apollonius: pursuit and evasion", level && `Level ${level.number}: ${level.name}`, page.me && `Beat this: ${asTime(match.seconds)}`];
+  const lines = [...below, !isLocal(location) && home].filter(Boolean);
+  const picture = new File([await drawCard(element("canvas"), text, lines, stage.colours)], "apollonius.png", { type: "image/png" });
+  const url = home + (await asReplayLink(match, level));
   const shared = { title: "Apollonius", text, url, files: [picture] };
   if (matchMedia("(pointer: coarse)").matches && navigator.canShare?.(shared)) return navigator.share(shared);
   await copyLink(url);
   saveAs(picture.name, picture, picture.type);
-  element("message").textContent = "The picture is saved. The link that plays this game again is copied, and in the address bar.";
+  const here = isLocal(location) ? " It works on this computer only: apollonius play --site DIR makes a page for others." : "";
+  element("message").textContent = `The picture is saved. The link that plays this game again is copied, and in the address bar.${here}`;
 }
 
 /** Show the whole game again, quickly, and save what is seen as a film. */
@@ -104,15 +145,16 @@ function showLayers() {
 
 // ---- frames
 
-let last = 0;
+let last = null;
 
 function frame(now) {
   requestAnimationFrame(frame);
-  const passed = (now - last) / 1000;
+  const passed = last === null ? 0 : (now - last) / 1000;
   last = now;
-  if (!page.match) return;
   if (page.phase === "drawing") return workshop.editor.draw(stage.colours);
+  if (page.phase !== "lesson" && !page.match) return;
   page.pass(passed);
+  if (page.phase === "lesson") return six.show(stage.colours);
   stage.show(page, now / 1000);
 }
 
@@ -156,7 +198,7 @@ function wire() {
   });
   element("learning").addEventListener("change", async ({ target }) => {
     target.blur();
-    await page.begin({ ...page.choice, pursuer: learner(SHARES[target.value]) });
+    await page.begin({ ...page.choice, pursuer: pupils()[target.value].name });
     if (page.phase === "ready" && page.people.length === 0) page.go(); // who only watches need not press a button
   });
   element("moment").addEventListener("input", ({ target }) => page.ending.hold(Number(target.value)));

@@ -98,10 +98,10 @@ export function shielded(player) {
 /** Agents of either side that know any arena: those a person meets, leads, and is replaced by. */
 export const ANYWHERE = { [PURSUER]: "pursuer", [EVADER]: "evader" };
 
-/** Difficulties, the gentlest first: label, delay of what is seen [s]. */
+/** Difficulties, the gentlest first: label, in short, delay of what is seen [s]. */
 export const DIFFICULTIES = {
-  gentle: { words: "gentle: sees where you were a second ago", late: 1 },
-  fair: { words: "fair: sees where you were half a second ago", late: 0.5 },
+  gentle: { words: "gentle: sees where you were a second ago", short: "sees a second late", late: 1 },
+  fair: { words: "fair: sees where you were half a second ago", short: "sees half a second late", late: 0.5 },
   sharp: { words: "sharp: sees you at once", late: 0 },
 };
 
@@ -146,10 +146,10 @@ export async function findPlayer(catalogue, name, role, difficulty, steer) {
   if (name === YOU) return { name, words: inWords(name), values: null, act: (...seen) => steer(role, ...seen) };
   const known = bare(name);
   const { player, values } = await findBare(catalogue, known, role);
-  const { late } = DIFFICULTIES[difficulty];
+  const { late, short } = DIFFICULTIES[difficulty];
   const seeing = bySight(late ? seeingLate(player, late) : player);
   const ranked = name === known ? seeing : shielded(seeing);
-  const [called, words] = late ? [`${name} (${difficulty})`, `${inWords(name)}, ${difficulty}`] : [name, inWords(name)];
+  const [called, words] = late ? [`${name} (${difficulty})`, `${inWords(name)}, ${short}`] : [name, inWords(name)];
   return { name: called, words, values, act: (...seen) => ranked(...seen)[0] };
 }
 

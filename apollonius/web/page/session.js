@@ -1,20 +1,26 @@
 // A person's time with the page: a match is chosen, counted in, played, paused, over, and looked back at.
 
+import { openAttract } from "./attract.js";
 import { asChoice, asQuery } from "./choices.js";
 import { findGame } from "./files.js";
-import { ACTIONS, EVADER, ROLES, bodiesOf, isActive, other } from "./game.js";
-import { SlowReplay, hasCrashed, lastBrake, lastChance, standIn } from "./hindsight.js";
+import { EVADER, ROLES, bodiesOf, isActive } from "./game.js";
+import { Guard } from "./guard.js";
+import { endOf, isCalm } from "./effects.js";
+import { IMPACT, SlowReplay, hasCrashed, lastBrake, lastChance, standIn } from "./hindsight.js";
+import { BLUES, openLesson } from "./lesson.js";
 import { keepBest, levelWonBy, ofLevel } from "./levels.js";
 import { Match } from "./match.js";
-import { findTeam, shielded } from "./players.js";
-import { YOU, bare, describeBrake, describeChance, describeEnd, describeReady } from "./words.js";
+import { findTeam } from "./players.js";
+import { sound } from "./sound.js";
+import { startAt } from "./starts.js";
+import { YOU, asTime, describeBrake, describeChance, describeEnd, describeReady } from "./words.js";
 
 const LONGEST_PAUSE = 0.25; // of the clock, when a browser held frames back [s]
 const COUNTDOWN = 1.5; // before a person's game continues [s]
 const MOST_STEPS = 30; // in a frame
 const BEAT = 0.5; // of the countdown [s]
 const SPARE = 12; // of a frame after the game, to look back at it [ms]
-const BRAKES = [1, 0, 2]; // the actions that brake, straight ahead first
+const SHARED = "shared"; // the name of the game of a link, among the games
 const OUT = "You are out. Your team plays on.";
 
 export class Session {
@@ -23,7 +29,7 @@ export class Session {
    * @param onChange called with a message when another phase begins, and during a countdown
    */
   constructor(steer, onChange) {
-    Object.assign(this, { steer, onChange, catalogue: null, choice: null, match: null, phase: "loading", pace: 1 });
+    Object.assign(this, { steer, onChange, catalogue: null, choice: null, match: null, lesson: null, guard: new Guard(), phase: "loading", pace: 1 });
     this.#beginGame();
   }
 
@@ -38,92 +44,137 @@ export class Session {
     return people.length === 1 ? people[0] : null;
   }
 
-  /** Go to a phase: loading, ready, counting, playing, paused, over; drawing. */
+  /** Go to a phase: loading, ready, counting, playing, paused, over; drawing; lesson, which has no others. */
   enter(phase, message = "") {
     this.phase = phase;
     this.onChange(message);
   }
 
-  /** Begin a match as chosen. A later choice that comes while agents load takes the place of this one. */
-  async begin(choice) {
-    this.choice = choice;
+  /** Begin a match as chosen, at a start of its own. A later choice that comes while agents load takes the place of this one. */
+  async begin(choice, start = null) {
+    Object.assign(this, { choice, lesson: null });
     history.replaceState(null, "", asQuery(choice) + location.hash.replace(/^#replay=.*/, ""));
     this.enter("loading", "Loading…");
     try {
+      if (choice.level?.isLesson) return await this.#teach(choice);
       const hasPerson = ROLES.filter((role) => choice[role] === YOU).length === 1;
       const difficulty = hasPerson ? choice.difficulty : "sharp";
+      const guard = new Guard(choice.level?.shields);
       const steer = (role, ...seen) => {
         const wanted = this.steer(role, this.people.length === 2);
-        return choice.level?.isGuarded ? shielded(() => [wanted, ...BRAKES, ...ACTIONS])(...seen)[0] : wanted;
+        return guard.action(wanted, ...seen);
       };
       const found = await findGame(this.catalogue, choice.game);
       const players = ROLES.map((role) => findTeam(this.catalogue, choice[role], role, bodiesOf(found, role).length, difficulty, steer));
       const [pursuer, evader] = await Promise.all(players);
       if (this.choice !== choice) return;
       const game = choice.level ? ofLevel(found, choice.level) : found;
-      this.match = new Match(game, { pursuer, evader }, choice.seed);
+      this.match = new Match(game, { pursuer, evader }, choice.seed, start ?? (choice.level?.start && startAt(game, choice.level.start)));
+      this.guard = guard;
       this.#makeReady();
     } catch (error) {
       if (this.choice === choice) this.enter("loading", `${error.message}. Choose otherwise under Games.`);
     }
   }
 
+  /** Begin a level's lesson. */
+  async #teach(choice, blue = Object.keys(BLUES)[0]) {
+    const lesson = await openLesson(this.catalogue, choice.level, blue);
+    if (this.choice !== choice) return;
+    Object.assign(this, { match: null, lesson });
+    lesson.isPaused = isCalm();
+    this.enter("lesson");
+  }
+
+  /** The other blue takes the place of the one in the lesson. */
+  changeBlue() {
+    const names = Object.keys(BLUES);
+    return this.#teach(this.choice, names.find((name) => name !== this.lesson.blue));
+  }
+
   /** Begin a game that has been played, to be played again. */
   watch(match) {
     Object.assign(this, { match, choice: { level: null } });
     this.#makeReady();
+    if (!isCalm()) this.go();
+  }
+
+  /** Take the place of the person whose game was played again: the same start against the same opponent. */
+  accept({ game, start, challenge }) {
+    this.catalogue.games[SHARED] = game;
+    return this.begin({ ...challenge.choice, game: SHARED }, start);
   }
 
   #beginGame() {
-    Object.assign(this, { time: 0, counted: 0, ending: null, lostAt: null, hindsight: null });
+    Object.assign(this, { time: 0, counted: 0, ending: null, end: null, lostAt: null, hindsight: null, attract: null });
   }
 
   #makeReady() {
     this.#beginGame();
-    const { me, match, catalogue } = this;
+    const { me, match, guard, people } = this;
     match.decide(); // so that no move waits for the arena's chart
-    const isTaught = me && Object.hasOwn(catalogue.files, bare(match.players[other(me)][0].name).split(" ")[0]);
-    this.enter("ready", describeReady(this.people.length, isTaught, Boolean(match.game.sensors)));
+    this.enter("ready", describeReady({ me, people: people.length, isFoggy: Boolean(match.game.sensors), shields: guard.times }));
+    if (people.length && !isCalm()) this.#attract(match);
+  }
+
+  /** Let agents play behind the start's card; where they cannot be loaded, nothing is seen. */
+  async #attract(match) {
+    const attract = await openAttract(this.catalogue, match.game).catch(() => null);
+    if (this.match === match && this.phase === "ready") this.attract = attract;
   }
 
   /** The one button: start, pause, go on, the next game or level. */
   go() {
-    const { phase } = this;
+    const { phase, lesson } = this;
     if (phase === "loading") return;
+    if (lesson) {
+      lesson.isPaused = !lesson.isPaused;
+      return this.enter("lesson");
+    }
     if (phase === "playing" || phase === "counting") return this.enter("paused", "Paused");
     if (phase === "over") {
+      if (this.match.challenge) return this.accept(this.match);
       const after = levelWonBy(this);
       if (after) return this.begin(asChoice(after));
       if (this.me && this.match.winner !== this.me) this.match.again();
       else this.match.next();
       this.#beginGame();
     }
-    this.counted = this.people.length ? COUNTDOWN : 0;
+    Object.assign(this, { counted: this.people.length ? COUNTDOWN : 0, attract: null });
     this.enter("counting");
   }
 
   /** The label of that button. */
   get label() {
-    const { phase, match, me } = this;
+    const { phase, match, me, lesson } = this;
+    if (lesson) return lesson.isPaused ? "Resume" : "Pause";
     if (phase !== "over") return { counting: "Pause", playing: "Pause", paused: "Resume" }[phase] ?? "Start";
+    if (match.challenge) return `Beat this: ${asTime(match.challenge.seconds)}`;
     if (levelWonBy(this)) return "Next level";
     return me && match.winner !== me ? "Try again" : "Next game";
   }
 
   /** Pause, if a game is under way. */
   pause() {
-    if (this.phase === "playing" || this.phase === "counting") this.go();
+    const isPlaying = this.phase === "lesson" ? !this.lesson.isPaused : this.phase === "playing" || this.phase === "counting";
+    if (isPlaying) this.go();
   }
 
   /** Get ready for another game: `again` at the same start, `next` at another one. */
   begins(how) {
+    if (this.lesson) {
+      this.lesson.begins(how);
+      return this.enter("lesson");
+    }
     this.match?.[how]();
     if (this.match) this.#makeReady();
   }
 
   /** Let some time [s] pass in the countdown or the match. */
   pass(seconds) {
-    if (this.phase === "counting") this.#countDown(seconds);
+    if (this.phase === "lesson") this.lesson.pass(seconds);
+    else if (this.phase === "ready") this.attract?.pass(seconds);
+    else if (this.phase === "counting") this.#countDown(seconds);
     else if (this.phase === "playing") this.#advance(this.pace * Math.min(seconds, LONGEST_PAUSE));
     else if (this.phase === "over") this.#goBack();
   }
@@ -158,7 +209,10 @@ export class Session {
     const who = me && { role: me, number: 0 };
     this.isBest = choice.level && (choice.level.isEndless || match.winner === me) && keepBest(choice.level, match.seconds);
     this.ending = new SlowReplay(match);
-    this.ending.play(Infinity, performance.now() / 1000);
+    this.ending.play(Infinity, performance.now() / 1000, IMPACT);
+    this.end = endOf(match);
+    if (me && match.winner === me) sound("won");
+    else if (this.end) sound(this.end.isCapture ? "captured" : "crashed");
     const hasLost = me && match.winner !== me;
     const brake = me && hasCrashed(match.state, who) ? lastBrake(match, who) : null;
     this.#tell(brake, describeBrake(match, brake));
@@ -169,7 +223,9 @@ export class Session {
   #tell(lostAt, loss) {
     const { match, me, isBest, choice } = this;
     this.lostAt = lostAt;
-    if (lostAt !== null && !this.ending.held && !this.ending.isFilmed) this.ending.play(lostAt, performance.now() / 1000);
+    const now = performance.now() / 1000;
+    const left = Math.max(0, IMPACT - (this.ending.sinceEnd(now) ?? IMPACT)); // of the time for which the end stands still
+    if (lostAt !== null && !this.ending.held && !this.ending.isFilmed) this.ending.play(lostAt, now, left);
     const best = isBest && (me === EVADER && !choice.level.isEndless ? "New under Games: this level, endless." : "Your best so far.");
     this.enter("over", [describeEnd(match, me, choice.level?.isEndless), loss, best].filter(Boolean).join(" "));
   }

@@ -3,23 +3,25 @@
 import { MOST_ROBOTS } from "./calls.js";
 import { make } from "./files.js";
 import { inFog } from "./fog.js";
-import { HOLD, asRow, bySide, countsOf, fromRow, inTeams, isContinuous } from "./game.js";
+import { HOLD, ROLES, asRow, bySide, countsOf, fromRow, inTeams, isContinuous, other } from "./game.js";
 import { asFragment, fromFragment, gameFrom } from "./gamefile.js";
+import { LEVELS } from "./levels.js";
 import { Match } from "./match.js";
+import { DIFFICULTIES } from "./players.js";
 import { YOU, inWords } from "./words.js";
 
 const MARK = "#replay=";
 const CARD = { width: 1200, height: 630, margin: 40 }; // [pixels], as pages that show links cut pictures
 const FILM = { side: 480, rate: 15 }; // the longer side [pixels], frames in a second
 
-/** Return the fragment of a link to a finished game: its rules, how many play and whether in fog, its start, and what all did. */
-export async function asReplayLink(match) {
+/** Return the fragment of a link to a finished game: its rules, level, how many play and whether in fog, its start, and what all did. */
+export async function asReplayLink(match, level) {
   const { game: all, pursuer, evader, actions } = match.replay();
   const { teams, sensors, ...game } = all;
   const counts = countsOf(all);
   if (game.arena.map) throw new Error("a game on a map is too large for a link: save the replay");
   if (JSON.stringify(inTeams(game, ...counts).teams) !== JSON.stringify(teams)) throw new Error("team mates differ: save the replay");
-  const said = { game, counts, isFoggy: Boolean(sensors), pursuer, evader, actions, start: asRow(match.start) };
+  const said = { game, counts, isFoggy: Boolean(sensors), pursuer, evader, actions, start: asRow(match.start), level: level?.number };
   return asFragment(MARK, JSON.stringify(said));
 }
 
@@ -34,7 +36,7 @@ export async function fromReplayLink(fragment) {
 }
 
 /** Return a match in which all robots do what they did. */
-function again({ game: said, counts = [1, 1], isFoggy, start, actions, ...names }) {
+function again({ game: said, counts = [1, 1], isFoggy, start, actions, level, ...names }) {
   if (!counts.every((count) => count >= 1 && count <= MOST_ROBOTS && count % 1 === 0)) throw new Error("other teams");
   const rules = inTeams(gameFrom(said), ...counts);
   const game = isFoggy ? inFog(rules) : rules;
@@ -51,7 +53,18 @@ function again({ game: said, counts = [1, 1], isFoggy, start, actions, ...names 
   const match = Object.assign(new Match(game, players, 0), { start: fromRow(game, start, 0, () => "active") });
   match.next = match.again; // which has one start
   match.again();
-  return match;
+  return Object.assign(match, { challenge: challengeOf(names, level, actions.length * game.dt) });
+}
+
+/** What a person can do better than the one whose game is played again: {choice, me, seconds}, or null where nobody steered alone. */
+function challengeOf(names, number, seconds) {
+  const people = ROLES.filter((role) => String(names[role]).startsWith(YOU));
+  if (people.length !== 1) return null;
+  const [me] = people;
+  const [, name, difficulty] = /^(.*?)(?: \((\w+)\))?$/.exec(String(names[other(me)]).split("+")[0]);
+  const level = LEVELS[number - 1] ?? null;
+  const hardness = Object.hasOwn(DIFFICULTIES, difficulty) ? difficulty : "sharp";
+  return { choice: { [me]: YOU, [other(me)]: name, difficulty: hardness, seed: 0, level }, me, seconds };
 }
 
 /** Return a film of what a canvas shows for some time [s], as small as a slow machine can keep up with. */
@@ -76,8 +89,11 @@ export function record(canvas, seconds) {
   return new Promise((done) => recorder.addEventListener("stop", () => done(new Blob(parts, { type: recorder.mimeType }))));
 }
 
-/** Return a picture of a game that is over: the arena as it is on a canvas, how it ended, and where to play. */
-export function drawCard(canvas, said, colours) {
+/** Whether a page's address leads nowhere from other machines. */
+export const isLocal = ({ protocol, hostname }) => protocol === "file:" || ["localhost", "127.0.0.1", "[::1]"].includes(hostname);
+
+/** Return a picture of a game that is over: the arena as it is on a canvas, how it ended, and below that some lines. */
+export function drawCard(canvas, said, below, colours) {
   const { width, height, margin } = CARD;
   const card = make("canvas", { width, height });
   const context = card.getContext("2d");
@@ -101,6 +117,6 @@ export function drawCard(canvas, said, colours) {
     line += `${word} `;
   }
   context.font = `28px ${style.fontFamily}`;
-  context.fillText("Apollonius: pursuit and evasion", left, height - 1.5 * margin);
+  below.forEach((text, index) => context.fillText(text, left, height - (0.5 + below.length - index) * margin, width - margin - left));
   return new Promise((done) => card.toBlob(done, "image/png"));
 }

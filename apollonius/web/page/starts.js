@@ -1,7 +1,7 @@
 // Where games begin: the same distribution as in `apollonius/game/starts.py`, from random numbers of the page's own.
 
 import { clearance } from "./calls.js";
-import { EVADER, PURSUER, ROLES, bodiesOf, countsOf, other } from "./game.js";
+import { EVADER, PURSUER, ROLES, bodiesOf, bySide, countsOf, other } from "./game.js";
 
 /** Numbers uniform in [0, 1) from a seed: mulberry32. The page's own; the Python rules draw from JAX's. */
 export function makeRandom(seed) {
@@ -12,6 +12,12 @@ export function makeRandom(seed) {
     bits ^= bits + Math.imul(bits ^ (bits >>> 7), bits | 61);
     return ((bits ^ (bits >>> 14)) >>> 0) / 2 ** 32;
   };
+}
+
+/** A start by hand: of either side [x, y, heading], at rest. */
+export function startAt(game, places) {
+  const robot = ([x, y, heading], body) => ({ x, y, v: Math.max(body.v_min, 0), heading, status: "active" });
+  return { ...bySide((role) => [robot(places[role], game[role])]), steps: 0 };
 }
 
 const [PAIRS, DRAWS, STARTS] = [20_000, 1000, 100]; // of the first robots, of a team mate, and of those before it

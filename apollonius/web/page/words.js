@@ -7,8 +7,8 @@ export const SHIELDED = "shielded:";
 
 const WORDS = {
   [YOU]: "you",
-  pursuer: "knows any arena",
-  evader: "knows any arena",
+  pursuer: "trained in many arenas",
+  evader: "trained in many arenas",
   optimal: "taught by the solved game",
   smooth: "drives smoothly",
   curriculum: "learned step by step",
@@ -40,10 +40,11 @@ export function inWords(name) {
 export const wordsOf = (players) => [...new Set(players.map(({ words }) => words))].join("; mates: ");
 
 const COLOUR = { [PURSUER]: "red", [EVADER]: "blue" };
-const asTime = (seconds) => `${seconds.toFixed(1)}\u00a0s`;
+export const asTime = (seconds) => `${seconds.toFixed(1)}\u00a0s`;
 
 /** Return the goal of a match. `me` is the side of the one person who plays, or null; who plays an endless level has no limit. */
-export function describeGoal({ game, players, start }, me, isEndless = false) {
+export function describeGoal({ game, players, start, challenge }, me, isEndless = false) {
+  if (challenge) return `Somebody ${challenge.me === EVADER ? "fled" : "hunted"} for ${asTime(challenge.seconds)}. Then it is your turn`;
   if (!me) {
     const [red, blue] = ROLES.map((role) => wordsOf(players[role]));
     return red === blue ? "Red hunts, blue flees" : `Red: ${red}. Blue: ${blue}`;
@@ -88,12 +89,25 @@ export function describeChance({ game }, me, number) {
   return number === null ? `An agent in your place would not ${better} either.` : `At ${asTime(number * game.dt)} an agent in your place would still ${better}.`;
 }
 
-/** Return how a game is started and steered by a number of people, whether their opponent is a trained network, and whether walls hide it. */
-export function describeReady(people, isTaught, isFoggy) {
+const SHIELDS = {
+  [Infinity]: "Your shield brakes for you.",
+  2: "Your shield brakes for you twice; after that brake yourself: ↓.",
+};
+
+/**
+ * Return what a game is about and how it is started and steered: first the line that a person reads first.
+ *
+ * @param people how many play; `me` is the side of the one person who does, or null
+ * @param isFoggy whether walls hide the opponent
+ * @param shields how often a shield brakes for the person
+ */
+export function describeReady({ people, me, isFoggy, shields }) {
   const touch = matchMedia("(pointer: coarse)").matches;
-  const keys = people === 2 ? "red steers by W A S D, blue by the arrow keys" : "↑ speeds up, ↓ brakes, ← → turn";
-  const how = people ? (touch ? "hold the pad to steer" : keys) : "agents play";
-  const fog = isFoggy ? ". Grey is where the other may be" : "";
-  const whom = isTaught && !isFoggy ? ". Your opponent is a neural network that taught itself" : "";
-  return `${touch || self !== top ? "Start" : "Space"} to begin; ${how}${fog}${whom}`;
+  const first = { [EVADER]: "Red is hunting you.", [PURSUER]: "Blue flees: cut it off." }[me];
+  const both = touch ? "red has the left pad, blue the right one" : "red steers by W A S D, blue by the arrow keys";
+  const alone = touch ? "hold the pad to steer" : "↑ speeds up, ↓ brakes, ← → turn";
+  const how = { 0: "agents play", 1: alone, 2: both }[people];
+  const begin = `${touch || self !== top ? "Start" : "Space"} to begin; ${how}.`;
+  const fog = isFoggy ? "Hatched is where the other may be." : "";
+  return [first, [begin, SHIELDS[shields], fog].filter(Boolean).join(" ")].filter(Boolean).join("\n");
 }

@@ -12,6 +12,7 @@ import sys
 import time
 from pathlib import Path
 
+from apollonius_ros import end_without_ros
 from apollonius_ros.export import Export
 from apollonius_ros.pilot import Pilot, Robot
 
@@ -27,9 +28,7 @@ try:
     from rclpy.signals import SignalHandlerOptions
     from std_msgs.msg import Bool, String
 except ImportError as error:
-    remedy = "install ROS 2, and give first: source /opt/ros/DISTRIBUTION/setup.bash"
-    print(f"apollonius_ros: {str(error).splitlines()[0]}: {remedy}", file=sys.stderr)
-    sys.exit(2)
+    end_without_ros(error)
 
 
 class Bag:
