@@ -110,8 +110,8 @@ def write_sources(folder: Path) -> None:
 def notebook(text: str) -> str:
     """Return a tutorial as a Jupyter notebook, in which Python, commands and named files are cells to run.
 
-    What waits for a person, `apollonius play`, and what a program prints stay text, and links become their words. A cell of commands stops where
-    one fails.
+    What waits for a person, `apollonius play`, and what a program prints stay text, and links become their words. A
+    cell of commands stops where one fails.
     """
     magic = {"python": "", "sh": "%%sh -e\n", "toml": "%%writefile {}\n"}
     cells: list[dict[str, object]] = []
