@@ -7,11 +7,9 @@ BIN := $(VENV)/bin
 .PHONY: demo site page paper check test test-all mutants wheel bench lock clean
 .DELETE_ON_ERROR:
 
-# Trains a pursuer and an evader from scratch, in two minutes of a core, and plays early and late evaders against a rule.
+# Trains a pursuer and an evader from nothing, in two minutes of a core; what they learned, and a report to open.
 demo: $(VENV)/installed
 	$(BIN)/apollonius train --preset quick --out runs/demo --force
-	@echo "The evader after a quarter of its training and after all of it, against a rule that it never met:"
-	$(BIN)/apollonius tournament --pursuers shielded:intercept --evaders demo/E_curriculum-25 demo/E_curriculum --games 500
 	$(BIN)/apollonius report runs/demo
 	@echo "To go on:"
 	@echo "  $(BIN)/apollonius play --against demo/P_curriculum      flee from the pursuer that you have trained"

@@ -69,10 +69,10 @@ def leaderboard() -> str:
     return "\n## The cards\n\n" + "\n".join(rows) + "\n"
 
 
-def what_is_known() -> str:
-    """Return the README's part of that name."""
+def sections_of_readme() -> str:
+    """Return what the home page shows of the README: all between the demo and the list of documents."""
     text = (REPOSITORY / "README.md").read_text(encoding="utf-8")
-    return "\n" + text[text.index("## What is known") : text.index("## Documentation")]
+    return "\n" + text[text.index("## Environments") : text.index("## Documentation")]
 
 
 def documents() -> dict[str, Path]:
@@ -99,7 +99,7 @@ def write_sources(folder: Path) -> None:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         page = at_home(text, path)
         if name == "index.md":
-            page += at_home(what_is_known(), REPOSITORY / "README.md")
+            page += at_home(sections_of_readme(), REPOSITORY / "README.md")
         if name.startswith("tutorials/") and path.stem != "index":
             (folder / name).with_suffix(".ipynb").write_text(notebook(text), encoding="utf-8")
             title, _, below = page.partition("\n")
@@ -110,15 +110,16 @@ def write_sources(folder: Path) -> None:
 def notebook(text: str) -> str:
     """Return a tutorial as a Jupyter notebook, in which Python, commands and named files are cells to run.
 
-    What waits for a person, `apollonius play`, stays text, and links become their words. A cell of commands stops where
-    one fails.
+    What waits for a person, `apollonius play`, and what a program prints stay text, and links become their words. A
+    cell of commands stops where one fails.
     """
     magic = {"python": "", "sh": "%%sh -e\n", "toml": "%%writefile {}\n"}
     cells: list[dict[str, object]] = []
     for part in filter(str.strip, _BLOCK.split(text)):
         language, _, code = part.removeprefix("```").removesuffix("```\n").partition("\n")
         named = re.match(r"# (\S+)\n", code)
-        if part.startswith("```") and "apollonius play" not in code and (language != "toml" or named):
+        runs = part.startswith("```") and language in magic and (language != "toml" or named)
+        if runs and "apollonius play" not in code:
             source = magic[language].format(named and named[1]) + code.rstrip("\n")
             cells += [{"cell_type": "code", "execution_count": None, "metadata": {}, "outputs": [], "source": source}]
         else:

@@ -10,6 +10,7 @@ from apollonius.io.errors import LONGEST_MESSAGE, shown
 
 if TYPE_CHECKING:
     from apollonius.cli.display import Display
+    from apollonius.evaluate.learning import Curve
     from apollonius.evaluate.match import Match, MatchResult
     from apollonius.evaluate.solved import Card
     from apollonius.evaluate.tournament import Advice, Tournament
@@ -104,6 +105,19 @@ def columns(rows: Sequence[Sequence[str]]) -> list[str]:
     """Return rows as lines of text with aligned cells, the first to the left and the others to the right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return ["  ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]) for row in rows]
+
+
+_QUARTERS = 0, 25, 50, 75, 100
+"""Parts of a stage that a table of learning shows [%]."""
+
+
+def learning_table(curves: "Sequence[Curve]") -> str:
+    """Return what a training changed as lines of text: a row for each curve, a column for each quarter of its stage."""
+    rows = [("What they learned, after", *[f"{percent} %" for percent in _QUARTERS], "of the stage")]
+    for curve in curves:
+        shares = [curve.wins.get(percent) for percent in _QUARTERS]
+        rows.append((f"  {curve.about}", *["-" if share is None else f"{share:.1%}" for share in shares], ""))
+    return "\n".join(row.rstrip() for row in columns(rows))
 
 
 def comparison_table(match: "Match", comparison: "Comparison") -> str:

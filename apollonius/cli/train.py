@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from apollonius.cli.options import LENGTHS, add_workers, command, finish
 from apollonius.cli.runs import train_all
 from apollonius.cli.solve import solved_game
-from apollonius.cli.terminal import match_table, training_notes
+from apollonius.cli.terminal import learning_table, match_table, training_notes
 from apollonius.cli.values import (
     count,
     existing_file,
@@ -145,6 +145,7 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
 def _train_and_judge(config: "RunConfig", folder: Path, options: argparse.Namespace) -> int:
     """Train to the end or to Ctrl-C; at the end judge the new agents."""
     from apollonius.arenas.suite import each_alone
+    from apollonius.evaluate.learning import learning_curves
     from apollonius.evaluate.pairings import evaluate_run
     from apollonius.learn.folder import agent_file
     from apollonius.learn.metrics import Tracker
@@ -187,5 +188,6 @@ def _train_and_judge(config: "RunConfig", folder: Path, options: argparse.Namesp
         return 0
     display.begin("judging", compiles=True)
     evaluate_run(folder, config.game, tell, display.report)
+    print(learning_table(learning_curves(folder, config, display.report)), end="\n\n", flush=True)
     finish(options, folder, then=command("report", folder))
     return 0

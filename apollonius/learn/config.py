@@ -159,7 +159,7 @@ PRESETS: dict[str, RunConfig] = {
         self_play=SelfPlayConfig(env_steps=8_000_000),
     ),
     "quick": RunConfig(
-        dqn=DQNConfig(width=96, depth=3, learning_rate=1e-3),
+        dqn=DQNConfig(width=128, depth=3, learning_rate=3e-3, exploration_fraction=0.1),
         fixed_target=StageConfig(env_steps=8_000_000, evaluations=8, evaluation_games=500),
         self_play=SelfPlayConfig(env_steps=6_000_000, evaluations=8, evaluation_games=500),
     ),

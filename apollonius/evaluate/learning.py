@@ -1,0 +1,82 @@
+"""What a training changed: how often its agents win, from stage to stage and within each, against fixed opponents."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from apollonius.evaluate.match import Match, play_matches
+from apollonius.evaluate.pairings import last_agents
+from apollonius.game.types import BySide, Role
+from apollonius.learn.config import FIXED_TARGET, SELF_PLAY, RunConfig
+from apollonius.learn.folder import METRICS
+from apollonius.learn.metrics import load_metrics
+from apollonius.play.playout import Report, silent
+
+OPPONENTS = BySide(pursuer="flee-aware", evader="pure-pursuit")
+"""The rules that a pursuer and an evader of self-play are measured by; no training of theirs meets them."""
+GAMES = 300
+"""Games of each match with one of them."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """How often one agent wins in the course of its stage."""
+
+    about: str
+    wins: dict[int, float]
+    """Share of games, by per cent of the stage."""
+
+
+def learning_curves(run: Path, config: RunConfig, report: Report = silent) -> list[Curve]:
+    """Measure the stages of a finished run: stage 1 by its evaluations, self-play by matches of its snapshots.
+
+    Self-play begins with the pursuer of stage 1, where there is one.
+    """
+    curves = [stage1_curve(run, config)] if FIXED_TARGET in config.plans else []
+    if SELF_PLAY not in config.plans:
+        return curves
+    matches = {
+        (role, percent): _match(config, role, file)
+        for role in Role
+        for percent, file in snapshots(run, config, role).items()
+    }
+    results = dict(zip(matches, play_matches([*matches.values()], report=report), strict=True))
+    for role in Role:
+        own = {percent: result for (side, percent), result in results.items() if side == role}
+        if role == Role.PURSUER:
+            about = f"self-play: pursuer beats {OPPONENTS.pursuer}"
+            wins = {percent: result.pursuer_win_rate for percent, result in own.items()}
+        else:
+            about = f"self-play: evader is not beaten by {OPPONENTS.evader}"
+            wins = {percent: result.evader_undefeated_rate for percent, result in own.items()}
+        curves.append(Curve(about, wins))
+    return curves
+
+
+def stage1_curve(run: Path, config: RunConfig) -> Curve:
+    """Read how often the pursuer of stage 1 captured in its evaluations."""
+    length = config.plans[FIXED_TARGET].stage.env_steps
+    wins: dict[int, float] = {}
+    for line in load_metrics(run / METRICS):
+        if line.stage == FIXED_TARGET and line.evaluation is not None:
+            outcomes = line.evaluation.outcomes
+            wins[round(100 * line.env_steps / length)] = outcomes["captured"] / sum(outcomes.values())
+    return Curve(f"stage 1: pursuer catches {', '.join(config.evaders)}", wins)
+
+
+def snapshots(run: Path, config: RunConfig, role: Role) -> dict[int, Path]:
+    """Return the files of one side's agents in self-play by per cent of the stage, from its beginning."""
+    name = f"{role.name[0]}_{config.kind}"
+    files: dict[int, Path] = {}
+    first = last_agents(run).get(config.stage1_name)
+    if role == Role.PURSUER and first is not None:
+        files[0] = first
+    for file in run.glob(f"agents/{name}-*.safetensors"):
+        files[int(file.stem.rpartition("-")[2])] = file
+    files[100] = run / "agents" / f"{name}.safetensors"
+    return dict(sorted(files.items()))
+
+
+def _match(config: RunConfig, role: Role, agent: Path) -> Match:
+    opponent = OPPONENTS[role]
+    pair = (str(agent), opponent) if role == Role.PURSUER else (opponent, str(agent))
+    return Match.of_names(config.game, *pair, games=GAMES, seed=2)
