@@ -74,7 +74,7 @@ def make_game(name: str) -> Game:
     if found := TEAM.fullmatch(name):
         return in_teams(paper(), int(found[1]), int(found[2]))
     if name not in PRESETS:
-        raise InvalidInput(f"no game is called '{name}': choose one of {', '.join(PRESETS)}, or as team-3v1.")
+        raise InvalidInput(f"unknown game '{name}'; choose one of {', '.join(PRESETS)}, or as team-3v1.")
     return PRESETS[name]()
 
 

@@ -15,6 +15,7 @@ from apollonius.io.workers import Job, Run, run_jobs
 from apollonius.learn.config import PRESETS
 from apollonius.learn.folder import agent_file, create_run, load_config
 from apollonius.learn.run import train
+from apollonius.play.playout import Report, silent
 from apollonius.play.replay import Replay
 from apollonius.reproduce.finding import (
     Finding,
@@ -196,9 +197,14 @@ def reproduce(
     games: int = 10_000,
     report: Callable[[str], None] = print,
     run: Run = run_jobs,
+    begin: Callable[[str], None] = lambda what: None,
+    progress: Report = silent,
 ) -> None:
     """Train the agents of seeds from 0 by a preset, make every section and write the report; raises InvalidInput for
     impossible numbers, and a folder that is not empty unless `resume` is given.
+
+    A line is reported at the end of each section; `begin` gets each section's name when its turn comes, and `progress`
+    the number of its games that are over.
     """
     require(budget in PRESETS, "budget", budget, f"one of {', '.join(PRESETS)}")
     SEEDS.require("seeds", seeds)
@@ -207,10 +213,11 @@ def reproduce(
     is_new = not folder.exists() or not any(folder.iterdir())
     require(resume or is_new, "folder", folder, "a new one, as this one is not empty; choose another or resume it")
     folder.mkdir(parents=True, exist_ok=True)
-    study = Study(folder, budget, tuple(range(seeds)), games)
+    study = Study(folder, budget, tuple(range(seeds)), games, progress)
     _train_missing(study, report, run)
     findings = []
     for section in SECTIONS:
+        begin(f"playing and drawing {section.__name__.replace('_', ' ')}")
         findings.append(section(study))
         report(f"done: {findings[-1].title}")
     write_report(study, findings)
@@ -229,4 +236,5 @@ def _train_missing(study: Study, report: Callable[[str], None], run: Run) -> Non
         if not all(agent_file(folder, agent).is_file() for agent in agents):
             missing.append(folder)
     report(f"{len(missing)} of {len(study.trainings())} trainings to do")
-    run([Job(f"the training in '{one}'", train, (one.absolute(),)) for one in missing])
+    if missing:
+        run([Job(f"the training in '{one}'", train, (one.absolute(),)) for one in missing])
