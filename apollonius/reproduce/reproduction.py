@@ -104,12 +104,16 @@ def figure_6(study: Study) -> Finding:
         Claim("E_curriculum undefeated by P_scratch", "Fig. 6", 0.70, 0.70, rates(fleeing, undefeated)),
     )
     names = ["P_curriculum wins\nagainst E_scratch", "E_curriculum undefeated\nby P_scratch"]
+    ours = claims[0].values, [*zip(*claims[1].values, strict=True)]  # a row for each training of the curriculum
     with style.picture(study.folder / "figure6.png") as (axes,):
-        draw_strips(axes, names, [claim.values for claim in claims], [claim.prediction.interval for claim in claims])
+        draw_strips(axes, names, ours, [claim.prediction.interval for claim in claims], palette.SIDES)
         axes.axhline(70, color=palette.INK, linewidth=0.8, linestyle=":")
         axes.set_title("against agents from scratch (dotted: the paper's 70 %)")
     text = beside_the_paper({"P_curriculum v E_scratch": chasing, "P_scratch v E_curriculum": fleeing}, paper={})
-    text += "\n\nDots: pairs of trainings; colours: the pursuer's; lines: the evader's; bars: predictions."
+    text += (
+        "\n\nEach coloured line is one training of the curriculum, from its worst to its best against the trainings "
+        "from scratch, with a dot at its mean. The black line is where another pair would lie with 95 %."
+    )
     data = as_data({"chasing": chasing, "fleeing": fleeing})
     return Finding("Fig. 6: curriculum against scratch", text, ("figure6.png",), claims, data)
 

@@ -180,7 +180,8 @@ def test_players_are_named_with_what_they_do_for_people_and_for_programs(capsys)
         assert {name for name in sides if role not in sides[name]}.isdisjoint(player_names(role, game))
 
 
-def test_slice_draws_an_agent_that_reads_a_chart(capsys):
+def test_slice_draws_an_agent_that_reads_a_chart(capsys, monkeypatch):
+    monkeypatch.setattr("apollonius.show.slices.CELLS", 20)
     assert run_main("slice", "pursuer", "--opponent", "5", "5", "--opponent-speed", "1.2", "--out", "new/s.png") == 0
     told = capsys.readouterr().err.splitlines()
     assert told[0].startswith("wrote new/s.png (")
