@@ -476,7 +476,7 @@ def test_a_pipe_in_the_place_of_metrics_is_refused(capsys):
 
 
 def test_simulate_prints_both_matches_and_records_games(capsys):
-    pytest.importorskip("mujoco")
+    pytest.importorskip("mujoco", reason="needs mujoco: pip install mujoco")
     Path("short.toml").write_text("max_steps = 15\n", encoding="utf-8")
     words = "simulate pure-pursuit flee --games 3 --game short.toml --record 1"
     assert run_main(*words.split()) == 0

@@ -84,7 +84,7 @@ def test_impossible_drives_are_refused():
             Drive(**{name: value})
 
 
-pytest.importorskip("mujoco")
+pytest.importorskip("mujoco", reason="needs mujoco: pip install mujoco")
 PAPER = make_game("paper")
 HERE = np.array([[2.0, 5.0, 0.0, 0.5, 8.0, 8.0, 0.6, -2.5], [1.0, 1.0, 0.3, 3.1, 9.0, 9.0, 0.0, 0.0]])
 
