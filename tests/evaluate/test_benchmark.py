@@ -325,9 +325,8 @@ def test_a_model_plays_in_onnxruntime(tmp_path):
 def test_models_that_cannot_play_are_refused_in_a_line(tmp_path):
     (tmp_path / "beside.bin").write_bytes(bytes(4 * 72))
     multiply = "MatMul", ["x0", "w"], {}
-    size = pytest.importorskip("onnx", reason="needs onnx: pip install onnx").numpy_helper.from_array(
-        np.array([2, 1 << 36]), "w"
-    )
+    onnx = pytest.importorskip("onnx", reason="needs onnx: pip install onnx")
+    size = onnx.numpy_helper.from_array(np.array([2, 1 << 36]), "w")
     refused = {
         "without external data": model(
             multiply, weights=[weights(location=str(tmp_path / "beside.bin"), length="288")]
