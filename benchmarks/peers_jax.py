@@ -29,7 +29,7 @@ class Actor(eqx.Module):
 
 
 class Steps(NamedTuple):
-    """Steps of all games, or a batch of them; leaves begin with [steps, games] or [batch]."""
+    """Steps of all games, or a batch; leaves begin with [steps, games] or [batch]."""
 
     seen: Float[Array, "... size"]
     action: Int[Array, "..."]

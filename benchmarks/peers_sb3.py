@@ -1,5 +1,7 @@
 """Stable-Baselines3 in the `paper` game, for `time_to_96.py`: its DQN and its PPO, many games at a time."""
 
+# pyright: reportMissingImports=false, reportUntypedBaseClass=false
+
 from collections.abc import Callable, Sequence
 from typing import Any
 

@@ -176,7 +176,7 @@ def in_the_course(study: Counted) -> Finding:
         axes.axhline(70, color=palette.INK, linewidth=0.8, linestyle=":")
         axes.set(xlabel="self-play [%]", ylabel="games [%]", ylim=(0, 103))
         axes.set_title("mean of all pairs, and where another would lie with 95 % (dotted: the paper)")
-        axes.legend(loc="upper right")
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=2)
     rows = [[f"{percent:g} %", *both] for percent, *both in zip(percents, *cells, strict=True)]
     text = markdown_table(["self-play", *(claim for claim, *_ in claims)], rows)
     return Finding("Fig. 6 in the course of self-play: mean [95 % prediction], chance of 70 %", text, ("course.png",))

@@ -32,8 +32,8 @@ INTERVAL = 2.0
 """Seconds of a core between two looks."""
 BRAKE = jnp.int32(1)
 """What the evader does."""
-Layers = list[tuple[Float[Array, "out in"], Float[Array, " out"]]]
-"""Weights and biases of a network whose largest output is the action."""
+Layers = Sequence[tuple[Any, Any]]
+"""Weights `[out, in]` and biases `[out]` of a network whose largest output is the action."""
 Network = tuple[str, Layers]
 """A network's activation and layers."""
 
@@ -65,7 +65,7 @@ def captured(activation: str, layers: Layers, states: apollonius.GameState) -> I
             return (state, jnp.where(over, outcome, after.outcome)), None
 
         first = state, jnp.int32(Outcome.ONGOING)
-        (_, outcome), _ = jax.lax.scan(one_step, first, length=GAME.max_steps)
+        (_, outcome), _ = jax.lax.scan(one_step, first, length=int(GAME.max_steps))
         return outcome
 
     return jnp.sum(jax.vmap(play)(states) == Outcome.CAPTURED)

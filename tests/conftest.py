@@ -54,6 +54,14 @@ def charts_are_kept():
     _latest._most = 32
 
 
+@pytest.fixture(scope="session", autouse=True)
+def no_line_of_progress_comes_between():
+    """However busy the machine is; tests of these lines set their own time."""
+    from apollonius.cli import display
+
+    display._FIRST_LINE_SECONDS = display._LOADING_SECONDS = 600.0
+
+
 @pytest.fixture(scope="module", autouse=True)
 def forget_compilations():
     """A process that keeps the compilations of a thousand tests comes to the end of its maps or of the memory."""

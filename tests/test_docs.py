@@ -260,7 +260,7 @@ def test_a_reader_who_follows_a_document_gets_to_its_end(name, tmp_path, monkeyp
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["jax", "environments", "teams"])
 def test_python_in_a_guide_runs(name):
-    pytest.importorskip("pettingzoo")
+    pytest.importorskip("pettingzoo", reason="needs pettingzoo: pip install pettingzoo")
     names = {}
     for block in blocks(DOCS / "how-to" / f"{name}.md"):
         if block.language == "python":

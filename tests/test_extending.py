@@ -202,7 +202,7 @@ def test_a_file_plays_greedily_its_own_side_and_an_agent_of_a_run_is_called_afte
     _, bare, of_zoo = others = [find_player(name, Role.PURSUER, PAPER) for name in names]
     assert [one.name for one in others] == names
     assert eqx.tree_equal(of_zoo.policy, bare.policy)
-    with pytest.raises(InvalidInput, match="'demo/P_stage2': choose one of"):
+    with pytest.raises(InvalidInput, match="unknown agent 'demo/P_stage2'; apollonius players lists"):
         find_player("demo/P_stage2", Role.PURSUER, PAPER)
 
 
@@ -216,7 +216,7 @@ class Echo(AbstractKind):
 
 
 def test_a_new_kind_is_known_everywhere_once_it_is_registered(monkeypatch):
-    with pytest.raises(InvalidInput, match="no agent is called 'always:1'"):
+    with pytest.raises(InvalidInput, match="unknown agent 'always:1'"):
         find_player("always:1", Role.EVADER, PAPER)
     monkeypatch.setattr(catalogue, "KINDS", (*catalogue.KINDS, Echo()))
     assert isinstance(find_player("always:1", Role.EVADER, PAPER).policy, Still)

@@ -195,7 +195,7 @@ def use_decisions(path):
 
 def bag_files(name, folder):
     """Return a file of a bag that a robot recorded."""
-    pytest.importorskip("rosbags")
+    pytest.importorskip("rosbags", reason="needs rosbags: pip install rosbags")
     write_bag(folder / "bag", json.dumps(EXPORT), [json.dumps(one) for one in (SOUND, BRAKED)])
     return [(folder / "bag" / name).read_bytes()]
 

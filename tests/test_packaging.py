@@ -92,7 +92,7 @@ def test_with_its_extras_it_reports_and_is_an_environment(built, tmp_path):
 
 
 def test_both_archives_say_what_they_are(built):
-    pytest.importorskip("twine")
+    pytest.importorskip("twine", reason="needs twine: pip install twine")
     check = [sys.executable, "-m", "twine", "check", "--strict", *built.iterdir()]
     subprocess.run(check, check=True, capture_output=True, timeout=120)
     names = zipfile.ZipFile(built / f"apollonius-{__version__}-py3-none-any.whl").namelist()

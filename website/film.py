@@ -12,12 +12,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from PIL import Image
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Page, ViewportSize, sync_playwright
 
 from apollonius.web.server import make_server
 from apollonius.web.site import write_site
 
-SCREEN = {"width": 1280, "height": 632}
+SCREEN = ViewportSize(width=1280, height=632)
 SECONDS = 12.0
 PER_SECOND = 8
 """Frames of the film, and so of the page's time."""
@@ -27,7 +27,7 @@ COLOURS = 128
 def frames(page: Page) -> Iterator[Image.Image]:
     """Yield what the page shows, frame by frame."""
     for _ in range(round(SECONDS * PER_SECOND)):
-        page.clock.run_for(1000 / PER_SECOND)
+        page.clock.run_for(1000 // PER_SECOND)
         yield Image.open(io.BytesIO(page.screenshot())).convert("RGB")
 
 

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from apollonius.agents.names import BUILT_IN
+from apollonius.agents.names import BUILT_IN, LISTED
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.store import AgentHeader
 from apollonius.game.game import Game
@@ -45,4 +45,4 @@ def unknown(name: str, *kinds: AbstractKind) -> InvalidInput:
     looks = ", or ".join(kind.looks for kind in kinds if kind.looks)
     known = [one for kind in kinds for one in kind.names()]
     meant = None if name in BUILT_IN or any(mark in name for mark in "/:") else nearest(name, known)
-    return InvalidInput(unknown_name("agent", name, known, looks, meant))
+    return InvalidInput(unknown_name("agent", name, f"{LISTED}; or give {looks}", meant))

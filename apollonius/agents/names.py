@@ -26,6 +26,8 @@ BUILT_IN = {
 }
 """Players that need no file: the sides that they play, and what they do (`apollonius.agents.built_in`)."""
 
+LISTED = "apollonius players lists all that there are"
+"""The end of a message about an unknown name."""
 SHIELDED = "shielded:"
 """Prefix that puts the player of a name behind a shield."""
 SEARCHING = "searching:"

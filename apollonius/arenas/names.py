@@ -22,4 +22,5 @@ def game_names() -> list[str]:
 
 def unknown_game(name: str) -> str:
     others = f"one of a suite, as '{SUITES[0]}/racks-07', one of teams, as 'team-3v1' or 'team-3v1/office'"
-    return unknown_name("game", name, game_names(), f"{others}, or a .toml or .json file", nearest(name, game_names()))
+    known = f"choose one of {', '.join(game_names())}, or give {others}, or a .toml or .json file"
+    return unknown_name("game", name, known, nearest(name, game_names()))

@@ -56,7 +56,7 @@ def run_check(options: argparse.Namespace) -> int:
     saved = out is not None and out.suffix == ".json"
     require(not (saved and options.out.exists()), "--out", out, "a new file; choose another name")
     game = game_in_one_arena(options.game, "arena check")
-    options.display.begin("surveying the arena", compiles=True)
+    options.display.begin("surveying the arena")
     found = survey(game)
     notes = [*found.notes, *missed_passage(game)]
     lines = [*(f"wrong: {line}" for line in found.wrong), *(f"note: {line}" for line in notes)]
@@ -65,7 +65,7 @@ def run_check(options: argparse.Namespace) -> int:
     if options.players:
         from apollonius.evaluate.tournament import advise
 
-        options.display.begin("playing the players against each other", compiles=True)
+        options.display.begin("playing the players against each other")
         advice = advise(game, GAMES, report=options.display.report)
         data["players"] = advice.to_dict()
         verdict.append(advice_table(advice))

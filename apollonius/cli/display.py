@@ -1,36 +1,51 @@
-"""Progress of a command and its time left, on standard error: a live bar in a terminal, else a line every 10 s."""
+"""Progress of a command on standard error: a live bar in a terminal, else plain lines, ever farther apart."""
 
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from datetime import timedelta
+from itertools import pairwise
 
 from rich.console import Console, RenderableType
-from rich.progress import BarColumn, Progress, SpinnerColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, Task, TextColumn
 from rich.table import Table
+from rich.text import Text
 
+from apollonius.io.compiling import compiling_seconds
 from apollonius.io.errors import LONGEST_MESSAGE, shown
 from apollonius.io.interrupts import before_leaving
 
-_LINE_SECONDS = 10.0
-"""Time between two plain lines."""
+_FIRST_LINE_SECONDS = 1.0
+"""Time after which a piece of work has its first plain line."""
+_LOADING_SECONDS = 10.0
+"""The same before the first piece: a refusal, which comes there, is the only line."""
+_LINE_SECONDS = 10.0, 60.0
+"""Least and greatest time between two plain lines of a piece; in between it is a third of the piece's time."""
+_LOOK_SECONDS = 0.2
+"""Time between two looks at whether a line is due."""
 _SPEED_SECONDS = 600.0
 """Time over which speed is measured: trainings and sweeps may report once a minute."""
+_MEASURED = 2
+"""Fewest intervals between reports from which a time left is estimated."""
 
 
 class Display(Progress):
     """The progress of a command, as a context manager around all its work; plain lines begin with its name."""
 
     def __init__(self, command: str, get_time: Callable[[], float] = time.monotonic) -> None:
-        self._command, self._over, self._what = command, threading.Event(), "loading"
+        self._command, self._over = command, threading.Event()
         self._notes: Mapping[str, str] = {}
-        columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn()
+        self._share: Callable[[], float] | None = None
         super().__init__(
-            SpinnerColumn(), *columns, console=Console(stderr=True), transient=True, get_time=get_time,
-            redirect_stdout=sys.stdout.isatty(), refresh_per_second=4, speed_estimate_period=_SPEED_SECONDS,
+            SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), _Words(self._words),
+            console=Console(stderr=True), transient=True, get_time=get_time,
+            redirect_stdout=sys.stdout.isatty(), refresh_per_second=4,
         )  # fmt: skip
-        self._task = self.add_task(self._what, total=None)
+        self._task = self.add_task("loading", total=None)
+        self.begin("loading")
+        self._next_line = _LOADING_SECONDS
 
     def start(self) -> None:
         if self.console.is_terminal:
@@ -45,15 +60,25 @@ class Display(Progress):
         if self.live.is_started:
             super().stop()
 
-    def begin(self, what: str, compiles: bool = False) -> None:
-        """Begin a piece of work, in words; one that `compiles` first cannot report before that is done."""
-        self._what, self._notes = what, {}
-        self.reset(self._task, total=None, description=f"{what} (compiling)" if compiles else what)
+    def begin(self, what: str, share: Callable[[], float] | None = None) -> None:
+        """Begin a piece of work, in words; `share` is asked for the part that is done if nobody reports it."""
+        self._notes, self._share = {}, share
+        self._begun = self._asked = self.get_time()
+        self._next_line = _FIRST_LINE_SECONDS
+        self._reports = deque[tuple[float, float]](maxlen=1_000)
+        self.reset(self._task, total=None, description=what)
         self.tasks[0].total = None  # which `reset` leaves as it was
 
     def report(self, done: int | float, total: int | float) -> None:
         """Set how much of the piece is done, in any unit."""
-        self.update(self._task, total=total, completed=done, description=self._what)
+        now = self.get_time()
+        if self._reports and done < self._reports[-1][1]:
+            self._reports.clear()
+        if not self._reports or done > self._reports[-1][1]:
+            self._reports.append((now, done))
+        while len(self._reports) > _MEASURED + 1 and now - self._reports[0][0] > _SPEED_SECONDS:
+            self._reports.popleft()
+        self.update(self._task, total=total, completed=done)
 
     def note(self, notes: Mapping[str, str]) -> None:
         """Set further facts about the piece, in words by name."""
@@ -65,13 +90,26 @@ class Display(Progress):
 
     def state(self) -> str:
         """Return the progress in words."""
-        task = self.tasks[0]
-        left = [] if task.time_remaining is None else [f"{timedelta(seconds=task.time_remaining)} left"]
         notes = (f"{name} {value}" for name, value in self._notes.items())
-        return ", ".join([task.description, f"{task.percentage:.1f}%", *left, *notes])
+        return ", ".join([self.tasks[0].description, self._words(), *notes])
+
+    def seconds_left(self) -> float | None:
+        """Return the time left by the pace of the reports [s].
+
+        None before enough reports, and while the next one takes unusually long.
+        """
+        total, reports = self.tasks[0].total, [*self._reports]
+        if total is None or len(reports) <= _MEASURED:
+            return None
+        (begun, first), (latest, done) = reports[0], reports[-1]
+        silence, longest = self.get_time() - latest, max(later - time for (time, _), (later, _) in pairwise(reports))
+        if silence > max(2 * longest, 1.0):
+            return None
+        return max(0.0, (total - done) * (latest - begun) / (done - first) - silence)
 
     def get_renderables(self) -> Iterable[RenderableType]:
         """Yield the live view."""
+        self._ask()
         yield self.make_tasks_table(self.tasks)
         if self._notes:
             notes = Table(show_header=False, box=None, pad_edge=False)
@@ -79,7 +117,43 @@ class Display(Progress):
                 notes.add_row(f"  {name}", value)
             yield notes
 
+    def _words(self) -> str:
+        """Return the share that is done, the time so far and the time left, and the compilation under way if any."""
+        words = [] if self.tasks[0].total is None else [f"{self.tasks[0].percentage:.1f}%"]
+        words.append(_clock(self.get_time() - self._begun))
+        left, compiling = self.seconds_left(), compiling_seconds()
+        if left is not None:
+            words.append(f"{_clock(left)} left")
+        if compiling >= 1:
+            words.append(f"compiling (once) for {_clock(compiling)}")
+        return ", ".join(words)
+
+    def _ask(self) -> None:
+        """Ask for the share that is done, at most once a second."""
+        if self._share and self.get_time() - self._asked >= 1:
+            self._asked = self.get_time()
+            self.report(self._share(), 1)
+
     def _write_lines(self) -> None:
-        while not self._over.wait(_LINE_SECONDS):
-            if self.tasks[0].total is not None:  # a refusal, which comes before the first report, is the only line
+        least, greatest = _LINE_SECONDS
+        while not self._over.wait(_LOOK_SECONDS):
+            age = self.get_time() - self._begun
+            if age >= self._next_line:
+                self._next_line = age + min(max(age / 3, least), greatest)
+                self._ask()
                 self.tell(f"apollonius {self._command}: {self.state()}")
+
+
+class _Words(ProgressColumn):
+    """A column with words that change as time passes."""
+
+    def __init__(self, words: Callable[[], str]) -> None:
+        super().__init__()
+        self._get_words = words
+
+    def render(self, task: Task) -> Text:
+        return Text(self._get_words())
+
+
+def _clock(seconds: float) -> str:
+    return str(timedelta(seconds=round(seconds)))

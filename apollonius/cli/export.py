@@ -38,7 +38,7 @@ def run_export(options: argparse.Namespace) -> int:
     )
     role = side_of(name, options.side)
     game = game_in_one_arena(options.game, "export") if options.game else home_of(name)
-    options.display.begin(f"writing the player and comparing it in {STATES:,} states", compiles=True)
+    options.display.begin(f"writing the player and comparing it in {STATES:,} states")
     warn(options, game, [find_player(name, role, game)])
     player = find_exportable(name, role, game)
     files, about = write_c(player, out, options.constants) if options.to == "c" else write_onnx(player, out)
@@ -64,7 +64,7 @@ def run_replay(options: argparse.Namespace) -> int:
 
     bag = load_bag(Path(options.bag))
     game = game_in_one_arena(options.game, "replay") if options.game else bag.game
-    options.display.begin("asking the agent again", compiles=True)
+    options.display.begin("asking the agent again")
     name = options.agent or bag.player
     found, asked = ask_again(bag, name, game), len(bag.asked)
     braked = len(bag.decisions) - asked

@@ -55,7 +55,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
         return answer_varied(options, play_match)
     require(options.out is None, "--out", options.out, "given with --vary, whose values it draws")
     match = requested_match(options, in_one_arena=options.record > 0)  # of which a replay is
-    options.display.begin(f"playing {match.games:,} games", compiles=True)
+    options.display.begin(f"playing {match.games:,} games")
     results = play_games(match, report=options.display.report)
     result, games = count(match, results), (record_game(match, index) for index in worst_first(results))
     return answer_with_replays(options, match, result.to_dict(), match_table(match, result), "game", games)
@@ -72,9 +72,9 @@ def run_simulate(options: argparse.Namespace) -> int:
     if options.vary:
         return answer_varied(options, lambda match, report: count(match, simulate_match(match, drive, report).results))
     match = requested_match(options, in_one_arena=True)
-    display.begin("playing with bodies", compiles=True)
+    display.begin("playing with bodies")
     simulated = simulate_match(match, drive, display.report)
-    display.begin("playing by the rules", compiles=True)
+    display.begin("playing by the rules")
     comparison = compare(match, play_games(match, report=display.report), simulated)
     courses = (record_course(simulated, match, index) for index in worst_first(simulated.results))
     text = comparison_table(match, comparison)
@@ -106,7 +106,7 @@ def run_tournament(options: argparse.Namespace) -> int:
     players = ROLES.map(lambda role: [find_player(name, role, game) for name in names[role]])
     warn(options, game, (*players.pursuer, *players.evader))
 
-    options.display.begin(f"playing {len(players.pursuer) * len(players.evader)} matches", compiles=True)
+    options.display.begin(f"playing {len(players.pursuer) * len(players.evader)} matches")
     asked_for = game, players, options.games, options.seed
     tournament = play_tournament(*asked_for, options.display.report, jobs_run(options))
     starts = game.starts.speed
@@ -151,7 +151,7 @@ def run_judge(options: argparse.Namespace) -> int:
     outside = options.agent.endswith(ONNX)
     require(options.side or not outside, "--side", None, "given for an agent from outside: pursuer or evader")
     role = Role[options.side.upper()] if outside else side_of(options.agent, options.side)
-    options.display.begin("playing the benchmark", compiles=True)
+    options.display.begin("playing the benchmark")
     card = judge(Benchmark(options.track, role), options.agent, options.display.report, jobs_run(options))
     write_atomically(options.out, to_json(asdict(card)).encode())
     _answer(options, card)
@@ -162,7 +162,7 @@ def run_judge(options: argparse.Namespace) -> int:
 def run_verify(options: argparse.Namespace) -> int:
     from apollonius.evaluate.suite_card import verify
 
-    options.display.begin("playing games of the card", compiles=True)
+    options.display.begin("playing games of the card")
     card = verify(options.card, options.agent, options.all, options.display.report)
     _answer(options, card, "it comes out: ")
     return 0

@@ -17,7 +17,8 @@ from apollonius.cli.show import add_play, add_report, add_show, add_slice
 from apollonius.cli.solve import add_pursuers, add_solve
 from apollonius.cli.train import add_resume, add_train
 from apollonius.io.cache import keep_compilations
-from apollonius.io.errors import LONGEST_MESSAGE, InvalidInput, nearest, shown
+from apollonius.io.compiling import watch_compilations
+from apollonius.io.errors import LONGEST_MESSAGE, InvalidInput, nearest, shown, unknown_name
 from apollonius.io.interrupts import INTERRUPTED, status, stopped
 from apollonius.version import __version__
 
@@ -67,13 +68,12 @@ class OneLineParser(argparse.ArgumentParser):
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         """Refuse a value that is no choice of an argument, and name the nearest choice."""
         if action.choices is not None and value not in action.choices:
-            near = nearest(str(value), map(str, action.choices))
+            known = [*map(str, action.choices)]
             if isinstance(action, argparse._SubParsersAction):  # pyright: ignore[reportPrivateUsage]
-                hint = f"; did you mean '{near}'?" if near else ""
-                raise argparse.ArgumentError(None, f"unknown command '{shown(value)}'{hint}")
-            if near:
-                raise argparse.ArgumentError(action, f"= {shown(value)} is not possible: did you mean '{near}'?")
-        super()._check_value(action, value)  # pyright: ignore[reportAttributeAccessIssue]
+                named, kind, remedy = None, "command", f"see {self.prog} --help"
+            else:
+                named, kind, remedy = action, "choice", f"choose one of {', '.join(known)}"
+            raise argparse.ArgumentError(named, unknown_name(kind, str(value), remedy, nearest(str(value), known)))
 
     def parse_known_args(  # pyright: ignore[reportIncompatibleMethodOverride]
         self, args: Any = None, namespace: Any = None
@@ -86,7 +86,7 @@ class OneLineParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         words = message.removeprefix("argument ").replace(": = ", " = ", 1).removesuffix(".")  # `values.unfit` has "= "
-        more = "" if words.endswith("?") else f"; see {self.prog} --help"
+        more = "" if words.endswith(("?", "--help")) else f"; see {self.prog} --help"
         print(f"{self.prog}: {shown(words, LONGEST_MESSAGE)}{more}", file=sys.stderr)
         sys.exit(2)
 
@@ -107,6 +107,7 @@ def main(arguments: list[str] | None = None) -> int:
         with Display(options.command) as options.display:
             if getattr(options, "compiles", True):
                 keep_compilations()  # which imports JAX
+                watch_compilations()
             return options.run(options)
     except InvalidInput as error:
         message = str(error)

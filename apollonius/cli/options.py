@@ -100,7 +100,7 @@ def answer_varied(options: argparse.Namespace, play: "Callable[..., MatchResult]
     game, names = game_in_one_arena(options.game, "--vary"), BySide(options.pursuer, options.evader)
     variations = tuple(Variation(*one) for one in options.vary)
     matches = varied_matches(game, names, variations, options.games, options.seed, options.starts)
-    options.display.begin("playing a match for each value", compiles=True)
+    options.display.begin("playing a match for each value")
     found = play_varied(matches, variations, options.display.report, play)
     answer(options, match_facts(options, found.match) | found.to_dict(), varied_table(found))
     if options.out:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from apollonius.cli.options import LENGTHS, add_json, add_workers, answer, command, finish
 from apollonius.cli.terminal import runs_table
@@ -68,21 +69,14 @@ def train_and_judge(folder: Path) -> bool:
 
 def train_all(runs: Sequence[Path], folder: Path, options: argparse.Namespace) -> int:
     """Train and judge runs at or below a folder as jobs, and list how they ended."""
-    from apollonius.learn.progress import progress_of, runs_below
+    from apollonius.learn.progress import mean_share, progress_of, runs_below
 
     display, on = options.display, options.on or "processes"
-    ended: list[str] = []
-
-    def tell(line: str) -> None:
-        ended.append(line)
-        display.tell(line)
-        display.report(len(ended), len(runs))
-
     go_on(f"go on with: {command('resume', folder, '--on', on)}")
-    display.begin(f"training {len(runs)} runs, on {on}")
+    display.begin(f"training {len(runs)} runs, on {on}", partial(mean_share, runs))
     jobs = [Job(str(run), train_and_judge, (run.absolute(),)) for run in runs]
     try:
-        run_jobs(jobs, tell, on, folder / "slurm")
+        run_jobs(jobs, display.tell, on, folder / "slurm")
     finally:
         display.stop()
         print(runs_table([progress_of(run) for run in runs_below(folder)], folder), flush=True)
@@ -102,15 +96,22 @@ def add_reproduce(parser: argparse.ArgumentParser) -> None:
 
 def run_reproduce(options: argparse.Namespace) -> int:
     require_extra("plot", "reproduce")
+    from apollonius.learn.progress import mean_share
     from apollonius.reproduce.reproduction import reproduce
 
+    display = options.display
     folder: Path = options.out or Path("runs") / f"reproduce-{options.budget}"
     asked = ("--budget", options.budget, "--seeds", options.seeds, "--out", folder, "--on", options.on)
     go_on(f"go on with: {command('reproduce', *asked, '--resume')}")
 
-    options.display.begin("reproducing the paper")
-    run = partial(run_jobs, on=options.on, logs=folder / "slurm")
-    reproduce(folder, options.budget, options.seeds, options.resume, options.games, run=run)
+    def run_all(jobs: Sequence[Job]) -> list[Any]:
+        display.begin("training", partial(mean_share, [job.arguments[0] for job in jobs]))
+        return run_jobs(jobs, on=options.on, logs=folder / "slurm")
+
+    reproduce(
+        folder, options.budget, options.seeds, options.resume, options.games, run=run_all, begin=display.begin,
+        progress=display.report,
+    )  # fmt: skip
     then = command("report", folder / "seed-0" / "curriculum")
     finish(options, folder / "report.md", folder / "results.json", then=then)
     return 0

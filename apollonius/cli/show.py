@@ -46,7 +46,7 @@ def run_show(options: argparse.Namespace) -> int:
         possible = f"from {animation.SLOWEST:g} to {animation.FASTEST:g} times real time"
         require(animation.SLOWEST <= options.speed <= animation.FASTEST, "--speed", options.speed, possible)
     display = options.display
-    display.begin("playing one game", compiles=True)
+    display.begin("playing one game")
     if options.evader is None:
         replay = load_replay(Path(options.pursuer))
         if (first := replay.first_difference()) is not None:
@@ -85,7 +85,7 @@ def run_report(options: argparse.Namespace) -> int:
     require_extra("plot", "report")
     from apollonius.show.report import report_of, save_report
 
-    options.display.begin("playing games and drawing", compiles=True)
+    options.display.begin("playing games and drawing")
     save_report(report_of(folder), out)
     finish(options, out, then=f"open {out} in a browser")
     return 0
@@ -125,7 +125,7 @@ def run_slice(options: argparse.Namespace) -> int:
         raise InvalidInput(f"agent = {options.agent} is not possible: it must be {nine}.")
     warn(options, game, [agent])
     game = charted(game, agent.policy.charted)
-    options.display.begin("asking the agent all over the arena", compiles=True)
+    options.display.begin("asking the agent all over the arena")
     save_slice(agent.policy, role, agent.name, game, own, opponent, options.out)
     players, gif = BySide.of(role, options.agent, "random"), options.out.with_suffix(".gif")
     finish(options, options.out, then=command("show", *players, *chosen_rules(options), "--out", gif))

@@ -35,10 +35,10 @@ def solved_game(
 
     def report(role: "Role", sweep: "Sweep") -> None:
         if sweep.number == 1:
-            display.begin(SOLVING[role], compiles=True)
+            display.begin(SOLVING[role])
         show_sweep(display, sweep)
 
-    display.begin(SOLVING[0], compiles=True)
+    display.begin(SOLVING[0])
     return cached_tables(game, counts, folder, report)
 
 
@@ -56,7 +56,7 @@ def requested_tables(options: argparse.Namespace, game: "Game") -> "BySide[Saddl
     from apollonius.solve.solving import FEW_PAIRS, joint_grid, table_player
 
     if options.tables:
-        options.display.begin(SOLVING[0], compiles=True)
+        options.display.begin(SOLVING[0])
         players = [table_player(path, game) for path in options.tables]
         sides = {player.zero_sum_game.role: player for player in players}
         require(len(sides) == 2, "--tables", " ".join(map(str, options.tables)), "a pursuer's and an evader's")
@@ -101,10 +101,10 @@ def run_solve(options: argparse.Namespace) -> int:
         if solution.problem != problem:
             raise InvalidInput(f"'{path}' holds the solution of another problem: give another --out, or --force.")
     else:
-        display.begin(f"solving {problem.kind} on {'x'.join(map(str, problem.counts))} nodes", compiles=True)
+        display.begin(f"solving {problem.kind} on {'x'.join(map(str, problem.counts))} nodes")
         solution = solve_problem(problem, game, partial(show_sweep, display))
         save_solution(solution, path)
-    display.begin("judging the table", compiles=True)
+    display.begin("judging the table")
     facts = about(solution, game) | {"file": str(path)}
     said = {name: f"{value:.4g}" if isinstance(value, float) else value for name, value in facts.items()}
     answer(options, facts, "\n".join(f"{name:<52} {value}" for name, value in said.items()))
@@ -148,7 +148,7 @@ def run_pursuers(options: argparse.Namespace) -> int:
     display = options.display
     game = game_in_one_arena(options.game, "pursuers")
     warn(options, game)
-    display.begin("looking where robots can be", compiles=True)
+    display.begin("looking where robots can be")
     space = free_space(game)
 
     def report(spacing: float) -> None:

@@ -173,7 +173,7 @@ def _train_and_judge(config: "RunConfig", folder: Path, options: argparse.Namesp
         for game in each_alone(config.game):
             solved_game(display, game, config.distillation.grid, folder / TABLES)
     trackers += [Tracker(to, folder, config)] if to else []
-    display.begin("training", compiles=True)
+    display.begin("training")
     try:
         with asked_to_stop():
             finished = run.execute()
@@ -186,7 +186,7 @@ def _train_and_judge(config: "RunConfig", folder: Path, options: argparse.Namesp
         agent = agent_file(folder, f"{config.one_side.role[0].upper()}_{config.kind}")
         finish(options, folder, then=command("exploit", config.one_side.role, agent))
         return 0
-    display.begin("judging", compiles=True)
+    display.begin("judging")
     evaluate_run(folder, config.game, tell, display.report)
     print(learning_table(learning_curves(folder, config, display.report)), end="\n\n", flush=True)
     finish(options, folder, then=command("report", folder))

@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from apollonius.agents.names import BUILT_IN, FROM_ZOO, SEARCHING, SHIELDED, agents_folders, side_of, zoo_names
+from apollonius.agents.names import BUILT_IN, FROM_ZOO, LISTED, SEARCHING, SHIELDED, agents_folders, side_of, zoo_names
 from apollonius.arenas.names import game_names, unknown_game
 from apollonius.game.names import TEAM
 from apollonius.io.errors import EXTRAS, TRACKERS, missing, nearest, require, shown, unknown_name
@@ -146,7 +146,7 @@ def known_agent(text: str, side: str | None = None) -> str:
     known = [one for one in known if not side or side in side_of(one)]
     files = "a .safetensors file, or RUN/NAME for an agent of a training run"
     meant = nearest(bare, in_run or known) or next(iter(in_run), None)
-    raise argparse.ArgumentTypeError(unknown_name("agent", bare, known, files, meant))
+    raise argparse.ArgumentTypeError(unknown_name("agent", bare, f"{LISTED}; or give {files}", meant))
 
 
 def agents_in_run(run: str) -> list[str]:

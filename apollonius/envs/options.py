@@ -19,7 +19,7 @@ from apollonius.envs.batch import Outside
 from apollonius.game.game import Game
 from apollonius.game.reward import Reward
 from apollonius.game.types import NUM_ACTIONS, ROLES, BySide, GameState, Role, Scalar, Timestep
-from apollonius.io.errors import require, require_spelt
+from apollonius.io.errors import InvalidInput, nearest, require, unknown_name
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.registry import OBSERVATIONS, find_observation
 from apollonius.observe.view import View, look
@@ -169,9 +169,9 @@ def as_role(given: object) -> Role:
 def require_known(environment: type, unknown: dict[str, Any]) -> None:
     """Refuse arguments that an environment does not have."""
     names = list(inspect.signature(environment).parameters)[:-1]
-    for name, value in unknown.items():
-        require_spelt(name, value, name, names)
-        require(False, name, value, f"left out: the arguments are {', '.join(names)}")
+    for name in unknown:
+        known = f"the arguments are {', '.join(names)}"
+        raise InvalidInput(unknown_name("argument", name, known, nearest(name, names)))
 
 
 def require_no_options(options: dict[str, Any] | None) -> None:

@@ -14,7 +14,7 @@ from apollonius.play.playout import Report, silent
 OPPONENTS = BySide(pursuer="flee-aware", evader="pure-pursuit")
 """The rules that a pursuer and an evader of self-play are measured by; no training of theirs meets them."""
 GAMES = 300
-"""Games of each match with one of them."""
+"""Games of each match with such a rule."""
 
 
 @dataclass(frozen=True)

@@ -62,7 +62,7 @@ def with_numbers(game: Game, numbers: dict[str, float]) -> Game:
     for field in numbers:
         if field not in known:
             near = difflib.get_close_matches(field, known, n=1, cutoff=0.0)[0]
-            raise InvalidInput(f"the game has no number '{field}': did you mean '{near}'?")
+            raise InvalidInput(f"the game has no number '{field}'; did you mean '{near}'?")
 
     leaves = _leaves(game)
     for name, number in numbers.items():

@@ -13,7 +13,7 @@ from apollonius.game.reward import Reward
 from apollonius.game.scenario import RobotKinds, Scenario, Spread, stack_arenas
 from apollonius.game.sensing import Noise, Sensing, Sensors
 from apollonius.game.teams import Body, Teams
-from apollonius.io.errors import InvalidInput, require, require_spelt
+from apollonius.io.errors import InvalidInput, nearest, require, unknown_name
 from apollonius.io.limits import ROBOTS
 
 
@@ -74,8 +74,8 @@ def make_game(name: str) -> Game:
     if found := TEAM.fullmatch(name):
         return in_teams(paper(), int(found[1]), int(found[2]))
     if name not in PRESETS:
-        require_spelt("game", name, str(name), PRESETS)
-        raise InvalidInput(f"no game is called '{name}': choose one of {', '.join(PRESETS)}, or as team-3v1.")
+        known = f"choose one of {', '.join(PRESETS)}, or as team-3v1"
+        raise InvalidInput(unknown_name("game", str(name), known, nearest(str(name), PRESETS)))
     return PRESETS[name]()
 
 

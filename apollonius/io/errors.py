@@ -1,7 +1,7 @@
 """Refusals of impossible input: one line that names the value, the bound and the remedy."""
 
 import difflib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from importlib.util import find_spec
 from typing import Any
 
@@ -38,18 +38,10 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
     return spelt[near[0]] if near else None
 
 
-def unknown_name(kind: str, name: str, known: Sequence[str], others: str, meant: str | None) -> str:
-    """Return the message that refuses the unknown name of a kind of thing; it names what is `meant`, or else all."""
-    if meant:
-        return f"no {kind} is called '{shown(name)}': did you mean '{meant}'?"
-    return f"no {kind} is called '{shown(name)}': choose one of {', '.join(known)}, or give {others}."
-
-
-def require_spelt(name: str, value: object, word: str, known: Iterable[str]) -> None:
-    """Refuse, by InvalidInput, a value of this name whose word is nearly a known one, which the message names."""
-    near = nearest(word, known)
-    if near:
-        raise InvalidInput(f"{name} = {shown(value)} is not possible: did you mean '{near}'?")
+def unknown_name(kind: str, name: str, known: str, meant: str | None) -> str:
+    """Return the message that refuses the unknown name of a kind of thing: what is `meant`, or else what is `known`."""
+    remedy = f"did you mean '{meant}'?" if meant else f"{known}."
+    return f"unknown {kind} '{shown(name)}'; {remedy}"
 
 
 def require(holds: Any, name: str, value: object, bound: str) -> None:

@@ -107,7 +107,7 @@ def _unknown_key(key: str, kind: Any, named: tuple[type, ...]) -> str:
     if homes := [f"[{table}]" if table else "the top, before all tables" for table in tables.get(key, [])]:
         return f"'{key}' is in another table than its own: move it to {' or '.join(homes[:3])}."
     near = nearest(key, tables)
-    return f"'{key}' is no known key: remove it" + (f", or did you mean '{near}'?" if near else ".")
+    return f"unknown key '{key}'; " + (f"did you mean '{near}'?" if near else "remove it.")
 
 
 def _tables(kind: Any, named: tuple[type, ...], within: str = "") -> dict[str, list[str]]:

@@ -198,7 +198,7 @@ def _set(data: dict[str, Any], field: str, value: Any) -> None:
     for table in tables:
         if not isinstance(inner.get(table), dict):
             near = difflib.get_close_matches(field, _dotted(data), n=1, cutoff=0.0)[0]
-            raise InvalidInput(f"the training has no field '{field}': did you mean '{near}'?")
+            raise InvalidInput(f"the training has no field '{field}'; did you mean '{near}'?")
         inner = inner[table]
     inner[key] = value
 

@@ -3,7 +3,7 @@
 import os
 import platform
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -97,6 +97,11 @@ class Progress:
 def runs_below(folder: Path) -> list[Path]:
     """Return the folders of runs at or below a folder, by name."""
     return sorted(path.parent for path in folder.rglob("config.toml"))
+
+
+def mean_share(runs: Sequence[Path]) -> float:
+    """Return the share of several trainings that is done."""
+    return sum(progress_of(run).share for run in runs) / max(1, len(runs))
 
 
 def progress_of(run: Path) -> Progress:

@@ -1,6 +1,6 @@
 """All observations by name."""
 
-from apollonius.io.errors import require, require_spelt
+from apollonius.io.errors import InvalidInput, nearest, require, unknown_name
 from apollonius.observe.egocentric import EGOCENTRIC
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.paper import ENCODED, PAPER
@@ -17,8 +17,8 @@ def find_observation(given: str | AbstractObservation) -> AbstractObservation:
         return given
     name = str(given)
     if name not in OBSERVATIONS:
-        require_spelt("observation", given, name, OBSERVATIONS)
-        require(False, "observation", given, f"one of {', '.join(OBSERVATIONS)}, or an AbstractObservation")
+        known = f"choose one of {', '.join(OBSERVATIONS)}, or give an AbstractObservation"
+        raise InvalidInput(unknown_name("observation", name, known, nearest(name, OBSERVATIONS)))
     return OBSERVATIONS[name]
 
 

@@ -15,6 +15,7 @@ from apollonius.io.workers import Job, Run, run_jobs
 from apollonius.learn.config import PRESETS
 from apollonius.learn.folder import agent_file, create_run, load_config
 from apollonius.learn.run import train
+from apollonius.play.playout import Report, silent
 from apollonius.play.replay import Replay
 from apollonius.reproduce.finding import (
     Finding,
@@ -103,12 +104,16 @@ def figure_6(study: Study) -> Finding:
         Claim("E_curriculum undefeated by P_scratch", "Fig. 6", 0.70, 0.70, rates(fleeing, undefeated)),
     )
     names = ["P_curriculum wins\nagainst E_scratch", "E_curriculum undefeated\nby P_scratch"]
+    ours = claims[0].values, [*zip(*claims[1].values, strict=True)]  # a row for each training of the curriculum
     with style.picture(study.folder / "figure6.png") as (axes,):
-        draw_strips(axes, names, [claim.values for claim in claims], [claim.prediction.interval for claim in claims])
+        draw_strips(axes, names, ours, [claim.prediction.interval for claim in claims], palette.SIDES)
         axes.axhline(70, color=palette.INK, linewidth=0.8, linestyle=":")
         axes.set_title("against agents from scratch (dotted: the paper's 70 %)")
     text = beside_the_paper({"P_curriculum v E_scratch": chasing, "P_scratch v E_curriculum": fleeing}, paper={})
-    text += "\n\nDots: pairs of trainings; colours: the pursuer's; lines: the evader's; bars: predictions."
+    text += (
+        "\n\nEach coloured line is one training of the curriculum, from its worst to its best against the trainings "
+        "from scratch, with a dot at its mean. The black line is where another pair would lie with 95 %."
+    )
     data = as_data({"chasing": chasing, "fleeing": fleeing})
     return Finding("Fig. 6: curriculum against scratch", text, ("figure6.png",), claims, data)
 
@@ -196,9 +201,14 @@ def reproduce(
     games: int = 10_000,
     report: Callable[[str], None] = print,
     run: Run = run_jobs,
+    begin: Callable[[str], None] = lambda what: None,
+    progress: Report = silent,
 ) -> None:
     """Train the agents of seeds from 0 by a preset, make every section and write the report; raises InvalidInput for
     impossible numbers, and a folder that is not empty unless `resume` is given.
+
+    A line is reported at the end of each section; `begin` gets each section's name when its turn comes, and `progress`
+    the number of its games that are over.
     """
     require(budget in PRESETS, "budget", budget, f"one of {', '.join(PRESETS)}")
     SEEDS.require("seeds", seeds)
@@ -207,10 +217,11 @@ def reproduce(
     is_new = not folder.exists() or not any(folder.iterdir())
     require(resume or is_new, "folder", folder, "a new one, as this one is not empty; choose another or resume it")
     folder.mkdir(parents=True, exist_ok=True)
-    study = Study(folder, budget, tuple(range(seeds)), games)
+    study = Study(folder, budget, tuple(range(seeds)), games, progress)
     _train_missing(study, report, run)
     findings = []
     for section in SECTIONS:
+        begin(f"playing and drawing {section.__name__.replace('_', ' ')}")
         findings.append(section(study))
         report(f"done: {findings[-1].title}")
     write_report(study, findings)
@@ -229,4 +240,5 @@ def _train_missing(study: Study, report: Callable[[str], None], run: Run) -> Non
         if not all(agent_file(folder, agent).is_file() for agent in agents):
             missing.append(folder)
     report(f"{len(missing)} of {len(study.trainings())} trainings to do")
-    run([Job(f"the training in '{one}'", train, (one.absolute(),)) for one in missing])
+    if missing:
+        run([Job(f"the training in '{one}'", train, (one.absolute(),)) for one in missing])

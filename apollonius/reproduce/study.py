@@ -9,7 +9,7 @@ from apollonius.game.types import BySide
 from apollonius.learn.config import PRESETS, RunConfig
 from apollonius.learn.folder import agent_file
 from apollonius.learn.metrics import MetricsLine, load_metrics
-from apollonius.play.playout import Results
+from apollonius.play.playout import Report, Results, silent
 
 AGENTS = {
     "curriculum": ["P_stage1", "P_curriculum", "E_curriculum"],
@@ -53,6 +53,7 @@ class Study:
     seeds: tuple[int, ...]
     games: int = 10_000
     """Games in a match."""
+    progress: Report = silent
     _played: dict[tuple[str, str, int, int], Results] = field(default_factory=dict, repr=False)
 
     def run(self, name: str, seed: int) -> Path:
@@ -69,20 +70,26 @@ class Study:
         fleeing = self.agent(evader, Role.EVADER, seeds[1], percent)
         return Match(PRESETS[self.budget].game, BySide(chasing, fleeing), self.games, MATCH_SEED)
 
-    def play(self, pursuer: str, evader: str, seeds: tuple[int, int]) -> Results:
+    def play(self, pursuer: str, evader: str, seeds: tuple[int, int], report: Report | None = None) -> Results:
         named = (pursuer, evader, *seeds)
         if named not in self._played:
-            self._played[named] = play_games(self.pairing(pursuer, evader, seeds))
+            self._played[named] = play_games(self.pairing(pursuer, evader, seeds), report=report or self.progress)
         return self._played[named]
 
     def matches(self, pursuer: str, evader: str) -> list[list[MatchResult]]:
         """Return the matches of every training of the pursuer with every one of the evader, where that is trained."""
         evaders = self.seeds if evader in RUN_OF else self.seeds[:1]
 
-        def result(seeds: tuple[int, int]) -> MatchResult:
-            return count(self.pairing(pursuer, evader, seeds), self.play(pursuer, evader, seeds))
+        def result(row: int, column: int) -> MatchResult:
+            before = self.games * (row * len(evaders) + column)
 
-        return [[result((row, column)) for column in evaders] for row in self.seeds]
+            def report(done: int, total: int) -> None:
+                self.progress(before + done, self.games * len(self.seeds) * len(evaders))
+
+            seeds = self.seeds[row], evaders[column]
+            return count(self.pairing(pursuer, evader, seeds), self.play(pursuer, evader, seeds, report))
+
+        return [[result(row, column) for column in range(len(evaders))] for row in range(len(self.seeds))]
 
     def metrics(self, name: str, seed: int, stage: str) -> list[MetricsLine]:
         return [line for line in load_metrics(self.run(name, seed) / "metrics.jsonl") if line.stage == stage]

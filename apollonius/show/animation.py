@@ -28,15 +28,15 @@ from apollonius.play.replay import Replay
 from apollonius.show.canvas import Canvas, draw_robot
 from apollonius.show.palette import INK, PAPER, PURSUER, SIDES
 
-LETTERS = 14
+LETTERS = 18
 """Height of a line's letters [pixels]."""
-LINE = 22
+LINE = 26
 """Height of a line [pixels]."""
-MARGIN = 8
+MARGIN = 10
 """Pixels around everything."""
-LEAST_WIDTH = 400
+LEAST_WIDTH = 520
 """Pixels that the words need, where the arena is narrow."""
-_SIGN = 12
+_SIGN = 15
 """Size of a sign in the legend [pixels]."""
 
 

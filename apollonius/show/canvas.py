@@ -13,8 +13,8 @@ from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.types import Role
 from apollonius.show.palette import EVADER, INK, OBSTACLE, PAPER, PURSUER, SIDES
 
-SIZE = 480
-"""Pixels of the picture's longer side."""
+WIDTH, HEIGHT = 1120, 640
+"""Most pixels of the picture along x and y."""
 _FINER = 2
 """Pixels are drawn this many times finer, then averaged."""
 _SMALLEST = 0.018
@@ -61,8 +61,9 @@ class Canvas:
             for role in Role
             for number, body in enumerate(game.bodies[role], start=1)
         ]
-        self._scale = SIZE / max(sides) * _FINER
-        width, height = (round(side * SIZE / max(sides)) * _FINER for side in sides)
+        scale = min(WIDTH / sides[0], HEIGHT / sides[1])
+        width, height = (round(side * scale) * _FINER for side in sides)
+        self._scale = scale * _FINER
         self._trails = Image.new("RGB", (width, height), PAPER)
         if arena.map:
             self._draw_cells(arena.map)
@@ -95,7 +96,7 @@ class Canvas:
         """
         picture = self._trails.copy()
         if fog:
-            (cells, role), side = fog, SIZE * _FINER
+            (cells, role), side = fog, max(picture.size)
             mask = Image.fromarray(np.where(cells[::-1], _SHADE, 0).astype(np.uint8)).resize((side, side))
             picture.paste(SIDES[role], (0, picture.height - side), mask)
         draw, finer = ImageDraw.Draw(picture), self._scale

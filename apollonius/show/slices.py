@@ -47,7 +47,7 @@ def slice_values(
     role: Role,
     own: tuple[float, float],
     opponent: RobotState,
-    cells: int = CELLS,
+    cells: int,
 ) -> Slice:
     """Return the values of all actions over the arena, at the player's own speed [m/s] and heading [rad]."""
     arena = game.arena
@@ -95,7 +95,7 @@ def save_slice(
         game.arena.clearance(opponent.x, opponent.y) > game.body(role.other).radius, "opponent", place,
         "a place [m] inside the walls and outside the discs",
     )  # fmt: skip
-    found = slice_values(player, game, role, own, opponent)
+    found = slice_values(player, game, role, own, opponent, CELLS)
     with style.picture(path, columns=2, width=4.6, height=5.0) as (left, right):
         _draw_values(left, found, solved=isinstance(player, SaddlePolicy))
         _draw_actions(right, found)

@@ -113,19 +113,21 @@ def smooth(values: Sequence[float | int], window: int) -> list[float]:
 def draw_strips(
     axes: Axes,
     names: Sequence[str],
-    values: Sequence[Sequence[Sequence[float]]],
+    rates: Sequence[Sequence[Sequence[float]]],
     intervals: Sequence[tuple[float, float]],
+    colours: Sequence[str],
 ) -> None:
-    """Draw rates [%] of pairs of trainings as dots, a strip of dots for each name, and an interval beside each.
+    """Draw the rates [%] of trainings against those of the other side, a strip for each name.
 
-    A row for each training of one side has a colour and a place of its own; lines join those of the other side.
+    Each row of rates, those of one training, is a line from the least to the largest with a dot at the mean; rows are
+    sorted by their means. Beside each strip is the interval in which another pair lies.
     """
-    for index, (rows, (low, high)) in enumerate(zip(values, intervals, strict=True)):
-        places = np.linspace(-0.15, 0.15, len(rows)) if len(rows) > 1 else np.zeros(1)
-        axes.plot(index + places, 100 * np.asarray(rows), color=GRID, linewidth=1, zorder=1)
-        for number, (place, row) in enumerate(zip(places, rows, strict=True)):
-            axes.plot([index + place] * len(row), 100 * np.asarray(row), "o", color=f"C{number}", markersize=4)
-        axes.vlines(index + 0.3, 100 * low, 100 * high, color=INK, linewidth=2)
+    for index, (rows, (low, high), colour) in enumerate(zip(rates, intervals, colours, strict=True)):
+        percents = 100 * np.asarray(sorted(rows, key=np.mean))
+        places = index + (np.linspace(-0.3, 0.2, len(rows)) if len(rows) > 1 else np.zeros(1))
+        axes.vlines(places, percents.min(axis=1), percents.max(axis=1), color=colour, alpha=0.4, linewidth=3)
+        axes.plot(places, percents.mean(axis=1), "o", color=colour, markersize=4)
+        axes.vlines(index + 0.35, 100 * low, 100 * high, color=INK, linewidth=2)
     axes.set_xticks(range(len(names)), names)
     axes.set(ylabel="games [%]", xlim=(-0.5, len(names) - 0.4), ylim=(0, 103))
     axes.grid(axis="x", visible=False)

@@ -24,9 +24,13 @@ TURNS = {0, 2}
 DRIVES = {6, 7, 8}
 
 
+@jax.jit
+def decided(game, own):
+    return departures(look(game, GameState.of_two(own, robot(6.0, 3.0), jnp.int32(0)), Role.PURSUER))
+
+
 def allowed(own, game=GAME):
-    view = look(game, GameState.of_two(own, robot(6.0, 3.0), jnp.int32(0)), Role.PURSUER)
-    return set(np.flatnonzero(departures(view)))
+    return set(np.flatnonzero(decided(game, own)))
 
 
 class Undecided(AbstractActionValuePolicy):

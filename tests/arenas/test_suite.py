@@ -85,7 +85,7 @@ def drawn(kind="discs", seed=0, **numbers):
         (lambda: suite.suite_arena("suite-v0", "discs-00"), "suite = suite-v0 .* one of suite-v1"),
         (lambda: suite.suite_names(NAME, "test"), "part = test .* one of train, held-out"),
         (lambda: suite.suite_arena(NAME, "racks-99"), "arena of suite-v1 = racks-99 .* one of discs-00"),
-        (lambda: find_game("suite-v1/"), "no game is called 'suite-v1/': choose .* as 'suite-v1/racks-07'"),
+        (lambda: find_game("suite-v1/"), "unknown game 'suite-v1/'; choose .* as 'suite-v1/racks-07'"),
         (lambda: find_game("suite-v1/none"), "arena of suite-v1 = none"),
         (lambda: find_game("suite-v1/maze-00,maze-00"), "scenario = .* a list of different arenas"),
         (lambda: drawn(gap=4.0), "5 discs find no room: after .* ask for a smaller gap"),

@@ -180,7 +180,8 @@ def test_players_are_named_with_what_they_do_for_people_and_for_programs(capsys)
         assert {name for name in sides if role not in sides[name]}.isdisjoint(player_names(role, game))
 
 
-def test_slice_draws_an_agent_that_reads_a_chart(capsys):
+def test_slice_draws_an_agent_that_reads_a_chart(capsys, monkeypatch):
+    monkeypatch.setattr("apollonius.show.slices.CELLS", 20)
     assert run_main("slice", "pursuer", "--opponent", "5", "5", "--opponent-speed", "1.2", "--out", "new/s.png") == 0
     told = capsys.readouterr().err.splitlines()
     assert told[0].startswith("wrote new/s.png (")
@@ -193,19 +194,19 @@ REFUSED = {
     "fly": "apollonius: unknown command 'fly'; see apollonius --help\n",
     "trian": "apollonius: unknown command 'trian'; did you mean 'train'?\n",
     "arena chek": "apollonius arena: unknown command 'chek'; did you mean 'check'?\n",
-    "train --preset quik": "--preset = quik is not possible: did you mean 'quick'?\n",
+    "train --preset quik": "train: --preset: unknown choice 'quik'; did you mean 'quick'?\n",
     "simulate random still --drive robot.toml": "--drive: no such file: 'robot.toml'; see apollonius simulate --help\n",
     "evaluate random": "EVADER", "evaluate P_curriculm still": "did you mean 'P_curriculum'",
-    "evaluate P_curriculum E_pool": "'E_pool': choose one of random, still, flee, flee-aware",
-    "evaluate nobody still": "'nobody': choose one of random, still", "show shielded:nobody still": "'nobody'",
+    "evaluate P_curriculum E_pool": "unknown agent 'E_pool'; apollonius players lists all",
+    "evaluate nobody still": "'nobody'; apollonius players lists all", "show shielded:nobody still": "'nobody'",
     "evaluate P_curriculum still --game ofice": "did you mean 'office'",
     "evaluate P_curriculum still --game team-3v1/ofice": "did you mean 'office'",
     "train --game chess": "paper, four-small, one-large, zero-sum",
-    'train --stage fixed-target --vary evaders=["nobody"]': "'nobody': choose one of random, still",
+    'train --stage fixed-target --vary evaders=["nobody"]': "'nobody'; apollonius players lists all",
     'train --stage fixed-target --vary evaders=["random","still"]': "random, still is not possible",
-    'train --vary stages=response --vary response.opponents=["nobody"]': "'nobody': choose one of random, still",
-    "train --vary stages=distillation --vary distillation.teacher=nobody": "'nobody': choose one of random, still",
-    "train --stage self-play --vary evader=random": "no agent is called 'random'",
+    'train --vary stages=response --vary response.opponents=["nobody"]': "'nobody'; apollonius players lists all",
+    "train --vary stages=distillation --vary distillation.teacher=nobody": "'nobody'; apollonius players lists all",
+    "train --stage self-play --vary evader=random": "unknown agent 'random'",
     "evaluate random still --games 5 --record 6": "--record = 6 is not possible: it must be from 0 to --games = 5",
     "evaluate random still --vary pursuer.radius=0:6:2": "with pursuer.radius = 6",
     "evaluate random still --vary dt=0.1:0.2:2 --vary dt=0.1:0.2:2": "one or two different ones",
@@ -222,12 +223,13 @@ REFUSED = {
     "runs folder": "no such folder of training runs: 'folder'",
     "train --seeds 3-1": "seeds as 0-9", "train --seeds x": "--seeds = x",
     "train --seed 1 --seeds 0-1": "left out with --seeds", "train --vary dqn.batch": "FIELD=VALUE,VALUE",
-    "train --vary dqn.batch=1:2": "dqn.batch", "train --vary lr=1": "'lr' is no known key",
+    "train --vary dqn.batch=1:2": "dqn.batch", "train --vary lr=1": "unknown key 'lr'; remove it",
     "train --seeds 0-999,1000": "at most 1,000",
     f"train --vary evaders={'[' * 5_000}": "evaders",
     "train --seeds 0-999 --vary dqn.batch=1:100:100 --vary dqn.width=1:100:100 --vary dqn.depth=1:100:100":
     "trainings = 1000000000 is not possible: it must be a whole number, at least 1, at most 1,000",
-    "train --vary seed=1 --seeds 0-1": "of different fields", "train --on moon": "'moon'",
+    "train --vary seed=1 --seeds 0-1": "of different fields", 
+    "train --on moon": "unknown choice 'moon'; choose one of processes, slurm, ray; see",
     "slice P_stage1": "--opponent", "slice nobody --opponent 5 5": "'nobody'", "slice random --opponent 5 5": "random",
     "slice P_stage1 --opponent 3 3": "opponent = (3.0, 3.0) is not possible",
     "slice P_stage1 --opponent 5 5 --speed 2 --out new/s.png": "speed = 2",
@@ -277,15 +279,15 @@ RUNS = dict.fromkeys(("mine/agents/P_one.safetensors", "runs/first/agents/P_one.
 OLD = {"run/agents/P_stage1.safetensors": "precious", "run/config.toml": "sede = 3"}
 """A run that somebody may still need."""
 AMONG_FILES = [
-    (RUNS, "evaluate P_curriculu still", ["no agent is called 'P_curriculu': did you mean 'P_curriculum'?"]),
+    (RUNS, "evaluate P_curriculu still", ["unknown agent 'P_curriculu'; did you mean 'P_curriculum'?"]),
     (RUNS, "evaluate evader still", ["PURSUER: 'evader' plays the evader, not the pursuer"]),
     (RUNS, "show pursuer shielded:zoo/pursuer", ["EVADER: 'shielded:zoo/pursuer' plays the pursuer, not the evader"]),
     (RUNS, "tournament --evaders intercept", ["--evaders: 'intercept' plays the pursuer"]),
-    (RUNS, "evaluate mine still", ["no agent is called 'mine': did you mean 'mine/P_one'?"]),
-    (RUNS, "evaluate mine/P_two still", ["no agent is called 'mine/P_two': did you mean 'mine/P_one'?"]),
-    (RUNS, "evaluate runs/first still", ["no agent is called 'runs/first': did you mean 'runs/first/P_one'?"]),
-    (RUNS, "evaluate first/none still", ["no agent is called 'first/none': did you mean 'first/P_one'?"]),
-    (RUNS, "evaluate nowhere/P_one still", ["no agent is called 'nowhere/P_one'", "RUN/NAME"]),
+    (RUNS, "evaluate mine still", ["unknown agent 'mine'; did you mean 'mine/P_one'?"]),
+    (RUNS, "evaluate mine/P_two still", ["unknown agent 'mine/P_two'; did you mean 'mine/P_one'?"]),
+    (RUNS, "evaluate runs/first still", ["unknown agent 'runs/first'; did you mean 'runs/first/P_one'?"]),
+    (RUNS, "evaluate first/none still", ["unknown agent 'first/none'; did you mean 'first/P_one'?"]),
+    (RUNS, "evaluate nowhere/P_one still", ["unknown agent 'nowhere/P_one'", "RUN/NAME"]),
     (OLD, "resume run", ["sede"]),
     ({"hall.toml": "seed = 1"}, "arena check HALL.TOML", ["no such file: 'HALL.TOML'"]),
     (OLD, "train --force --out run --config run/config.toml", ["sede"]),
@@ -474,7 +476,7 @@ def test_a_pipe_in_the_place_of_metrics_is_refused(capsys):
 
 
 def test_simulate_prints_both_matches_and_records_games(capsys):
-    pytest.importorskip("mujoco")
+    pytest.importorskip("mujoco", reason="needs mujoco: pip install mujoco")
     Path("short.toml").write_text("max_steps = 15\n", encoding="utf-8")
     words = "simulate pure-pursuit flee --games 3 --game short.toml --record 1"
     assert run_main(*words.split()) == 0

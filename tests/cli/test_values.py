@@ -5,16 +5,18 @@ import os
 import pty
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
+import jax
 import pytest
 
 from apollonius.cli import display, values
 from apollonius.cli.display import Display
 from apollonius.cli.main import build_parser
 from apollonius.cli.terminal import bar
-from apollonius.io import limits
+from apollonius.io import compiling, limits
 from apollonius.io.errors import InvalidInput, shown
 from apollonius.io.limits import GAMES, RECORDS, SEED, Counted
 from tests.cli.test_cli import assert_refused
@@ -152,37 +154,86 @@ def test_a_value_is_shown_on_one_short_line():
     assert "\n" not in str(InvalidInput("one\ntwo"))
 
 
-def test_in_a_pipe_lines_come_with_the_first_report(monkeypatch, capsys):
-    monkeypatch.setattr(display, "_LINE_SECONDS", 0.05)
-    with Display("evaluate") as live:
-        live.begin("playing 8 games", compiles=True)
-        time.sleep(0.2)
-        assert capsys.readouterr().err == "", "a refusal would be the only line"
+def test_in_a_pipe_a_piece_has_its_first_line_soon_and_then_ever_fewer(monkeypatch, capsys):
+    monkeypatch.setattr(display, "_LOOK_SECONDS", 0.01)
+    monkeypatch.setattr(display, "_FIRST_LINE_SECONDS", 1.0)
+    now = [0.0]
+    with Display("evaluate", lambda: now[0]) as live:
+
+        def lines_until(second):
+            while now[0] < second:
+                now[0] += 1
+                time.sleep(0.03)
+            return capsys.readouterr().err.splitlines()
+
+        assert lines_until(100) == [], "a refusal would be the only line"
+        live.begin("playing 8 games")
+        assert lines_until(103) == ["apollonius evaluate: playing 8 games, 0:00:01"]
         live.tell("P against E:\n50.0%\x1b[2J")
         live.report(2, 8)
         live.note({"loss": "0.5"})
+        told, *lines = lines_until(700)
+        assert told == "P against E: 50.0%\\x1b[2J"
+        assert lines[0] == "apollonius evaluate: playing 8 games, 25.0%, 0:00:11, loss 0.5"
+        assert 14 <= len(lines) <= 17
+
+
+def test_the_share_that_is_done_is_asked_for_where_nobody_reports_it(monkeypatch, capsys):
+    monkeypatch.setattr(display, "_LOOK_SECONDS", 0.01)
+    monkeypatch.setattr(display, "_FIRST_LINE_SECONDS", 1.0)
+    now = [0.0]
+    with Display("reproduce", lambda: now[0]) as live:
+        live.begin("training", lambda: 0.25)
+        now[0] = 2.0
         time.sleep(0.2)
-        first, *_, last = capsys.readouterr().err.splitlines()
-    assert first == "P against E: 50.0%\\x1b[2J"
-    assert last == "apollonius evaluate: playing 8 games, 25.0%, loss 0.5"
+    assert capsys.readouterr().err == "apollonius reproduce: training, 25.0%, 0:00:02\n"
 
 
 @pytest.mark.parametrize(
     ("seconds", "shares", "state"),
-    [(20, [], "0.0%"), (1, [0.01, 0.02, 0.03], "3.0%, 0:01:38 left"), (60, [0.1, 0.2, 0.3], "30.0%, 0:07:00 left")],
-    ids=["nothing known", "fast", "slow"],
+    [
+        (20, [0.3], "30.0%, 0:00:50"),
+        (1, [0.01, 0.02], "2.0%, 0:00:32"),
+        (1, [0.01, 0.02, 0.03], "3.0%, 0:00:33, 0:01:37 left"),
+        (60, [0.1, 0.2, 0.3], "30.0%, 0:03:30, 0:07:00 left"),
+        (1, [0.5, 0.6, 0.7, 0.1], "10.0%, 0:00:34"),
+    ],
+    ids=["one", "one unit", "fast", "slow", "begun again"],
 )
 def test_the_time_left_is_that_of_what_is_reported_and_not_of_its_compilation(seconds, shares, state):
     now = [100.0]
-    display = Display("train", lambda: now[0])
+    live = Display("train", lambda: now[0])
     for what in ("another piece", "playing"):
-        display.begin(what, compiles=True)
-        assert (display.state(), display.tasks[0].total) == (f"{what} (compiling), 0.0%", None)
+        live.begin(what)
+        assert (live.state(), live.tasks[0].total) == (f"{what}, 0:00:00", None)
         now[0] += 30
         for share in shares:
             now[0] += seconds
-            display.report(share, 1)
-        assert display.state() == f"{what}{' (compiling)' * (not shares)}, {state}"
+            live.report(share, 1)
+        assert live.state() == f"{what}, {state}"
+
+
+def test_the_time_left_runs_down_and_is_not_told_in_a_silence():
+    now = [0.0]
+    live = Display("arena", lambda: now[0])
+    live.begin("playing")
+    for done in (1, 2, 3, 4):
+        now[0] += 10
+        live.report(done, 10)
+    assert live.seconds_left() == 60
+    now[0] += 15
+    assert live.seconds_left() == 45
+    now[0] += 6
+    assert live.seconds_left() is None
+
+
+def test_a_compilation_is_told_with_its_time():
+    compiling.watch_compilations()
+    live, lowered = Display("evaluate", lambda: 0.0), jax.jit(lambda x: x * 2.5).lower(1.0)
+    compiling._begun[threading.get_ident()] -= 72
+    assert live.state() == "loading, 0:00:00, compiling (once) for 0:01:12"
+    lowered.compile()
+    assert live.state() == "loading, 0:00:00"
 
 
 def test_in_a_terminal_the_bar_is_gone_at_the_end_and_the_results_stay():
@@ -206,6 +257,6 @@ def test_in_a_terminal_the_bar_is_gone_at_the_end_and_the_results_stay():
             pass
     assert process.wait() == 0
     text = written.decode()
-    assert all(part in text for part in ("playing 8 games", " 38%", "loss", "pursuer 0.5"))
+    assert all(part in text for part in ("playing 8 games", "37.5%", "loss", "pursuer 0.5"))
     assert text.index("a result, below the bar") < text.rindex("the last result")
     assert "playing" not in text[text.rindex("\x1b[2K") :]

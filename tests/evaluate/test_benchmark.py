@@ -283,8 +283,8 @@ def test_answers_of_other_shapes_and_types_are_refused(answer):
 
 def model(*nodes, weights=(), reads=(8,), whole=False):
     """An ONNX model that reads numbers and answers `y`."""
-    onnx = pytest.importorskip("onnx")
-    pytest.importorskip("onnxruntime")
+    onnx = pytest.importorskip("onnx", reason="needs onnx: pip install onnx")
+    pytest.importorskip("onnxruntime", reason="needs onnxruntime: pip install onnxruntime")
     make, real = onnx.helper, onnx.TensorProto.FLOAT
     kind = onnx.TensorProto.INT64 if whole else real
     inputs = [make.make_tensor_value_info(f"x{place}", real, ["rows", size]) for place, size in enumerate(reads)]
@@ -297,7 +297,7 @@ def model(*nodes, weights=(), reads=(8,), whole=False):
 
 def weights(**external):
     """Weights from the numbers to nine values, which lie in another file where external data are given."""
-    onnx = pytest.importorskip("onnx")
+    onnx = pytest.importorskip("onnx", reason="needs onnx: pip install onnx")
     matrix = onnx.numpy_helper.from_array(np.eye(8, 9, dtype=np.float32), "w")
     if external:
         matrix.ClearField("raw_data")
@@ -325,7 +325,8 @@ def test_a_model_plays_in_onnxruntime(tmp_path):
 def test_models_that_cannot_play_are_refused_in_a_line(tmp_path):
     (tmp_path / "beside.bin").write_bytes(bytes(4 * 72))
     multiply = "MatMul", ["x0", "w"], {}
-    size = pytest.importorskip("onnx").numpy_helper.from_array(np.array([2, 1 << 36]), "w")
+    onnx = pytest.importorskip("onnx", reason="needs onnx: pip install onnx")
+    size = onnx.numpy_helper.from_array(np.array([2, 1 << 36]), "w")
     refused = {
         "without external data": model(
             multiply, weights=[weights(location=str(tmp_path / "beside.bin"), length="288")]

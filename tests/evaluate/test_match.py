@@ -327,7 +327,7 @@ def test_only_the_named_numbers_change():
 @pytest.mark.parametrize(
     ("numbers", "named"),
     [
-        ({"pursuer.vmax": 1.0}, r"no number 'pursuer\.vmax': did you mean 'pursuer\.v_max'\?"),
+        ({"pursuer.vmax": 1.0}, r"no number 'pursuer\.vmax'; did you mean 'pursuer\.v_max'\?"),
         ({"pursuer.v_max": float("nan")}, r"pursuer\.v_max = nan"),
         ({"pursuer.u2_max": 24.0}, r"with pursuer\.u2_max = 24: pursuer\.u2_max = 24"),
         ({"max_steps": 10.5}, r"max_steps = 10\.5"),

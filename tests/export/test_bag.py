@@ -143,7 +143,7 @@ def test_a_bag_without_decisions_or_with_other_exports_than_one_is_refused():
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    pytest.importorskip("rosbags")
+    pytest.importorskip("rosbags", reason="needs rosbags: pip install rosbags")
     export, decisions = recorded("intercept", find_game("paper"), 12)
     return write_bag(tmp_path_factory.mktemp("bags") / "bag", json.dumps(export), map(json.dumps, decisions))
 

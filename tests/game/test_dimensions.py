@@ -132,16 +132,25 @@ def test_every_number_counts_and_none_has_a_unit_of_its_own():
     assert [name for name, count in zip(numbers, counts, strict=True) if not count] == []
 
 
+def safety_table(game):
+    return solve_safety(game, Role.PURSUER, make_grid(game.arena, game.pursuer, (13, 13, 3, 8)), 5).table
+
+
+def guarded_match(game):
+    return play_match(Match.of_names(game, "shielded:pure-pursuit", "shielded:flee", games=16))
+
+
+@pytest.fixture(scope="module")
+def in_metres_and_seconds():
+    """The table and the match of the game that others are scaled from."""
+    return safety_table(paper()), guarded_match(paper())
+
+
 @pytest.mark.parametrize(("length", "time"), [*SCALES[1:], (1, 0.5)])
-def test_safety_tables_and_games_behind_a_shield_are_the_same_in_other_units(length, time):
-    game, role = paper(), Role.PURSUER
+def test_safety_tables_and_games_behind_a_shield_are_the_same_in_other_units(length, time, in_metres_and_seconds):
+    game, (table, result) = paper(), in_metres_and_seconds
     numbers = [scaled(*one, length, time).item() for one in numbers_of(game).items() if one[1] is not None]
     other = jax.tree.unflatten(jax.tree.structure(game), numbers)
-    tables = [
-        solve_safety(one, role, make_grid(one.arena, one.pursuer, (13, 13, 3, 8)), 5).table for one in (game, other)
-    ]
-    np.testing.assert_allclose(tables[1], length * tables[0], 1e-4)
+    np.testing.assert_allclose(safety_table(other), length * table, 1e-4)
     if length == 1:  # a shield leaves a millimetre, whatever the robots' scale
-        names = "shielded:pure-pursuit", "shielded:flee"
-        first, second = (play_match(Match.of_names(one, *names, games=16)) for one in (game, other))
-        assert first == second
+        assert guarded_match(other) == result

@@ -197,7 +197,7 @@ LIES = [
     ("replay", {"actions": [[0, 9]] * 3}, "from 0 to 8"), ("replay", {"states": None}, "is no replay"),
     ("replay", {"actions": [[[0.0, 0.0], [1.5, 0.0]]] * 3}, "from -1 to 1"),
     ("replay", {"outcome": "flew away"}, "flew away is not possible: it must be how a game can end"),
-    ("replay", {"game": {"dt": -1.0}}, "dt = -1.0"), ("replay", {"game": {"wind": 1.0}}, "'wind' is no known key"),
+    ("replay", {"game": {"dt": -1.0}}, "dt = -1.0"), ("replay", {"game": {"wind": 1.0}}, "unknown key 'wind'"),
     ("game", {"dt": 10**4000}), ("json game", "{", "g.json' is no JSON file; correct it"),
     ("game", {"max_steps": 1.5}), ("config", {"evaders": 3}),
     ("config", {"fixed_target": {"evaluation_games": 10**29}}),

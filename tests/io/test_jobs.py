@@ -106,7 +106,7 @@ def be_lost_once(path):
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_on_ray_a_job_whose_worker_is_lost_begins_again_and_one_that_fails_is_named(tmp_path):
-    pytest.importorskip("ray")
+    pytest.importorskip("ray", reason="needs ray: pip install ray")
     told, works = [], (be_lost_once, refuse, write_down)
     jobs = [Job(work.__name__, work, (tmp_path / work.__name__,)) for work in works]
     with pytest.raises(InvalidInput, match=r"1 of 3 failed \(refuse\)"):

@@ -144,7 +144,7 @@ def test_a_game_is_a_preset_or_tables_and_a_table_in_part_keeps_the_defaults_of_
         path.write_text(text)
         assert load_config(path) == config
     path.write_text('game = "papre"')
-    with pytest.raises(InvalidInput, match="no game is called 'papre': did you mean 'paper'"):
+    with pytest.raises(InvalidInput, match="unknown game 'papre'; did you mean 'paper'"):
         load_config(path)
 
 

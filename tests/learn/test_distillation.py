@@ -277,7 +277,10 @@ def test_a_run_that_is_stopped_goes_on_to_the_same_end(uninterrupted, tmp_path):
 
 @pytest.mark.parametrize(
     ("change", "message"),
-    [({"teacher": "P_smooth"}, "one that values the nine actions"), ({"opponents": ("nobody",)}, "called 'nobody'")],
+    [
+        ({"teacher": "P_smooth"}, "one that values the nine actions"),
+        ({"opponents": ("nobody",)}, "agent 'nobody'"),
+    ],
 )
 def test_players_that_cannot_take_part_are_refused(change, message):
     with pytest.raises(InvalidInput, match=message):

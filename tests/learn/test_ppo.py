@@ -291,7 +291,7 @@ def test_settings_are_those_of_the_tasks_with_opponents_of_their_own():
     ("change", "message"),
     [
         ({"ppo": replace(PPO, games=1, batch=16)}, "ppo.games = 1"),
-        ({"response": replace(STAGE, opponents=("nobody", "still"))}, "called 'nobody'"),
+        ({"response": replace(STAGE, opponents=("nobody", "still"))}, "unknown agent 'nobody'"),
         ({"response": replace(STAGE, caution=0.05)}, "know the room to brake"),
     ],
 )

@@ -66,7 +66,7 @@ def until(holds, seconds=60):
 @pytest.fixture(scope="module")
 def slurm(tmp_path_factory):
     """A cluster of this machine alone."""
-    pytest.importorskip("submitit")
+    pytest.importorskip("submitit", reason="needs submitit: pip install submitit")
     folder = tmp_path_factory.mktemp("slurm")
     for name in ("state", "spool"):
         (folder / name).mkdir()

@@ -33,8 +33,9 @@ def check(found, run):
 
 
 def test_tensorboards_files_have_every_record(run):
-    pytest.importorskip("tensorboardX")
-    accumulator = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
+    pytest.importorskip("tensorboardX", reason="needs tensorboardX: pip install tensorboardX")
+    reading = "tensorboard.backend.event_processing.event_accumulator"
+    accumulator = pytest.importorskip(reading, reason="needs tensorboard: pip install tensorboard")
     for _ in range(2):  # the second in place of the first
         assert main(["track", str(run), "--to", "tensorboard"]) == 0
     events = accumulator.EventAccumulator(str(run / "tensorboard"), size_guidance={"scalars": 0})

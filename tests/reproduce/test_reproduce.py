@@ -9,6 +9,7 @@ import jax
 import numpy as np
 import pytest
 
+from apollonius.cli.display import Display
 from apollonius.cli.main import main
 from apollonius.evaluate.claims import Claim
 from apollonius.io.errors import InvalidInput
@@ -21,6 +22,8 @@ from apollonius.reproduce.study import AGENTS, RUN_OF, run_configs
 from tests.learn.tiny import STOPPING
 
 GAMES = 40
+PROGRESS: dict[str, list[tuple[int, int]]] = {}
+"""What the study told of its pieces of work."""
 PICTURES = [f"figure{number}.png" for number in (4, 5, 6, 7, 8)]
 
 
@@ -46,8 +49,25 @@ def study(demo, tmp_path_factory):
             for moment in (25, 75, 100) if agent.endswith(("_curriculum", "_scratch")) else (100,):
                 (file := agent_file(run, agent, moment)).parent.mkdir(exist_ok=True)
                 shutil.copy(demo / "agents" / f"{agents.get(agent, agent)}.safetensors", file)
-    assert main(["reproduce", "--games", str(GAMES), "--out", str(folder), "--resume"]) == 0
+    begin = Display.begin
+
+    def heard(display, what, share=None):
+        PROGRESS[what] = []
+        begin(display, what, share)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Display, "begin", heard)
+        patch.setattr(Display, "report", lambda self, *games: [*PROGRESS.values()][-1].append(games))
+        assert main(["reproduce", "--games", str(GAMES), "--out", str(folder), "--resume"]) == 0
     return folder
+
+
+@pytest.mark.usefixtures("study")
+def test_it_tells_at_what_it_is_and_how_many_games_are_over():
+    pieces = [f"playing and drawing {name}" for name in
+              ("figure 4", "figure 5", "figure 6", "figure 7", "table 2", "table 3", "figure 8")]  # fmt: skip
+    assert [*PROGRESS] == ["loading", *pieces]
+    assert PROGRESS[pieces[0]][-1] == (GAMES, GAMES)
 
 
 def test_every_agent_figure_and_claim_is_there(study):

@@ -22,8 +22,8 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.types import Outcome, Role
 
-rclpy = pytest.importorskip("rclpy")
-rosbag2 = pytest.importorskip("rosbags.highlevel")
+rclpy = pytest.importorskip("rclpy", reason="needs rclpy: install ROS 2")
+rosbag2 = pytest.importorskip("rosbags.highlevel", reason="needs rosbags: pip install rosbags")
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 PACKAGE = Path(__file__).parents[2] / "ros2" / "apollonius_ros"
 GAMES = int(os.environ.get("GAMES", "3"))

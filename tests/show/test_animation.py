@@ -32,7 +32,8 @@ from apollonius.play.replay import Replay, as_rows, play_actions
 from apollonius.show import palette, style
 from apollonius.show.animation import LINE, MARGIN, fog, frames, save_animation
 from apollonius.show.arena import draw_arena
-from apollonius.show.canvas import SIZE, Canvas
+from apollonius.show.canvas import HEIGHT as SIZE
+from apollonius.show.canvas import Canvas
 from apollonius.show.palette import DARK, EVADER, LIGHT, OBSTACLE, PAPER, PURSUER
 from apollonius.show.report import bundled, for_page
 from apollonius.show.slices import _TURNS, _draw_actions, _draw_opponent, save_slice, slice_values
@@ -181,12 +182,12 @@ def test_an_animation_takes_as_long_as_it_should(replay, tmp_path, name, speed, 
     assert np.linalg.norm(np.subtract(colour_at(last, 4, 5), RED)) < 40
 
 
-@pytest.mark.parametrize(("x_max", "y_max", "size"), [(20.0, 10.0, (480, 240)), (10.0, 20.3, (236, 480))])
+@pytest.mark.parametrize(("x_max", "y_max", "size"), [(20.0, 10.0, (1120, 560)), (10.0, 20.3, (315, 640))])
 def test_an_arena_that_is_no_square_keeps_its_shape_and_the_words_their_width(replay, x_max, y_max, size):
     wide = replace(replay, game=replace(replay.game, arena=replace(replay.game.arena, x_max=x_max, y_max=y_max)))
     assert Canvas(wide.game).picture().size == size
     picture = next(frames(wide))
-    assert picture.width == max(size[0], 400) + 2 * MARGIN
+    assert picture.width == max(size[0], 520) + 2 * MARGIN
     left, middle = (picture.width - size[0]) // 2, MARGIN + 2 * LINE + size[1] // 3
     assert picture.getpixel((left - 1, middle)) == WHITE != picture.getpixel((left, middle)), "the wall on the left"
 
@@ -278,16 +279,16 @@ def test_running_means_are_of_neighbours():
     assert smooth([1.0, 1.0, 4.0, 1.0, 1.0], 3) == pytest.approx([1, 2, 2, 2, 1])
 
 
-def test_strips_have_a_dot_for_each_pair_of_trainings_and_an_interval_beside_them(axes):
-    draw_strips(axes, ["a", "b"], [[[0.5, 0.6], [0.25, 0.3]], [[0.9]]], [(0.2, 0.7), (0.8, 1.0)])
-    dots = [(line.get_xdata(), line.get_ydata(), line.get_color()) for line in axes.lines if line.get_marker() == "o"]
-    joined = [line.get_ydata().tolist() for line in axes.lines if line.get_marker() != "o"]
-    assert joined == [[50, 25], [60, 30], [90]]
-    assert [y.tolist() for _, y, _ in dots] == [[50, 60], [25, 30], [90]]
-    assert [list(x) for x, _, _ in dots] == [[-0.15] * 2, [0.15] * 2, [1.0]]
-    assert dots[0][2] != dots[1][2]
-    intervals = [path.vertices[:, 1].tolist() for bars in axes.collections for path in bars.get_paths()]
-    assert intervals == [[20, 70], [80, 100]]
+def test_strips_have_a_line_for_each_training_sorted_by_its_mean_and_the_interval_of_another_pair(axes):
+    draw_strips(axes, ["a", "b"], [[[0.5, 0.6], [0.2, 0.3]], [[0.9]]], [(0.2, 0.7), (0.8, 1.0)], ["red", "blue"])
+    assert [line.get_color() for line in axes.lines] == ["red", "blue"]
+    dots = [list(zip(*line.get_data(), strict=True)) for line in axes.lines]
+    assert dots == [[(-0.3, pytest.approx(25)), (0.2, pytest.approx(55))], [(1, 90)]]
+    lines = [[path.vertices.tolist() for path in bars.get_paths()] for bars in axes.collections]
+    assert lines == [
+        [[[-0.3, 20], [-0.3, 30]], [[0.2, 50], [0.2, 60]]], [[[0.35, 20], [0.35, 70]]],
+        [[[1, 90], [1, 90]]], [[[1.35, 80], [1.35, 100]]],
+    ]  # fmt: skip
     assert [label.get_text() for label in axes.get_xticklabels()] == ["a", "b"]
 
 

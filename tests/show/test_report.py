@@ -102,6 +102,12 @@ def test_the_games_are_those_of_the_runs_agents_worst_first(document, demo):
         assert sum(times[index] for index in own) == GAMES, "every way in which they end"
 
 
+def test_curves_that_fall_in_self_play_are_explained_there(document):
+    fixed, self_play = document.text.split("Learning: ")[-2:]
+    assert "the pursuer's wins fall while the evader improves faster" in self_play
+    assert "improves faster" not in fixed
+
+
 def test_names_are_shown_as_they_are_written(page):
     """A name cannot end the script, nor begin an element."""
     name, config = "P_<b onclick=x>'&", "# </pre><script>alert(1)</script>\n"

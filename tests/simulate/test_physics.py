@@ -103,7 +103,7 @@ def test_the_documents_list_every_key_of_a_drives_file():
     assert [line for line in document.splitlines() if line in rows] == rows, "\n".join(rows)
 
 
-pytest.importorskip("mujoco")
+pytest.importorskip("mujoco", reason="needs mujoco: pip install mujoco")
 PAPER = make_game("paper")
 
 

@@ -237,8 +237,8 @@ def test_an_agent_from_a_run_is_served_too(tmp_path):
     ("arguments", "complaint"),
     [
         ((Role.EVADER, "E_scratch", "paper", 0), "plays the evader"),
-        ((Role.EVADER, "nobody", "paper", 0), "no agent is called 'nobody'"),
-        ((Role.EVADER, None, "chess", 0), "no game is called 'chess'"),
+        ((Role.EVADER, "nobody", "paper", 0), "unknown agent 'nobody'"),
+        ((Role.EVADER, None, "chess", 0), "unknown game 'chess'"),
         ((Role.EVADER, None, "paper", -1), "seed = -1"),
         ((Role.EVADER, None, "team-7v1", 0), "pursuers = 7 .* at most 6 in the page"),
         ((Role.EVADER, None, "suite-v1/maze-00,maze-01", 0), "in one arena, which the page needs"),

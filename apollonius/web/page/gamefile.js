@@ -81,7 +81,7 @@ const isTable = (value) => value !== null && typeof value === "object" && !Array
 function filled(said, defaults, name) {
   require(isTable(said), name, said, "a table of keys and values");
   const unknown = Object.keys(said).find((key) => !Object.hasOwn(defaults, key));
-  if (unknown !== undefined) throw new Error(`${name}: '${shown(unknown)}' is no known key: remove it`);
+  if (unknown !== undefined) throw new Error(`${name}: unknown key '${shown(unknown)}'; remove it`);
   const made = {};
   for (const [key, usual] of Object.entries(defaults)) {
     const [value, called] = [Object.hasOwn(said, key) ? said[key] : usual, name === "game" && isTable(usual) ? key : `${name}.${key}`];
