@@ -223,7 +223,7 @@ def test_a_new_kind_is_known_everywhere_once_it_is_registered(monkeypatch):
     guarded = find_player("shielded:always:1", Role.EVADER, PAPER)
     assert (guarded.name, type(guarded.policy)) == ("shielded:always:1", Shielded)
     assert isinstance(find_pool(["always:1"], Role.EVADER, PAPER).members, Still)
-    with pytest.raises(InvalidInput, match=r"'always:2': .*a file of a solved game, .*always:ACTION"):
+    with pytest.raises(InvalidInput, match=r"'always:2'; .*a file of a solved game, .*always:ACTION"):
         find_player("always:2", Role.EVADER, PAPER)
 
 

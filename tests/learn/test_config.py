@@ -64,7 +64,7 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
         (RunConfig, {"evaders": ("random",)}, "evaders = random .*left out .*'both'"),
         (StageConfig, {"progress": -1.0}, "progress = -1.0 .*from 0 to"),
         (StageConfig, {"failure": float("inf")}, "failure = inf .*from 0 to"),
-        (DQNConfig, {"observation": "raster"}, "observation = raster .*paper, encoded, egocentric"),
+        (DQNConfig, {"observation": "raster"}, "unknown observation .raster.; .*paper, encoded, egocentric"),
         (RunConfig, {"seed": 2**32}, "seed = 4294967296 .*at least 0"),
         (RunConfig, {"stages": "both", "pursuer": "P_stage1"}, "pursuer = P_stage1 .*left out .*'both'"),
         (RunConfig, {"stages": "distillation", "game": TEAM}, "robots = 2 v 1 .* a distillation by tables knows"),

@@ -406,7 +406,8 @@ def test_the_script_draws_robots_discs_and_the_reach_of_a_capture_in_metres_betw
 
     assert (canvas["width"], canvas["height"]) == (840, 840)
     (scale, _, _, upwards, x, y) = next(call[1:7] for call in calls if call[0] == "setTransform")
-    assert (scale, upwards, x, y) == (80, -80, 20, 820)
+    assert (scale, upwards) == (840 / 10.7, -scale), "10 m and a margin of 0.35 m on both sides"
+    assert (x, y) == pytest.approx((0.35 * scale, 10.35 * scale))
     assert [3, 4, 0.5] in [call[:3] for call in drawn("arc", "grey")]
     assert drawn("lineTo", "grey")[:3] == [[6, 6], [8, 6], [7, 8]]
     assert [1.5, 2, 0.3] in [call[:3] for call in drawn("arc", "red")]

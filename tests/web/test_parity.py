@@ -326,7 +326,7 @@ def test_games_are_read_as_the_package_reads_them():
 
 REFUSED = [
     ('{"arena": 3}', "arena = 3"),
-    ('{"arena": {"colour": "red"}}', "arena: 'colour'"),
+    ('{"arena": {"colour": "red"}}', "arena: unknown key 'colour'"),
     ('{"arena": {"discs": [{"x": 1, "y": 2}]}}', "arena.discs[0].radius = null"),
     ('{"arena": {"discs": [{"x": 1, "y": 2, "radius": 0}]}}', "arena.discs[0].radius = 0"),
     ('{"arena": {"discs": [{"x": 11, "y": 2, "radius": 1}]}}', "arena.discs[0] centre = [11,2]"),
