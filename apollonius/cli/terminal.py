@@ -113,11 +113,11 @@ _QUARTERS = 0, 25, 50, 75, 100
 
 def learning_table(curves: "Sequence[Curve]") -> str:
     """Return what a training changed as lines of text: a row for each curve, a column for each quarter of its stage."""
-    rows = [("What they learned, after", *[f"{percent} %" for percent in _QUARTERS], "of the stage")]
+    rows = [("What they learned, by the stage", *[f"{percent} %" for percent in _QUARTERS])]
     for curve in curves:
         shares = [curve.wins.get(percent) for percent in _QUARTERS]
-        rows.append((f"  {curve.about}", *["-" if share is None else f"{share:.1%}" for share in shares], ""))
-    return "\n".join(row.rstrip() for row in columns(rows))
+        rows.append((f"  {curve.about}", *["-" if share is None else f"{share:.1%}" for share in shares]))
+    return "\n".join(columns(rows))
 
 
 def comparison_table(match: "Match", comparison: "Comparison") -> str:

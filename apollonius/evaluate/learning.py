@@ -43,10 +43,10 @@ def learning_curves(run: Path, config: RunConfig, report: Report = silent) -> li
     for role in Role:
         own = {percent: result for (side, percent), result in results.items() if side == role}
         if role == Role.PURSUER:
-            about = f"self-play: pursuer beats the rule {OPPONENTS.pursuer}"
+            about = f"self-play: pursuer beats {OPPONENTS.pursuer}"
             wins = {percent: result.pursuer_win_rate for percent, result in own.items()}
         else:
-            about = f"self-play: evader is not beaten by the rule {OPPONENTS.evader}"
+            about = f"self-play: evader escapes {OPPONENTS.evader}"
             wins = {percent: result.evader_undefeated_rate for percent, result in own.items()}
         curves.append(Curve(about, wins))
     return curves

@@ -44,7 +44,7 @@ def test_curves_are_those_of_evaluations_and_of_matches_with_the_rules(run):
 def test_the_table_has_a_column_for_each_quarter_and_a_dash_where_nothing_is_known():
     curves = [learning.Curve("stage 1", {12: 0.1, 25: 0.25, 100: 1.0}), learning.Curve("self-play", {0: 0.5})]
     title, first, second = learning_table(curves).splitlines()
-    assert title.split()[-13:] == ["0", "%", "25", "%", "50", "%", "75", "%", "100", "%", "of", "the", "stage"]
+    assert title.split()[-10::2] == ["0", "25", "50", "75", "100"]
     assert first.split()[2:] == ["-", "25.0%", "-", "-", "100.0%"]
     assert second.split()[1:] == ["50.0%", "-", "-", "-", "-"]
 
