@@ -88,7 +88,8 @@ class Arena(Walls):
             if isinstance(value, AbstractObstacle) and field.name != "territory":
                 named[f"arena.{field.name}"] = value
             elif isinstance(value, tuple):
-                named |= {f"arena.{field.name}[{index}]": obstacle for index, obstacle in enumerate(value)}
+                for index, obstacle in enumerate(value):
+                    named[f"arena.{field.name}[{index}]"] = obstacle
         return named
 
     @property
@@ -132,13 +133,12 @@ class Arena(Walls):
 
     def require_only(self, kinds: tuple[type[AbstractObstacle], ...], bound: str) -> None:
         """Refuse other kinds of obstacles than these."""
-        foreign = sorted(
-            {type(obstacle).__name__ for obstacle in self.obstacles if not isinstance(obstacle, kinds)},
-        )
-        require(not foreign, "obstacles", ", ".join(foreign), bound)
+        foreign = [obstacle for obstacle in self.obstacles if not isinstance(obstacle, kinds)]
+        names = sorted({type(obstacle).__name__ for obstacle in foreign})
+        require(not foreign, "obstacles", ", ".join(names), bound)
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
-        """Return the distance [m] from a point to the nearest wall or obstacle; negative beyond it."""
+        """Return the distance [m] from a point to the nearest wall or obstacle; negative beyond."""
         return functools.reduce(
             jnp.minimum,
             [obstacle.clearance(x, y) for obstacle in self._merged],

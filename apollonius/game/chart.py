@@ -174,7 +174,7 @@ class Chart(eqx.Module):
         return jnp.where(lengths == NO_PATH, jnp.inf, lengths / 100).reshape(COARSE, COARSE)
 
     def path_length_from(self, cell: Int[Array, ""], end: CellWeights) -> Scalar:
-        """Return the length [m] of the shortest path from the middle of a coarse cell to a point."""
+        """Return the length [m] of the shortest path from a coarse cell's middle to a point."""
         cells, weights = end
         return jnp.sum(self.lengths[self.member, cell, cells].astype(jnp.float32) * weights) / 100
 

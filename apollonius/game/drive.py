@@ -126,7 +126,8 @@ def turning(
     assert rate is not None, "a drive with a turn time has a turn rate"
     max_change = body.u2_max * dt / jnp.maximum(turn_time, 1e-6)
     change = jnp.clip(asked - rate, -max_change, max_change)
-    return rate + change - change * jnp.abs(change) / jnp.maximum(2 * max_change, 1e-9), rate + change
+    lag = change * jnp.abs(change) / jnp.maximum(2 * max_change, 1e-9)
+    return rate + change - lag, rate + change
 
 
 class Drives(BySide[Drive | None]):
@@ -142,7 +143,11 @@ def drive_of(drives: Drives | None, role: Role) -> Drive:
 
 
 def respond(
-    drive: Drive, states: DriveStates, bodies: Sequence[Unicycle], actions: Sequence[Action], dt: Real
+    drive: Drive,
+    states: DriveStates,
+    bodies: Sequence[Unicycle],
+    actions: Sequence[Action],
+    dt: Real,
 ) -> tuple[tuple[Controls, ...], DriveStates]:
     """Return the controls that a side's robots hold in this step, and their drives after it.
 

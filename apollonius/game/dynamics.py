@@ -1,4 +1,4 @@
-"""How a robot moves: a unicycle driven by acceleration and turn rate, within speed limits (Eq. 1)."""
+"""A robot's motion: a unicycle driven by acceleration and turn rate, within limits (Eq. 1)."""
 
 from typing import Any
 

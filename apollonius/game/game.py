@@ -219,12 +219,12 @@ class Game(eqx.Module):
         return self.step_controls(state, ROLES.map(controls))
 
     def step_controls(self, state: GameState, controls: BySide[tuple[Controls, ...]]) -> Timestep:
-        """Let active robots hold their controls (u1 [m/s^2], u2 [rad/s]) for `dt`; judge the step."""
+        """Let active robots hold controls (u1 [m/s^2], u2 [rad/s]) for `dt`; judge the step."""
         game = self.at(state)
 
         def robots_after(role: Role) -> tuple[RobotState, ...]:
             robots = zip(game.bodies[role], state.robots[role], controls[role], strict=True)
-            driven = tuple(body.move(robot, *robot_controls, self.dt) for body, robot, robot_controls in robots)
+            driven = tuple(body.move(robot, u1, u2, self.dt) for body, robot, (u1, u2) in robots)
             if state.status is None:
                 return driven
             stopped = (replace(robot, v=jnp.zeros_like(robot.v)) for robot in state.robots[role])

@@ -93,7 +93,8 @@ def judge(
     territory_reached = None
     if game.arena.territory:
         moves = zip(before.robots.evader, after.robots.evader, events.evader, strict=True)
-        territory_reached = _any(robot.stays & game.arena.reaches_territory(start, end) for start, end, robot in moves)
+        reaches = game.arena.reaches_territory
+        territory_reached = _any(robot.stays & reaches(start, end) for start, end, robot in moves)
     outcome = decide(
         captured=beaten.evader & _any(robot.captured for robot in events.evader),
         pursuer_hit=last(Role.PURSUER, "hit", "collided"),
@@ -160,19 +161,21 @@ def _events(game: Judged, before: GameState, after: GameState, role: Role) -> tu
     mates_collide = bool(game.teams and game.teams.mates_collide)
 
     def touches_mate(number: int) -> Flag:
-        radius = bodies[number].radius
-        mates = [mate for mate in range(len(bodies)) if mates_collide and mate != number]
-        contacts = [
-            active[role][mate] & come_within(moves[role][mate], moves[role][number], radius + bodies[mate].radius)
-            for mate in mates
-        ]
+        own_moves = moves[role]
+        contacts: list[Flag] = []
+        for mate in range(len(bodies)):
+            if mates_collide and mate != number:
+                distance = bodies[number].radius + bodies[mate].radius
+                touches = come_within(own_moves[mate], own_moves[number], distance)
+                contacts.append(active[role][mate] & touches)
         return _any(contacts)
 
     def events(number: int) -> _Events:
         move = moves[role][number]
         body = bodies[number]
         is_active = active[role][number]
-        captures = [is_hunting & come_within(hunter, move, game.capture_distance) for hunter, is_hunting in hunters]
+        distance = game.capture_distance
+        captures = [hunts & come_within(hunter, move, distance) for hunter, hunts in hunters]
         captured = is_active & _any(captures)
         uncaught = is_active & ~captured
         hit = uncaught & game.arena.hits_obstacle(*move, body.radius)

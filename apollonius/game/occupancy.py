@@ -1,5 +1,7 @@
 """An occupancy map as an obstacle: a field of distances from its occupied cells."""
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -14,10 +16,20 @@ _ROUNDING = 0.15
 """What bilinear interpolation can add to a distance, in cells: 0.146, near a lone corner of an
 occupied cell.
 """
-_Walk = tuple[Scalar, Scalar, Scalar, Scalar, Flag]
-"""Row and column of a cell, shares of a segment up to the next ones, and whether the cell is
-occupied.
-"""
+
+
+class _Walk(NamedTuple):
+    """A walk along a segment: its cell, the shares of the segment up to the next ones along x and
+    y, and whether the cell is occupied.
+    """
+
+    row: Scalar
+    column: Scalar
+    next_x: Scalar
+    next_y: Scalar
+    is_occupied: Flag
+
+
 _PARTS = 4
 """Parts of a step at whose ends the field is looked up."""
 
@@ -94,7 +106,8 @@ class OccupancyMap(AbstractObstacle):
         x, y = before.x + shares * (after.x - before.x), before.y + shares * (after.y - before.y)
         clearances = jax.vmap(self.clearance)(x, y)
         spacing = jnp.hypot(after.x - before.x, after.y - before.y) / _PARTS
-        return jnp.minimum(jnp.min(clearances), jnp.min(clearances[1:] + clearances[:-1] - spacing) / 2)
+        between = jnp.min(clearances[1:] + clearances[:-1] - spacing) / 2
+        return jnp.minimum(jnp.min(clearances), between)
 
     def hides(self, here: RobotState, there: RobotState) -> Flag:
         """Return whether the segment between two robots' centres meets an occupied cell.
@@ -123,30 +136,31 @@ class OccupancyMap(AbstractObstacle):
             return jnp.sum(jnp.stack(corners)) <= 0
 
         def one_cell(walk: _Walk) -> _Walk:
-            row, column, next_x, next_y, _ = walk
-            across = next_x < next_y
-            column = jnp.where(across, column + jnp.sign(along_x), column)
-            row = jnp.where(across, row, row + jnp.sign(along_y))
-            share = jnp.minimum(next_x, next_y)
-            next_x = jnp.where(across, next_x + slope_x, next_x)
-            next_y = jnp.where(across, next_y, next_y + slope_y)
-            return row, column, next_x, next_y, (share < 1) & is_occupied(row, column)
+            across = walk.next_x < walk.next_y
+            column = jnp.where(across, walk.column + jnp.sign(along_x), walk.column)
+            row = jnp.where(across, walk.row, walk.row + jnp.sign(along_y))
+            share = jnp.minimum(walk.next_x, walk.next_y)
+            next_x = jnp.where(across, walk.next_x + slope_x, walk.next_x)
+            next_y = jnp.where(across, walk.next_y, walk.next_y + slope_y)
+            occupied = (share < 1) & is_occupied(row, column)
+            return _Walk(row, column, next_x, next_y, occupied)
 
         def should_continue(walk: _Walk) -> Flag:
-            return ~walk[4] & (jnp.minimum(walk[2], walk[3]) < 1)
+            return ~walk.is_occupied & (jnp.minimum(walk.next_x, walk.next_y) < 1)
 
-        return jax.lax.while_loop(
-            should_continue,
-            one_cell,
-            (row, column, next_x, next_y, is_occupied(row, column)),
-        )[4]
+        start = _Walk(row, column, next_x, next_y, is_occupied(row, column))
+        return jax.lax.while_loop(should_continue, one_cell, start).is_occupied
 
     def check(self, name: str, walls: Walls) -> None:
         """Refuse walls beyond the map's ends."""
         ends = Walls(self.x, self.x_max, self.y, self.y_max)
-        is_covered = ends.enclose(walls.x_min, walls.y_min) and ends.enclose(walls.x_max, walls.y_max)
+        low_is_inside = ends.enclose(walls.x_min, walls.y_min)
+        is_covered = low_is_inside and ends.enclose(walls.x_max, walls.y_max)
         require(
-            is_covered, "arena walls", walls.sides, f"within the map's ends {ends.sides}; leave them out to have those"
+            is_covered,
+            "arena walls",
+            walls.sides,
+            f"within the map's ends {ends.sides}; leave them out to have those",
         )
 
     def occupied(self) -> Bool[np.ndarray, "rows columns"]:

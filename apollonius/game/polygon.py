@@ -1,7 +1,7 @@
 """Polygonal obstacles: distances from them, and contact with them along a step."""
 
 from collections.abc import Callable, Sequence
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -83,7 +83,7 @@ class Edge(eqx.Module):
     turn: Int[Array, ""]
 
     def left(self, x: Scalar, y: Scalar) -> Scalar:
-        """Return a point's distance to the left of the edge's line, times the edge's length [m^2]."""
+        """Return a point's distance to the left of the edge's line, times its length [m^2]."""
         return self.along_x * (y - self.y) - self.along_y * (x - self.x)
 
     def windings(self, x: Scalar, y: Scalar) -> Int[Array, ""]:
@@ -133,6 +133,14 @@ class Place(eqx.Module):
         return jnp.where(self.windings > 0, -distance, distance)
 
 
+class _Segment(NamedTuple):
+    """A segment among the edges so far: both ends, and the least clearance between them [m]."""
+
+    start: Place
+    end: Place
+    between: Scalar
+
+
 class Edges(AbstractObstacle):
     """The edges of any number of polygons as one obstacle, leaves `[edges]`."""
 
@@ -166,28 +174,34 @@ class Edges(AbstractObstacle):
         """
         dx, dy = after.x - before.x, after.y - before.y
 
-        def add_edge(so_far: tuple[Place, Place, Scalar], edge: Edge) -> tuple[Place, Place, Scalar]:
-            start, end, least = so_far
+        def add_edge(segment: _Segment, edge: Edge) -> _Segment:
             corner = closest_approach_squared(before.x - edge.x, before.y - edge.y, dx, dy)
             clearance = jnp.where(edge.is_crossed(before, after), _PASSED_THROUGH, jnp.sqrt(corner))
-            return start.beside(edge), end.beside(edge), jnp.minimum(least, clearance)
+            return _Segment(
+                start=segment.start.beside(edge),
+                end=segment.end.beside(edge),
+                between=jnp.minimum(segment.between, clearance),
+            )
 
-        start_values = (
-            _nowhere(before.x, before.y),
-            _nowhere(after.x, after.y),
-            jnp.asarray(jnp.inf, jnp.float32),
+        no_edges = _Segment(
+            start=_nowhere(before.x, before.y),
+            end=_nowhere(after.x, after.y),
+            between=jnp.asarray(jnp.inf, jnp.float32),
         )
-        start, end, least = self._over_edges(add_edge, start_values)
-        return jnp.minimum(jnp.minimum(start.clearance, end.clearance), least)
+        segment = self._over_edges(add_edge, no_edges)
+        ends = jnp.minimum(segment.start.clearance, segment.end.clearance)
+        return jnp.minimum(ends, segment.between)
 
     def _over_edges(self, add_edge: Callable[[T, Edge], T], initial: T) -> T:
-        return jax.lax.scan(lambda initial, edge: (add_edge(initial, edge), None), initial, self.edges)[0]
+        end, _ = jax.lax.scan(lambda value, edge: (add_edge(value, edge), None), initial, self.edges)
+        return end
 
 
 def _corners(polygon: Polygon) -> Float[Array, "corners 2"]:
     vertices = polygon.vertices
     if isinstance(vertices, tuple):
-        numbers = [jnp.asarray(coordinate, jnp.float32) for corner in vertices for coordinate in corner]
+        coordinates = [coordinate for corner in vertices for coordinate in corner]
+        numbers = [jnp.asarray(coordinate, jnp.float32) for coordinate in coordinates]
         return jnp.stack(numbers).reshape(-1, 2)
     return jnp.asarray(vertices)
 
@@ -216,7 +230,8 @@ def _meeting(corners: Float[np.ndarray, "corners 2"]) -> Int[np.ndarray, " some"
     offset = (along[:, :1] * to_y - along[:, 1:] * to_x) / length
     distance_ahead = (along[:, :1] * to_x + along[:, 1:] * to_y) / length
     edge, corner = np.indices((count, count))
-    touches = (np.abs(offset) <= _APART) & (distance_ahead >= -_APART) & (distance_ahead <= length + _APART)
+    touches = np.abs(offset) <= _APART
+    touches &= (distance_ahead >= -_APART) & (distance_ahead <= length + _APART)
     touches &= (corner != edge) & (corner != (edge + 1) % count)
     # The edge's line has the ends of another edge on different sides.
     separates = offset * np.roll(offset, -1, axis=1) < 0

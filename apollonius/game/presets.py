@@ -18,7 +18,7 @@ from apollonius.io.limits import ROBOTS
 
 
 def paper() -> Game:
-    """Table I, with three discs of radius 0.5 m (the paper draws obstacles but does not list them)."""
+    """Table I, with three discs of radius 0.5 m (the paper draws obstacles but lists none)."""
     return Game(arena=Arena(discs=(Disc(3.0, 3.0, 0.5), Disc(7.0, 4.0, 0.5), Disc(5.0, 7.5, 0.5))))
 
 
@@ -39,14 +39,13 @@ def zero_sum() -> Game:
 
 
 def robot() -> Game:
-    """The `paper` game between robots of radius 0.2 m, caught where their bodies are 0.1 m apart."""
+    """The `paper` game of robots of radius 0.2 m, caught where their bodies are 0.1 m apart."""
     body = Body(radius=0.2)
     return Game(pursuer=body, evader=body, arena=paper().arena, capture_distance=0.5)
 
 
 def territory() -> Game:
-    """The `paper` game with a territory, a disc of radius 1 m in the middle, that the evader would
-    reach.
+    """The `paper` game with a territory, a disc of radius 1 m, that the evader would reach.
 
     Only captures, crashes and the territory are paid for. A territory that is not reached in time
     is a draw.
@@ -58,9 +57,7 @@ def territory() -> Game:
 
 
 def lidar() -> Game:
-    """The `paper` game of robots with a lidar: they see 5 m far, not through obstacles, to 5 cm,
-    and 0.1 s late.
-    """
+    """The `paper` game of robots with a lidar: 5 m far, not through obstacles, 5 cm, 0.1 s late."""
     sensors = Sensors(line_of_sight=True, range=5.0, noise=Noise(position=0.05), delay=1)
     return replace(paper(), sensors=Sensing(sensors, sensors))
 

@@ -77,13 +77,15 @@ class Reward(eqx.Module):
             win = pursuer_wins(outcome).astype(jnp.float32)
             loss = evader_wins(outcome, self.time_limit_wins).astype(jnp.float32)
             return BySide((win - loss,) * len(robots.pursuer), (loss - win,) * len(robots.evader))
-        territory_reached, captured = outcome == Outcome.TERRITORY_REACHED, outcome == Outcome.CAPTURED
+        territory_reached = outcome == Outcome.TERRITORY_REACHED
+        captured = outcome == Outcome.CAPTURED
         gains = [self.progress * (before - after) for before, after in leads]
         shares = [
             jnp.where(evader.captured, self.capture, jnp.where(evader.active, gain, 0.0))
             for evader, gain in zip(robots.evader, gains, strict=True)
         ]
-        pursuers_reward = jnp.where(territory_reached, -self.capture, functools.reduce(operator.add, shares))
+        total = functools.reduce(operator.add, shares)
+        pursuers_reward = jnp.where(territory_reached, -self.capture, total)
 
         def pursuer(robot: Fate) -> Scalar:
             return jnp.where(
@@ -94,7 +96,8 @@ class Reward(eqx.Module):
 
         def evader(robot: Fate, gain: Scalar) -> Scalar:
             lead_reward = jnp.where(territory_reached, self.capture, -gain)
-            in_play = jnp.where(robot.failed, -self.failure, jnp.where(robot.active, lead_reward, 0.0))
+            if_safe = jnp.where(robot.active, lead_reward, 0.0)
+            in_play = jnp.where(robot.failed, -self.failure, if_safe)
             return jnp.where(robot.captured, -self.capture, in_play)
 
         return BySide(
@@ -117,7 +120,12 @@ def leads(before: GameState, after: GameState, chart: Chart | None) -> list[tupl
     def path_length(chart: Chart, state: GameState, evader: RobotState) -> Scalar:
         pursuers = zip(state.robots.pursuer, before.active.pursuer, strict=True)
         lengths = [
-            jnp.where(active, chart.way(robot.x, robot.y, evader.x, evader.y), jnp.inf) for robot, active in pursuers
+            jnp.where(
+                active,
+                chart.way(robot.x, robot.y, evader.x, evader.y),
+                jnp.inf,
+            )
+            for robot, active in pursuers
         ]
         return functools.reduce(jnp.minimum, lengths)
 
@@ -130,4 +138,5 @@ def leads(before: GameState, after: GameState, chart: Chart | None) -> list[tupl
         has_paths = jnp.isfinite(first) & jnp.isfinite(last)
         return jnp.where(has_paths, first, straight[0]), jnp.where(has_paths, last, straight[1])
 
-    return [distances_of(*pair) for pair in zip(before.robots.evader, after.robots.evader, strict=True)]
+    evaders = zip(before.robots.evader, after.robots.evader, strict=True)
+    return [distances_of(start, end) for start, end in evaders]

@@ -184,14 +184,22 @@ def stack_arenas(arenas: Sequence[Arena]) -> Arena:
     corners_of_map = tuple(np.max(maps, axis=0).tolist()) if maps else None
     discs = max(len(arena.discs) for arena in arenas)
     polygons = max(len(arena.polygons) for arena in arenas)
-    corners = max((len(polygon.vertices) for arena in arenas for polygon in arena.polygons), default=0)
+    outlines = [polygon.vertices for arena in arenas for polygon in arena.polygons]
+    corners = max(map(len, outlines), default=0)
     # The corners of a polygon in one array: compiling takes time for every number that is passed
     # alone.
     nowhere = np.full((corners, 2), _FAR)
 
     def pad(arena: Arena) -> Arena:
         outlines = [np.asarray(polygon.vertices, float) for polygon in arena.polygons]
-        outlines_padded = [np.pad(outline, ((0, corners - len(outline)), (0, 0)), mode="edge") for outline in outlines]
+        outlines_padded = [
+            np.pad(
+                outline,
+                ((0, corners - len(outline)), (0, 0)),
+                mode="edge",
+            )
+            for outline in outlines
+        ]
         outlines_padded += [nowhere] * (polygons - len(outlines))
         return replace(
             arena,
@@ -214,7 +222,8 @@ def stack_arenas(arenas: Sequence[Arena]) -> Arena:
 def _padded_map(occupancy: OccupancyMap | None, corners: tuple[int, int]) -> OccupancyMap:
     if occupancy is None:
         return OccupancyMap(jnp.full(corners, _FAR, jnp.float32), 0.0, 0.0, 1.0, "", "")
-    padding = [(0, size - current) for size, current in zip(corners, occupancy.field.shape, strict=True)]
+    sizes = zip(corners, occupancy.field.shape, strict=True)
+    padding = [(0, size - current) for size, current in sizes]
     # In NumPy, as JAX would compile it for every shape.
     return replace(
         occupancy,

@@ -106,11 +106,14 @@ class Starts(eqx.Module):
         role, body, state = one
         is_free = arena.clearance(state.x, state.y) >= self.clearance + body.radius
         for side, other, other_state in others:
-            min_distance = self.clearance + body.radius + other.radius if side == role else self.separation
+            min_distance = self.separation
+            if side == role:
+                min_distance = self.clearance + body.radius + other.radius
             is_free &= jnp.hypot(state.x - other_state.x, state.y - other_state.y) >= min_distance
         goal = arena.territory
         if role == Role.EVADER and goal:
-            is_free &= jnp.hypot(state.x - goal.x, state.y - goal.y) >= goal.radius + self.separation
+            distance = jnp.hypot(state.x - goal.x, state.y - goal.y)
+            is_free &= distance >= goal.radius + self.separation
         return is_free
 
     def _speeds(self, key: PRNGKeyArray, bodies: Sequence[Unicycle]) -> Float[Array, " robots"]:

@@ -69,13 +69,14 @@ def by_distance(
         for robot, is_active in zip(robots, active, strict=True)
     ]
 
+    def comes_before(other: int, number: int) -> Flag:
+        if other < number:
+            return distances[other] <= distances[number]
+        return distances[other] < distances[number]
+
     def rank_of(number: int) -> Int[Array, ""]:
         """Count the robots that come before one."""
-        nearer = [
-            distances[other] <= distances[number] if other < number else distances[other] < distances[number]
-            for other in range(len(distances))
-            if other != number
-        ]
+        nearer = [comes_before(other, number) for other in range(len(distances)) if other != number]
         return functools.reduce(
             operator.add,
             (flag.astype(jnp.int32) for flag in nearer),

@@ -105,7 +105,7 @@ def one_each(robots: BySide[tuple[T, ...]]) -> BySide[T]:
 
 
 def choose(first: Bool[Array, "..."], one: T, other: T) -> T:
-    """Return the first of two pytrees of one structure where the flags say so, elsewhere the other."""
+    """Return the first of two pytrees where the flags say so, elsewhere the other."""
 
     def select(one: Any, other: Any) -> Any:
         return one if one is other else jnp.where(first, one, other)
@@ -172,7 +172,7 @@ class Sight(eqx.Module):
 
 
 class DriveState(eqx.Module):
-    """The latest commands, u1 [m/s^2] and u2 [rad/s], the newest first, and the turn rate [rad/s]."""
+    """The latest commands u1 [m/s^2] and u2 [rad/s], newest first, and the turn rate [rad/s]."""
 
     pending: Float[Array, "*batch lag 2"] | None
     turn_rate: Float[Array, "*batch"] | None

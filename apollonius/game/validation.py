@@ -1,5 +1,6 @@
 """Checks of a game as a whole: finite numbers, and space to start."""
 
+import functools
 import math
 import os
 import re
@@ -49,7 +50,10 @@ _SETTINGS: dict[str, tuple[tuple[Any, ...], str]] = {
     "jax_threefry_partitionable": ((True,), _SEEDS),
     "jax_default_prng_impl": (("threefry2x32",), _SEEDS),
     "jax_random_seed_offset": ((0,), _SEEDS),
-    "jax_transfer_guard": (("allow", None, "log", "log_explicit"), "numbers are sent to the device as games need them"),
+    "jax_transfer_guard": (
+        ("allow", None, "log", "log_explicit"),
+        "numbers are sent to the device as games need them",
+    ),
 }
 """Settings of JAX that matter, with the values that they may have, the usual one first, and why no
 other. All others change nothing but speed, messages and, where they choose how XLA compiles, the
@@ -88,7 +92,7 @@ def require_key(key: Any) -> None:
 
 
 def is_swept(game: Any) -> bool:
-    """Return whether numbers of a game are traced or swept, arrays whose values are not known here."""
+    """Return whether numbers of a game are traced or swept: arrays, whose values are unknown."""
     return any(isinstance(leaf, (jax.Array, np.ndarray)) for leaf in _numbers(game).values())
 
 
@@ -108,9 +112,11 @@ def check_finite(game: Any) -> None:
 def _numbers(game: Any) -> dict[str, Any]:
     """Return all numbers by name, but for a map's field, a chart and parts that are left out."""
     leaves = jax.tree_util.tree_flatten_with_path(game, is_leaf=lambda leaf: leaf is None)[0]
-    numbers = {jax.tree_util.keystr(path, simple=True, separator="."): leaf for path, leaf in leaves}
+    keystr = functools.partial(jax.tree_util.keystr, simple=True, separator=".")
+    numbers = {keystr(path): leaf for path, leaf in leaves}
     hidden = {name for name in numbers if name.startswith("arena.chart.")} | {"arena.map.field"}
-    hidden |= {name for name, leaf in numbers.items() if leaf is None and name.startswith(_OPTIONAL)}
+    absent = {name for name, leaf in numbers.items() if leaf is None}
+    hidden |= {name for name in absent if name.startswith(_OPTIONAL)}
     return {name: leaf for name, leaf in numbers.items() if name not in hidden}
 
 
@@ -158,14 +164,16 @@ def check_space_to_start(arena: Arena, bodies: Bodies, starts: Starts) -> None:
             return
     for name, (margin,), fit in zip(_SIDES, margins, fits, strict=True):
         if not fit:
+            needed = f"a clearance of {margin:g} m (starts.clearance + {name}.radius)"
+            remedy = "make the obstacles or the clearance smaller, or the arena larger"
             raise InvalidInput(
-                f"the arena leaves the {name} no place to start: none of {_DRAWS:,} has a clearance of {margin:g} m "
-                f"(starts.clearance + {name}.radius); make the obstacles or the clearance smaller, or the arena larger."
+                f"the arena leaves the {name} no place to start: none of {_DRAWS:,} has {needed}; {remedy}."
             )
     if not reach:
+        problem = f"at none of {_DRAWS:,} pairs of places both are free"
+        remedy = "make the obstacles, starts.clearance or the robots smaller, or the arena larger"
         raise InvalidInput(
-            f"the arena leaves the robots no place to start: at none of {_DRAWS:,} pairs of places both are free; make "
-            "the obstacles, starts.clearance or the robots smaller, or the arena larger."
+            f"the arena leaves the robots no place to start: {problem}; {remedy}.",
         )
     bound = f"at most {reach:.3g} m, the largest distance of the free pairs among {_DRAWS:,}"
     remedy = "make it smaller or the arena larger"
@@ -178,7 +186,8 @@ def _check_space_for_mates(bodies: Bodies, starts: Starts, free: Sequence[Points
     """
     rng = np.random.default_rng(1)
     # In the order in which starts are drawn.
-    order = [(side, body) for part in (slice(1), slice(1, None)) for side in (0, 1) for body in bodies[side][part]]
+    first = [(side, body) for side in (0, 1) for body in bodies[side][:1]]
+    order = first + [(side, body) for side in (0, 1) for body in bodies[side][1:]]
     for _ in range(_PLACINGS if len(order) > 2 else 0):
         robots: list[tuple[int, float, np.ndarray]] = []
         for side, body in order:
@@ -188,7 +197,8 @@ def _check_space_for_mates(bodies: Bodies, starts: Starts, free: Sequence[Points
                 min_distance = contact if side == other_side else starts.separation
                 fits &= np.hypot(*(free[side] - point[:, None])) >= min_distance
             if not fits.any():
-                remedy = "fewer robots, a smaller starts.clearance or starts.separation, or a larger arena"
+                smaller = "a smaller starts.clearance or starts.separation"
+                remedy = f"fewer robots, {smaller}, or a larger arena"
                 size = " v ".join(str(len(robots)) for robots in bodies)
                 require(
                     False,

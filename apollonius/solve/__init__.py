@@ -1,1 +1,3 @@
-"""Ground truth by dynamic programming on the same rules: safety, the least time to a target, the game of two."""
+"""Ground truth by dynamic programming on the same rules: safety, the least time to a target, the
+game of two.
+"""
