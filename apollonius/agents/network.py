@@ -153,8 +153,8 @@ def _apply_together(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[A
 
 def _weights_first(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[Array, "batch out"]:
     """Apply the layers by a `vmap`, whose products have the weights first, as in a pool."""
-    stacked = jax.tree.map(lambda leaf: leaf[None], layers)
-    return jax.vmap(lambda layers: jax.vmap(apply, in_axes=(None, 0))(layers, inputs))(stacked)[0]
+    members = jax.tree.map(lambda leaf: leaf[None], layers)
+    return jax.vmap(lambda layers: jax.vmap(apply, in_axes=(None, 0))(layers, inputs))(members)[0]
 
 
 def apply_to_batch(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[Array, "batch out"]:
@@ -238,14 +238,27 @@ def make_network(
     key: PRNGKeyArray,
     symmetric: bool = False,
 ) -> QNetwork:
-    """Return a network of `depth` hidden layers of `width` units with random weights. The key is
-    consumed.
+    """Return a network of action values with random weights.
+
+    Args:
+        observation: name of the observation that it reads.
+        width: units of each hidden layer.
+        depth: number of hidden layers.
+        key: draws the weights; it is consumed.
+        symmetric: as in `QNetwork`.
     """
     reads = find_observation(observation)
     return QNetwork(make_layers([reads.size, *[width] * depth, NUM_ACTIONS], key), reads, symmetric)
 
 
 def make_actor(observation: str, width: int, depth: int, key: PRNGKeyArray) -> GaussianActor:
-    """Return an actor with random weights, as `make_network`."""
+    """Return an actor with random weights.
+
+    Args:
+        observation: name of the observation that it reads.
+        width: units of each hidden layer.
+        depth: number of hidden layers.
+        key: draws the weights; it is consumed.
+    """
     reads = find_observation(observation)
     return GaussianActor(make_layers([reads.size, *[width] * depth, 4], key), reads)

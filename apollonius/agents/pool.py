@@ -32,7 +32,15 @@ def act_in_rows(
     memory: Memory,
     bits: RowBits,
 ) -> Acted:
-    """Return one player's action and next memory in each row of a batch."""
+    """Return one player's action and next memory in each row of a batch.
+
+    Args:
+        policy: the player.
+        read: from a row to the player's observation.
+        rows: leaves `[rows, ...]`.
+        memory: the player's memory in each row.
+        bits: random bits of each row.
+    """
     return jax.vmap(lambda row, memory, bits: policy(read(row), memory, bits))(rows, memory, bits)
 
 
@@ -67,8 +75,14 @@ class AbstractPlayers(eqx.Module):
         memory: Memory,
         bits: RowBits,
     ) -> Acted:
-        """Return each row's action and next memory, by its member; `read` makes of a row what
-        players read.
+        """Return the action and the next memory in each row of a batch.
+
+        Args:
+            member: the member that plays each row.
+            read: from a row to a player's observation.
+            rows: leaves `[rows, ...]`.
+            memory: the players' memory in each row.
+            bits: random bits of each row.
         """
 
 

@@ -69,9 +69,8 @@ class AbstractWayfinder(AbstractSteering):
 
         remaining = jax.vmap(length_to_target)(x, y)
         is_tight = jax.vmap(chart.clearance)(x, y) < margin
-        best = jnp.argmin(
-            reach + remaining + 0.5 * is_tight.astype(jnp.float32) + jnp.where(reach < 0.05, _FAR, 0.0),
-        )
+        penalty = 0.5 * is_tight.astype(jnp.float32)
+        best = jnp.argmin(reach + remaining + penalty + jnp.where(reach < 0.05, _FAR, 0.0))
         corner = RobotState(x[best], y[best], own.v, own.heading)
         aim = choose(is_free, place, corner)
         ahead = chart.range(own.x, own.y, jnp.cos(own.heading), jnp.sin(own.heading))
@@ -150,8 +149,13 @@ class Hide(AbstractWayfinder):
 
     def course(self, seen: View) -> tuple[Scalar, Scalar]:
         chart, pursuer = seen.chart, seen.opponent
+        states = (pursuer.state, seen.own.state)
         pursuer_lengths, own_lengths = (
-            jnp.minimum(chart.lengths_from(state.x, state.y), _FAR) for state in (pursuer.state, seen.own.state)
+            jnp.minimum(
+                chart.lengths_from(state.x, state.y),
+                _FAR,
+            )
+            for state in states
         )
         is_hidden = ~visible(chart, Sensors(line_of_sight=True), pursuer.state)
         safety = jnp.minimum(pursuer_lengths, _CAUTION) - jnp.where(is_hidden, 0.0, _CAUTION / 2)
@@ -171,8 +175,8 @@ def sought_by(
 ) -> tuple[View, Int[Array, ""]]:
     """Return the view of a robot that searches, and the coarse cell that it drives to.
 
-    In that view its opponents are at rest in the cell, where one of them can be. If an opponent was
-    seen lately, the view stays as it is, and the cell is -1.
+    In that view its opponents are at rest in the cell, where one opponent can be. If one was seen
+    lately, the view stays as it is, and the cell is -1.
 
     Args:
         seen: the robot's view.

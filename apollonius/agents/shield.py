@@ -207,7 +207,7 @@ class _Search(eqx.Module):
         action: the one to try next or, at the end, to take.
         number: its index; `NUM_ACTIONS` for a player's own continuous action.
         clearances: clearance that each of the nine actions leaves [m]; infinite until it is tried.
-        open: whether the search goes on.
+        open: whether an action is still to be tried.
     """
 
     action: Action

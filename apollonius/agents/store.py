@@ -71,7 +71,14 @@ class Agent:
 
 
 def describe(network: Network, role: Role, game: dict[str, Any], training: dict[str, Any]) -> Agent:
-    """Return an agent with a header that fits its network."""
+    """Return an agent with a header that fits its network.
+
+    Args:
+        network: the trained network.
+        role: the side that it plays.
+        game: the game of its training, as of `to_dict`.
+        training: how it was trained.
+    """
     kind = "values" if isinstance(network, QNetwork) else "gaussian"
     width = network.layers[0].out_features
     header = AgentHeader(
@@ -131,9 +138,9 @@ def _opened_agent(path: Path) -> Generator[tuple[Any, AgentHeader], None, None]:
 def _checked(path: Path, fields: dict[str, Any]) -> AgentHeader:
     header = from_dict(AgentHeader, fields, f"the header of '{path}'")
     if header.network not in _MAKE:
-        kinds = ", ".join(_MAKE)
+        remedy = f"this program reads {', '.join(_MAKE)}: update it"
         raise InvalidInput(
-            f"'{path}' has a network of the kind {shown(header.network)}, this program reads {kinds}: update it."
+            f"'{path}' has a network of the kind {shown(header.network)}, {remedy}.",
         )
     own_observation = OBSERVATIONS.get(header.observation)
     if own_observation is None or own_observation.size != header.observation_size:

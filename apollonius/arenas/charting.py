@@ -111,29 +111,24 @@ def clearances(
 def paths(
     field: _Field, side: Scalar, radius: Scalar
 ) -> tuple[UInt16[Array, "coarse coarse"], UInt16[Array, "cells cells"]]:
-    """Return `Chart.lengths` and `Chart.visible` of a field, by the arena's longer side and the
-    body's radius [m].
+    """Compute `Chart.lengths` and `Chart.visible` of a field.
+
+    Args:
+        field: clearances at the corners of cells [m].
+        side: the arena's longer side [m].
+        radius: radius of the largest body [m].
     """
     links = _links(field, radius)
 
     def lengths_from(starts: Int[Array, " starts"]) -> UInt16[Array, "starts coarse"]:
-        found = _paths_from(links, starts)
-        centimetres = jnp.round(found.astype(jnp.float32) / _UNIT * (100 * side / COARSE))
-        return (
-            jnp.where(
-                found >= _FAR,
-                NO_PATH,
-                jnp.minimum(centimetres, NO_PATH),
-            )
-            .astype(jnp.uint16)
-            .T
-        )
+        unit_lengths = _paths_from(links, starts)
+        centimetres = jnp.round(unit_lengths.astype(jnp.float32) / _UNIT * (100 * side / COARSE))
+        lengths = jnp.where(unit_lengths >= _FAR, NO_PATH, jnp.minimum(centimetres, NO_PATH))
+        return lengths.astype(jnp.uint16).T
 
     is_linked = jnp.min(jnp.minimum(links[0], jnp.flip(links[1], (1, 2))), axis=0) < _FAR
-    lengths = jax.lax.map(
-        lengths_from,
-        jnp.arange(COARSE**2).reshape(-1, _TOGETHER),
-    ).reshape(COARSE**2, COARSE**2)
+    starts = jnp.arange(COARSE**2).reshape(-1, _TOGETHER)
+    lengths = jax.lax.map(lengths_from, starts).reshape(COARSE**2, COARSE**2)
     return lengths, _visible(field, is_linked.reshape(COARSE**2))
 
 
@@ -149,8 +144,8 @@ def _is_clear(
 
     def look(number: Int[Array, ""], clear: Flag) -> Flag:
         share = number / (_LOOKS - 1)
-        here = x + share * (to_x - x), y + share * (to_y - y)
-        across, upwards = (between_nodes(place, SIDE + 1) for place in here)
+        place = x + share * (to_x - x), y + share * (to_y - y)
+        across, upwards = (between_nodes(coordinate, SIDE + 1) for coordinate in place)
         return clear & (bilinear(lambda row, column: field[row, column], across, upwards) > radius)
 
     return jax.lax.fori_loop(0, _LOOKS, look, jnp.asarray(True))
@@ -186,8 +181,8 @@ def _links(field: _Field, radius: Scalar) -> Int[Array, "2 steps rows columns"]:
         )
 
     steps = jnp.asarray(_STEPS, jnp.float32)
-    there, back = jax.lax.map(along, steps), jax.lax.map(along, -steps)
-    return jnp.stack([there, jnp.flip(back, (1, 2))])
+    forward, backward = jax.lax.map(along, steps), jax.lax.map(along, -steps)
+    return jnp.stack([forward, jnp.flip(backward, (1, 2))])
 
 
 class _Sweeps(NamedTuple):
@@ -225,22 +220,23 @@ def _paths_from(
 
 
 def _sweep_up(lengths: _Lengths, links: Int[Array, "steps rows columns"]) -> _Lengths:
-    """Return lengths of paths that may end in steps upwards and to the right, row by row from
-    below.
-    """
+    """Shorten paths by last steps upwards and to the right, row by row from below."""
 
-    def rightwards(before: Int[Array, " starts"], here: tuple[Array, Array]) -> tuple[Array, Array]:
-        length = jnp.minimum(here[0], before + here[1])
+    def rightwards(
+        before: Int[Array, " starts"],
+        row_and_links: tuple[Array, Array],
+    ) -> tuple[Array, Array]:
+        length = jnp.minimum(row_and_links[0], before + row_and_links[1])
         return length, length
 
     def upwards(
         before: tuple[Array, Array],
-        here: tuple[Array, Array],
+        row_and_links: tuple[Array, Array],
     ) -> tuple[tuple[Array, Array], Array]:
-        row, links = here
+        row, links = row_and_links
         for number, (right, up) in enumerate(_STEPS[1:], 1):
-            padded = jnp.pad(before[up - 1], ((2, 2), (0, 0)), constant_values=_FAR)
-            row = jnp.minimum(row, padded[2 - right : 2 - right + COARSE] + links[number, :, None])
+            wide = jnp.pad(before[up - 1], ((2, 2), (0, 0)), constant_values=_FAR)
+            row = jnp.minimum(row, wide[2 - right : 2 - right + COARSE] + links[number, :, None])
         _, row = jax.lax.scan(rightwards, jnp.full_like(row[0], _FAR), (row, links[0]))
         return (row, before[0]), row
 
@@ -249,7 +245,7 @@ def _sweep_up(lengths: _Lengths, links: Int[Array, "steps rows columns"]) -> _Le
 
 
 class _Looks(NamedTuple):
-    """Bits of the visible coarse cells, the nearest of them, -1 if none, and its distance."""
+    """Bits of visible coarse cells, the nearest one, -1 without any, and its distance."""
 
     bits: Int[Array, ""]
     nearest: Int[Array, ""]

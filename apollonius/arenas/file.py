@@ -115,9 +115,16 @@ def from_dict(kind: type[T], data: dict[str, Any], source: str, folder: Path = P
     """Return a configuration from nested dictionaries; missing values have their defaults.
 
     A game within a configuration can be a name, as of `find_game`. The walls of an arena with a map
-    are the map's ends, unless the record gives others. Files that it names lie in the folder.
-    Raises InvalidInput for an unknown key, and for a value that is of the wrong kind or impossible,
-    with the source of the data.
+    are the map's ends, unless the record gives others.
+
+    Args:
+        kind: class of the configuration.
+        data: its values by name.
+        source: where they are from, for messages.
+        folder: the folder of files that they name.
+
+    Raises:
+        InvalidInput: for an unknown key, and for a value of the wrong kind or an impossible one.
     """
     hooks = {
         Game: lambda value: find_game(value) if isinstance(value, str) else value,

@@ -64,8 +64,12 @@ def largest_part(
     y: float,
     cell: float,
 ) -> FreeSpace:
-    """Return the largest part of a raster's free cells, one of which there is, and the number of
-    islands in it.
+    """Return the largest part of a raster's free cells, and count the islands in it.
+
+    Args:
+        free: the free cells, one at least, the first row at the bottom.
+        x, y: lower left corner of the raster [m].
+        cell: side of a cell [m].
     """
     part, count = largest(free)
     return FreeSpace(part, x, y, cell, count, islands(part))

@@ -274,5 +274,6 @@ def _darkness(values: dict[str, Any], content: bytes, name: str) -> np.ndarray:
         raise
     except Exception as error:  # Pillow raises what it likes for a damaged file
         remedy = "copy it again, or convert it to one of these"
-        raise InvalidInput(f"{image_name} is no whole PGM or PNG file ({error}): {remedy}.") from error
+        problem = f"{image_name} is no whole PGM or PNG file ({error})"
+        raise InvalidInput(f"{problem}: {remedy}.") from error
     return light if values["negate"] else 1 - light

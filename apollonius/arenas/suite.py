@@ -193,8 +193,8 @@ def draw_robot_kinds(suite: str = SUITES[0]) -> RobotKinds:
     rng = np.random.default_rng(0)
 
     def draw(low: float, high: float, paper: float) -> np.ndarray:
-        others = np.exp(rng.uniform(np.log(low), np.log(high), OTHERS))
-        return np.concatenate([np.full(PAPERS_OWN, paper), others]).astype(np.float32)
+        other_values = np.exp(rng.uniform(np.log(low), np.log(high), OTHERS))
+        return np.concatenate([np.full(PAPERS_OWN, paper), other_values]).astype(np.float32)
 
     pursuer_v = draw(0.6, 2.0, 1.2)
     evader_v = np.clip(pursuer_v * draw(1 / 1.4, 1.4, 1.0), 0.6, 2.0)

@@ -95,7 +95,8 @@ def survey(game: Game) -> Survey:
         in_goal = np.hypot(x - goal.x, y - goal.y) < goal.radius
         if not (in_goal & evader.reachable).any():
             remedy = "move it, or make the way wider"
-            faults.append(f"the evader cannot come into arena.territory from where it starts: {remedy}.")
+            problem = "the evader cannot come into arena.territory from where it starts"
+            faults.append(f"{problem}: {remedy}.")
     notes = map_notes(arena) + _capture_notes(game)
     parts = (pursuer.parts, evader.parts)
     return Survey(clearance < 0, parts, haven, tuple(faults), tuple(notes))
@@ -219,8 +220,9 @@ def missed_passage(game: Game) -> list[str]:
     graph, start, end, length = _links(clearance, cell)
     other_lengths = np.where(np.eye(len(lengths), dtype=bool), NO_PATH, lengths)
     cells = np.flatnonzero(other_lengths.min(axis=1) < NO_PATH)
-    places_of_cells = np.divmod(cells, COARSE)
-    rows, columns = (((np.array(index) + 0.5) * side / COARSE / cell).astype(int) for index in places_of_cells)
+    indices = np.divmod(cells, COARSE)
+    middles = [(np.array(index) + 0.5) * side / COARSE / cell for index in indices]
+    rows, columns = (middle.astype(int) for middle in middles)
     inside = (rows < clearance.shape[0]) & (columns < clearance.shape[1])
     seeds, cells = (rows * clearance.shape[1] + columns)[inside], cells[inside]
     if not len(seeds):

@@ -78,11 +78,16 @@ class Chart(eqx.Module):
         return bilinear(lambda row, column: self.field[member, row, column], across, upwards)
 
     def range(self, x: Scalar, y: Scalar, cos: Scalar, sin: Scalar) -> Scalar:
-        """Return the distance [m] from a point to the first wall or obstacle in a direction, at
-        most `FARTHEST`.
+        """Return the distance [m] from a point to the first wall or obstacle in a direction.
 
         Sphere tracing (Hart, 1996) with `GLANCES` steps: along a long wall the distance is too
         short.
+
+        Args:
+            x, y: the point [m].
+            cos, sin: cosine and sine of the direction.
+
+        Returns at most `FARTHEST`.
         """
 
         def one_step(_: Int[Array, ""], distance: Scalar) -> Scalar:
@@ -143,15 +148,24 @@ class Chart(eqx.Module):
         return jnp.sum(start_weights[:, None] * lengths * end_weights[None, :]) / 100
 
     def is_seen(self, x: Scalar, y: Scalar, dx: Scalar, dy: Scalar, distance: Scalar) -> Flag:
-        """Return whether a point sees the one that is (dx, dy) and so a distance away [m]."""
+        """Return whether a straight line between two points meets no obstacle.
+
+        Args:
+            x, y: the first point [m].
+            dx, dy: vector from it to the second [m].
+            distance: length of that vector [m].
+        """
         far = jnp.maximum(distance, 1e-6)
         return self.range(x, y, dx / far, dy / far) >= jnp.minimum(distance, FARTHEST)
 
     def way(self, x: Scalar, y: Scalar, to_x: Scalar, to_y: Scalar) -> Scalar:
-        """Return the length [m] of the shortest way between two points: of the straight line where
-        one sees the other.
+        """Return the length [m] of the shortest path between two points; infinite without a path.
 
-        It is infinite where the chart may have no path.
+        If no obstacle is between them, it is their distance.
+
+        Args:
+            x, y: the first point [m].
+            to_x, to_y: the second point [m].
         """
         starts, start_weights = self.cell_weights(x, y)
         ends, end_weights = self.cell_weights(to_x, to_y)

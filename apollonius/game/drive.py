@@ -64,8 +64,15 @@ class Drive(eqx.Module):
         action: Action,
         dt: Real,
     ) -> tuple[Controls, DriveState]:
-        """Return the controls u1 [m/s^2] and u2 [rad/s] that the robot holds in this step, and the
-        drive after it.
+        """Return the controls that the robot holds in this step, and its drive after it.
+
+        Args:
+            state: pending commands and turn rate before the step.
+            body: the robot's limits.
+            action: the player's action.
+            dt: duration of the step [s].
+
+        Returns u1 [m/s^2] and u2 [rad/s].
         """
         u1, u2 = body.controls(action)
         if self.lag is not None:
@@ -112,7 +119,7 @@ def turning(
     """Return the mean turn rate over a step and the turn rate after it [rad/s].
 
     The turn rate approaches the commanded one linearly, by u2_max in `turn_time`. Without a turn
-    time it equals the command at once, and the rate after the step is None.
+    time it equals the command at once, and there is no rate after the step.
 
     Args:
         body: the robot's limits.

@@ -135,13 +135,19 @@ class Unicycle(eqx.Module):
         return level_u1 * self.u1_max, level_u2 * self.u2_max
 
     def move(self, robot: RobotState, u1: Scalar, u2: Scalar, dt: Real) -> RobotState:
-        """Return the robot after holding controls u1 [m/s^2] and u2 [rad/s] for `dt` [s] (Eq. 1).
+        """Return the robot after holding its controls for a step (Eq. 1).
 
         The speed is a ramp clipped to its limits and the heading turns at a constant rate; both are
-        exact. The robot follows the circular arc of that turn with the ramp's exact mean speed,
-        whose chord is `mean_v * dt * sinc(u2 dt / 2)` along the middle heading. That is exact
+        exact. The robot follows the circular arc of that turn with the ramp's exact mean speed;
+        the chord is `mean_v * dt * sinc(u2 dt / 2)` along the middle heading. That is exact
         whenever the speed is constant or the robot does not turn, and of second order in `dt`
         otherwise (2e-5 m in one step of the `paper` game).
+
+        Args:
+            robot: its state before.
+            u1: acceleration [m/s^2].
+            u2: turn rate [rad/s].
+            dt: duration of the step [s].
         """
         dv = u1 * dt
         v = jnp.clip(robot.v + dv, self.v_min, self.v_max)

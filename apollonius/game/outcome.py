@@ -58,6 +58,13 @@ def decide(
     the order of the cases of Eq. 8 and 9. Two robots that fail in the same step have an outcome of
     their own. A robot that hits an obstacle and leaves the walls in the same step counts as having
     hit the obstacle.
+
+    Args:
+        captured: the evader is captured.
+        pursuer_hit, evader_hit: the robot hits an obstacle.
+        pursuer_out, evader_out: the robot leaves the walls.
+        out_of_time: the time limit is reached.
+        territory_reached: the evader reaches the territory; None without a territory.
     """
     pursuer_failed = pursuer_hit | pursuer_out
     evader_failed = evader_hit | evader_out

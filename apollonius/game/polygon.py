@@ -193,7 +193,10 @@ class Edges(AbstractObstacle):
         return jnp.minimum(ends, segment.between)
 
     def _over_edges(self, add_edge: Callable[[T, Edge], T], initial: T) -> T:
-        end, _ = jax.lax.scan(lambda value, edge: (add_edge(value, edge), None), initial, self.edges)
+        def one_edge(value: T, edge: Edge) -> tuple[T, None]:
+            return add_edge(value, edge), None
+
+        end, _ = jax.lax.scan(one_edge, initial, self.edges)
         return end
 
 

@@ -87,8 +87,15 @@ def make_game(name: str) -> Game:
 
 
 def in_teams(game: Game, pursuers: int, evaders: int, mates_collide: bool = False) -> Game:
-    """Return a game of two with more robots, all of a side with the limits of its one robot; raises
-    InvalidInput for a side with none or too many, for a game of teams, and as `Game`.
+    """Return a game of two with more robots, all of a side with the limits of its one robot.
+
+    Args:
+        game: a game of two robots.
+        pursuers, evaders: numbers of robots, 1 at least.
+        mates_collide: whether mates that touch are out of play.
+
+    Raises:
+        InvalidInput: for a side with none or too many, for a game of teams, and as `Game`.
     """
     require(game.teams is None, "robots", game.size, "1 v 1, to be made a game of teams")
     for side, count in (("pursuers", pursuers), ("evaders", evaders)):

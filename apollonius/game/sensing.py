@@ -146,8 +146,14 @@ class Percept(eqx.Module):
 
 
 def sense(sensors: Sensors, arena: Arena, state: GameState, role: Role, bits: Bits) -> Percept:
-    """Return what the robots of one side see of the other in a state, by random bits of this side
-    in this step.
+    """Return what the robots of one side sense in a state.
+
+    Args:
+        sensors: the side's sensors.
+        arena: the arena.
+        state: the true state.
+        role: the side.
+        bits: random bits of this side in this step.
     """
     own, opponents = state.robots[role], state.robots[role.other]
     has_looked = jnp.ones((), bool)

@@ -62,7 +62,8 @@ def by_distance(
 ) -> list[T]:
     """Return all values, those of active robots first, from the nearest to the farthest.
 
-    The arguments are those of `nearest`.
+    Args:
+        here, robots, active, values: as in `nearest`.
     """
     distances = [
         jnp.where(is_active, distance_squared(here, robot), jnp.inf)

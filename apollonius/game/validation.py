@@ -129,7 +129,13 @@ def check_parts(sensors: Sensing | None, drives: Drives | None) -> None:
 
 
 def check_bodies(bodies: Bodies, dt: float, sensors: Sensing | None, drives: Drives | None) -> None:
-    """Refuse too many robots, and robots with impossible limits, sensors or drives."""
+    """Refuse too many robots, and robots with impossible limits, sensors or drives.
+
+    Args:
+        bodies: the limits of all robots.
+        dt: duration of a step [s].
+        sensors, drives: of both sides, if any.
+    """
     check_parts(sensors, drives)
     for side, robots in zip(_SIDES, bodies, strict=True):
         ROBOTS.require(f"{side}s", len(robots))
@@ -165,9 +171,10 @@ def check_space_to_start(arena: Arena, bodies: Bodies, starts: Starts) -> None:
     for name, (margin,), fit in zip(_SIDES, margins, fits, strict=True):
         if not fit:
             needed = f"a clearance of {margin:g} m (starts.clearance + {name}.radius)"
+            problem = f"none of {_DRAWS:,} has {needed}"
             remedy = "make the obstacles or the clearance smaller, or the arena larger"
             raise InvalidInput(
-                f"the arena leaves the {name} no place to start: none of {_DRAWS:,} has {needed}; {remedy}."
+                f"the arena leaves the {name} no place to start: {problem}; {remedy}.",
             )
     if not reach:
         problem = f"at none of {_DRAWS:,} pairs of places both are free"

@@ -130,7 +130,7 @@ def looked(
         sensors: the side's sensors.
         belief: the belief before.
         percept: what the side's robots sense.
-        active: whether each of them is in play.
+        active: whether each robot is in play.
     """
     robots = zip(percept.own, active, strict=True)
     is_visible = functools.reduce(
@@ -230,8 +230,8 @@ def _beside(
     """
     wide = jnp.pad(values, 2, constant_values=outside)
     for bit, (right, up) in enumerate(STEPS):
-        shifted = wide[2 - up : 2 - up + COARSE, 2 - right : 2 - right + COARSE]
-        yield math.hypot(right, up), (links >> bit) & 1 > 0, shifted
+        neighbours = wide[2 - up : 2 - up + COARSE, 2 - right : 2 - right + COARSE]
+        yield math.hypot(right, up), (links >> bit) & 1 > 0, neighbours
 
 
 def _links(chart: Chart) -> UInt32[Array, "rows columns"]:

@@ -78,11 +78,17 @@ def perceive(
     states: GameState,
     role: Role,
 ) -> tuple[Callable[[Any], Any], Any]:
-    """Return the function from a row to a player's observation, and a row for each robot of a side
-    in each game.
+    """Return a function that reads a player's observation from a row, and the rows of a side.
 
-    Numbers are made here, for all rows at once. A whole view is made inside the player's `vmap`:
-    outside, all that games have in common would be stored once for each.
+    There is a row for each robot of the side in each game. Numbers are computed here, for all rows
+    at once. A whole view is made inside the player's `vmap`: outside, all that games have in common
+    would be stored once for each.
+
+    Args:
+        observation: what the player reads.
+        game: the rules.
+        states: leaves `[games]`, as the side knows them.
+        role: the side.
     """
     rows, view = rows_of(states, role), partial(look_from, game, role)
     if observation == WHOLE:
@@ -102,11 +108,16 @@ def turned(heading: Scalar) -> tuple[Scalar, Scalar]:
 
 
 def clearances_ahead(seen: Arena | Chart, robot: Robot, cos: Scalar, sin: Scalar) -> list[Scalar]:
-    """Return the clearance of the body here, and where braking straight ahead would stop it,
-    clipped to [-1, 1] m.
+    """Return a body's clearances, clipped to [-1, 1] m: now, and at rest after straight braking.
+
+    Args:
+        seen: the arena, or its chart.
+        robot: the robot.
+        cos, sin: cosine and sine of its heading.
     """
     body, state = robot.body, robot.state
     braking = jnp.maximum(state.v, 0.0) ** 2 / jnp.maximum(2 * body.u1_max, 1e-6)
-    here = seen.clearance(state.x, state.y)
-    there = seen.clearance(state.x + braking * cos, state.y + braking * sin)
-    return [jnp.clip(clearance - body.radius, -1.0, 1.0) for clearance in (here, there)]
+    clearance_now = seen.clearance(state.x, state.y)
+    clearance_at_rest = seen.clearance(state.x + braking * cos, state.y + braking * sin)
+    clearances = (clearance_now, clearance_at_rest)
+    return [jnp.clip(clearance - body.radius, -1.0, 1.0) for clearance in clearances]

@@ -58,8 +58,13 @@ class Track(eqx.Module):
 
 
 def begin(game: Game, state: GameState, role: Role, believes: bool = True) -> Track | None:
-    """Return what one side knows before it has looked, its belief if it has one; None without
-    sensors.
+    """Return the track of one side before it has sensed anything; None without sensors.
+
+    Args:
+        game: the rules.
+        state: the initial state.
+        role: the side.
+        believes: whether it has a belief, if the arena has a chart.
     """
     local_game = game.at(state)
     sensors = local_game.sensors and local_game.sensors[role]
@@ -195,7 +200,14 @@ def _reach(game: Game, role: Role, steps: Real = 1.0) -> Scalar:
 
 
 def believed(game: Game, track: Track | None, state: GameState, role: Role) -> GameState:
-    """Return a state as one side knows it: itself where that sees everything."""
+    """Return a state as one side knows it; the state itself where the side sees everything.
+
+    Args:
+        game: the rules.
+        track: the side's track; None without sensors.
+        state: the true state.
+        role: the side.
+    """
     if track is None:
         return state
     local_game = game.at(state)

@@ -99,7 +99,14 @@ class View(eqx.Module):
 
 
 def look(game: Game, state: GameState, role: Role, number: int = 0) -> View:
-    """Return the view of one robot, of this number on its side, in a state of the game."""
+    """Return the view of one robot in a state of the game.
+
+    Args:
+        game: the rules.
+        state: the state, as the robot's side knows it.
+        role: the robot's side.
+        number: the robot's index in its side.
+    """
     local_game = game.at(state)
 
     def robots(role: Role) -> tuple[Robot, ...]:

@@ -286,10 +286,10 @@ def _advance(
         some_play = jnp.where(more, jnp.all(is_playing), jnp.any(is_playing))
         return (progress.step < steps) & (some_wait | some_play)
 
-    def refill(under_way: _Slots, begun: Int[Array, ""]) -> tuple[_Slots, _Mask, _Mask]:
+    def refill(under_way: _Slots, first_waiting: Int[Array, ""]) -> tuple[_Slots, _Mask, _Mask]:
         """Begin waiting games in empty slots; return which began, and which slots stay idle."""
         is_empty = under_way.index == _NOBODY
-        upcoming = begun + jnp.cumsum(is_empty.astype(jnp.int32)) - 1
+        upcoming = first_waiting + jnp.cumsum(is_empty.astype(jnp.int32)) - 1
         is_new = is_empty & (upcoming < count)
         index = jnp.where(is_new, first + upcoming, under_way.index)
         state = jax.tree.map(
@@ -306,11 +306,11 @@ def _advance(
 
     def one_step(progress: _Progress) -> _Progress:
         slots, is_new, is_idle = refill(progress.under_way, progress.begun)
-        games, watched, index = slots.games, slots.watched, slots.index
-        bits = random_bits_of(key, index, games.state.steps)
-        after, transition = step_games(game, players, games, bits, observes=False)
-        games = jax.vmap(choose)(is_idle, games, after)
-        watched = jax.vmap(watcher.follow)(watched, transition) if watcher else None
+        index = slots.index
+        bits = random_bits_of(key, index, slots.games.state.steps)
+        after, transition = step_games(game, players, slots.games, bits, observes=False)
+        games = jax.vmap(choose)(is_idle, slots.games, after)
+        watched = jax.vmap(watcher.follow)(slots.watched, transition) if watcher else None
         has_ended = (index != _NOBODY) & (transition.terminated | transition.truncated)
         results = Results(
             transition.outcome,

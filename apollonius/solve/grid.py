@@ -66,7 +66,11 @@ class Grid(eqx.Module):
         x: Int[Array, ""],
         y: Int[Array, ""],
     ) -> RobotState:
-        """Return the state at the node of these indices; its heading is in [0, 2 pi)."""
+        """Return the state at a node; its heading is in [0, 2 pi).
+
+        Args:
+            v, heading, x, y: indices of the node along each axis.
+        """
         dx, dy, dv, dheading = self.spacing
         return RobotState(
             x=self.low[0] + x.astype(jnp.float32) * dx,
@@ -100,7 +104,7 @@ class Grid(eqx.Module):
     def places(self) -> tuple[Float[Array, " x"], Float[Array, " y"]]:
         """Return the nodes' x and y [m]."""
         axes = zip(self.low[:2], self.counts[:2], self.spacing[:2], strict=True)
-        x, y = (low + jnp.arange(count, dtype=jnp.float32) * spacing for low, count, spacing in axes)
+        x, y = (low + jnp.arange(count, dtype=jnp.float32) * step for low, count, step in axes)
         return x, y
 
 
@@ -186,10 +190,15 @@ def iterate(
     report: Report | None = None,
     tolerance: float = TOLERANCE,
 ) -> Solved:
-    """Sweep, from a table to the next one with the largest change, until that residual is at most
-    the tolerance.
+    """Sweep until no value changes by more than the tolerance.
 
-    If it has not come after 10,000 sweeps, `TOLERANCE` has to do.
+    After 10,000 sweeps a change of `TOLERANCE` suffices.
+
+    Args:
+        sweep: from a table to the next one and the largest change of a value.
+        table: the first table.
+        report: gets the progress after each sweep.
+        tolerance: largest change in the last sweep.
     """
     residual = first = float("inf")
     for number in range(1, _MOST_SWEEPS + 1):

@@ -222,8 +222,16 @@ def payoff_of(
 
 
 def make_zero_sum_game(game: Game, grids: tuple[Grid, Grid], hold: int, role: Role) -> ZeroSumGame:
-    """Return the two-robot game from one side; raises InvalidInput unless actions are held for 1 to
-    127 steps.
+    """Return the two-robot game from one side.
+
+    Args:
+        game: the rules.
+        grids: the grids of the pursuer's and the evader's states.
+        hold: control steps for which actions are held, 1 to 127.
+        role: the side.
+
+    Raises:
+        InvalidInput: for another hold, several arenas, or teams.
     """
     JOINT_HOLD.require("hold", hold)
     motions = motion_of(game, role, hold), motion_of(game, role.other, hold)

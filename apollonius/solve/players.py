@@ -229,7 +229,16 @@ def act_in(
     memory: Memory,
     bits: RowBits,
 ) -> Acted:
-    """Return a player's actions in a batch of states, and its memories after them."""
+    """Return a player's actions in a batch of states, and its memories after them.
+
+    Args:
+        policy: the player.
+        game: the rules.
+        states: leaves `[rows]`.
+        role: the player's side.
+        memory: its memory in each row.
+        bits: random bits of each row.
+    """
     read, rows = perceive(policy.observation, game, states, role)
     return act_in_rows(policy, read, rows, memory, bits)
 

@@ -146,16 +146,16 @@ def solve_problem(problem: Problem, game: Game, report: Report | None = None) ->
     clear of all.
     """
     if problem.kind == "game":
-        solved = solve_duel(make_duel(zero_sum_game_of(problem, game), problem.whole_cells), report)
-        return Solution(problem, solved.sweeps, solved.residual, solved.table.astype(jnp.float16))
+        result = solve_duel(make_duel(zero_sum_game_of(problem, game), problem.whole_cells), report)
+        return Solution(problem, result.sweeps, result.residual, result.table.astype(jnp.float16))
     role = Role[problem.role.upper()]
     grid = make_grid(game.arena, game.body(role), tuple(problem.counts))
     if problem.target is None:
-        solved = solve_safety(game, role, grid, problem.hold, report)
+        result = solve_safety(game, role, grid, problem.hold, report)
     else:
         x, y = problem.target
-        _, solved = solve_reach(game, grid, problem.hold, (x, y), report)
-    return Solution(problem, solved.sweeps, solved.residual, solved.table)
+        _, result = solve_reach(game, grid, problem.hold, (x, y), report)
+    return Solution(problem, result.sweeps, result.residual, result.table)
 
 
 def cached_tables(
@@ -165,12 +165,17 @@ def cached_tables(
     report: Callable[[Role, Sweep], None] = lambda role, sweep: None,
     played: Game | None = None,
 ) -> BySide[SaddlePolicy]:
-    """Return the players of both sides by the solved game; what the folder holds is not solved
-    again.
+    """Return the players of both sides by the solved game.
 
-    `counts` are nodes along x, y, v and heading, those of `joint_grid` if None. In the game as it
-    is `played` the arena may have a chart, and empty places for obstacles. Raises InvalidInput for
-    a grid that memory has no room for.
+    Args:
+        game: the game that is solved.
+        counts: nodes along x, y, v and heading; None for those of `joint_grid`.
+        folder: where solutions are kept: what is there is not solved again.
+        report: gets the side and the progress after each sweep.
+        played: the same game with a chart, or with empty places for obstacles, if it is played so.
+
+    Raises:
+        InvalidInput: for a grid that does not fit into memory.
     """
 
     def player(role: Role) -> SaddlePolicy:

@@ -119,9 +119,15 @@ def transition_map_of(
 ) -> TransitionMap:
     """Return the images of the grid's nodes under the robot's held actions.
 
-    Turns within `slack` cells of a whole number are taken as whole: where they are a hundredth of a
-    cell off, interpolation would blur headings more. `whole_cells` rounds moves along x and y, too.
-    Raises InvalidInput when the courses of the actions do not fit into memory.
+    Args:
+        motion: the robot's motion while actions are held.
+        grid: the grid of its states.
+        slack: turns within this many cells of a whole number are taken as whole: where they are a
+            hundredth of a cell off, interpolation would blur headings more.
+        whole_cells: whether moves along x and y are rounded, too.
+
+    Raises:
+        InvalidInput: if the courses of the actions do not fit into memory.
     """
     fewer = "hold actions for fewer steps, or take fewer nodes"
     require_memory("hold", motion.steps, _bytes_of_hold(motion, grid), fewer)
@@ -222,6 +228,10 @@ class Side(eqx.Module):
 
 
 def make_side(motion: Motion, grid: Grid, slack: float = 0.0, whole_cells: bool = False) -> Side:
-    """Return one robot on its grid; all else as of `transition_map_of`."""
+    """Return one robot on its grid.
+
+    Args:
+        motion, grid, slack, whole_cells: as in `transition_map_of`.
+    """
     transitions = transition_map_of(motion, grid, slack, whole_cells)
     return Side(motion, grid, transitions, of_courses(motion.failure, grid, transitions))

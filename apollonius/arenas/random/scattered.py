@@ -30,8 +30,12 @@ def pieces(
     width: float,
     high: float,
 ) -> list[tuple[float, float]]:
-    """Return the pieces of a wall from a low end to a high one, between openings of a width that
-    begin there [m].
+    """Return the start and end of each piece of a wall with openings [m].
+
+    Args:
+        low, high: ends of the wall [m].
+        openings: where each opening begins [m].
+        width: width of the openings [m].
     """
     ends = [low, *[end for one in openings for end in (one, one + width)], high]
     pairs = zip(ends[::2], ends[1::2], strict=True)
