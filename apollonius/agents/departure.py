@@ -53,8 +53,11 @@ def departures(seen: View) -> Bool[Array, "9"]:
         """Return the length [m] of the path to the opponent from the end of a way, `_LONGEST` if
         that is not free.
         """
-        cos, sin = jnp.cos(angle), jnp.sin(angle)
-        places = [(own.x + along * cos, own.y + along * sin) for along in _PLACES]
+
+        def place_at(distance: float) -> tuple[Scalar, Scalar]:
+            return own.x + distance * jnp.cos(angle), own.y + distance * jnp.sin(angle)
+
+        places = [place_at(distance) for distance in _PLACES]
         clearances = jnp.stack([chart.clearance(x, y) for x, y in places]) - body.radius
         least = jnp.minimum(NEAR, room + _GAIN * jnp.array(_PLACES))
         length = chart.path_length_from(target, chart.cell_weights(*places[-1]))

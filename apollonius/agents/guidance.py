@@ -123,7 +123,8 @@ class FleeAware(AbstractClassical):
             start = _Escape(seen.own.state, jnp.asarray(jnp.inf, jnp.float32), jnp.zeros(()))
             end = jax.lax.fori_loop(0, steps.astype(jnp.int32), one_step, start)
             value_if_clear = separation(end.robot, pursuer) + jnp.minimum(end.clearance, _WIDE)
-            return jnp.where(end.clearance > _MARGIN, value_if_clear, end.clear_steps - steps)
+            missing_steps = end.clear_steps - steps
+            return jnp.where(end.clearance > _MARGIN, value_if_clear, missing_steps)
 
         return jax.vmap(value)(jnp.arange(NUM_ACTIONS))
 

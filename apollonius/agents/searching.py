@@ -69,8 +69,8 @@ class AbstractWayfinder(AbstractSteering):
 
         remaining = jax.vmap(length_to_target)(x, y)
         is_tight = jax.vmap(chart.clearance)(x, y) < margin
-        penalty = 0.5 * is_tight.astype(jnp.float32)
-        best = jnp.argmin(reach + remaining + penalty + jnp.where(reach < 0.05, _FAR, 0.0))
+        length = reach + remaining + 0.5 * is_tight.astype(jnp.float32)
+        best = jnp.argmin(length + jnp.where(reach < 0.05, _FAR, 0.0))
         corner = RobotState(x[best], y[best], own.v, own.heading)
         aim = choose(is_free, place, corner)
         ahead = chart.range(own.x, own.y, jnp.cos(own.heading), jnp.sin(own.heading))

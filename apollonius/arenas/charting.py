@@ -261,8 +261,9 @@ def _visible(field: _Field, is_linked: Bool[Array, " coarse"]) -> UInt16[Array, 
         low = jnp.clip(jnp.floor(y / SIDE * COARSE - 0.5), 0, COARSE - 2)
 
         def try_cell(bit: Int[Array, ""], before: _Looks) -> _Looks:
-            to_column = left + (bit % 2).astype(jnp.float32)
-            to_row = low + (bit // 2).astype(jnp.float32)
+            right, up = bit % 2, bit // 2
+            to_column = left + right.astype(jnp.float32)
+            to_row = low + up.astype(jnp.float32)
             cell = (to_row * COARSE + to_column).astype(jnp.int32)
             to_x, to_y = _middle(to_column), _middle(to_row)
             is_seen = is_linked[cell] & _is_clear(field, x, y, to_x, to_y, 0.0)

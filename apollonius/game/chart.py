@@ -123,15 +123,22 @@ class Chart(eqx.Module):
         nearest = entry & (2**COARSE_BITS - 1)
         nearest_only = jnp.array([1.0, 0.0, 0.0, 0.0])
         no_cell = total == 0
+        coarse_cells = jnp.where(no_cell, nearest, around)
         shares = weights / jnp.where(no_cell, 1.0, total)
-        return jnp.where(no_cell, nearest, around), jnp.where(no_cell, nearest_only, shares)
+        return coarse_cells, jnp.where(no_cell, nearest_only, shares)
 
     def nearest_cell(self, x: Scalar, y: Scalar) -> Int[Array, ""]:
         """Return the number of the coarse cell with the shortest path to a point."""
         side = self.side[self.member]
         shares = (x - self.x[self.member]) / side, (y - self.y[self.member]) / side
-        cells = [jnp.clip(jnp.floor(share * SIDE), 0.0, SIDE - 1.0) for share in shares]
-        column, row = (cell.astype(jnp.int32) for cell in cells)
+        column, row = (
+            jnp.clip(
+                jnp.floor(share * SIDE),
+                0.0,
+                SIDE - 1.0,
+            ).astype(jnp.int32)
+            for share in shares
+        )
         return self.visible[self.member, row, column].astype(jnp.int32) & (2**COARSE_BITS - 1)
 
     def middles(self) -> tuple[Float[Array, "1 columns"], Float[Array, "rows 1"]]:

@@ -133,8 +133,8 @@ def turning(
     assert rate is not None, "a drive with a turn time has a turn rate"
     max_change = body.u2_max * dt / jnp.maximum(turn_time, 1e-6)
     change = jnp.clip(asked - rate, -max_change, max_change)
-    lag = change * jnp.abs(change) / jnp.maximum(2 * max_change, 1e-9)
-    return rate + change - lag, rate + change
+    mean = rate + change - change * jnp.abs(change) / jnp.maximum(2 * max_change, 1e-9)
+    return mean, rate + change
 
 
 class Drives(BySide[Drive | None]):

@@ -151,9 +151,12 @@ class Unicycle(eqx.Module):
         """
         dv = u1 * dt
         v = jnp.clip(robot.v + dv, self.v_min, self.v_max)
-        safe_dv = jnp.where(dv == 0, 1.0, dv)
-        excess = jnp.where(dv == 0, 0.0, (v - robot.v) ** 2 / (2 * safe_dv))
-        mean_v = v - excess
+        loss_at_limit = jnp.where(
+            dv == 0,
+            0.0,
+            (v - robot.v) ** 2 / (2 * jnp.where(dv == 0, 1.0, dv)),
+        )
+        mean_v = v - loss_at_limit
         half_turn = u2 * dt / 2
         chord = mean_v * dt * sinc(half_turn)
         cos, sin = unit_vector(robot.heading + half_turn)

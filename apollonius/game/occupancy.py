@@ -106,8 +106,9 @@ class OccupancyMap(AbstractObstacle):
         x, y = before.x + shares * (after.x - before.x), before.y + shares * (after.y - before.y)
         clearances = jax.vmap(self.clearance)(x, y)
         spacing = jnp.hypot(after.x - before.x, after.y - before.y) / _PARTS
+        at_points = jnp.min(clearances)
         between = jnp.min(clearances[1:] + clearances[:-1] - spacing) / 2
-        return jnp.minimum(jnp.min(clearances), between)
+        return jnp.minimum(at_points, between)
 
     def hides(self, here: RobotState, there: RobotState) -> Flag:
         """Return whether the segment between two robots' centres meets an occupied cell.

@@ -84,8 +84,11 @@ class Reward(eqx.Module):
             jnp.where(evader.captured, self.capture, jnp.where(evader.active, gain, 0.0))
             for evader, gain in zip(robots.evader, gains, strict=True)
         ]
-        total = functools.reduce(operator.add, shares)
-        pursuers_reward = jnp.where(territory_reached, -self.capture, total)
+        pursuers_reward = jnp.where(
+            territory_reached,
+            -self.capture,
+            functools.reduce(operator.add, shares),
+        )
 
         def pursuer(robot: Fate) -> Scalar:
             return jnp.where(
@@ -96,8 +99,11 @@ class Reward(eqx.Module):
 
         def evader(robot: Fate, gain: Scalar) -> Scalar:
             lead_reward = jnp.where(territory_reached, self.capture, -gain)
-            if_safe = jnp.where(robot.active, lead_reward, 0.0)
-            in_play = jnp.where(robot.failed, -self.failure, if_safe)
+            in_play = jnp.where(
+                robot.failed,
+                -self.failure,
+                jnp.where(robot.active, lead_reward, 0.0),
+            )
             return jnp.where(robot.captured, -self.capture, in_play)
 
         return BySide(

@@ -182,8 +182,9 @@ def visible(chart: Chart, sensors: Sensors, robot: RobotState) -> Cells:
         # more than a right angle from the edge
         is_far = jnp.cos(half) * forward + jnp.sin(half) * sideways < 0
         is_ahead = (half > 0) & (forward >= jnp.cos(half) * distance)
+        sees_all = half >= jnp.pi
         edge_distance = jnp.where(is_far, distance, from_edge)
-        is_seen &= (half >= jnp.pi) | (is_ahead & (edge_distance >= own_noise.reach))
+        is_seen &= sees_all | (is_ahead & (edge_distance >= own_noise.reach))
     return is_seen
 
 

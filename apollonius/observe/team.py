@@ -116,8 +116,8 @@ def _of_a_robot(
     end = other, chart.cell_weights(other.x, other.y)
     length = _path_length(chart, (own, ends[0]), end)
     length_to_opponent = _path_length(chart, end, (opponent, ends[1]))
-    shortest = jnp.minimum(own_length, length_to_opponent)
-    joint = (own_length + length_to_opponent - length) / jnp.maximum(2 * shortest, 1e-6)
+    excess = own_length + length_to_opponent - length
+    joint = excess / jnp.maximum(2 * jnp.minimum(own_length, length_to_opponent), 1e-6)
     numbers = [
         jnp.ones((), jnp.float32),
         (cos * dx + sin * dy) / far,
