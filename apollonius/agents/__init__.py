@@ -1,1 +1,1 @@
-"""Policies: classical players, networks, shields; agents as files, and those that ship with the package."""
+"""Policies: classical players, networks, shields; agents as files, and those of the package."""

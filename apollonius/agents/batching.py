@@ -9,25 +9,28 @@ from jax.custom_batching import custom_vmap
 from jaxtyping import Array, Bool, Int, PyTree
 
 Together = Callable[..., Any]
-"""Takes the number of rows, for each leaf of the arguments whether it has an axis of rows, and the arguments."""
+"""Takes the number of rows, for each leaf of the arguments whether it has an axis of rows, and the
+arguments.
+"""
 
 
 def batched_by(together: Together) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Return the decorator of a function whose first argument is a player: a `vmap` over the others is `together`.
+    """Return a decorator by which a `vmap` of a function is computed by `together`.
 
-    Where players differ from row to row as well, a `vmap` remains what it is.
+    The function's first argument is a player. If the players differ from row to row as well, the
+    `vmap` stays an ordinary one.
     """
 
-    def decorate(alone: Callable[..., Any]) -> Callable[..., Any]:
-        function = custom_vmap(alone)
+    def decorate(single: Callable[..., Any]) -> Callable[..., Any]:
+        function = custom_vmap(single)
 
-        def in_rows(size: int, batched: Sequence[Any], *given: Any) -> tuple[Any, Any]:
+        def in_rows(size: int, batched: Sequence[Any], *arguments: Any) -> tuple[Any, Any]:
             if any(jax.tree.leaves(batched[0])):
                 axes = jax.tree.map(lambda has: 0 if has else None, tuple(batched))
-                made = jax.vmap(alone, in_axes=axes, axis_size=size)(*given)
+                results = jax.vmap(single, in_axes=axes, axis_size=size)(*arguments)
             else:
-                made = together(size, batched, *given)
-            return made, jax.tree.map(lambda _: True, made)
+                results = together(size, batched, *arguments)
+            return results, jax.tree.map(lambda _: True, results)
 
         function.def_vmap(in_rows)
         return function
@@ -37,24 +40,48 @@ def batched_by(together: Together) -> Callable[[Callable[..., Any]], Callable[..
 
 def spread(size: int, batched: Any, tree: Any) -> Any:
     """Return arguments whose leaves all have the axis of rows."""
-    return jax.tree.map(
-        lambda leaf, has: leaf if has else jnp.broadcast_to(leaf, (size, *jnp.shape(leaf))), tree, batched
-    )
+
+    def in_rows(leaf: Any, has_rows: bool) -> Any:
+        return leaf if has_rows else jnp.broadcast_to(leaf, (size, *jnp.shape(leaf)))
+
+    return jax.tree.map(in_rows, tree, batched)
 
 
 def where_needed(
-    needed: Bool[Array, " rows"], some: Callable[[Int[Array, " few"]], PyTree[Array]], others: PyTree[Array], few: int
+    needed: Bool[Array, " rows"],
+    some: Callable[[Int[Array, " few"]], PyTree[Array]],
+    others: PyTree[Array],
+    few: int,
 ) -> PyTree[Array]:
-    """Return the results of a function for the rows that need it, `few` at a time, and given values for all others."""
-    rows = needed.shape[0]
-    (which,) = jnp.nonzero(needed, size=rows + -rows % few, fill_value=rows)
+    """Compute values for the rows that need it, a few at a time.
 
-    def more(carry: tuple[Int[Array, ""], PyTree[Array]]) -> tuple[Int[Array, ""], PyTree[Array]]:
-        done, made = carry
-        # One slice of all rows would not depend on the loop, and what it costs be paid where no row needs it.
-        theirs, _ = jax.lax.optimization_barrier((jax.lax.dynamic_slice(which, (done,), (few,)), done))
-        new = some(jnp.minimum(theirs, rows - 1))
-        return done + few, jax.tree.map(lambda all_, one: all_.at[theirs].set(one, mode="drop"), made, new)
+    Args:
+        needed: the rows that need it.
+        some: the function, from the numbers of a few rows to their values.
+        others: the values of all other rows, leaves `[rows, ...]`.
+        few: number of rows at a time.
+    """
+    rows = needed.shape[0]
+    (order,) = jnp.nonzero(needed, size=rows + -rows % few, fill_value=rows)
+
+    def one_block(
+        carry: tuple[Int[Array, ""], PyTree[Array]],
+    ) -> tuple[Int[Array, ""], PyTree[Array]]:
+        first, values = carry
+        # Without the barrier XLA hoists work out of the loop, and it is paid where no row needs it.
+        numbers, _ = jax.lax.optimization_barrier(
+            (jax.lax.dynamic_slice(order, (first,), (few,)), first),
+        )
+        new = some(jnp.minimum(numbers, rows - 1))
+        return first + few, jax.tree.map(
+            lambda all_, new_leaf: all_.at[numbers].set(new_leaf, mode="drop"),
+            values,
+            new,
+        )
 
     count = jnp.sum(needed, dtype=jnp.int32)
-    return jax.lax.while_loop(lambda carry: carry[0] < count, more, (jnp.zeros((), jnp.int32), others))[1]
+    return jax.lax.while_loop(
+        lambda carry: carry[0] < count,
+        one_block,
+        (jnp.zeros((), jnp.int32), others),
+    )[1]

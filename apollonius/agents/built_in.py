@@ -14,12 +14,24 @@ from apollonius.game.types import Role
 from apollonius.io.errors import require
 
 _POLICIES: dict[str, type[AbstractPolicy]] = {
-    "random": Uniform, "still": Still, "pure-pursuit": PurePursuit, "intercept": Intercept,
-    "voronoi-pursuit": VoronoiPursuit, "encirclement": Encirclement, "flee": Flee, "flee-aware": FleeAware,
-    "search": Search, "hide": Hide, "territory": Territory,
-}  # fmt: skip
+    "random": Uniform,
+    "still": Still,
+    "pure-pursuit": PurePursuit,
+    "intercept": Intercept,
+    "voronoi-pursuit": VoronoiPursuit,
+    "encirclement": Encirclement,
+    "flee": Flee,
+    "flee-aware": FleeAware,
+    "search": Search,
+    "hide": Hide,
+    "territory": Territory,
+}
 PLAYERS = {
-    name: (_POLICIES[name], tuple(Role[side.upper()] for side in sides)) for name, (sides, _) in BUILT_IN.items()
+    name: (
+        _POLICIES[name],
+        tuple(Role[side.upper()] for side in sides),
+    )
+    for name, (sides, _) in BUILT_IN.items()
 }
 """By name, and the sides that they can play. Classical ones have to know the game."""
 
@@ -42,5 +54,13 @@ class BuiltIn(AbstractKind):
             return None
         policy, sides = PLAYERS[name]
         side, only = role.name.lower(), sides[0].name.lower()
-        require(role in sides, side, f"'{name}'", f"another player, as this one plays the {only} only")
-        return Named(name, policy.for_side(game, role) if issubclass(policy, AbstractClassical) else policy())
+        require(
+            role in sides,
+            side,
+            f"'{name}'",
+            f"another player, as this one plays the {only} only",
+        )
+        return Named(
+            name,
+            policy.for_side(game, role) if issubclass(policy, AbstractClassical) else policy(),
+        )

@@ -1,4 +1,6 @@
-"""Players without a network: the one that stands still, the random one, and what those with a rule share."""
+"""Players without a network: the one that stands still, the random one, and what those with a rule
+share.
+"""
 
 from abc import abstractmethod
 from typing import Any, ClassVar
@@ -32,7 +34,12 @@ class AbstractBlind(AbstractPolicy):
 class Still(AbstractBlind):
     """Brakes straight ahead and then stays: the stationary evader of stage 1 (Algorithm 1)."""
 
-    def __call__(self, seen: Float[Array, " size"], memory: Memory, bits: Bits) -> tuple[Int[Array, ""], Memory]:
+    def __call__(
+        self,
+        seen: Float[Array, " size"],
+        memory: Memory,
+        bits: Bits,
+    ) -> tuple[Int[Array, ""], Memory]:
         return jnp.full((), BRAKE_STRAIGHT, jnp.int32), memory
 
 
@@ -44,7 +51,12 @@ def uniform_action(bits: Bits) -> Int[Array, ""]:
 class Uniform(AbstractBlind):
     """Each of the 9 actions with equal probability at every step (section V-B of the paper)."""
 
-    def __call__(self, seen: Float[Array, " size"], memory: Memory, bits: Bits) -> tuple[Int[Array, ""], Memory]:
+    def __call__(
+        self,
+        seen: Float[Array, " size"],
+        memory: Memory,
+        bits: Bits,
+    ) -> tuple[Int[Array, ""], Memory]:
         return uniform_action(bits), memory
 
 
@@ -61,7 +73,9 @@ class AbstractClassical(AbstractActionValuePolicy):
 
     @classmethod
     def for_side(cls, game: Game, role: Role, **rule: Any) -> "AbstractClassical":
-        """Return the player of one side of a game; raises InvalidInput where its rule does not fit the game."""
+        """Return the player of one side of a game; raises InvalidInput where its rule does not fit
+        the game.
+        """
         require(cls.fits(game), *cls.misfit)
         return cls(**rule)
 
@@ -70,17 +84,21 @@ class AbstractSteering(AbstractClassical):
     """A player whose rule is a course: a heading and a speed to have."""
 
     def values(self, seen: View) -> Float[Array, "9"]:
-        """Return minus the distance of heading and speed from the course after each action, in full steps of either.
+        """Return the negative distance from the course after each action, in steps of full control.
 
-        So a control is used only while more than half a step is missing, and a course once held is held quietly.
+        So a control is used only while more than half a step is missing, and a robot on its course
+        does not oscillate.
         """
-        (heading, speed), own, dt = self.course(seen), seen.own, seen.dt
+        heading, speed = self.course(seen)
+        own = seen.own
+        dt = seen.dt
         turn = jnp.maximum(own.body.u2_max * dt, 1e-6)
         thrust = jnp.maximum(own.body.u1_max * dt, 1e-6)
 
         def value(action: Int[Array, ""]) -> Scalar:
             after = own.body.move(own.state, *own.body.controls(action), dt)
-            return -jnp.abs(wrap_angle(heading - after.heading)) / turn - jnp.abs(speed - after.v) / thrust
+            heading_error = -jnp.abs(wrap_angle(heading - after.heading)) / turn
+            return heading_error - jnp.abs(speed - after.v) / thrust
 
         return jax.vmap(value)(jnp.arange(NUM_ACTIONS))
 

@@ -1,7 +1,8 @@
 """Actions allowed to a pursuer at rest: driving off, or turning towards a free way to its opponent.
 
-A policy without a memory that turns on the spot can stand for ever, right of a heading at which left is best and left
-of one at which right is best, most often nose to an obstacle that it must not touch.
+A policy without a memory that turns on the spot can stand for ever, right of a heading at which
+left is best and left of one at which right is best, most often nose to an obstacle that it must not
+touch.
 """
 
 import jax
@@ -21,7 +22,9 @@ _DIRECTIONS = 32
 _PLACES = (0.05, 0.1, 0.2, 0.3)
 """Distances [m] of the places on such a way at which its clearance is looked up."""
 _GAIN = 1 / 8
-"""Clearance that a free way gains in a metre [m], until there is `NEAR`: more than a step's turn would lose again."""
+"""Clearance that a free way gains in a metre [m], until there is `NEAR`: more than a step's turn
+would lose again.
+"""
 _LONGEST = 1e6
 """Length [m] of a way that is not free."""
 _FORBIDDEN = 1e5
@@ -35,17 +38,26 @@ _AHEAD = 7
 def departures(seen: View) -> Bool[Array, "9"]:
     """Return the actions that are allowed: all nine to a robot that moves.
 
-    One at rest may drive off, or turn towards the direction in which the path to its opponent is shortest, among those
-    in which the body has a clearance of `NEAR` or gains it. With less clearance than that it does only the latter and,
-    once it heads there to a step's turn, drives straight on. Where no direction is free all actions are allowed.
+    One at rest may drive off, or turn towards the direction in which the path to its opponent is
+    shortest, among those in which the body has a clearance of `NEAR` or gains it. With less
+    clearance than that it does only the latter and, once it heads there to a step's turn, drives
+    straight on. Where no direction is free all actions are allowed.
     """
-    chart, own, body = seen.chart, seen.own.state_on_command, seen.own.body
+    chart = seen.chart
+    own = seen.own.state_on_command
+    body = seen.own.body
     room = chart.clearance(own.x, own.y) - body.radius
     target = chart.nearest_cell(seen.opponent.state.x, seen.opponent.state.y)
 
     def path_length(angle: Scalar) -> Scalar:
-        """Return the length [m] of the path to the opponent from the end of a way, `_LONGEST` if that is not free."""
-        places = [(own.x + along * jnp.cos(angle), own.y + along * jnp.sin(angle)) for along in _PLACES]
+        """Return the length [m] of the path to the opponent from the end of a way, `_LONGEST` if
+        that is not free.
+        """
+
+        def place_at(distance: float) -> tuple[Scalar, Scalar]:
+            return own.x + distance * jnp.cos(angle), own.y + distance * jnp.sin(angle)
+
+        places = [place_at(distance) for distance in _PLACES]
         clearances = jnp.stack([chart.clearance(x, y) for x, y in places]) - body.radius
         least = jnp.minimum(NEAR, room + _GAIN * jnp.array(_PLACES))
         length = chart.path_length_from(target, chart.cell_weights(*places[-1]))

@@ -1,4 +1,6 @@
-"""A player that decides once in a while and holds its action in between, for one whose decisions are expensive."""
+"""A player that decides once in a while and holds its action in between, for one whose decisions
+are expensive.
+"""
 
 from typing import Any
 
@@ -27,32 +29,51 @@ class Holding(AbstractWrapper):
 
     @property
     def memory(self) -> Memory:
-        """The memory of the player inside, its action, and the number of steps for which that is still held."""
+        """The memory of the player inside, its action, and the number of steps for which that is
+        still held.
+        """
         action = jnp.zeros(2) if self.continuous else jnp.int32(0)
         return {"own": self.policy.memory, "action": action, "left": jnp.int32(0)}
 
     def __call__(self, seen: Any, memory: Memory, bits: Bits) -> tuple[Action, Memory]:
-        action, own = _decided(self.policy, seen, memory, bits)
-        left = jnp.where(memory["left"] == 0, self.steps, memory["left"]) - 1
-        return action, {"own": own, "action": action, "left": left}
+        action, own_memory = _decided(self.policy, seen, memory, bits)
+        remaining = jnp.where(memory["left"] == 0, self.steps, memory["left"]) - 1
+        return action, {"own": own_memory, "action": action, "left": remaining}
 
 
 def _decided_together(
-    size: int, batched: Any, policy: AbstractPolicy, seen: Any, memory: Memory, bits: Array
+    size: int,
+    batched: Any,
+    policy: AbstractPolicy,
+    seen: Any,
+    memory: Memory,
+    bits: Array,
 ) -> tuple[Array, Memory]:
-    memory, bits = (spread(size, *each) for each in zip(batched[2:], (memory, bits), strict=True))
+    memory = spread(size, batched[2], memory)
+    bits = spread(size, batched[3], bits)
 
     def some(rows: Array) -> tuple[Array, Memory]:
-        theirs = jax.tree.map(lambda leaf, has: leaf[rows] if has else leaf, seen, batched[1])
+        their_views = jax.tree.map(lambda leaf, has: leaf[rows] if has else leaf, seen, batched[1])
         axes = jax.tree.map(lambda has: 0 if has else None, batched[1])
-        own, drawn = jax.tree.map(lambda leaf: leaf[rows], (memory["own"], bits))
-        return jax.vmap(policy, in_axes=(axes, 0, 0))(theirs, own, drawn)
+        memories, random_bits = jax.tree.map(lambda leaf: leaf[rows], (memory["own"], bits))
+        return jax.vmap(policy, in_axes=(axes, 0, 0))(their_views, memories, random_bits)
 
     return where_needed(memory["left"] == 0, some, (memory["action"], memory["own"]), _DECIDE)
 
 
 @batched_by(_decided_together)
-def _decided(policy: AbstractPolicy, seen: Any, memory: Memory, bits: Bits) -> tuple[Action, Memory]:
-    """Return the action that is held, decided now if that is due, and the memory of the player that decides."""
-    held = memory["action"], memory["own"]
-    return jax.lax.cond(memory["left"] == 0, lambda: policy(seen, memory["own"], bits), lambda: held)
+def _decided(
+    policy: AbstractPolicy,
+    seen: Any,
+    memory: Memory,
+    bits: Bits,
+) -> tuple[Action, Memory]:
+    """Return the action that is held, decided now if that is due, and the memory of the player that
+    decides.
+    """
+    last = memory["action"], memory["own"]
+    return jax.lax.cond(
+        memory["left"] == 0,
+        lambda: policy(seen, memory["own"], bits),
+        lambda: last,
+    )

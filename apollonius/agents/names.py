@@ -24,7 +24,9 @@ BUILT_IN = {
     "hide": (SIDES[1:], "of limited sight: out of the pursuer's sight"),
     "territory": (SIDES, "to the nearest point of a territory that the evader reaches first"),
 }
-"""Players that need no file: the sides that they play, and what they do (`apollonius.agents.built_in`)."""
+"""Players that need no file: the sides that they play, and what they do
+(`apollonius.agents.built_in`).
+"""
 
 LISTED = "apollonius players lists all that there are"
 """The end of a message about an unknown name."""
@@ -41,9 +43,13 @@ def zoo_names() -> list[str]:
 
 def side_of(name: str) -> tuple[str, ...]:
     """Return the sides that a built-in player or an agent of the zoo plays."""
-    return BUILT_IN[name][0] if name in BUILT_IN else SIDES[:1] if name.startswith(("P_", "pursuer")) else SIDES[1:]
+    if name in BUILT_IN:
+        return BUILT_IN[name][0]
+    return SIDES[:1] if name.startswith(("P_", "pursuer")) else SIDES[1:]
 
 
 def agents_folders(run: str) -> list[Path]:
-    """Return where the agents of a training run can lie, which is given by its folder or its name among `RUNS`."""
+    """Return where the agents of a training run can lie, which is given by its folder or its name
+    among `RUNS`.
+    """
     return [Path(run) / AGENTS, RUNS / run / AGENTS]

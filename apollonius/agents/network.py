@@ -1,4 +1,6 @@
-"""Networks: an observation in, the value of each action out (Fig. 3), or a distribution over pairs of action levels."""
+"""Networks: an observation in, the value of each action out (Fig. 3), or a distribution over pairs
+of action levels.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -17,17 +19,21 @@ from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.registry import find_observation
 
 Layers = tuple[eqx.nn.Linear, ...]
-"""Fully connected layers with ReLU between them (section III-D of the paper: four hidden layers of 256 units)."""
+"""Fully connected layers with ReLU between them (section III-D of the paper: four hidden layers of
+256 units).
+"""
 _BLOCK = 64
-"""Rows and columns of a product that XLA on the CPU computes in whole blocks are multiples of this."""
+"""Rows and columns of a product that XLA on the CPU computes in whole blocks are multiples of this.
+"""
 
 
 class QNetwork(eqx.Module):
     """The value of each of the 9 actions (Fig. 3).
 
     Attributes:
-        symmetric: True to average the value of each action with that of its mirror image in the mirrored observation.
-            The game has this symmetry (van der Pol et al., "MDP homomorphic networks", 2020).
+        symmetric: True to average the value of each action with that of its mirror image in the
+            mirrored observation. The game has this symmetry (van der Pol et al., "MDP homomorphic
+            networks", 2020).
     """
 
     layers: Layers
@@ -41,13 +47,20 @@ class QNetwork(eqx.Module):
         """Return the outputs for a batch, with a quicker gradient than that of a `vmap`."""
         return self.by(apply_to_batch, observations)
 
-    def by(self, layers: Callable[[Layers, Array], Array], seen: Float[Array, "*batch size"]) -> Array:
-        """Return the action values; `layers` is the function that applies the layers to observations."""
+    def by(
+        self,
+        layers: Callable[[Layers, Array], Array],
+        seen: Float[Array, "*batch size"],
+    ) -> Array:
+        """Return the action values; `layers` is the function that applies the layers to
+        observations.
+        """
         values = layers(self.layers, seen)
         if not self.symmetric:
             return values
         assert self.observation.mirror, "it knows its mirror image"
-        return (values + layers(self.layers, self.observation.mirror(seen))[..., np.array(MIRRORED)]) / 2
+        mirrored_values = layers(self.layers, self.observation.mirror(seen))
+        return (values + mirrored_values[..., np.array(MIRRORED)]) / 2
 
 
 class GaussianActor(eqx.Module):
@@ -59,7 +72,10 @@ class GaussianActor(eqx.Module):
     layers: Layers
     observation: AbstractObservation = eqx.field(static=True)
 
-    def __call__(self, observation: Float[Array, " size"]) -> tuple[Float[Array, "2"], Float[Array, "2"]]:
+    def __call__(
+        self,
+        observation: Float[Array, " size"],
+    ) -> tuple[Float[Array, "2"], Float[Array, "2"]]:
         """Return means and standard deviations for one observation."""
         return self.of_outputs(apply(self.layers, observation))
 
@@ -85,13 +101,19 @@ MOST_LAYERS = 64
 Network = QNetwork | GaussianActor
 """What a trained agent plays by."""
 _LOG_DEVIATION = (-5.0, 1.0)
-"""Bounds of the logarithm of a standard deviation: wider ones make `tanh` saturate, narrower ones never explore."""
+"""Bounds of the logarithm of a standard deviation: wider ones make `tanh` saturate, narrower ones
+never explore.
+"""
 
 
 def valuing(network: QNetwork, action: int) -> QNetwork:
-    """Return a network of the same shape by which one action is worth 1, and all others nothing."""
+    """Return a network of the same shape with the value 1 for one action and 0 for all others."""
     blank = jax.tree.map(jnp.zeros_like, network)
-    return eqx.tree_at(lambda made: made.layers[-1].bias, blank, jax.nn.one_hot(action, NUM_ACTIONS))
+    return eqx.tree_at(
+        lambda tree: tree.layers[-1].bias,
+        blank,
+        jax.nn.one_hot(action, NUM_ACTIONS),
+    )
 
 
 def apply(layers: Layers, inputs: Float[Array, " in"]) -> Float[Array, " out"]:
@@ -103,7 +125,7 @@ def apply(layers: Layers, inputs: Float[Array, " in"]) -> Float[Array, " out"]:
 
 
 def inferred(network: Network, observation: Float[Array, " size"]) -> Any:
-    """Return what a network says of one observation, quicker than itself under `vmap`, and without a gradient."""
+    """Evaluate a network on one observation: faster under `vmap`, not differentiable."""
     if isinstance(network, QNetwork):
         return network.by(_inferred, observation)
     return network.of_outputs(_inferred(network.layers, observation))
@@ -115,11 +137,11 @@ def _inferred(layers: Layers, inputs: Float[Array, " in"]) -> Float[Array, " out
 
 
 def _apply_together(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[Array, "batch out"]:
-    """Return what a `vmap` of `apply` makes of a batch, quicker where batch and layers are large.
+    """Apply the layers to a batch, to the same bits as a `vmap` of `apply`, faster if it is large.
 
-    A `vmap` puts the weights before the inputs, and XLA on the CPU then transposes the outputs of every layer.
-    Products whose sizes are multiples of `_BLOCK` it adds up in the same order either way, so the results are the same
-    to the last bit; others, and the last layer, which it treats apart, are left as they are.
+    A `vmap` puts the weights before the inputs, and XLA on the CPU then transposes the outputs of
+    every layer. Inputs before weights give the same bits only in products whose sizes are multiples
+    of `_BLOCK`; other products, and the last layer, keep the order of the `vmap`.
     """
     if inputs.shape[0] % _BLOCK or any(layer.out_features % _BLOCK for layer in layers[:-1]):
         return _weights_first(layers, inputs)
@@ -130,9 +152,9 @@ def _apply_together(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[A
 
 
 def _weights_first(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[Array, "batch out"]:
-    """Return a `vmap` of `apply`, whose products have the weights first, as for several members of a pool."""
-    alone = jax.tree.map(lambda leaf: leaf[None], layers)
-    return jax.vmap(lambda layers: jax.vmap(apply, in_axes=(None, 0))(layers, inputs))(alone)[0]
+    """Apply the layers by a `vmap`, whose products have the weights first, as in a pool."""
+    members = jax.tree.map(lambda leaf: leaf[None], layers)
+    return jax.vmap(lambda layers: jax.vmap(apply, in_axes=(None, 0))(layers, inputs))(members)[0]
 
 
 def apply_to_batch(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[Array, "batch out"]:
@@ -149,8 +171,8 @@ def _affine(
 ) -> Float[Array, "batch out"]:
     """Apply a layer to a batch.
 
-    Its gradient transposes before it multiplies: the product over the first axes of both, which differentiation would
-    make of it, takes XLA on the CPU a third longer.
+    Its gradient transposes before it multiplies: the product over the first axes of both, which
+    differentiation would make of it, takes XLA on the CPU a third longer.
     """
     return inputs @ weight.T + bias[None]
 
@@ -162,9 +184,10 @@ def _affine_forward(
 
 
 def _affine_backward(
-    known: tuple[Float[Array, "out in"], Float[Array, "batch in"]], slope: Float[Array, "batch out"]
+    residuals: tuple[Float[Array, "out in"], Float[Array, "batch in"]],
+    slope: Float[Array, "batch out"],
 ) -> tuple[Float[Array, "out in"], Float[Array, " out"], Float[Array, "batch in"]]:
-    weight, inputs = known
+    weight, inputs = residuals
     return jax.lax.optimization_barrier(slope.T) @ inputs, jnp.sum(slope, axis=0), slope @ weight
 
 
@@ -172,7 +195,9 @@ _affine.defvjp(_affine_forward, _affine_backward)
 
 
 def make_layers(sizes: Sequence[int], key: PRNGKeyArray) -> Layers:
-    """Return layers with random weights; `sizes` are their inputs and at last the outputs. The key is consumed."""
+    """Return layers with random weights; `sizes` are their inputs and at last the outputs. The key
+    is consumed.
+    """
     keys = jax.random.split(key, len(sizes) - 1)
     return tuple(
         eqx.nn.Linear(fan_in, fan_out, key=layer_key)
@@ -181,7 +206,7 @@ def make_layers(sizes: Sequence[int], key: PRNGKeyArray) -> Layers:
 
 
 def widened(network: Network, reads: AbstractObservation) -> Network:
-    """Return a network that does as another one does, but reads more numbers, of which that one's are the first."""
+    """Return the same network for a longer observation, of which it reads the first numbers."""
     first, more = network.layers[0], reads.size - network.observation.size
     weight = jnp.pad(first.weight, ((0, 0), (0, more)))
     empty = eqx.nn.Linear(reads.size, first.out_features, key=jax.random.key(0))
@@ -194,21 +219,46 @@ def scaled(network: Network, factor: float) -> Network:
     last = network.layers[-1]
     assert last.bias is not None
     weights = last.weight * factor, last.bias * factor
-    return eqx.tree_at(lambda made: (made.layers[-1].weight, made.layers[-1].bias), network, weights)
+    return eqx.tree_at(
+        lambda tree: (tree.layers[-1].weight, tree.layers[-1].bias),
+        network,
+        weights,
+    )
 
 
 def between(network: Network, other: Network, share: float) -> Network:
     """Return a network with weights between two, a share of the way to the other's."""
-    return jax.tree.map(lambda here, there: here + share * (there - here), network, other)
+    return jax.tree.map(lambda first, second: first + share * (second - first), network, other)
 
 
-def make_network(observation: str, width: int, depth: int, key: PRNGKeyArray, symmetric: bool = False) -> QNetwork:
-    """Return a network of `depth` hidden layers of `width` units with random weights. The key is consumed."""
+def make_network(
+    observation: str,
+    width: int,
+    depth: int,
+    key: PRNGKeyArray,
+    symmetric: bool = False,
+) -> QNetwork:
+    """Return a network of action values with random weights.
+
+    Args:
+        observation: name of the observation that it reads.
+        width: units of each hidden layer.
+        depth: number of hidden layers.
+        key: draws the weights; it is consumed.
+        symmetric: as in `QNetwork`.
+    """
     reads = find_observation(observation)
     return QNetwork(make_layers([reads.size, *[width] * depth, NUM_ACTIONS], key), reads, symmetric)
 
 
 def make_actor(observation: str, width: int, depth: int, key: PRNGKeyArray) -> GaussianActor:
-    """Return an actor with random weights, as `make_network`."""
+    """Return an actor with random weights.
+
+    Args:
+        observation: name of the observation that it reads.
+        width: units of each hidden layer.
+        depth: number of hidden layers.
+        key: draws the weights; it is consumed.
+    """
     reads = find_observation(observation)
     return GaussianActor(make_layers([reads.size, *[width] * depth, 4], key), reads)

@@ -42,7 +42,12 @@ class OnnxProcess:
 
     def __init__(self, path: Path) -> None:
         remedy = missing("export", "onnxruntime")
-        require(remedy is None, "agent", path, f"of the package where onnxruntime is not installed: {remedy}")
+        require(
+            remedy is None,
+            "agent",
+            path,
+            f"of the package where onnxruntime is not installed: {remedy}",
+        )
         self.content = read_bytes(path, "an ONNX model", "check the path", _MOST_BYTES)
         self._running: tuple[subprocess.Popen[bytes], socket.socket, IO[bytes]] | None = None
         size, numbers = self.begin(0)
@@ -50,11 +55,15 @@ class OnnxProcess:
         if self.reason:
             remedy = "give a model in one file, without external data"
             raise InvalidInput(f"'{path}' does not start ({self.reason}): {remedy}.")
-        sizes = {one.size: one for one in OBSERVATIONS.values()}
-        bound = ", ".join(f"{one.size} ({one.name})" for one in sizes.values())
+        sizes = {observation.size: observation for observation in OBSERVATIONS.values()}
+        known_sizes = sizes.values()
+        bound = ", ".join(f"{observation.size} ({observation.name})" for observation in known_sizes)
         require(size in sizes, f"'{path}': numbers that it reads", size, f"one of {bound}")
         self.observation = sizes[size]
-        self.brake = np.array(BRAKE_STRAIGHT, np.int32) if numbers == 1 else np.array([-1, 0], np.float32)
+        if numbers == 1:
+            self.brake = np.array(BRAKE_STRAIGHT, np.int32)
+        else:
+            self.brake = np.array([-1, 0], np.float32)
 
     def begin(self, games: int) -> list[int]:
         """Start the process of a new round, whose games have the first slots of a batch.
@@ -65,12 +74,18 @@ class OnnxProcess:
         self.reason, self._seconds = "", ROUND_SECONDS
         variables = {"PATH": os.defpath, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
         line, other_end = socket.socketpair()
-        errors = tempfile.TemporaryFile()  # noqa: SIM115 (as long as the process; a pipe would block)
+        # It lives as long as the process; a pipe would block.
+        errors = tempfile.TemporaryFile()  # noqa: SIM115
         with other_end:
             process = subprocess.Popen(
-                [sys.executable, "-I", str(_PROGRAM)], stdin=other_end.fileno(), cwd=os.sep,
-                stdout=subprocess.DEVNULL, stderr=errors, env=variables, start_new_session=True,
-            )  # fmt: skip
+                [sys.executable, "-I", str(_PROGRAM)],
+                stdin=other_end.fileno(),
+                stdout=subprocess.DEVNULL,
+                stderr=errors,
+                cwd=os.sep,
+                env=variables,
+                start_new_session=True,
+            )
         self._running = process, line, errors
         answer = self._exchange(np.uint32(len(self.content)).tobytes() + self.content, 8)
         self._games, self.forfeited = games, set(range(games)) if self.reason else set[int]()
@@ -89,23 +104,26 @@ class OnnxProcess:
     def ask(self, seen: object, steps: object) -> np.ndarray:
         """Return the actions of all rows of a batch.
 
-        A robot whose game is over brakes; where there is no action, it does so too, and its game is lost.
+        A robot whose game is over brakes; where there is no action, it does so too, and its game is
+        lost.
         """
         numbers, steps = np.ascontiguousarray(seen, np.float32), np.asarray(steps)
         actions = np.broadcast_to(self.brake, (len(numbers), *self.brake.shape)).copy()
         slots = np.arange(len(numbers)) % 2 ** max(self._games - 1, 0).bit_length()
         # Games begin together, and an empty slot stays at its first step.
-        playing = (slots < self._games) & (steps == steps.max()) & ~np.isin(slots, list(self.forfeited))
+        in_play = ~np.isin(slots, list(self.forfeited))
+        playing = (slots < self._games) & (steps == steps.max()) & in_play
         if playing.any():
             request = np.uint32(playing.sum()).tobytes() + numbers[playing].tobytes()
             answer = self._exchange(request, actions[playing].nbytes)
             actions[playing] = np.frombuffer(answer, actions.dtype).reshape(-1, *self.brake.shape)
         least, most = (-1, 1) if self.brake.ndim else (0, NUM_ACTIONS - 1)
-        lost = ~((actions >= least) & (actions <= most)).reshape(len(actions), -1).all(axis=1)  # as no NaN is
-        if lost.any():
+        is_valid = (actions >= least) & (actions <= most)  # False for NaN
+        is_invalid = ~is_valid.reshape(len(actions), -1).all(axis=1)
+        if is_invalid.any():
             self.reason = self.reason or "an answer that is no action"
-        self.forfeited |= set(slots[lost].tolist())
-        actions[lost] = self.brake
+        self.forfeited |= set(slots[is_invalid].tolist())
+        actions[is_invalid] = self.brake
         return actions
 
     def _exchange(self, request: bytes, size: int) -> bytes:
@@ -121,7 +139,8 @@ class OnnxProcess:
             line.sendall(request)
             while len(answer) < size:
                 line.settimeout(max(until - time.monotonic(), 1e-3))
-                if not (part := line.recv(size - len(answer))):
+                part = line.recv(size - len(answer))
+                if not part:
                     raise BrokenPipeError
                 answer += part
         except TimeoutError:
@@ -129,9 +148,12 @@ class OnnxProcess:
         except OSError:
             with suppress(subprocess.TimeoutExpired):
                 process.wait(1.0)
-            lines = os.pread(errors.fileno(), 1 << 16, 0).decode(errors="replace").strip().splitlines()
+            text = os.pread(errors.fileno(), 1 << 16, 0).decode(errors="replace")
+            lines = text.strip().splitlines()
             status = process.poll() or 0
-            ending = f"status {status}" if status >= 0 else f"signal {-status}, as at its limit of time"
+            ending = f"status {status}"
+            if status < 0:
+                ending = f"signal {-status}, as at its limit of time"
             self.reason = shown(lines[-1] if lines else f"it ended with {ending}")
         self._seconds = max(until - time.monotonic(), 1e-3)
         if len(answer) == size:
@@ -158,10 +180,20 @@ class OnnxAgent(AbstractPolicy):
         return jnp.zeros((), jnp.int32)
 
     def __call__(
-        self, seen: Float[Array, " size"], memory: Int[Array, ""], bits: Bits
+        self,
+        seen: Float[Array, " size"],
+        memory: Int[Array, ""],
+        bits: Bits,
     ) -> tuple[Action, Int[Array, ""]]:
         result = jax.ShapeDtypeStruct(self.process.brake.shape, self.process.brake.dtype)
-        return jax.pure_callback(self.process.ask, result, seen, memory, vmap_method="broadcast_all"), memory + 1
+        action = jax.pure_callback(
+            self.process.ask,
+            result,
+            seen,
+            memory,
+            vmap_method="broadcast_all",
+        )
+        return action, memory + 1
 
 
 def process_of(policy: AbstractPolicy) -> OnnxProcess | None:

@@ -37,13 +37,14 @@ def main() -> None:
 
     model = requests.read(number())
     for kind, most in LIMITS.items():
-        with suppress(ValueError, OSError):  # a limit that this system does not have, or a lower one
+        # a limit that this system does not have, or a lower one
+        with suppress(ValueError, OSError):
             resource.setrlimit(kind, (most, most))
     options = onnxruntime.SessionOptions()
     options.log_severity_level = 3
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
-    inputs = {one.name: one.shape for one in session.get_inputs()}
+    inputs = {entry.name: entry.shape for entry in session.get_inputs()}
     name, *further = inputs
     if further or not isinstance(inputs[name][-1], int):
         sys.exit(f"it reads {inputs}; give a model of one input [rows, size]")
@@ -54,9 +55,11 @@ def main() -> None:
 
     numbers = act(np.zeros((2, size), np.float32))[0].size
     os.write(0, np.array([size, numbers], "<u4").tobytes())
-    while rows := number():
+    rows = number()
+    while rows:
         observations = np.frombuffer(requests.read(4 * rows * size), np.float32)
         os.write(0, act(observations.reshape(rows, size)).reshape(rows, numbers).tobytes())
+        rows = number()
 
 
 def as_actions(answer: np.ndarray, rows: int) -> np.ndarray:
@@ -67,7 +70,8 @@ def as_actions(answer: np.ndarray, rows: int) -> np.ndarray:
         return np.where((answer >= 0) & (answer < 9), answer, -1).astype(np.int32)
     if answer.shape == (rows, 2) and answer.dtype.kind == "f":
         return answer.astype(np.float32)
-    sys.exit(f"it answers {answer.dtype} {answer.shape}; give [rows] actions, [rows, 9] values or [rows, 2] levels")
+    shapes = "[rows] actions, [rows, 9] values or [rows, 2] levels"
+    sys.exit(f"it answers {answer.dtype} {answer.shape}; give {shapes}")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,6 @@
-"""The interface of all players: an observation, a memory and random bits in, an action and the next memory out."""
+"""The interface of all players: an observation, a memory and random bits in, an action and the next
+memory out.
+"""
 
 from abc import abstractmethod
 from typing import Any
@@ -17,7 +19,9 @@ Memory = PyTree[Array]
 
 
 def mixed(bits: UInt32[Array, "*rows"], number: UInt32[Array, "*numbers"]) -> UInt32[Array, "..."]:
-    """Mix a number into random bits: a step of the golden ratio and the finaliser of MurmurHash3 (Appleby, 2011)."""
+    """Mix a number into random bits: a step of the golden ratio and the finaliser of MurmurHash3
+    (Appleby, 2011).
+    """
     words = bits + number * jnp.uint32(0x9E3779B9)
     words = (words ^ (words >> 16)) * jnp.uint32(0x85EBCA6B)
     words = (words ^ (words >> 13)) * jnp.uint32(0xC2B2AE35)
@@ -29,12 +33,16 @@ class AbstractPolicy(eqx.Module):
 
     @property
     def observation(self) -> Whole:
-        """The part of a view that it reads: all, or the numbers that its network reads (`apollonius.observe`)."""
+        """The part of a view that it reads: all, or the numbers that its network reads
+        (`apollonius.observe`).
+        """
         return WHOLE
 
     @property
     def charted(self) -> bool:
-        """True if it plays by a chart, which the game then must have (`apollonius.arenas.charting`)."""
+        """True if it plays by a chart, which the game then must have
+        (`apollonius.arenas.charting`).
+        """
         return self.observation.charted
 
     @property
@@ -51,21 +59,28 @@ class AbstractPolicy(eqx.Module):
     def __call__(self, seen: Any, memory: Memory, bits: Bits) -> tuple[Action, Memory]:
         """Choose the action for what its `observation` makes of the view; always of the same kind.
 
-        The memory is what it returned in the step before, in a game's first step its own. There are 32 random bits for
-        every step instead of a key, since splitting keys for thousands of games costs more than the games themselves.
+        The memory is what it returned in the step before, in a game's first step its own. There are
+        32 random bits for every step instead of a key, since splitting keys for thousands of games
+        costs more than the games themselves.
         """
 
     def weigh(self, seen: Any, memory: Memory, bits: Bits) -> tuple[Any, Memory]:
-        """Return all that `choose` needs before it is known which actions are allowed: here the player's own action."""
+        """Return all that `choose` needs before it is known which actions are allowed: here the
+        player's own action.
+        """
         return self(seen, memory, bits)
 
     def choose(self, weighed: Any, allowed: Bool[Array, "9"]) -> Int[Array, ""]:
-        """Return the player's own discrete action if it is allowed, else the allowed one of lowest index."""
+        """Return the player's own discrete action if it is allowed, else the allowed one of lowest
+        index.
+        """
         return jnp.where(allowed[weighed], weighed, jnp.argmax(allowed)).astype(jnp.int32)
 
 
 class AbstractActionValuePolicy(AbstractPolicy):
-    """A player that values all nine actions and takes the best; among equals, the one of lowest index."""
+    """A player that values all nine actions and takes the best; among equals, the one of lowest
+    index.
+    """
 
     @abstractmethod
     def values(self, seen: Any) -> Float[Array, "9"]:
@@ -113,8 +128,10 @@ class AbstractContinuous(AbstractPolicy):
         """Return the allowed discrete action whose levels are nearest to the player's own."""
         own = action_levels(weighed)
 
-        def away(action: Int[Array, ""]) -> Scalar:
+        def distance(action: Int[Array, ""]) -> Scalar:
             level_u1, level_u2 = action_levels(action)
             return (level_u1 - own[0]) ** 2 + (level_u2 - own[1]) ** 2
 
-        return jnp.argmin(jnp.where(allowed, jax.vmap(away)(jnp.arange(NUM_ACTIONS)), jnp.inf)).astype(jnp.int32)
+        return jnp.argmin(
+            jnp.where(allowed, jax.vmap(distance)(jnp.arange(NUM_ACTIONS)), jnp.inf),
+        ).astype(jnp.int32)

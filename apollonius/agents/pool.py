@@ -1,4 +1,6 @@
-"""Players of one side of a batch of games: one player, a pool of several, several next to one another."""
+"""Players of one side of a batch of games: one player, a pool of several, several next to one
+another.
+"""
 
 from abc import abstractmethod
 from collections.abc import Callable
@@ -23,8 +25,22 @@ Acted = tuple[Actions, Memory]
 """The action and the next memory in each row of a batch."""
 
 
-def act_in_rows(policy: AbstractPolicy, read: Read, rows: Any, memory: Memory, bits: RowBits) -> Acted:
-    """Return one player's action and next memory in each row of a batch."""
+def act_in_rows(
+    policy: AbstractPolicy,
+    read: Read,
+    rows: Any,
+    memory: Memory,
+    bits: RowBits,
+) -> Acted:
+    """Return one player's action and next memory in each row of a batch.
+
+    Args:
+        policy: the player.
+        read: from a row to the player's observation.
+        rows: leaves `[rows, ...]`.
+        memory: the player's memory in each row.
+        bits: random bits of each row.
+    """
     return jax.vmap(lambda row, memory, bits: policy(read(row), memory, bits))(rows, memory, bits)
 
 
@@ -51,8 +67,23 @@ class AbstractPlayers(eqx.Module):
         """Return the member that each game meets, from the upper half of random bits."""
 
     @abstractmethod
-    def act(self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: RowBits) -> Acted:
-        """Return each row's action and next memory, by its member; `read` makes of a row what players read."""
+    def act(
+        self,
+        member: Int[Array, " rows"],
+        read: Read,
+        rows: Any,
+        memory: Memory,
+        bits: RowBits,
+    ) -> Acted:
+        """Return the action and the next memory in each row of a batch.
+
+        Args:
+            member: the member that plays each row.
+            read: from a row to a player's observation.
+            rows: leaves `[rows, ...]`.
+            memory: the players' memory in each row.
+            bits: random bits of each row.
+        """
 
 
 class Pool(AbstractPlayers):
@@ -61,8 +92,10 @@ class Pool(AbstractPlayers):
     Attributes:
         members: a policy whose array leaves have a leading axis of length `size`.
         size: number of members.
-        bits: random bits of each game that are used instead of every step's, so that what players try can last.
-        rest: the policy's leaves that are no arrays, as the functions in a network, which all members share.
+        bits: random bits of each game that are used instead of every step's, so that what players
+            try can last.
+        rest: the policy's leaves that are no arrays, as the functions in a network, which all
+            members share.
     """
 
     members: AbstractPolicy
@@ -94,7 +127,14 @@ class Pool(AbstractPlayers):
             return jnp.zeros(bits.shape, jnp.int32)
         return (((bits >> 16) * self.size) >> 16).astype(jnp.int32)
 
-    def act(self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: RowBits) -> Acted:
+    def act(
+        self,
+        member: Int[Array, " rows"],
+        read: Read,
+        rows: Any,
+        memory: Memory,
+        bits: RowBits,
+    ) -> Acted:
         bits = bits if self.bits is None else self.bits
         if self.size == 1:
             return act_in_rows(self._first, read, rows, memory, bits)
@@ -102,18 +142,20 @@ class Pool(AbstractPlayers):
         def of_member(policy: AbstractPolicy) -> Acted:
             return act_in_rows(self._whole(policy), read, rows, memory, bits)
 
-        def theirs(everyone: Array) -> Array:
-            index = member.reshape(1, -1, *[1] * (everyone.ndim - 2))
-            return jnp.take_along_axis(everyone, index, axis=0)[0]
+        def of_own_member(by_member: Array) -> Array:
+            index = member.reshape(1, -1, *[1] * (by_member.ndim - 2))
+            return jnp.take_along_axis(by_member, index, axis=0)[0]
 
-        return jax.tree.map(theirs, jax.vmap(of_member, axis_size=self.size)(self.members))
+        return jax.tree.map(of_own_member, jax.vmap(of_member, axis_size=self.size)(self.members))
 
 
 class Assigned(AbstractPlayers):
-    """One player for most games of a batch, and others who each have a few games of their own, in a row.
+    """One player for most games of a batch, and others who each have a few games of their own, in a
+    row.
 
-    A batch meets many players and takes no more arithmetic than with one. Member 0 is the player at large, members 1,
-    2, ... are the others, stacked: from the `first` game on each has some `games`. Bits are as of a `Pool`.
+    A batch meets many players and takes no more arithmetic than with one. Member 0 is the player at
+    large, members 1, 2, ... are the others, stacked: from the `first` game on each has some
+    `games`. Bits are as of a `Pool`.
     """
 
     at_large: AbstractPolicy
@@ -133,25 +175,51 @@ class Assigned(AbstractPlayers):
 
     def sample(self, bits: UInt32[Array, " games"]) -> Int[Array, " games"]:
         game = jnp.arange(bits.shape[0]) - self.first
-        return jnp.where((game >= 0) & (game < self.count * self.games), game // self.games + 1, 0).astype(jnp.int32)
+        return jnp.where(
+            (game >= 0) & (game < self.count * self.games),
+            game // self.games + 1,
+            0,
+        ).astype(jnp.int32)
 
-    def act(self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: RowBits) -> Acted:
-        end, given = self.first + self.count * self.games, (rows, memory, bits if self.bits is None else self.bits)
-        assigned = jax.tree.map(
-            lambda leaf: leaf[self.first : end].reshape(self.count, self.games, *leaf.shape[1:]), given
+    def act(
+        self,
+        member: Int[Array, " rows"],
+        read: Read,
+        rows: Any,
+        memory: Memory,
+        bits: RowBits,
+    ) -> Acted:
+        end = self.first + self.count * self.games
+        arguments = (rows, memory, bits if self.bits is None else self.bits)
+        their_arguments = jax.tree.map(
+            lambda leaf: leaf[self.first : end].reshape(self.count, self.games, *leaf.shape[1:]),
+            arguments,
         )
-        at_large = jax.tree.map(lambda leaf: jnp.concatenate([leaf[: self.first], leaf[end:]]), given)
-        others = jax.vmap(lambda policy, *given: act_in_rows(policy, read, *given))(self.assigned, *assigned)
-        own = act_in_rows(self.at_large, read, *at_large)
+        rest_arguments = jax.tree.map(
+            lambda leaf: jnp.concatenate([leaf[: self.first], leaf[end:]]),
+            arguments,
+        )
+        their_actions = jax.vmap(
+            lambda policy, *arguments: act_in_rows(policy, read, *arguments),
+        )(self.assigned, *their_arguments)
+        rest_actions = act_in_rows(self.at_large, read, *rest_arguments)
 
-        def in_order(own: Array, others: Array) -> Array:
-            return jnp.concatenate([own[: self.first], others.reshape(-1, *others.shape[2:]), own[self.first :]])
+        def in_order(rest_actions: Array, their_actions: Array) -> Array:
+            return jnp.concatenate(
+                [
+                    rest_actions[: self.first],
+                    their_actions.reshape(-1, *their_actions.shape[2:]),
+                    rest_actions[self.first :],
+                ],
+            )
 
-        return jax.tree.map(in_order, own, others)
+        return jax.tree.map(in_order, rest_actions, their_actions)
 
 
 class Apart(AbstractPlayers):
-    """Players of several kinds, for a side of one robot: each has some games of a batch, the first those in front."""
+    """Players of several kinds, for a side of one robot: each has some games of a batch, the first
+    those in front.
+    """
 
     policies: tuple[AbstractPolicy, ...]
     games: tuple[int, ...] = eqx.field(static=True)
@@ -167,16 +235,39 @@ class Apart(AbstractPlayers):
         return tuple(policy.memory for policy in self.policies)
 
     def sample(self, bits: UInt32[Array, " games"]) -> Int[Array, " games"]:
-        return jnp.concatenate([jnp.full(games, number, jnp.int32) for number, games in enumerate(self.games)])
+        return jnp.concatenate(
+            [jnp.full(games, number, jnp.int32) for number, games in enumerate(self.games)],
+        )
 
-    def act(self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: RowBits) -> Acted:
+    def act(
+        self,
+        member: Int[Array, " rows"],
+        read: Read,
+        rows: Any,
+        memory: Memory,
+        bits: RowBits,
+    ) -> Acted:
         actions, after = [], []
         for number, policy in enumerate(self.policies):
-            own = slice(first := sum(self.games[:number]), first + self.games[number])
-            given = jax.tree.map(lambda leaf, own=own: leaf[own], (rows, memory[number], bits))
-            action, new = act_in_rows(policy, lambda row, policy=policy: policy.observation(read(row)), *given)
+            first = sum(self.games[:number])
+            rows_of_player = slice(first, first + self.games[number])
+            arguments = jax.tree.map(
+                lambda leaf, own=rows_of_player: leaf[own],
+                (rows, memory[number], bits),
+            )
+            action, new = act_in_rows(
+                policy,
+                lambda row, policy=policy: policy.observation(read(row)),
+                *arguments,
+            )
             actions.append(action)
-            after.append(jax.tree.map(lambda all_, own_, own=own: all_.at[own].set(own_), memory[number], new))
+            after.append(
+                jax.tree.map(
+                    lambda all_rows, own_rows, own=rows_of_player: all_rows.at[own].set(own_rows),
+                    memory[number],
+                    new,
+                )
+            )
         return jnp.concatenate(actions), tuple(after)
 
 
@@ -186,13 +277,20 @@ def solo(policy: AbstractPolicy) -> Pool:
 
 
 def stack(policies: list[AbstractPolicy]) -> Pool:
-    """Return several players of one structure as the players of a side: each game meets one, drawn at random."""
-    arrays, rests = zip(*(eqx.partition(policy, eqx.is_array_like) for policy in policies), strict=True)
+    """Return several players of one structure as the players of a side: each game meets one, drawn
+    at random.
+    """
+    arrays, rests = zip(
+        *(eqx.partition(policy, eqx.is_array_like) for policy in policies),
+        strict=True,
+    )
     rest = rests[0] if jax.tree.leaves(rests[0]) else None
     return Pool(jax.tree.map(_stacked, *arrays), len(policies), rest=rest)
 
 
 def _stacked(*leaves: Any) -> Array:
-    """Return leaves along a new first axis; on the host, so that nothing is compiled, but where one is traced."""
+    """Return leaves along a new first axis; on the host, so that nothing is compiled, but where one
+    is traced.
+    """
     traced = any(isinstance(leaf, Tracer) for leaf in leaves)
     return jnp.stack(leaves) if traced else jax.device_put(np.stack(leaves))

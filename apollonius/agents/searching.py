@@ -1,4 +1,5 @@
-"""Players that find their way by the chart, and go by what they believe: one that searches, one that hides.
+"""Players that find their way by the chart, and go by what they believe: one that searches, one
+that hides.
 
 Lengths and times in their rules are on the scale of the paper's robots.
 """
@@ -47,35 +48,44 @@ class AbstractWayfinder(AbstractSteering):
     def way(self, seen: View, place: RobotState) -> tuple[Scalar, Scalar]:
         """Return the heading [rad] and the speed [m/s] with which to set out for a place.
 
-        Straight to it where that is free; else to the place a little ahead from which, together with the way there, the
-        path is shortest.
+        Straight to it where that is free; else to the place a little ahead from which, together
+        with the way there, the path is shortest.
         """
-        chart, own, body = seen.chart, seen.own.state, seen.own.body
-        distance, sight = separation(own, place), direction(own, place)
-        room = body.radius + _MARGIN
-        is_free = chart.range(own.x, own.y, jnp.cos(sight), jnp.sin(sight)) >= distance
+        chart = seen.chart
+        own = seen.own.state
+        body = seen.own.body
+        distance, bearing = separation(own, place), direction(own, place)
+        margin = body.radius + _MARGIN
+        is_free = chart.range(own.x, own.y, jnp.cos(bearing), jnp.sin(bearing)) >= distance
         angles = jnp.arange(COURSES, dtype=jnp.float32) * (2 * jnp.pi / COURSES)
         cos, sin = jnp.cos(angles), jnp.sin(angles)
         ranges = jax.vmap(chart.range, in_axes=(None, None, 0, 0))(own.x, own.y, cos, sin)
-        along = jnp.clip(ranges - room, 0.0, _AHEAD)
-        x, y = own.x + along * cos, own.y + along * sin
+        reach = jnp.clip(ranges - margin, 0.0, _AHEAD)
+        x, y = own.x + reach * cos, own.y + reach * sin
         target = chart.nearest_cell(place.x, place.y)
-        left = jax.vmap(lambda x, y: chart.path_length_from(target, chart.cell_weights(x, y)))(x, y)
-        tight = jax.vmap(chart.clearance)(x, y) < room
-        best = jnp.argmin(along + left + 0.5 * tight.astype(jnp.float32) + jnp.where(along < 0.05, _FAR, 0.0))
+
+        def length_to_target(x: Scalar, y: Scalar) -> Scalar:
+            return chart.path_length_from(target, chart.cell_weights(x, y))
+
+        remaining = jax.vmap(length_to_target)(x, y)
+        is_tight = jax.vmap(chart.clearance)(x, y) < margin
+        length = reach + remaining + 0.5 * is_tight.astype(jnp.float32)
+        best = jnp.argmin(length + jnp.where(reach < 0.05, _FAR, 0.0))
         corner = RobotState(x[best], y[best], own.v, own.heading)
         aim = choose(is_free, place, corner)
         ahead = chart.range(own.x, own.y, jnp.cos(own.heading), jnp.sin(own.heading))
-        stoppable = jnp.sqrt(2 * body.u1_max * jnp.maximum(ahead - room, 0.0))
+        stoppable = jnp.sqrt(2 * body.u1_max * jnp.maximum(ahead - margin, 0.0))
         return direction(own, aim), jnp.minimum(arc_speed(body, own, aim), stoppable)
 
 
 class Search(AbstractWayfinder):
-    """Drives along the shortest path to the opponent or, not seeing it, to one place after another where it can be.
+    """Drives along the shortest path to the opponent or, not seeing it, to one place after another
+    where it can be.
 
-    Places are drawn at random, the more often the more a look is worth (`apollonius.observe.belief.prospects`): always
-    to the best one, it would circle an obstacle behind which an opponent could keep away from it (Isler, Kannan and
-    Khanna, "Randomized pursuit-evasion in a polygonal environment", 2005). A place is given up when the opponent cannot
+    Places are drawn at random, the more often the more a look is worth
+    (`apollonius.observe.belief.prospects`): always to the best one, it would circle an obstacle
+    behind which an opponent could keep away from it (Isler, Kannan and Khanna, "Randomized
+    pursuit-evasion in a polygonal environment", 2005). A place is given up when the opponent cannot
     be there any more.
     """
 
@@ -84,7 +94,12 @@ class Search(AbstractWayfinder):
         """The coarse cell that it drives to; -1 for none."""
         return jnp.full((), _NOWHERE, jnp.int32)
 
-    def weigh(self, seen: View, memory: Int[Array, ""], bits: Bits) -> tuple[Float[Array, "9"], Memory]:
+    def weigh(
+        self,
+        seen: View,
+        memory: Int[Array, ""],
+        bits: Bits,
+    ) -> tuple[Float[Array, "9"], Memory]:
         sought, cell = sought_by(seen, memory, random_shares(bits))
         return self.values(sought), cell
 
@@ -93,9 +108,11 @@ class Search(AbstractWayfinder):
 
 
 class Searching(AbstractActionValuePolicy):
-    """Another pursuer, which hunts for its opponent at the places of `Search` while it does not see it.
+    """Another pursuer, which hunts for its opponent at the places of `Search` while it does not see
+    it.
 
-    It drives there as it drives to an opponent, so it keeps what it knows of walls, its body and its drive.
+    It drives there as it drives to an opponent, so it keeps what it knows of walls, its body and
+    its drive.
     """
 
     policy: AbstractActionValuePolicy
@@ -112,50 +129,77 @@ class Searching(AbstractActionValuePolicy):
     def values(self, seen: View) -> Float[Array, "9"]:
         return self.policy.values(self.policy.observation(seen))
 
-    def weigh(self, seen: View, memory: tuple[Memory, Int[Array, ""]], bits: Bits) -> tuple[Float[Array, "9"], Memory]:
+    def weigh(
+        self,
+        seen: View,
+        memory: tuple[Memory, Int[Array, ""]],
+        bits: Bits,
+    ) -> tuple[Float[Array, "9"], Memory]:
         sought, cell = sought_by(seen, memory[1], random_shares(bits))
         values, own_memory = self.policy.weigh(self.policy.observation(sought), memory[0], bits)
         return values, (own_memory, cell)
 
 
 class Hide(AbstractWayfinder):
-    """Drives where the pursuer does not see it, to a near place to which the pursuer has a long way, and stays there.
+    """Drives where the pursuer does not see it, to a near place to which the pursuer has a long
+    way, and stays there.
 
     Of the places behind obstacles (Reynolds, "Steering behaviors for autonomous characters", 1999).
     """
 
     def course(self, seen: View) -> tuple[Scalar, Scalar]:
         chart, pursuer = seen.chart, seen.opponent
-        theirs, ours = (
-            jnp.minimum(chart.lengths_from(robot.state.x, robot.state.y), _FAR) for robot in (pursuer, seen.own)
+        states = (pursuer.state, seen.own.state)
+        pursuer_lengths, own_lengths = (
+            jnp.minimum(
+                chart.lengths_from(state.x, state.y),
+                _FAR,
+            )
+            for state in states
         )
-        hidden = ~visible(chart, Sensors(line_of_sight=True), pursuer.state)
-        safe = jnp.minimum(theirs, _CAUTION) - jnp.where(hidden, 0.0, _CAUTION / 2)
-        first = jnp.where(theirs > ours + 0.5, safe - 0.7 * ours, safe - 2 * _CAUTION)
-        place = middle_of(chart, jnp.argmax(jnp.where(ours < _FAR, first, -_FAR)))
+        is_hidden = ~visible(chart, Sensors(line_of_sight=True), pursuer.state)
+        safety = jnp.minimum(pursuer_lengths, _CAUTION) - jnp.where(is_hidden, 0.0, _CAUTION / 2)
+        is_first = pursuer_lengths > own_lengths + 0.5
+        score = jnp.where(is_first, safety - 0.7 * own_lengths, safety - 2 * _CAUTION)
+        place = middle_of(chart, jnp.argmax(jnp.where(own_lengths < _FAR, score, -_FAR)))
         heading, speed = self.way(seen, place)
-        away = separation(seen.own.state, place)
-        stopping = jnp.sqrt(2 * seen.own.body.u1_max * jnp.maximum(away - 0.2, 0.0))
+        distance = separation(seen.own.state, place)
+        stopping = jnp.sqrt(2 * seen.own.body.u1_max * jnp.maximum(distance - 0.2, 0.0))
         return heading, jnp.minimum(speed, stopping)
 
 
-def sought_by(seen: View, cell: Int[Array, ""], shares: Float[Array, " coarse"]) -> tuple[View, Int[Array, ""]]:
-    """Return the view of a robot that searches, whose opponents are at rest at a place where one can be, and that
-    place's coarse cell, drawn by random shares from 0 to 1; where an opponent is found, the view itself, and -1.
+def sought_by(
+    seen: View,
+    cell: Int[Array, ""],
+    shares: Float[Array, " coarse"],
+) -> tuple[View, Int[Array, ""]]:
+    """Return the view of a robot that searches, and the coarse cell that it drives to.
+
+    In that view its opponents are at rest in the cell, where one opponent can be. If one was seen
+    lately, the view stays as it is, and the cell is -1.
 
     Args:
-        cell: the place that it drives to; -1 for none.
+        seen: the robot's view.
+        cell: the cell that it has driven to; -1 for none.
+        shares: random numbers from 0 to 1, which draw the next cell.
     """
     if seen.belief is None:
         return seen, cell
     chart, own = seen.chart, seen.own.state
-    drawn = jnp.argmax(shares * prospects(chart, seen.belief, own).ravel()).astype(jnp.int32)
+    new_cell = jnp.argmax(shares * prospects(chart, seen.belief, own).ravel()).astype(jnp.int32)
     can_be_there = seen.belief.ravel()[cell] >= 0
     is_far = chart.lengths_from(own.x, own.y).ravel()[cell] > _AT_HAND
-    place, found = jnp.where((cell >= 0) & can_be_there & is_far, cell, drawn), is_found(seen)
-    rest = middle_of(chart, place)
-    opponents = tuple(replace(robot, state=choose(found, robot.state, rest)) for robot in seen.opponents)
-    return replace(seen, opponents=opponents), jnp.where(found, _NOWHERE, place)
+    place = jnp.where((cell >= 0) & can_be_there & is_far, cell, new_cell)
+    opponent_found = is_found(seen)
+    target = middle_of(chart, place)
+    opponents = tuple(
+        replace(
+            robot,
+            state=choose(opponent_found, robot.state, target),
+        )
+        for robot in seen.opponents
+    )
+    return replace(seen, opponents=opponents), jnp.where(opponent_found, _NOWHERE, place)
 
 
 def random_shares(bits: Bits) -> Float[Array, " coarse"]:

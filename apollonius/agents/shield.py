@@ -1,4 +1,4 @@
-"""A player that does not crash: another player's actions, unless they leave no way to stop in time."""
+"""A player that does not crash: another's actions, unless they leave no way to stop in time."""
 
 from dataclasses import replace
 from math import ceil
@@ -18,20 +18,30 @@ from apollonius.game.dynamics import Unicycle, action_levels, unit_vector
 from apollonius.game.game import Game
 from apollonius.game.nearby import Surroundings, surroundings
 from apollonius.game.polygon import Edges
-from apollonius.game.types import NUM_ACTIONS, Action, Actions, Bits, Flag, Real, RobotState, Role, Scalar
+from apollonius.game.types import (
+    NUM_ACTIONS,
+    Action,
+    Actions,
+    Bits,
+    Flag,
+    Real,
+    RobotState,
+    Role,
+    Scalar,
+)
 from apollonius.io.errors import require
 from apollonius.observe.view import Robot, View
 
 MARGIN = 1e-3
-"""Clearance [m] that must be left, whatever the robots' scale: many times what rounding can make of it."""
+"""Clearance [m] that must be left at any scale of the robots: many times its rounding error."""
 BRAKING = (0, 1, 2)
 """Actions that brake: while turning right, going straight, or turning left."""
 _TRIED = 8
-"""Robots that may not do what they want for which all actions are tried at a time."""
+"""Robots of a batch that try another action at a time."""
 
 
 class Motion(eqx.Module):
-    """A robot on a manoeuvre: its state and, of a drive that turns slowly, its turn rate [rad/s]."""
+    """A robot on a manoeuvre: its state and, with a slow drive, its turn rate [rad/s]."""
 
     state: RobotState
     turn_rate: Scalar | None
@@ -44,8 +54,8 @@ class Backup(eqx.Module):
         arena, dt: where the manoeuvres are tried, and for how long an action is held [s].
         steps: how many steps they last.
         manoeuvres: the braking action that each holds to the end.
-        surroundings: the arena's polygons by where a robot is; None: all are looked at from everywhere.
-        anywhere: whether the arena is that of the view, where it differs from state to state.
+        surroundings: index of the polygons near each place; None: every polygon is looked at.
+        anywhere: whether the arena of the view is used, as it differs from state to state.
     """
 
     arena: Arena
@@ -61,11 +71,11 @@ class Backup(eqx.Module):
 
     @jax.jit
     def clearance_after(self, robot: Robot, action: Action) -> Scalar:
-        """Return the least clearance [m] on the best manoeuvre to rest that begins with one step of an action, from
-        when that takes effect, with the robot's drive as far as that is known.
+        """Return the least clearance [m] of the best stop after one step of an action.
 
-        The body's radius is taken off. Polygons that are out of reach by the `surroundings` are left out: where that
-        makes a difference, there is more clearance than `MARGIN` without them and with them.
+        It is the least on the path from when the action takes effect until rest, less the body's
+        radius, for the best of the manoeuvres. Polygons out of reach by the `surroundings` are left
+        out; that only changes clearances above `MARGIN`.
         """
         before = Motion(robot.state_on_command, robot.turn_rate)
         near, after = self._near(before.state), self._hold(robot, before, action)
@@ -74,9 +84,10 @@ class Backup(eqx.Module):
 
     @jax.jit
     def surely_stops(self, robot: Robot, action: Action) -> Flag:
-        """Return whether more than `MARGIN` is left if it brakes straight ahead after one step of an action.
+        """Return whether braking straight ahead after one step of an action surely suffices.
 
-        That path is one segment, so this takes little arithmetic; rounding gets another `MARGIN`.
+        That path is one segment, so this takes little arithmetic. It must leave twice the `MARGIN`,
+        once for rounding.
         """
         if self.arena.map is not None or robot.turn_time is not None:
             # Clearances on maps depend on where a segment is cut, and a slow drive keeps turning.
@@ -88,17 +99,24 @@ class Backup(eqx.Module):
         least = jnp.minimum(self._along(before.state, after, near), self._along(after, rest, near))
         return least - robot.body.radius > 2 * MARGIN
 
-    def _clearances(self, robot: Robot, motion: Motion, near: Edges | None) -> Float[Array, " manoeuvres"]:
+    def _clearances(
+        self,
+        robot: Robot,
+        motion: Motion,
+        near: Edges | None,
+    ) -> Float[Array, " manoeuvres"]:
         def one_step(before: list[Motion], _: None) -> tuple[list[Motion], list[RobotState]]:
             after = self._braked(robot, before)
-            return after, [each.state for each in after]
+            return after, [motion.state for motion in after]
 
         _, paths = jax.lax.scan(one_step, [motion] * len(self.manoeuvres), length=self.steps)
         after = jax.tree.map(lambda *leaves: jnp.stack(leaves), *paths)
-        before = jax.tree.map(
-            lambda first, later: jnp.concatenate([jnp.broadcast_to(first, (len(later), 1)), later[:, :-1]], axis=1),
-            motion.state, after,
-        )  # fmt: skip
+
+        def shift(first: Array, later: Array) -> Array:
+            firsts = jnp.broadcast_to(first, (len(later), 1))
+            return jnp.concatenate([firsts, later[:, :-1]], axis=1)
+
+        before = jax.tree.map(shift, motion.state, after)
         along = jax.vmap(jax.vmap(lambda start, end: self._along(start, end, near)))(before, after)
         return jnp.min(along, axis=1) - robot.body.radius
 
@@ -106,16 +124,17 @@ class Backup(eqx.Module):
         return self.surroundings.near(robot.x, robot.y) if self.surroundings else None
 
     def _along(self, before: RobotState, after: RobotState, near: Edges | None) -> Scalar:
-        """Return the least clearance [m] on a segment; of the polygons only the given edges count."""
+        """Return the least clearance [m] on a segment; polygons count by these edges only."""
         if near is None:
             return self.arena.clearance_along(before, after)
-        others = replace(self.arena, polygons=()).clearance_along(before, after)
-        return jnp.minimum(others, near.clearance_along(before, after))
+        clearance = replace(self.arena, polygons=()).clearance_along(before, after)
+        return jnp.minimum(clearance, near.clearance_along(before, after))
 
     def _braked(self, robot: Robot, motions: list[Motion]) -> list[Motion]:
         """Return the motion in each manoeuvre after one more step."""
         actions = [jnp.full((), action, jnp.int32) for action in self.manoeuvres]
-        return [self._hold(robot, motion, action) for motion, action in zip(motions, actions, strict=True)]
+        pairs = zip(motions, actions, strict=True)
+        return [self._hold(robot, motion, action) for motion, action in pairs]
 
     def _hold(self, robot: Robot, motion: Motion, action: Action) -> Motion:
         u1, u2 = robot.body.controls(action)
@@ -124,15 +143,17 @@ class Backup(eqx.Module):
 
 
 class Shielded(AbstractWrapper):
-    """Another player, held back from actions after which the robot could not brake to rest without touching anything.
+    """Another player, held back from actions after which the robot could not brake to rest without
+    touching anything.
 
-    An action is allowed where, after it, one of the backup manoeuvres comes to rest with clearance to spare. The rest
-    of that manoeuvre is then allowed in the next step, and so on; so from rest, or from any state from which one of the
-    manoeuvres is free, the robot never fails. This is a safety filter with backup manoeuvres (Hobbs et al., "Runtime
-    assurance for safety-critical systems", 2023): what it calls safe is a part of the viability kernel.
+    An action is allowed where, after it, one of the backup manoeuvres comes to rest with clearance
+    to spare. The rest of that manoeuvre is then allowed in the next step, and so on; so from rest,
+    or from any state from which one of the manoeuvres is free, the robot never fails. This is a
+    safety filter with backup manoeuvres (Hobbs et al., "Runtime assurance for safety-critical
+    systems", 2023): what it calls safe is a part of the viability kernel.
 
-    A player with continuous actions keeps its own where that is allowed, and otherwise has the allowed discrete action
-    nearest to it.
+    A player with continuous actions keeps its own where that is allowed, and otherwise has the
+    allowed discrete action nearest to it.
     """
 
     backup: Backup
@@ -143,32 +164,50 @@ class Shielded(AbstractWrapper):
 
     def wanted(self, weighed: Any) -> Action:
         """Return what the player behind the shield would do."""
-        return weighed if self.policy.continuous else self.policy.choose(weighed, jnp.ones(NUM_ACTIONS, bool))
+        if self.policy.continuous:
+            return weighed
+        return self.policy.choose(weighed, jnp.ones(NUM_ACTIONS, bool))
 
     def begin(self, seen: View, weighed: Any) -> "_Search":
-        """Return the search for an action that is allowed; it has ended where the player's own surely is."""
+        """Start the search for an allowed action; it ends at once where the own one surely is."""
         action = self.wanted(weighed)
         number = jnp.full((), NUM_ACTIONS, jnp.int32) if self.policy.continuous else action
-        open_ = ~self.backup.of(seen).surely_stops(seen.own, action)
-        return _Search(action, number, jnp.full(NUM_ACTIONS, jnp.inf), open_)
+        is_open = ~self.backup.of(seen).surely_stops(seen.own, action)
+        return _Search(action, number, jnp.full(NUM_ACTIONS, jnp.inf), is_open)
 
     def go_on(self, seen: View, weighed: Any, search: "_Search") -> "_Search":
-        """Return the search after its action was tried: if that is not allowed, with the best of those untried."""
+        """Try the search's action; unless it is allowed, the best untried one comes next."""
         clearance = self.backup.of(seen).clearance_after(seen.own, search.action)
         allowed = clearance > MARGIN
-        clearances = jnp.where(jnp.arange(NUM_ACTIONS) == search.number, clearance, search.clearances)
+        clearances = jnp.where(
+            jnp.arange(NUM_ACTIONS) == search.number,
+            clearance,
+            search.clearances,
+        )
         untried = jnp.isinf(clearances)
-        left = jnp.any(untried)
-        number = jnp.where(left, self.policy.choose(weighed, untried), jnp.argmax(clearances)).astype(jnp.int32)
+        some_untried = jnp.any(untried)
+        number = jnp.where(
+            some_untried,
+            self.policy.choose(weighed, untried),
+            jnp.argmax(clearances),
+        ).astype(jnp.int32)
         action = jnp.stack(action_levels(number)) if self.policy.continuous else number
-        return _Search(jnp.where(allowed, search.action, action), number, clearances, ~allowed & left)
+        return _Search(
+            jnp.where(allowed, search.action, action),
+            number,
+            clearances,
+            ~allowed & some_untried,
+        )
 
 
 class _Search(eqx.Module):
-    """A search for an action that is allowed: the one to be tried or, at the end, to be taken.
+    """A search for an allowed action.
 
-    Its number is one more than there are if it is a player's own and continuous. Clearances are what each of the nine
-    leaves [m], infinite until it is tried.
+    Attributes:
+        action: the one to try next or, at the end, to take.
+        number: its index; `NUM_ACTIONS` for a player's own continuous action.
+        clearances: clearance that each of the nine actions leaves [m]; infinite until it is tried.
+        open: whether an action is still to be tried.
     """
 
     action: Action
@@ -177,30 +216,48 @@ class _Search(eqx.Module):
     open: Flag
 
 
-def _held_back_together(size: int, batched: Any, player: Shielded, seen: View, weighed: Any) -> Actions:
+def _held_back_together(
+    size: int,
+    batched: Any,
+    player: Shielded,
+    seen: View,
+    weighed: Any,
+) -> Actions:
     """Return the actions in many games: those whose search is open are tried, a few at a time."""
-    axes, weighed = jax.tree.map(lambda has: 0 if has else None, batched[1]), spread(size, batched[2], weighed)
+    axes = jax.tree.map(lambda has: 0 if has else None, batched[1])
+    weighed = spread(size, batched[2], weighed)
     search = jax.vmap(player.begin, in_axes=(axes, 0), axis_size=size)(seen, weighed)
 
-    def some(search: _Search) -> _Search:
+    def try_next(search: _Search) -> _Search:
         (rows,) = jnp.nonzero(search.open, size=_TRIED, fill_value=size)
-        theirs = jax.tree.map(lambda leaf, has: leaf[rows] if has else leaf, seen, batched[1])
-        given = jax.tree.map(lambda leaf: leaf[rows], (weighed, search))
-        new = jax.vmap(player.go_on, in_axes=(axes, 0, 0), axis_size=_TRIED)(theirs, *given)
-        return jax.tree.map(lambda all_, one: all_.at[rows].set(one, mode="drop"), search, new)
+        their_views = jax.tree.map(lambda leaf, has: leaf[rows] if has else leaf, seen, batched[1])
+        their_searches = jax.tree.map(lambda leaf: leaf[rows], (weighed, search))
+        go_on = jax.vmap(player.go_on, in_axes=(axes, 0, 0), axis_size=_TRIED)
+        tried = go_on(their_views, *their_searches)
+        return jax.tree.map(
+            lambda leaf, new_leaf: leaf.at[rows].set(new_leaf, mode="drop"),
+            search,
+            tried,
+        )
 
-    return jax.lax.while_loop(lambda search: jnp.any(search.open), some, search).action
+    return jax.lax.while_loop(lambda search: jnp.any(search.open), try_next, search).action
 
 
 @batched_by(_held_back_together)
 def _held_back(player: Shielded, seen: View, weighed: Any) -> Action:
-    """Return the action that a player behind a shield takes, from what it thinks of the nine."""
-    begun = player.begin(seen, weighed)
-    return jax.lax.while_loop(lambda one: one.open, lambda one: player.go_on(seen, weighed, one), begun).action
+    """Return the action that a player behind a shield takes, by its preferences."""
+    search = player.begin(seen, weighed)
+    return jax.lax.while_loop(
+        lambda one: one.open,
+        lambda one: player.go_on(seen, weighed, one),
+        search,
+    ).action
 
 
 def brakes(game: Game, role: Role) -> Backup:
-    """Return full braking in three directions, for one side; raises InvalidInput where one of its robots cannot."""
+    """Return full braking in three directions, for one side; raises InvalidInput where one of its
+    robots cannot.
+    """
     kinds = game.scenario.kinds if game.scenario else None
     bodies = game.bodies[role] if kinds is None else kinds.every(role)
     for body in bodies:
@@ -214,18 +271,26 @@ def brakes(game: Game, role: Role) -> Backup:
 
 
 def _surroundings(game: Game, body: Unicycle) -> Surroundings | None:
-    """Return the polygons near a robot that brakes after one step, by its cell; None if they are not known yet."""
+    """Index the polygons near a robot that brakes after one step; None if they are traced."""
     arena = game.arena
     numbers = (arena.polygons, arena.x_min, arena.x_max, arena.y_min, arena.y_max, body, game.dt)
     if not arena.polygons or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(numbers)):
         return None
     reach = body.v_max * game.dt + body.v_max**2 / (2 * body.u1_max) + body.radius + MARGIN
-    return surroundings(arena.polygons, *map(float, (reach, arena.x_min, arena.x_max, arena.y_min, arena.y_max)))
+    return surroundings(
+        arena.polygons,
+        float(reach),
+        float(arena.x_min),
+        float(arena.x_max),
+        float(arena.y_min),
+        float(arena.y_max),
+    )
 
 
 def shielded(policy: AbstractPolicy, game: Game, role: Role) -> Shielded:
-    """Return a player behind a shield, which replaces actions after which it could not brake in time.
+    """Put a player behind a shield, which replaces actions after which it could not brake in time.
 
-    Errors are those of `brakes`.
+    Raises:
+        InvalidInput: if a robot of the side cannot brake to rest.
     """
     return Shielded(policy, brakes(game, role))

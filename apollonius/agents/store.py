@@ -11,7 +11,14 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH, Network, QNetwork, make_actor, make_network
+from apollonius.agents.network import (
+    MOST_LAYERS,
+    MOST_WIDTH,
+    Network,
+    QNetwork,
+    make_actor,
+    make_network,
+)
 from apollonius.arenas.file import from_dict
 from apollonius.game.types import NUM_ACTIONS, Role
 from apollonius.game.validation import require_usual_numbers
@@ -64,13 +71,21 @@ class Agent:
 
 
 def describe(network: Network, role: Role, game: dict[str, Any], training: dict[str, Any]) -> Agent:
-    """Return an agent with a header that fits its network."""
+    """Return an agent with a header that fits its network.
+
+    Args:
+        network: the trained network.
+        role: the side that it plays.
+        game: the game of its training, as of `to_dict`.
+        training: how it was trained.
+    """
     kind = "values" if isinstance(network, QNetwork) else "gaussian"
+    width = network.layers[0].out_features
     header = AgentHeader(
         role=role.name.lower(),
         observation=network.observation.name,
         observation_size=network.observation.size,
-        width=network.layers[0].out_features if isinstance(network.layers[0].out_features, int) else 1,
+        width=width if isinstance(width, int) else 1,
         depth=len(network.layers) - 1,
         game=game,
         training=training,
@@ -88,13 +103,13 @@ def save_agent(agent: Agent, path: Path) -> None:
 
 
 def load_agent(path: Path) -> Agent:
-    """Read an agent's file; raises InvalidInput for one that is missing, cut off, foreign, of a newer version, or made
-    for an observation that this version does not have.
+    """Read an agent's file; raises InvalidInput for one that is missing, cut off, foreign, of a
+    newer version, or made for an observation that this version does not have.
     """
     require_usual_numbers()
     with _opened_agent(path) as (file, header):
-        made = header.observation, header.width, header.depth
-        template = eqx.filter_eval_shape(lambda: _MAKE[header.network](*made, jax.random.key(0)))
+        sizes = header.observation, header.width, header.depth
+        template = eqx.filter_eval_shape(lambda: _MAKE[header.network](*sizes, jax.random.key(0)))
         if isinstance(template, QNetwork):
             template = replace(template, symmetric=header.symmetric)
         misfit = f"'{path}' has weights that do not fit its header: copy or train it again."
@@ -112,7 +127,9 @@ def load_header(path: Path) -> AgentHeader:
 @contextmanager
 def _opened_agent(path: Path) -> Generator[tuple[Any, AgentHeader], None, None]:
     if not os.path.isfile(path):
-        raise InvalidInput(f"there is no agent file '{path}': check the path, or name a built-in agent.")
+        raise InvalidInput(
+            f"there is no agent file '{path}': check the path, or name a built-in agent.",
+        )
     foreign = f"'{path}' holds no Apollonius agent: give a file from a run's agents/ folder"
     with opened(path, "copy or train it again") as file:
         yield file, _checked(path, read_header(path, file, FORMAT, foreign))
@@ -121,17 +138,22 @@ def _opened_agent(path: Path) -> Generator[tuple[Any, AgentHeader], None, None]:
 def _checked(path: Path, fields: dict[str, Any]) -> AgentHeader:
     header = from_dict(AgentHeader, fields, f"the header of '{path}'")
     if header.network not in _MAKE:
+        remedy = f"this program reads {', '.join(_MAKE)}: update it"
         raise InvalidInput(
-            f"'{path}' has a network of the kind {shown(header.network)}, this program reads {', '.join(_MAKE)}: "
-            "update it."
+            f"'{path}' has a network of the kind {shown(header.network)}, {remedy}.",
         )
-    reads = OBSERVATIONS.get(header.observation)
-    if reads is None or reads.size != header.observation_size:
-        known = ", ".join(f"{name} ({one.size})" for name, one in OBSERVATIONS.items())
+    own_observation = OBSERVATIONS.get(header.observation)
+    if own_observation is None or own_observation.size != header.observation_size:
+        sizes = ((name, observation.size) for name, observation in OBSERVATIONS.items())
+        observations = ", ".join(f"{name} ({size})" for name, size in sizes)
         made_for = f"{shown(header.observation)} ({shown(header.observation_size)} numbers)"
-        raise InvalidInput(
-            f"'{path}' was made for the observation {made_for}; this program has {known}: train it again."
-        )
-    mirrored = reads.mirror is not None and header.network == "values"
-    require(mirrored or not header.symmetric, "symmetric", True, f"false where a network is of '{header.observation}'")
+        remedy = f"this program has {observations}: train it again"
+        raise InvalidInput(f"'{path}' was made for the observation {made_for}; {remedy}.")
+    mirrored = own_observation.mirror is not None and header.network == "values"
+    require(
+        mirrored or not header.symmetric,
+        "symmetric",
+        True,
+        f"false where a network is of '{header.observation}'",
+    )
     return header

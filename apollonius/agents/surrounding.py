@@ -1,7 +1,9 @@
-"""Pursuers that surround the evader as a team: by the area that is left to it, and by their bearings around it.
+"""Pursuers that surround the evader as a team: by the area that is left to it, and by their
+bearings around it.
 
-Each decides for itself, by what it sees of its mates. Path lengths and cells are those of the arena's chart, so that
-obstacles count. Lengths in their rules are on the scale of the paper's robots.
+Each decides for itself, by what it sees of its mates. Path lengths and cells are those of the
+arena's chart, so that obstacles count. Lengths in their rules are on the scale of the paper's
+robots.
 """
 
 from abc import abstractmethod
@@ -35,13 +37,17 @@ _NEAR = 1.6
 _CLOSING = 0.7
 """Radius of the circle to be on, as a share of the pursuers' mean distance from the evader."""
 _PATH_WEIGHT = 0.2
-"""Weight of the path length to the evader next to the area [m]: it decides where nothing can be done about the area."""
+"""Weight of the path length to the evader next to the area [m]: it decides where nothing can be
+done about the area.
+"""
 
 Cost = Callable[[Scalar, Scalar], Scalar]
 
 
 class AbstractSurrounding(AbstractSteering):
-    """A pursuer of a team that goes where its cost falls; near the evader, where it does not fall, straight at it."""
+    """A pursuer of a team that goes where its cost falls; near the evader, where it does not fall,
+    straight at it.
+    """
 
     misfit = "pursuers", "1", "2 at least, who surround an evader: as team-2v1"
 
@@ -54,22 +60,29 @@ class AbstractSurrounding(AbstractSteering):
         return len(game.bodies.pursuer) > 1
 
     def course(self, seen: View) -> tuple[Scalar, Scalar]:
-        """Return the direction of the falling cost, and the speed that the turn still to be made allows."""
-        own, body, opponent = seen.own.state, seen.own.body, seen.opponent.state
+        """Return the direction of the falling cost, and the speed that the turn still to be made
+        allows.
+        """
+        own = seen.own.state
+        body = seen.own.body
+        opponent = seen.opponent.state
         angles = jnp.arange(_DIRECTIONS, dtype=jnp.float32) * (2 * jnp.pi / _DIRECTIONS)
         cos, sin = jnp.cos(angles), jnp.sin(angles)
-        free = jax.vmap(seen.chart.range, in_axes=(None, None, 0, 0))(own.x, own.y, cos, sin) - body.radius
-        along = jnp.clip(free, 0.0, jnp.full(_DIRECTIONS, _AHEAD, jnp.float32))
-        costs = jax.vmap(self.cost(seen))(own.x + along * cos, own.y + along * sin)
-        # A mean of the directions: of a cost that falls evenly it is just the direction in which it falls.
+        look = jax.vmap(seen.chart.range, in_axes=(None, None, 0, 0))
+        ranges = look(own.x, own.y, cos, sin) - body.radius
+        reach = jnp.clip(ranges, 0.0, jnp.full(_DIRECTIONS, _AHEAD, jnp.float32))
+        costs = jax.vmap(self.cost(seen))(own.x + reach * cos, own.y + reach * sin)
+        # A mean of the directions: of a cost that falls evenly it is just the direction in which it
+        # falls.
         worst, best = jnp.max(costs), jnp.min(costs)
         weights = ((worst - costs) / jnp.maximum(worst - best, _EVEN)) ** _SHARPNESS
         downwards = jnp.arctan2(jnp.sum(weights * sin), jnp.sum(weights * cos))
-        straight = (path_length_to(seen, opponent)(own.x, own.y) < _NEAR) | (worst - best < _EVEN)
-        heading = jnp.where(straight, direction(own, opponent), downwards)
+        is_near = path_length_to(seen, opponent)(own.x, own.y) < _NEAR
+        goes_straight = is_near | (worst - best < _EVEN)
+        heading = jnp.where(goes_straight, direction(own, opponent), downwards)
         # The part of the wanted velocity that a robot which cannot move sideways can have now.
         turning = body.v_max * jnp.maximum(jnp.cos(wrap_angle(heading - own.heading)), 0.0)
-        return heading, jnp.where(straight, arc_speed(body, own, opponent), turning)
+        return heading, jnp.where(goes_straight, arc_speed(body, own, opponent), turning)
 
     @abstractmethod
     def cost(self, seen: View) -> Cost:
@@ -77,43 +90,52 @@ class AbstractSurrounding(AbstractSteering):
 
 
 class VoronoiPursuit(AbstractSurrounding):
-    """Shrinks the part of the arena that the nearest evader reaches first: its cell among the pursuers' Voronoi cells.
+    """Shrinks the part of the arena that the nearest evader reaches first: its cell among the
+    pursuers' Voronoi cells.
 
-    Each pursuer goes where that area falls most, taking the others to stand. Without obstacles and between equally fast
-    robots that is straight to the middle of the edge between its cell and the evader's, and the evader cannot but be
-    caught (Huang, Zhang, Ding, Stipanovic and Tomlin, "Guaranteed decentralized pursuit-evasion in the plane with
-    multiple pursuers", CDC 2011). A pursuer whose cell is not beside the evader's goes to it (Pierson, Wang and
-    Schwager, "Intercepting rogue robots", RA-L 2017). Here cells are by shortest paths, over the robots' top speeds.
+    Each pursuer goes where that area falls most, taking the others to stand. Without obstacles and
+    between equally fast robots that is straight to the middle of the edge between its cell and the
+    evader's, and the evader cannot but be caught (Huang, Zhang, Ding, Stipanovic and Tomlin,
+    "Guaranteed decentralized pursuit-evasion in the plane with multiple pursuers", CDC 2011). A
+    pursuer whose cell is not beside the evader's goes to it (Pierson, Wang and Schwager,
+    "Intercepting rogue robots", RA-L 2017). Here cells are by shortest paths, over the robots' top
+    speeds.
     """
 
     def cost(self, seen: View) -> Cost:
         """Return the area [m^2], and a little of the path to the evader [m]."""
         evader, mates = seen.opponent, seen.mates
-        theirs = to_all(seen, evader)
-        there = theirs < NO_PATH / 100
+        evader_lengths = to_all(seen, evader)
+        is_reachable = evader_lengths < NO_PATH / 100
         cell = (seen.chart.side[seen.chart.member] * _STRIDE / COARSE) ** 2
         blur = jnp.sqrt(cell) / seen.own.body.v_max
-        deadline = jnp.full(theirs.shape, jnp.inf)
+        deadline = jnp.full(evader_lengths.shape, jnp.inf)
         for mate in mates:
-            deadline = jnp.minimum(deadline, jnp.where(mate.active, to_all(seen, mate) / mate.body.v_max, jnp.inf))
+            deadline = jnp.minimum(
+                deadline,
+                jnp.where(mate.active, to_all(seen, mate) / mate.body.v_max, jnp.inf),
+            )
         path_length = path_length_to(seen, evader.state)
 
         def cost(x: Scalar, y: Scalar) -> Scalar:
             state = seen.own.state
             own = Robot(seen.own.body, RobotState(x, y, state.v, state.heading))
-            first = jnp.minimum(deadline, to_all(seen, own) / own.body.v_max) - theirs / evader.body.v_max
-            area = cell * jnp.sum(jnp.where(there, jax.nn.sigmoid(first / blur), 0.0))
+            arrival = jnp.minimum(deadline, to_all(seen, own) / own.body.v_max)
+            lead = arrival - evader_lengths / evader.body.v_max
+            area = cell * jnp.sum(jnp.where(is_reachable, jax.nn.sigmoid(lead / blur), 0.0))
             return area + _PATH_WEIGHT * path_length(x, y)
 
         return cost
 
 
 class Encirclement(AbstractSurrounding):
-    """Takes its own bearing around the nearest evader, evenly apart from its mates', and closes in on it.
+    """Takes its own bearing around the nearest evader, evenly apart from its mates', and closes in
+    on it.
 
-    The formation of target capturing by cyclic pursuit (Kim and Sugie, "Cooperative control for target-capturing task
-    based on a cyclic pursuit strategy", Automatica 2007), around an evader that moves: bearings keep their order and
-    are turned together, so that all together have as little to turn as can be.
+    The formation of target capturing by cyclic pursuit (Kim and Sugie, "Cooperative control for
+    target-capturing task based on a cyclic pursuit strategy", Automatica 2007), around an evader
+    that moves: bearings keep their order and are turned together, so that all together have as
+    little to turn as can be.
     """
 
     def cost(self, seen: View) -> Cost:
@@ -132,25 +154,34 @@ class Encirclement(AbstractSurrounding):
         return path_length_to(seen, RobotState(x, y, evader.v, evader.heading))
 
 
-def even_bearings(bearings: Float[Array, " robots"], active: Bool[Array, " robots"]) -> Float[Array, " robots"]:
-    """Return the evenly spaced bearings [rad], in the same order, nearest to those of the active robots."""
+def even_bearings(
+    bearings: Float[Array, " robots"],
+    active: Bool[Array, " robots"],
+) -> Float[Array, " robots"]:
+    """Return the evenly spaced bearings [rad], in the same order, nearest to those of the active
+    robots.
+    """
     count = jnp.maximum(jnp.sum(active.astype(jnp.float32)), 1.0)
     before = active[None, :] & (bearings[None, :] < bearings[:, None])
     slots = jnp.sum(before.astype(jnp.float32), axis=1) * (2 * jnp.pi / count)
-    turned = bearings - slots
-    sin, cos = (jnp.sum(jnp.where(active, part, 0.0)) for part in (jnp.sin(turned), jnp.cos(turned)))
+    offsets = bearings - slots
+    sines, cosines = jnp.sin(offsets), jnp.cos(offsets)
+    sin, cos = (jnp.sum(jnp.where(active, part, 0.0)) for part in (sines, cosines))
     return slots + jnp.arctan2(sin, cos)
 
 
 def path_length_to(seen: View, end: RobotState) -> Cost:
     """Return the length [m] of the path from a point to a robot."""
-    chart, there = seen.chart, seen.chart.cell_weights(end.x, end.y)
-    return lambda x, y: chart.path_length(chart.cell_weights(x, y), there)
+    chart, end_weights = seen.chart, seen.chart.cell_weights(end.x, end.y)
+    return lambda x, y: chart.path_length(chart.cell_weights(x, y), end_weights)
 
 
 def to_all(seen: View, robot: Robot) -> Float[Array, " places"]:
-    """Return the lengths [m] of the paths from a robot to points all over the arena, huge where it cannot be."""
+    """Return the lengths [m] of the paths from a robot to points all over the arena, huge where it
+    cannot be.
+    """
     chart, numbers = seen.chart, jnp.arange(0, COARSE, _STRIDE)
     cells, weights = chart.cell_weights(robot.state.x, robot.state.y)
     places = (numbers[:, None] * COARSE + numbers[None, :]).ravel()
-    return weights @ (chart.lengths[chart.member, cells[:, None], places[None, :]].astype(jnp.float32) / 100)
+    lengths = chart.lengths[chart.member, cells[:, None], places[None, :]]
+    return weights @ (lengths.astype(jnp.float32) / 100)

@@ -1,4 +1,6 @@
-"""Players by trained networks, at their best or exploring, and where such agents are found: the zoo, runs, files."""
+"""Players by trained networks, at their best or exploring, and where such agents are found: the
+zoo, runs, files.
+"""
 
 import os
 from collections.abc import Sequence
@@ -15,7 +17,12 @@ from apollonius.agents.departure import Departing
 from apollonius.agents.kind import AbstractKind, Named, unknown
 from apollonius.agents.names import AGENTS, FROM_ZOO, ZOO, agents_folders, zoo_names
 from apollonius.agents.network import GaussianActor, Network, QNetwork, inferred
-from apollonius.agents.policy import AbstractActionValuePolicy, AbstractContinuous, AbstractPolicy, Memory
+from apollonius.agents.policy import (
+    AbstractActionValuePolicy,
+    AbstractContinuous,
+    AbstractPolicy,
+    Memory,
+)
 from apollonius.agents.store import Agent, load_agent, load_header
 from apollonius.arenas.file import from_dict, to_dict
 from apollonius.game.game import Game
@@ -39,7 +46,9 @@ class AbstractByNetwork(AbstractPolicy):
 
 
 class Greedy(AbstractByNetwork, AbstractActionValuePolicy):
-    """A player with a network of action values, which takes the action of highest value; of equals the first."""
+    """A player with a network of action values, which takes the action of highest value; of equals
+    the first.
+    """
 
     network: QNetwork
 
@@ -49,12 +58,17 @@ class Greedy(AbstractByNetwork, AbstractActionValuePolicy):
 
 
 class EpsilonGreedy(AbstractByNetwork):
-    """With probability `epsilon` (to 1.5e-5) a uniformly random action, otherwise the greedy one."""
+    """A uniformly random action with probability `epsilon` (to 1.5e-5), else the greedy one."""
 
     network: QNetwork
     epsilon: Scalar
 
-    def __call__(self, seen: Float[Array, " size"], memory: Memory, bits: Bits) -> tuple[Int[Array, ""], Memory]:
+    def __call__(
+        self,
+        seen: Float[Array, " size"],
+        memory: Memory,
+        bits: Bits,
+    ) -> tuple[Int[Array, ""], Memory]:
         best = jnp.argmax(inferred(self.network, seen)).astype(jnp.int32)
         explore = (bits & 0xFFFF).astype(jnp.float32) < self.epsilon * 65536
         return jnp.where(explore, uniform_action(bits), best), memory
@@ -65,27 +79,41 @@ class SquashedMean(AbstractByNetwork, AbstractContinuous):
 
     network: GaussianActor
 
-    def __call__(self, seen: Float[Array, " size"], memory: Memory, bits: Bits) -> tuple[Float[Array, "2"], Memory]:
+    def __call__(
+        self,
+        seen: Float[Array, " size"],
+        memory: Memory,
+        bits: Bits,
+    ) -> tuple[Float[Array, "2"], Memory]:
         return jnp.tanh(self.network(seen)[0]), memory
 
 
 class SquashedGaussian(AbstractByNetwork, AbstractContinuous):
-    """Drawn from the distributions, their standard deviations multiplied by `spread`: by 0 it is `SquashedMean`."""
+    """Drawn from the distributions, their standard deviations multiplied by `spread`: by 0 it is
+    `SquashedMean`.
+    """
 
     network: GaussianActor
     spread: Scalar
 
-    def __call__(self, seen: Float[Array, " size"], memory: Memory, bits: Bits) -> tuple[Float[Array, "2"], Memory]:
+    def __call__(
+        self,
+        seen: Float[Array, " size"],
+        memory: Memory,
+        bits: Bits,
+    ) -> tuple[Float[Array, "2"], Memory]:
         mean, deviation = inferred(self.network, seen)
         return jnp.tanh(mean + self.spread * deviation * normal_pair(bits)), memory
 
 
 def normal_pair(bits: Bits) -> Float[Array, "2"]:
-    """Return two independent standard normal numbers from the halves of random bits (Box and Muller, 1958).
+    """Return two independent standard normal numbers from the halves of random bits (Box and
+    Muller, 1958).
 
     The upper half says how far, the lower half where to; none is beyond 4.9.
     """
-    upper, lower = ((half.astype(jnp.float32) + 0.5) / 65536 for half in (bits >> 16, bits & 0xFFFF))
+    halves = (bits >> 16, bits & 0xFFFF)
+    upper, lower = ((half.astype(jnp.float32) + 0.5) / 65536 for half in halves)
     radius, angle = jnp.sqrt(-2 * jnp.log(upper)), 2 * jnp.pi * lower
     return radius * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
 
@@ -96,11 +124,13 @@ def greedy(network: Network) -> Greedy | SquashedMean:
 
 
 def exploring(network: Network, amount: Scalar) -> EpsilonGreedy | SquashedGaussian:
-    """Return the player that acts by a network and explores around its best action; with an amount of 0 it never does.
+    """Return the player that acts by a network and explores around its best action.
 
-    That is the share of random actions, or what the standard deviations of a distribution are multiplied by.
+    The amount is the share of random actions, or a factor of the standard deviations; 0 for none.
     """
-    return EpsilonGreedy(network, amount) if isinstance(network, QNetwork) else SquashedGaussian(network, amount)
+    if isinstance(network, QNetwork):
+        return EpsilonGreedy(network, amount)
+    return SquashedGaussian(network, amount)
 
 
 class Trained(AbstractKind):
@@ -128,20 +158,24 @@ TRAINED = Trained()
 
 
 def find_trained(name: str, role: Role | None = None) -> tuple[Agent, Path]:
-    """Return the trained agent of a name and its file; raises InvalidInput for an unknown name, a bad file, and one of
-    another side than is wanted.
+    """Return the trained agent of a name and its file; raises InvalidInput for an unknown name, a
+    bad file, and one of another side than is wanted.
     """
     path = file_of(name)
     if path is None:
         raise unknown(name, TRAINED)
     agent = load_agent(path)
     if role is not None and agent.header.role != role.name.lower():
-        raise InvalidInput(f"'{name}' plays the {agent.header.role}, not the {role.name.lower()}: take another there.")
+        side = role.name.lower()
+        own_side = agent.header.role
+        raise InvalidInput(f"'{name}' plays the {own_side}, not the {side}: take another there.")
     return agent, path
 
 
 def learned_elsewhere(player: Named, game: Game) -> bool:
-    """Return whether a trained agent knows only other arenas than those of a game; one that reads a chart knows any."""
+    """Return whether a trained agent knows only other arenas than those of a game; one that reads a
+    chart knows any.
+    """
     header = player.header
     if header is None or not header.game or find_observation(header.observation).charted:
         return False
@@ -155,8 +189,12 @@ def load_network(name: str, role: Role) -> Network:
 
 
 def called(path: Path) -> str:
-    """Return the name of the agent of a file: RUN/NAME in the folder of a run, where many are called alike."""
-    return f"{path.resolve().parents[1].name}/{path.stem}" if path.parent.name == AGENTS else path.stem
+    """Return the name of the agent of a file: RUN/NAME in the folder of a run, where many are
+    called alike.
+    """
+    if path.parent.name != AGENTS:
+        return path.stem
+    return f"{path.resolve().parents[1].name}/{path.stem}"
 
 
 def file_of(name: str) -> Path | None:

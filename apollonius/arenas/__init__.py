@@ -1,1 +1,1 @@
-"""Arenas and games as files: TOML, JSON, ROS maps, a gallery, suites, generators, charts and surveys."""
+"""Arenas and games as files: TOML, ROS maps, a gallery, suites, generators, charts, surveys."""

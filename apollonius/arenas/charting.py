@@ -1,8 +1,10 @@
-"""Charting: the field of clearances of an arena and all its shortest paths, once before anyone plays there."""
+"""Charting: the field of clearances of an arena and all its shortest paths, once before anyone
+plays there.
+"""
 
 import functools
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -19,13 +21,16 @@ from apollonius.io.cache import Memory
 from apollonius.io.kept import Kept
 
 _STEPS = ((1, 0), (0, 1), (1, 1), (-1, 1), (2, 1), (-2, 1), (1, 2), (-1, 2))
-"""From each coarse cell to those beside it, columns and rows: eight directions, and as many between them both ways."""
+"""From each coarse cell to those beside it, columns and rows: eight directions, and as many between
+them both ways.
+"""
 _LOOKS = 16
 """Points of a line at which the clearance is looked up."""
 _SLACK = 1e-4
 """By how much a body may be too large [m], so that where it just fits no rounding decides."""
 _UNIT = 2**19
-"""Lengths are whole numbers, so that sums are exact: of a step from a coarse cell to the next one."""
+"""Lengths are whole numbers, so that sums are exact: of a step from a coarse cell to the next one.
+"""
 _FAR = 2**30 - 1
 """A length that no path has, and of which twice is a number."""
 _TOGETHER = 64
@@ -40,41 +45,64 @@ _Lengths = Int[Array, "rows columns starts"]
 
 
 def charted(game: Game, are_read: bool = True) -> Game:
-    """Return a game with charts of all its arenas, by the paths of the largest robot; itself if it has them, or where
-    neither players (`are_read`) nor the reward read them.
+    """Add charts of all its arenas to a game, by the paths of the largest robot.
+
+    A game that has charts stays as it is, and one in which nobody reads them: no player
+    (`are_read`) and not the reward.
     """
     scenario = game.scenario
     uncharted = game.arena if scenario is None else scenario.arenas
     if uncharted.chart is not None or not (are_read or game.reward.along_paths):
         return game
     count = 0 if scenario is None else scenario.count
-    alone = [jax.tree.map(lambda leaf, one=one: leaf[one], uncharted) for one in range(count)] or [uncharted]
+    single_arenas = [jax.tree.map(lambda leaf, i=i: leaf[i], uncharted) for i in range(count)]
     radius = largest_radius(game)
-    drawn = [_latest.get((arena, radius), functools.partial(_drawn, arena, radius)) for arena in alone]
-    chart = Chart(*jax.device_put([np.stack(leaves) for leaves in zip(*drawn, strict=True)]))
+    charts = [
+        _latest.get((arena, radius), functools.partial(_draw_fields, arena, radius))
+        for arena in single_arenas or [uncharted]
+    ]
+    chart = Chart(*jax.device_put([np.stack(leaves) for leaves in zip(*charts, strict=True)]))
     arenas = replace(uncharted, chart=chart)
-    return replace(game, arena=arenas) if scenario is None else replace(game, scenario=replace(scenario, arenas=arenas))
+    if scenario is None:
+        return replace(game, arena=arenas)
+    return replace(game, scenario=replace(scenario, arenas=arenas))
 
 
 def largest_radius(game: Game) -> float:
     """Return the radius of a game's largest robot [m], for which its chart is drawn."""
     kinds = game.scenario.kinds if game.scenario else None
-    bodies = [body for side in game.bodies for body in side] if kinds is None else [kinds.pursuer, kinds.evader]
+    single = [body for side in game.bodies for body in side]
+    bodies = single if kinds is None else [kinds.pursuer, kinds.evader]
     return max(float(np.max(np.asarray(body.radius))) for body in bodies)
 
 
-def _drawn(arena: Arena, radius: float) -> _Leaves:
+def _draw_fields(arena: Arena, radius: float) -> _Leaves:
     x, y = float(arena.x_min), float(arena.y_min)
     side = max(float(arena.x_max) - x, float(arena.y_max) - y)
     corners = np.linspace(0, side, SIDE + 1, dtype=np.float32)
     field = clearances(arena, jnp.asarray(x + corners), jnp.asarray(y + corners))
-    lengths, visible = paths(field, jnp.asarray(side, jnp.float32), jnp.asarray(radius, jnp.float32))
+    lengths, visible = paths(
+        field,
+        jnp.asarray(side, jnp.float32),
+        jnp.asarray(radius, jnp.float32),
+    )
     links = entries(field, visible)
-    return *map(np.asarray, (field, lengths, visible)), *map(np.float32, (x, y, side)), np.asarray(links)
+    return (
+        *map(
+            np.asarray,
+            (field, lengths, visible),
+        ),
+        *map(np.float32, (x, y, side)),
+        np.asarray(links),
+    )
 
 
 @eqx.filter_jit
-def clearances(arena: Arena, x: Float[Array, " columns"], y: Float[Array, " rows"]) -> Float[Array, "rows columns"]:
+def clearances(
+    arena: Arena,
+    x: Float[Array, " columns"],
+    y: Float[Array, " rows"],
+) -> Float[Array, "rows columns"]:
     """Return the clearances [m] of an arena on a grid, rows by `y`."""
     return jax.lax.map(lambda y: jax.vmap(lambda x: arena.clearance(x, y))(x), y)
 
@@ -83,26 +111,41 @@ def clearances(arena: Arena, x: Float[Array, " columns"], y: Float[Array, " rows
 def paths(
     field: _Field, side: Scalar, radius: Scalar
 ) -> tuple[UInt16[Array, "coarse coarse"], UInt16[Array, "cells cells"]]:
-    """Return `Chart.lengths` and `Chart.visible` of a field, by the arena's longer side and the body's radius [m]."""
+    """Compute `Chart.lengths` and `Chart.visible` of a field.
+
+    Args:
+        field: clearances at the corners of cells [m].
+        side: the arena's longer side [m].
+        radius: radius of the largest body [m].
+    """
     links = _links(field, radius)
 
     def lengths_from(starts: Int[Array, " starts"]) -> UInt16[Array, "starts coarse"]:
-        found = _paths_from(links, starts)
-        centimetres = jnp.round(found.astype(jnp.float32) / _UNIT * (100 * side / COARSE))
-        return jnp.where(found >= _FAR, NO_PATH, jnp.minimum(centimetres, NO_PATH)).astype(jnp.uint16).T
+        unit_lengths = _paths_from(links, starts)
+        centimetres = jnp.round(unit_lengths.astype(jnp.float32) / _UNIT * (100 * side / COARSE))
+        lengths = jnp.where(unit_lengths >= _FAR, NO_PATH, jnp.minimum(centimetres, NO_PATH))
+        return lengths.astype(jnp.uint16).T
 
     is_linked = jnp.min(jnp.minimum(links[0], jnp.flip(links[1], (1, 2))), axis=0) < _FAR
-    lengths = jax.lax.map(lengths_from, jnp.arange(COARSE**2).reshape(-1, _TOGETHER)).reshape(COARSE**2, COARSE**2)
+    starts = jnp.arange(COARSE**2).reshape(-1, _TOGETHER)
+    lengths = jax.lax.map(lengths_from, starts).reshape(COARSE**2, COARSE**2)
     return lengths, _visible(field, is_linked.reshape(COARSE**2))
 
 
-def _is_clear(field: _Field, x: Scalar, y: Scalar, to_x: Scalar, to_y: Scalar, radius: Scalar | float) -> Flag:
+def _is_clear(
+    field: _Field,
+    x: Scalar,
+    y: Scalar,
+    to_x: Scalar,
+    to_y: Scalar,
+    radius: Scalar | float,
+) -> Flag:
     """Return whether a body fits all along a line between two points in cells."""
 
     def look(number: Int[Array, ""], clear: Flag) -> Flag:
         share = number / (_LOOKS - 1)
-        here = x + share * (to_x - x), y + share * (to_y - y)
-        across, upwards = (between_nodes(place, SIDE + 1) for place in here)
+        place = x + share * (to_x - x), y + share * (to_y - y)
+        across, upwards = (between_nodes(coordinate, SIDE + 1) for coordinate in place)
         return clear & (bilinear(lambda row, column: field[row, column], across, upwards) > radius)
 
     return jax.lax.fori_loop(0, _LOOKS, look, jnp.asarray(True))
@@ -114,22 +157,40 @@ def _middle(cell: Any) -> Any:
 
 
 def _links(field: _Field, radius: Scalar) -> Int[Array, "2 steps rows columns"]:
-    """Return the lengths of steps that lead to each coarse cell: of `_STEPS`, and with the arena turned half round."""
+    """Return the lengths of steps that lead to each coarse cell: of `_STEPS`, and with the arena
+    turned half round.
+    """
     numbers = jnp.arange(COARSE, dtype=jnp.float32)
 
     def link(step: Float[Array, "2"], row: Scalar, column: Scalar) -> Int[Array, ""]:
         from_column, from_row = column - step[0], row - step[1]
-        is_inside = (from_column >= 0) & (from_column < COARSE) & (from_row >= 0) & (from_row < COARSE)
+        in_columns = (from_column >= 0) & (from_column < COARSE)
+        is_inside = in_columns & (from_row >= 0) & (from_row < COARSE)
         x, y, from_x, from_y = (_middle(cell) for cell in (column, row, from_column, from_row))
         length = jnp.round(_UNIT * jnp.hypot(step[0], step[1])).astype(jnp.int32)
-        return jnp.where(is_inside & _is_clear(field, x, y, from_x, from_y, radius - _SLACK), length, _FAR)
+        return jnp.where(
+            is_inside & _is_clear(field, x, y, from_x, from_y, radius - _SLACK),
+            length,
+            _FAR,
+        )
 
     def along(step: Float[Array, "2"]) -> Int[Array, "rows columns"]:
-        return jax.lax.map(lambda row: jax.vmap(lambda column: link(step, row, column))(numbers), numbers)
+        return jax.lax.map(
+            lambda row: jax.vmap(lambda column: link(step, row, column))(numbers),
+            numbers,
+        )
 
     steps = jnp.asarray(_STEPS, jnp.float32)
-    there, back = jax.lax.map(along, steps), jax.lax.map(along, -steps)
-    return jnp.stack([there, jnp.flip(back, (1, 2))])
+    forward, backward = jax.lax.map(along, steps), jax.lax.map(along, -steps)
+    return jnp.stack([forward, jnp.flip(backward, (1, 2))])
+
+
+class _Sweeps(NamedTuple):
+    """Path lengths, 1 if the arena is turned by half a turn, and sweeps that changed nothing."""
+
+    lengths: _Lengths
+    turned: Int[Array, ""]
+    unchanged: Int[Array, ""]
 
 
 def _paths_from(
@@ -137,36 +198,45 @@ def _paths_from(
 ) -> Int[Array, "coarse starts"]:
     """Return the lengths of the shortest paths from some coarse cells to all.
 
-    Sweeps go over the rows from below, and from above as the arena is turned by half a turn after each, until two in a
-    row have changed nothing.
+    Sweeps go over the rows from below, and from above as the arena is turned by half a turn after
+    each, until two in a row have changed nothing.
     """
 
-    def sweep(
-        carry: tuple[_Lengths, Int[Array, ""], Int[Array, ""]],
-    ) -> tuple[_Lengths, Int[Array, ""], Int[Array, ""]]:
-        lengths, turned, unchanged = carry
-        after = _swept(lengths, links[turned])
-        unchanged = jnp.where(jnp.any(after != lengths), 0, unchanged + 1)
-        return jnp.flip(after, (0, 1)), 1 - turned, unchanged
+    def sweep(before: _Sweeps) -> _Sweeps:
+        after = _sweep_up(before.lengths, links[before.turned])
+        unchanged = jnp.where(jnp.any(after != before.lengths), 0, before.unchanged + 1)
+        return _Sweeps(jnp.flip(after, (0, 1)), 1 - before.turned, unchanged)
 
     none = jnp.asarray(0)
-    first = jnp.where(jnp.arange(COARSE**2)[:, None] == starts[None], 0, _FAR).reshape(COARSE, COARSE, -1)
-    lengths, turned, _ = jax.lax.while_loop(lambda carry: carry[2] < 2, sweep, (first, none, none))
-    return jnp.where(turned == 1, jnp.flip(lengths, (0, 1)), lengths).reshape(COARSE**2, -1)
+    first = jnp.where(
+        jnp.arange(COARSE**2)[:, None] == starts[None],
+        0,
+        _FAR,
+    ).reshape(COARSE, COARSE, -1)
+    start = _Sweeps(first, none, none)
+    end = jax.lax.while_loop(lambda sweeps: sweeps.unchanged < 2, sweep, start)
+    lengths = jnp.where(end.turned == 1, jnp.flip(end.lengths, (0, 1)), end.lengths)
+    return lengths.reshape(COARSE**2, -1)
 
 
-def _swept(lengths: _Lengths, links: Int[Array, "steps rows columns"]) -> _Lengths:
-    """Return lengths of paths that may end in steps upwards and to the right, row by row from below."""
+def _sweep_up(lengths: _Lengths, links: Int[Array, "steps rows columns"]) -> _Lengths:
+    """Shorten paths by last steps upwards and to the right, row by row from below."""
 
-    def rightwards(before: Int[Array, " starts"], here: tuple[Array, Array]) -> tuple[Array, Array]:
-        length = jnp.minimum(here[0], before + here[1])
+    def rightwards(
+        before: Int[Array, " starts"],
+        row_and_links: tuple[Array, Array],
+    ) -> tuple[Array, Array]:
+        length = jnp.minimum(row_and_links[0], before + row_and_links[1])
         return length, length
 
-    def upwards(before: tuple[Array, Array], here: tuple[Array, Array]) -> tuple[tuple[Array, Array], Array]:
-        row, links = here
+    def upwards(
+        before: tuple[Array, Array],
+        row_and_links: tuple[Array, Array],
+    ) -> tuple[tuple[Array, Array], Array]:
+        row, links = row_and_links
         for number, (right, up) in enumerate(_STEPS[1:], 1):
-            padded = jnp.pad(before[up - 1], ((2, 2), (0, 0)), constant_values=_FAR)
-            row = jnp.minimum(row, padded[2 - right : 2 - right + COARSE] + links[number, :, None])
+            wide = jnp.pad(before[up - 1], ((2, 2), (0, 0)), constant_values=_FAR)
+            row = jnp.minimum(row, wide[2 - right : 2 - right + COARSE] + links[number, :, None])
         _, row = jax.lax.scan(rightwards, jnp.full_like(row[0], _FAR), (row, links[0]))
         return (row, before[0]), row
 
@@ -174,41 +244,60 @@ def _swept(lengths: _Lengths, links: Int[Array, "steps rows columns"]) -> _Lengt
     return jax.lax.scan(upwards, (blank, blank), (lengths, jnp.moveaxis(links, 1, 0)))[1]
 
 
+class _Looks(NamedTuple):
+    """Bits of visible coarse cells, the nearest one, -1 without any, and its distance."""
+
+    bits: Int[Array, ""]
+    nearest: Int[Array, ""]
+    shortest: Scalar
+
+
 def _visible(field: _Field, is_linked: Bool[Array, " coarse"]) -> UInt16[Array, "cells cells"]:
-    """Return what `Chart.visible` says."""
+    """Compute `Chart.visible`: the bits of visible coarse cells, and the nearest one."""
 
     def of_cell(row: Scalar, column: Scalar) -> tuple[Int[Array, ""], Int[Array, ""]]:
         x, y = column + 0.5, row + 0.5
-        left, low = (jnp.clip(jnp.floor(length / SIDE * COARSE - 0.5), 0, COARSE - 2) for length in (x, y))
+        left = jnp.clip(jnp.floor(x / SIDE * COARSE - 0.5), 0, COARSE - 2)
+        low = jnp.clip(jnp.floor(y / SIDE * COARSE - 0.5), 0, COARSE - 2)
 
-        def look(bit: Int[Array, ""], before: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-            seen, nearest, shortest = before
-            to_column, to_row = (at + side.astype(jnp.float32) for at, side in ((left, bit % 2), (low, bit // 2)))
+        def try_cell(bit: Int[Array, ""], before: _Looks) -> _Looks:
+            right, up = bit % 2, bit // 2
+            to_column = left + right.astype(jnp.float32)
+            to_row = low + up.astype(jnp.float32)
             cell = (to_row * COARSE + to_column).astype(jnp.int32)
             to_x, to_y = _middle(to_column), _middle(to_row)
             is_seen = is_linked[cell] & _is_clear(field, x, y, to_x, to_y, 0.0)
-            away = jnp.hypot(x - to_x, y - to_y)
-            is_nearer = is_seen & (away < shortest)
-            seen = seen | (is_seen.astype(jnp.int32) << (COARSE_BITS + bit))
-            return seen, jnp.where(is_nearer, cell, nearest), jnp.where(is_nearer, away, shortest)
+            distance = jnp.hypot(x - to_x, y - to_y)
+            is_nearer = is_seen & (distance < before.shortest)
+            return _Looks(
+                bits=before.bits | (is_seen.astype(jnp.int32) << (COARSE_BITS + bit)),
+                nearest=jnp.where(is_nearer, cell, before.nearest),
+                shortest=jnp.where(is_nearer, distance, before.shortest),
+            )
 
-        return jax.lax.fori_loop(0, 4, look, (jnp.asarray(0), jnp.asarray(-1), jnp.asarray(jnp.inf)))[:2]
+        start = _Looks(jnp.asarray(0), jnp.asarray(-1), jnp.asarray(jnp.inf))
+        looks = jax.lax.fori_loop(0, 4, try_cell, start)
+        return looks.bits, looks.nearest
 
     cells = jnp.arange(SIDE, dtype=jnp.float32)
-    seen, nearest = jax.lax.map(lambda row: jax.vmap(lambda column: of_cell(row, column))(cells), cells)
+    visible_bits, nearest = jax.lax.map(
+        lambda row: jax.vmap(lambda column: of_cell(row, column))(cells),
+        cells,
+    )
     is_free = field[1:, 1:] + field[1:, :-1] + field[:-1, 1:] + field[:-1, :-1] > 0
-    nearest = _spread(_spread(nearest, is_free), jnp.ones_like(is_free))
-    return (seen | jnp.maximum(nearest, 0)).astype(jnp.uint16)
+    nearest = _flood(_flood(nearest, is_free), jnp.ones_like(is_free))
+    return (visible_bits | jnp.maximum(nearest, 0)).astype(jnp.uint16)
 
 
-def _spread(nearest: _Cells, may: Bool[Array, "rows columns"]) -> _Cells:
-    """Return coarse cells where the cells that may and have none, -1, take that of a neighbour which has one."""
+def _flood(nearest: _Cells, may: Bool[Array, "rows columns"]) -> _Cells:
+    """Flood the numbers of coarse cells into unlabelled cells, -1, of a mask (`may`)."""
 
-    def widened(carry: tuple[_Cells, Flag]) -> tuple[_Cells, Flag]:
+    def widen(carry: tuple[_Cells, Flag]) -> tuple[_Cells, Flag]:
         cells, _ = carry
         wide = jnp.pad(cells, 1, constant_values=-1)
-        across, along = jnp.maximum(wide[1:-1, 2:], wide[1:-1, :-2]), jnp.maximum(wide[2:, 1:-1], wide[:-2, 1:-1])
+        across = jnp.maximum(wide[1:-1, 2:], wide[1:-1, :-2])
+        along = jnp.maximum(wide[2:, 1:-1], wide[:-2, 1:-1])
         after = jnp.where((cells < 0) & may, jnp.maximum(across, along), cells)
         return after, jnp.any(after != cells)
 
-    return jax.lax.while_loop(lambda carry: carry[1], widened, (nearest, jnp.asarray(True)))[0]
+    return jax.lax.while_loop(lambda carry: carry[1], widen, (nearest, jnp.asarray(True)))[0]

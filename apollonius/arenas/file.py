@@ -11,7 +11,13 @@ import tomli_w
 from apollonius.arenas.map_file import load_map
 from apollonius.arenas.names import GALLERY, SUITES, game_names, unknown_game
 from apollonius.arenas.random_arena import is_drawn, random_map
-from apollonius.arenas.suite import arena_names, find_scenario, is_scenario, scenario_game, suite_arena
+from apollonius.arenas.suite import (
+    arena_names,
+    find_scenario,
+    is_scenario,
+    scenario_game,
+    suite_arena,
+)
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.names import TEAM
@@ -28,7 +34,9 @@ T = TypeVar("T")
 
 
 def about_game(name: str) -> str:
-    """Describe a game that ships with the package in a line: a preset's docstring, or a file's first comment."""
+    """Describe a game that ships with the package in a line: a preset's docstring, or a file's
+    first comment.
+    """
     if name in PRESETS:
         return (PRESETS[name].__doc__ or "").splitlines()[0]
     return (GALLERY / f"{name}.toml").read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
@@ -43,14 +51,17 @@ def split_team(name: str) -> tuple[str | None, str]:
 
 
 def find_game(name: str) -> Game:
-    """Return the game of a name: a preset, of the gallery, a `.toml` or `.json` file, or in an arena of a suite.
+    """Return the game of a name: a preset, of the gallery, a `.toml` or `.json` file, or in an
+    arena of a suite.
 
-    `suite-v1/racks-07` is the `paper` game in that arena, `suite-v1/held-out` that in any of the arenas of that part,
-    `suite-v1/maze-00,maze-01` that in either of the two. `team-3v1/office` is the game `office` with three pursuers and
-    one evader. Raises InvalidInput for an unknown name, and as `load_game`, `suite_arena` and `scenario_game`.
+    `suite-v1/racks-07` is the `paper` game in that arena, `suite-v1/held-out` that in any of the
+    arenas of that part, `suite-v1/maze-00,maze-01` that in either of the two. `team-3v1/office` is
+    the game `office` with three pursuers and one evader. Raises InvalidInput for an unknown name,
+    and as `load_game`, `suite_arena` and `scenario_game`.
     """
     team, of_two = split_team(name)
-    if team and (counts := TEAM.fullmatch(team)):
+    counts = team and TEAM.fullmatch(team)
+    if counts:
         return in_teams(find_game(of_two), int(counts[1]), int(counts[2]))
     suite, _, within = name.partition("/")
     if name.lower().endswith(GAME_FILES):
@@ -67,19 +78,20 @@ def find_game(name: str) -> Game:
 
 
 def game_in_one_arena(name: str, who: str) -> Game:
-    """Return the game of a name, for `who`, which knows one arena only: raises InvalidInput for several."""
+    """Return the game of a name, for `who`, which knows one arena only: raises InvalidInput for
+    several.
+    """
     game = find_game(name)
     if game.scenario is not None:
         team, _ = split_team(name)
         first = f"{team}/" * bool(team) + arena_names(game.scenario.name)[0]
-        require(
-            False, "game", name, f"in one arena, which {who} needs, and this one is in several: name one, as {first}"
-        )
+        bound = f"in one arena, which {who} needs, and this one is in several: name one, as {first}"
+        require(False, "game", name, bound)
     return game
 
 
 def as_game(given: object) -> Game:
-    """Return a game, or that of a name; raises InvalidInput for anything else, and as `find_game`."""
+    """Return a game, or that of a name; raises InvalidInput for anything else (`find_game`)."""
     if isinstance(given, Game):
         return given
     require(isinstance(given, str), "game", given, "a game, or the name of one")
@@ -89,30 +101,47 @@ def as_game(given: object) -> Game:
 def to_dict(config: Any) -> dict[str, Any]:
     """Return a configuration (a game, a training run) as nested dictionaries, lists and numbers.
 
-    An occupancy map, millions of numbers, is given by its file, or its random arena, and its SHA-256.
+    An occupancy map, millions of numbers, is given by its file, or its random arena, and its
+    SHA-256.
     """
-    hooks = {Scenario: _name, OccupancyMap: lambda found: {"file": found.file, "sha256": found.digest}}
+    hooks = {
+        Scenario: _name,
+        OccupancyMap: lambda cells: {"file": cells.file, "sha256": cells.digest},
+    }
     return write_record(config, hooks, derived=("chart",))
 
 
 def from_dict(kind: type[T], data: dict[str, Any], source: str, folder: Path = Path()) -> T:
     """Return a configuration from nested dictionaries; missing values have their defaults.
 
-    A game within a configuration can be a name, as of `find_game`. The walls of an arena with a map are the map's ends,
-    unless the record gives others. Files that it names lie in the folder. Raises InvalidInput for an unknown key, and
-    for a value that is of the wrong kind or impossible, with the source of the data.
+    A game within a configuration can be a name, as of `find_game`. The walls of an arena with a map
+    are the map's ends, unless the record gives others.
+
+    Args:
+        kind: class of the configuration.
+        data: its values by name.
+        source: where they are from, for messages.
+        folder: the folder of files that they name.
+
+    Raises:
+        InvalidInput: for an unknown key, and for a value of the wrong kind or an impossible one.
     """
     hooks = {
-        Game: lambda given: find_game(given) if isinstance(given, str) else given,
+        Game: lambda value: find_game(value) if isinstance(value, str) else value,
         Arena: partial(_with_map, folder=folder),
         Polygon: _opened,
-        Scenario: lambda named: named if isinstance(named, Scenario) else find_scenario(named),
+        Scenario: lambda value: value if isinstance(value, Scenario) else find_scenario(value),
     }
     return read_record(kind, data, source, hooks, named=(Scenario, OccupancyMap))
 
 
 def _name(scenario: Scenario) -> str:
-    require(scenario.name, "scenario", "without a name", "written as a game in each of its arenas, as no file holds it")
+    require(
+        scenario.name,
+        "scenario",
+        "without a name",
+        "written as a game in each of its arenas, as no file holds it",
+    )
     return scenario.name
 
 
@@ -127,55 +156,74 @@ def _with_map(arena: Any, folder: Path) -> Any:
     """Read the map that the data of an arena name, by its YAML file or as `to_dict` does."""
     if not isinstance(arena, dict) or arena.get("map") is None:
         return arena
-    named = arena["map"]
-    wanted = {"file": named, "sha256": None} if isinstance(named, str) else named
-    is_named = isinstance(wanted, dict) and set(wanted) == {"file", "sha256"}
-    if not is_named or not isinstance(wanted["file"], str) or not isinstance(wanted["sha256"], str | None):
-        raise InvalidInput(f"map = {named} is not possible: it must be the name of a ROS map's YAML file.")
-    name, digest = wanted["file"], wanted["sha256"]
-    found = random_map(name, digest) if is_drawn(name) else load_map(folder / name, digest)
-    ends = {"x_min": found.x, "x_max": found.x_max, "y_min": found.y, "y_max": found.y_max}
-    return ends | arena | {"map": found}
+    entry = arena["map"]
+    reference = {"file": entry, "sha256": None} if isinstance(entry, str) else entry
+    is_reference = (
+        isinstance(reference, dict)
+        and set(reference) == {"file", "sha256"}
+        and isinstance(reference["file"], str)
+        and isinstance(reference["sha256"], str | None)
+    )
+    if not is_reference:
+        raise InvalidInput(
+            f"map = {entry} is not possible: it must be the name of a ROS map's YAML file.",
+        )
+    name, digest = reference["file"], reference["sha256"]
+    cells = random_map(name, digest) if is_drawn(name) else load_map(folder / name, digest)
+    ends = {"x_min": cells.x, "x_max": cells.x_max, "y_min": cells.y, "y_max": cells.y_max}
+    return ends | arena | {"map": cells}
 
 
 def load_game(path: Path) -> Game:
     """Return the game of a TOML or JSON file (`docs/reference/game_files.md`).
 
-    `pursuers = 3` gives that side three robots with the limits of the table `pursuer`; tables `[[pursuers]]` give it
-    one with limits of its own for each; the same for `evaders`. Raises InvalidInput when the file is missing or
-    neither, for an unknown key, and for a game that cannot be played.
+    `pursuers = 3` gives that side three robots with the limits of the table `pursuer`; tables
+    `[[pursuers]]` give it one with limits of its own for each; the same for `evaders`. Raises
+    InvalidInput when the file is missing or neither, for an unknown key, and for a game that cannot
+    be played.
     """
     content = read_bytes(path, "a game's .toml or .json file", "check the path, or name a preset")
     about = f"'{path}' is no JSON file; correct it"
-    data = parse_json(content, about) if path.suffix.lower() == ".json" else parse_toml(content, path)
+    is_json = path.suffix.lower() == ".json"
+    data = parse_json(content, about) if is_json else parse_toml(content, path)
     _read_teams(data, path)
     game = from_dict(Game, data, f"'{path}'", path.parent)
-    alone = game.scenario is None or game.arena == Arena()
-    require(alone, f"'{path}': arena", "given", "left out beside a scenario, in whose arenas the game is played")
+    has_one_source = game.scenario is None or game.arena == Arena()
+    require(
+        has_one_source,
+        f"'{path}': arena",
+        "given",
+        "left out beside a scenario, in whose arenas the game is played",
+    )
     return game
 
 
 def save_game(record: dict[str, Any], path: Path) -> None:
-    """Write the record of a game, of `to_dict`, to a `.toml` or `.json` file; its map is named from there."""
+    """Write the record of a game, of `to_dict`, to a `.toml` or `.json` file; its map is named from
+    there.
+    """
     arena = record["arena"]
-    if isinstance(named := arena.get("map"), dict) and not is_drawn(named["file"]):
-        arena = arena | {"map": named | {"file": os.path.relpath(named["file"], path.parent)}}
+    reference = arena.get("map")
+    if isinstance(reference, dict) and not is_drawn(reference["file"]):
+        file = os.path.relpath(reference["file"], path.parent)
+        arena = arena | {"map": reference | {"file": file}}
     record = record | {"arena": arena}
     text = f"{to_json(record, indent=2)}\n" if path.suffix == ".json" else tomli_w.dumps(record)
     write_atomically(path, text.encode())
 
 
 def _read_teams(data: dict[str, Any], path: Path) -> None:
-    """Move a file's teams to their places in the record of a game: the first robot, and its mates."""
+    """Move a file's teams to their places in a game's record: the first robot, and its mates."""
     teams = {"mates_collide": data.pop("mates_collide")} if "mates_collide" in data else {}
     for side in ("pursuer", "evader"):
-        if (said := data.pop(f"{side}s", None)) is None:
+        entry = data.pop(f"{side}s", None)
+        if entry is None:
             continue
-        name, listed = f"'{path}': {side}s", isinstance(said, list)
-        beside = f"without a table [{side}] beside them; take that one away"
-        require(not listed or side not in data, name, "tables", beside)
-        ROBOTS.require(name, len(said) if listed else said)
-        bodies = said if listed else [data.get(side, {})] * said
+        name, is_list = f"'{path}': {side}s", isinstance(entry, list)
+        remedy = f"without a table [{side}] beside them; take that one away"
+        require(not is_list or side not in data, name, "tables", remedy)
+        ROBOTS.require(name, len(entry) if is_list else entry)
+        bodies = entry if is_list else [data.get(side, {})] * entry
         data[side], teams[f"{side}s"] = bodies[0], bodies[1:]
     if any(teams.values()):
         data["teams"] = teams

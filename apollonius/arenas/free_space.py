@@ -1,9 +1,11 @@
-"""The free space of both robots of a game: a raster of its largest part, the islands in it, and a graph of hexagons.
+"""The free space of both robots of a game: a raster of its largest part, the islands in it, and a
+graph of hexagons.
 
-The graph is planar, with a node for each piece of free space. A cell that obstacles cut in two has two nodes, so no
-passage is lost and none is invented, however coarse the cells. Where there is no island, one pursuer is enough on the
-graph, as it should be: every cycle has triangles inside, and no node in the midst has fewer than six neighbours. Such a
-graph is bridged (Chepoi, 2000), and one pursuer is enough on every bridged graph (Anstee and Farber, 1988).
+The graph is planar, with a node for each piece of free space. A cell that obstacles cut in two has
+two nodes, so no passage is lost and none is invented, however coarse the cells. Where there is no
+island, one pursuer is enough on the graph, as it should be: every cycle has triangles inside, and
+no node in the midst has fewer than six neighbours. Such a graph is bridged (Chepoi, 2000), and one
+pursuer is enough on every bridged graph (Anstee and Farber, 1988).
 """
 
 from dataclasses import dataclass
@@ -24,8 +26,8 @@ from apollonius.io.errors import require
 class FreeSpace:
     """The places of both robots' centres: the largest connected part, the first row at the bottom.
 
-    It has the lower left corner x, y and the side of a cell [m]; the number of all parts; and that of the islands in
-    the largest one, obstacles with free space all around.
+    It has the lower left corner x, y and the side of a cell [m]; the number of all parts; and that
+    of the islands in the largest one, obstacles with free space all around.
     """
 
     free: Bool[np.ndarray, "rows columns"]
@@ -47,22 +49,39 @@ def free_space(game: Game) -> FreeSpace:
     _, _, cell, clearance = places(arena)
     radius = max(float(game.pursuer.radius), float(game.evader.radius))
     free = clearance >= radius
-    require(free.any(), "radius", f"{radius:g} m", "so small that a robot fits somewhere into the arena")
+    require(
+        free.any(),
+        "radius",
+        f"{radius:g} m",
+        "so small that a robot fits somewhere into the arena",
+    )
     return largest_part(free, float(arena.x_min), float(arena.y_min), cell)
 
 
-def largest_part(free: Bool[np.ndarray, "rows columns"], x: float, y: float, cell: float) -> FreeSpace:
-    """Return the largest part of a raster's free cells, one of which there is, and the number of islands in it."""
+def largest_part(
+    free: Bool[np.ndarray, "rows columns"],
+    x: float,
+    y: float,
+    cell: float,
+) -> FreeSpace:
+    """Return the largest part of a raster's free cells, and count the islands in it.
+
+    Args:
+        free: the free cells, one at least, the first row at the bottom.
+        x, y: lower left corner of the raster [m].
+        cell: side of a cell [m].
+    """
     part, count = largest(free)
     return FreeSpace(part, x, y, cell, count, islands(part))
 
 
 @dataclass(frozen=True)
 class Tiling:
-    """A graph of an arena. Two nodes are neighbours where their pieces of cells share a part of a side.
+    """A graph of an arena. Two nodes are neighbours where their pieces of cells share a part of a
+    side.
 
-    The place of a node [m] is next to the middle of its piece. Cells have a spacing between their middles [m] and are
-    turned by an angle [rad].
+    The place of a node [m] is next to the middle of its piece. Cells have a spacing between their
+    middles [m] and are turned by an angle [rad].
     """
 
     places: Float[np.ndarray, "nodes 2"]
@@ -87,33 +106,39 @@ def tile(space: FreeSpace, spacing: float, angle: float) -> Tiling:
     number = np.full(space.free.shape, -1)
     number[rows, columns] = np.arange(len(rows))
     pairs = [
-        np.stack([first[both], second[both]])
+        np.stack([first[is_pair], second[is_pair]])
         for first, second in ((number[:, :-1], number[:, 1:]), (number[:-1], number[1:]))
-        for both in [(first >= 0) & (second >= 0)]
+        for is_pair in [(first >= 0) & (second >= 0)]
     ]
     start, end = np.concatenate(pairs, axis=1)
-    within = hexagon[start] == hexagon[end]
-    links = coo_array((np.ones(int(within.sum()), bool), (start[within], end[within])), shape=(len(rows), len(rows)))
+    same_cell = hexagon[start] == hexagon[end]
+    links = coo_array(
+        (np.ones(int(same_cell.sum()), bool), (start[same_cell], end[same_cell])),
+        shape=(len(rows), len(rows)),
+    )
     count, piece = connected_components(links, directed=False)
     adjacency = np.zeros((count, count), bool)
-    adjacency[piece[start[~within]], piece[end[~within]]] = True
-    at = np.stack([x, y], axis=1)
+    adjacency[piece[start[~same_cell]], piece[end[~same_cell]]] = True
+    points = np.stack([x, y], axis=1)
     sizes = np.bincount(piece)
-    middles = np.stack([np.bincount(piece, axis) / sizes for axis in at.T], axis=1)
-    away = np.sum((at - middles[piece]) ** 2, axis=1)
-    order = np.lexsort((away, piece))
+    middles = np.stack([np.bincount(piece, axis) / sizes for axis in points.T], axis=1)
+    distances = np.sum((points - middles[piece]) ** 2, axis=1)
+    order = np.lexsort((distances, piece))
     nearest = order[np.searchsorted(piece[order], np.arange(count))]
-    return Tiling(at[nearest] + (space.x, space.y), adjacency | adjacency.T, spacing, angle)
+    return Tiling(points[nearest] + (space.x, space.y), adjacency | adjacency.T, spacing, angle)
 
 
-def _hexagons(x: Float[np.ndarray, " places"], y: Float[np.ndarray, " places"]) -> Int[np.ndarray, " places"]:
+def _hexagons(
+    x: Float[np.ndarray, " places"],
+    y: Float[np.ndarray, " places"],
+) -> Int[np.ndarray, " places"]:
     """Return a number for the hexagon around each point; the middles of neighbours are 1 apart."""
     high = np.sqrt(3)
-    one = np.round(x), np.round(y / high)
-    other = np.floor(x), np.floor(y / high)
-    to_one = (x - one[0]) ** 2 + (y - high * one[1]) ** 2
-    to_other = (x - other[0] - 0.5) ** 2 + (y - high * (other[1] + 0.5)) ** 2
-    column = np.where(to_one < to_other, 2 * one[0], 2 * other[0] + 1).astype(int)
-    row = np.where(to_one < to_other, 2 * one[1], 2 * other[1] + 1).astype(int)
+    even = np.round(x), np.round(y / high)
+    odd = np.floor(x), np.floor(y / high)
+    to_even = (x - even[0]) ** 2 + (y - high * even[1]) ** 2
+    to_odd = (x - odd[0] - 0.5) ** 2 + (y - high * (odd[1] + 0.5)) ** 2
+    column = np.where(to_even < to_odd, 2 * even[0], 2 * odd[0] + 1).astype(int)
+    row = np.where(to_even < to_odd, 2 * even[1], 2 * odd[1] + 1).astype(int)
     column, row = column - column.min(), row - row.min()
     return row * (int(column.max()) + 1) + column

@@ -29,7 +29,11 @@ _BLACK, _FREE = 0, 254
 """Grey levels that map_server writes for occupied and free cells."""
 _UNKNOWN = 205 / 255
 """Grey level that map_server writes for unknown cells, as a share of white."""
-_CHANNELS = {"1": "L", "P": "RGB", "LA": "RGBA"} | {mode: mode for mode in ("L", "I;16", "I", "RGB", "RGBA")}
+_CHANNELS = {
+    "1": "L",
+    "P": "RGB",
+    "LA": "RGBA",
+} | {mode: mode for mode in ("L", "I;16", "I", "RGB", "RGBA")}
 """The kind of image whose channels are those of a kind."""
 _DEEP = ("I;16", "I")
 """Kinds with 16 bits for each channel."""
@@ -38,61 +42,78 @@ _TRUTHS = {"false": 0, "no": 0, "off": 0, "n": 0, "true": 1, "yes": 1, "on": 1, 
 
 
 def load_map(path: Path, digest: str | None = None) -> OccupancyMap:
-    """Return the map of a YAML file with `image`, `resolution`, `origin`, `negate`, `occupied_thresh`, `free_thresh`.
+    """Return the map of a YAML file with `image`, `resolution`, `origin`, `negate`,
+    `occupied_thresh`, `free_thresh`.
 
-    A cell is free where its occupancy, the image's darkness, is below `free_thresh`. All others are occupied: those
-    above `occupied_thresh`, and the unknown ones between. A key of the package's own, `least_obstacle` [m^2], takes out
-    connected occupied cells that cover less. Other keys are ignored, as map_server does. Raises InvalidInput for a file
-    that is missing or unreadable, an impossible value, a turned map, and another digest.
+    A cell is free where its occupancy, the image's darkness, is below `free_thresh`. All others are
+    occupied: those above `occupied_thresh`, and the unknown ones between. A key of the package's
+    own, `least_obstacle` [m^2], takes out connected occupied cells that cover less. Other keys are
+    ignored, as map_server does. Raises InvalidInput for a file that is missing or unreadable, an
+    impossible value, a turned map, and another digest.
     """
     text, content = _files(path)
-    found = hashlib.sha256(text + content).hexdigest()
+    found_digest = hashlib.sha256(text + content).hexdigest()
     bound = "the map of this game, which has changed since; restore it"
-    require(digest in (None, found), f"map '{path}'", f"SHA-256 {found[:12]}...", bound)
-    return _map(path.resolve(), found, text, content)
+    shown_digest = f"SHA-256 {found_digest[:12]}..."
+    require(digest in (None, found_digest), f"map '{path}'", shown_digest, bound)
+    return _map(path.resolve(), found_digest, text, content)
 
 
 def unknown_read_as_free(path: Path) -> float:
-    """Return the share of a map's cells that are of map_server's grey for unknown and yet below `free_thresh`."""
+    """Return the share of a map's cells that are of map_server's grey for unknown and yet below
+    `free_thresh`.
+    """
     text, content = _files(path)
-    said = _read_yaml(text, f"map '{path}'")
-    dark = _darkness(said, content, f"map '{path}'")
-    unknown = _UNKNOWN if said["negate"] else 1 - _UNKNOWN
-    return float(np.mean((np.abs(dark - unknown) < 1e-4) & (dark < said["free_thresh"])))
+    values = _read_yaml(text, f"map '{path}'")
+    dark = _darkness(values, content, f"map '{path}'")
+    unknown = _UNKNOWN if values["negate"] else 1 - _UNKNOWN
+    return float(np.mean((np.abs(dark - unknown) < 1e-4) & (dark < values["free_thresh"])))
 
 
 def _files(path: Path) -> tuple[bytes, bytes]:
     text = read_bytes(path, "the YAML file of a ROS map", "check the path", _MOST_YAML)
     image = path.parent / str(_read_yaml(text, f"map '{path}'")["image"])
-    return text, read_bytes(image, f"the image of the map '{path}'", "check the path, or crop it", _MOST_IMAGE)
+    return text, read_bytes(
+        image,
+        f"the image of the map '{path}'",
+        "check the path, or crop it",
+        _MOST_IMAGE,
+    )
 
 
 @functools.lru_cache(maxsize=2)
 def _map(path: Path, digest: str, text: bytes, content: bytes) -> OccupancyMap:
-    """Return the map of two files' contents; the latest two are cached, as one game reads its map several times."""
+    """Return the map of two files' contents; the latest two are cached, as one game reads its map
+    several times.
+    """
     name = f"map '{path}'"
-    said = _read_yaml(text, name)
-    free = _darkness(said, content, name) < said["free_thresh"]
-    x, y, _ = said["origin"]
+    values = _read_yaml(text, name)
+    free = _darkness(values, content, name) < values["free_thresh"]
+    x, y, _ = values["origin"]
     occupied = np.ascontiguousarray(~free[::-1])
-    if said["least_obstacle"]:
+    if values["least_obstacle"]:
         parts, _ = connected(occupied)
-        occupied &= np.bincount(parts.ravel())[parts] * said["resolution"] ** 2 >= said["least_obstacle"]
-    field = distance_field(occupied, said["resolution"])
-    return OccupancyMap(jnp.asarray(field), x, y, said["resolution"], str(path), digest)
+        areas = np.bincount(parts.ravel())[parts] * values["resolution"] ** 2
+        occupied &= areas >= values["least_obstacle"]
+    field = distance_field(occupied, values["resolution"])
+    return OccupancyMap(jnp.asarray(field), x, y, values["resolution"], str(path), digest)
 
 
 def connected(
     cells: Bool[np.ndarray, "rows columns"], corners: bool = True
 ) -> tuple[Int[np.ndarray, "rows columns"], int]:
-    """Number the connected parts of a grid from 1, and count them; cells also touch at `corners` or not."""
+    """Number the connected parts of a grid from 1, and count them; cells also touch at `corners` or
+    not.
+    """
     numbered = np.zeros(cells.shape, np.int32)
     structure = np.ones((3, 3)) if corners else None
-    count = int(scipy.ndimage.label(cells, structure=structure, output=numbered))  # pyright: ignore[reportArgumentType]
-    return numbered, count
+    count: Any = scipy.ndimage.label(cells, structure=structure, output=numbered)
+    return numbered, int(count)
 
 
-def largest(cells: Bool[np.ndarray, "rows columns"]) -> tuple[Bool[np.ndarray, "rows columns"], int]:
+def largest(
+    cells: Bool[np.ndarray, "rows columns"],
+) -> tuple[Bool[np.ndarray, "rows columns"], int]:
     """Return the largest part of a grid that is connected along sides, and the number of parts."""
     numbered, count = connected(cells, corners=False)
     sizes = np.bincount(numbered.ravel(), minlength=count + 1)
@@ -100,12 +121,16 @@ def largest(cells: Bool[np.ndarray, "rows columns"]) -> tuple[Bool[np.ndarray, "
 
 
 def islands(free: Bool[np.ndarray, "rows columns"]) -> int:
-    """Count the pieces of what is not free that are apart from the outside, not even touching it at corners."""
+    """Count the pieces of what is not free that are apart from the outside, not even touching it at
+    corners.
+    """
     return connected(np.pad(~free, 1, constant_values=True))[1] - 1
 
 
 def save_map(cells: OccupancyMap, path: Path) -> None:
-    """Write a map as a YAML file and a `.pgm` image beside it, from which `load_map` reads the same field."""
+    """Write a map as a YAML file and a `.pgm` image beside it, from which `load_map` reads the same
+    field.
+    """
     from PIL import Image
 
     image = path.with_suffix(".pgm")
@@ -114,9 +139,13 @@ def save_map(cells: OccupancyMap, path: Path) -> None:
     Image.fromarray(shades).save(content, "PPM")
     write_atomically(image, content.getvalue())
     # JSON is YAML, whatever is in a name.
-    said = {"image": image.name, "resolution": float(cells.cell), "origin": [float(cells.x), float(cells.y), 0.0]}
-    said |= {"negate": 0, "occupied_thresh": 0.65, "free_thresh": 0.196}
-    lines = [f"{key}: {to_json(value)}\n" for key, value in said.items()]
+    values = {
+        "image": image.name,
+        "resolution": float(cells.cell),
+        "origin": [float(cells.x), float(cells.y), 0.0],
+    }
+    values |= {"negate": 0, "occupied_thresh": 0.65, "free_thresh": 0.196}
+    lines = [f"{key}: {to_json(value)}\n" for key, value in values.items()]
     write_atomically(path, "".join(lines).encode())
 
 
@@ -125,42 +154,85 @@ def _read_yaml(text: bytes, name: str) -> dict[str, Any]:
     import yaml
 
     class Loader(yaml.BaseLoader):
-        """A loader of texts, lists and mappings alone, without aliases, by which a line can hold a million."""
+        """A loader of texts, lists and mappings alone, without aliases, by which a line can hold a
+        million.
+        """
 
         def compose_node(self, parent: Any, index: Any) -> Any:
-            if self.check_event(yaml.AliasEvent) or getattr(self.peek_event(), "tag", None) is not None:
+            is_alias = self.check_event(yaml.AliasEvent)
+            if is_alias or getattr(self.peek_event(), "tag", None) is not None:
                 raise yaml.YAMLError("aliases such as *this and tags such as !this are not read")
             return super().compose_node(parent, index)
 
     try:
-        said = yaml.load(text, Loader)
+        values = yaml.load(text, Loader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise InvalidInput(f"{name} is no YAML file: {str(error) or 'it is nested too deeply'}; correct it.") from error
-    require(isinstance(said, dict), name, type(said).__name__, "keys with values: image, resolution, origin ...")
-    for key in ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh"):
-        require(key in said, f"{name}: {key}", "missing", "given, as map_server wants it")
-    require(isinstance(said["image"], str) and said["image"], f"{name}: image", said["image"], "the name of a file")
-    read = {"least_obstacle": 0} | said
-    read["negate"] = _TRUTHS.get(str(said["negate"]).lower(), said["negate"])
-    for key in ("resolution", "negate", "occupied_thresh", "free_thresh", "least_obstacle"):
-        read[key] = _number(read[key], f"{name}: {key}")
-    require(0 < read["resolution"] <= 1e3, f"{name}: resolution", said["resolution"], "metres in a cell, more than 0")
-    require(read["negate"] in (0, 1), f"{name}: negate", said["negate"], "0 or false (dark is occupied), 1 or true")
-    least = read["least_obstacle"]
-    require(least >= 0, f"{name}: least_obstacle", least, "m^2 of the smallest obstacle that stays, 0 or more")
-    free, occupied = read["free_thresh"], read["occupied_thresh"]
+        raise InvalidInput(
+            f"{name} is no YAML file: {str(error) or 'it is nested too deeply'}; correct it.",
+        ) from error
     require(
-        0 < free <= occupied <= 1, f"{name}: free_thresh", free, f"above 0, up to occupied_thresh = {occupied} <= 1"
+        isinstance(values, dict),
+        name,
+        type(values).__name__,
+        "keys with values: image, resolution, origin ...",
     )
-    mode = said.get("mode", "trinary")
+    for key in ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh"):
+        require(key in values, f"{name}: {key}", "missing", "given, as map_server wants it")
+    require(
+        isinstance(values["image"], str) and values["image"],
+        f"{name}: image",
+        values["image"],
+        "the name of a file",
+    )
+    numbers = {"least_obstacle": 0} | values
+    numbers["negate"] = _TRUTHS.get(str(values["negate"]).lower(), values["negate"])
+    for key in ("resolution", "negate", "occupied_thresh", "free_thresh", "least_obstacle"):
+        numbers[key] = _number(numbers[key], f"{name}: {key}")
+    require(
+        0 < numbers["resolution"] <= 1e3,
+        f"{name}: resolution",
+        values["resolution"],
+        "metres in a cell, more than 0",
+    )
+    require(
+        numbers["negate"] in (0, 1),
+        f"{name}: negate",
+        values["negate"],
+        "0 or false (dark is occupied), 1 or true",
+    )
+    least = numbers["least_obstacle"]
+    require(
+        least >= 0,
+        f"{name}: least_obstacle",
+        least,
+        "m^2 of the smallest obstacle that stays, 0 or more",
+    )
+    free, occupied = numbers["free_thresh"], numbers["occupied_thresh"]
+    require(
+        0 < free <= occupied <= 1,
+        f"{name}: free_thresh",
+        free,
+        f"above 0, up to occupied_thresh = {occupied} <= 1",
+    )
+    mode = values.get("mode", "trinary")
     require(mode == "trinary", f"{name}: mode", mode, "trinary, as cells are either free or not")
-    is_place = isinstance(said["origin"], list) and len(said["origin"]) == 3
-    given = str(said["origin"]).replace("'", "")
-    require(is_place, f"{name}: origin", given, "[x, y, yaw] of the lower left corner, in metres and radians")
-    read["origin"] = [_number(number, f"{name}: origin") for number in said["origin"]]
-    yaw = read["origin"][2]
-    require(yaw == 0, f"{name}: origin, yaw", yaw, "0, as walls lie along x and y; turn the image and set it to 0")
-    return read
+    is_place = isinstance(values["origin"], list) and len(values["origin"]) == 3
+    origin = str(values["origin"]).replace("'", "")
+    require(
+        is_place,
+        f"{name}: origin",
+        origin,
+        "[x, y, yaw] of the lower left corner, in metres and radians",
+    )
+    numbers["origin"] = [_number(number, f"{name}: origin") for number in values["origin"]]
+    yaw = numbers["origin"][2]
+    require(
+        yaw == 0,
+        f"{name}: origin, yaw",
+        yaw,
+        "0, as walls lie along x and y; turn the image and set it to 0",
+    )
+    return numbers
 
 
 def _number(value: Any, name: str) -> float:
@@ -172,10 +244,12 @@ def _number(value: Any, name: str) -> float:
     return number
 
 
-def _darkness(said: dict[str, Any], content: bytes, name: str) -> np.ndarray:
-    """Return the darkness of every pixel, from 0 to 1 (of the lightest where negated), the first row at the top.
+def _darkness(values: dict[str, Any], content: bytes, name: str) -> np.ndarray:
+    """Return the darkness of every pixel, from 0 to 1 (of the lightest where negated), the first
+    row at the top.
 
-    As map_server has it, that is the mean of red, green and blue, and of the opacity too where the image has one.
+    As map_server has it, that is the mean of red, green and blue, and of the opacity too where the
+    image has one.
     """
     from PIL.PngImagePlugin import PngImageFile
     from PIL.PpmImagePlugin import PpmImageFile
@@ -199,7 +273,7 @@ def _darkness(said: dict[str, Any], content: bytes, name: str) -> np.ndarray:
     except InvalidInput:
         raise
     except Exception as error:  # Pillow raises what it likes for a damaged file
-        raise InvalidInput(
-            f"{image_name} is no whole PGM or PNG file ({error}): copy it again, or convert it to one of these."
-        ) from error
-    return light if said["negate"] else 1 - light
+        remedy = "copy it again, or convert it to one of these"
+        problem = f"{image_name} is no whole PGM or PNG file ({error})"
+        raise InvalidInput(f"{problem}: {remedy}.") from error
+    return light if values["negate"] else 1 - light

@@ -21,6 +21,8 @@ def game_names() -> list[str]:
 
 
 def unknown_game(name: str) -> str:
-    others = f"one of a suite, as '{SUITES[0]}/racks-07', one of teams, as 'team-3v1' or 'team-3v1/office'"
-    known = f"choose one of {', '.join(game_names())}, or give {others}, or a .toml or .json file"
-    return unknown_name("game", name, known, nearest(name, game_names()))
+    in_suite = f"one of a suite, as '{SUITES[0]}/racks-07'"
+    in_teams = "one of teams, as 'team-3v1' or 'team-3v1/office'"
+    named = f"choose one of {', '.join(game_names())}"
+    choices = f"{named}, or give {in_suite}, {in_teams}, or a .toml or .json file"
+    return unknown_name("game", name, choices, nearest(name, game_names()))

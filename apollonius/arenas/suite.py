@@ -1,12 +1,13 @@
 """A suite of arenas: a published list of random arenas, each with its digest.
 
-Agents for unknown maps learn in its part `train` and are judged in `held-out`, which has kinds of arenas that training
-never saw. Robots of radius up to 0.3 m can go everywhere.
+Agents for unknown maps learn in its part `train` and are judged in `held-out`, which has kinds of
+arenas that training never saw. Robots of radius up to 0.3 m can go everywhere.
 
-Longer sides of `suite-v1` were drawn log-uniformly from 6 to 30 m, the shorter ones as two thirds or more, gaps
-uniformly from a fourteenth of the longer side, 0.8 m at least, to a seventh. `suite-v2` has long ways round and
-narrower passages: longer sides from 6.5 to 22 m, gaps uniformly from 0.65 m and 0.032 longer sides, 0.8 m at least,
-what a chart resolves for robots of radius 0.3 m, to an eighth of the longer side, 0.2 m more at least.
+Longer sides of `suite-v1` were drawn log-uniformly from 6 to 30 m, the shorter ones as two thirds
+or more, gaps uniformly from a fourteenth of the longer side, 0.8 m at least, to a seventh.
+`suite-v2` has long ways round and narrower passages: longer sides from 6.5 to 22 m, gaps uniformly
+from 0.65 m and 0.032 longer sides, 0.8 m at least, what a chart resolves for robots of radius 0.3
+m, to an eighth of the longer side, 0.2 m more at least.
 """
 
 import functools
@@ -39,8 +40,8 @@ OTHERS = 48
 
 @dataclass(frozen=True)
 class Entry:
-    """One arena of a suite: random, of a requested size [m], or of the kind `gallery`, which ships with the package
-    under the same name and has neither gap nor seed. `sha256` is its `digest`.
+    """One arena of a suite: random, of a requested size [m], or of the kind `gallery`, which ships
+    with the package under the same name and has neither gap nor seed. `sha256` is its `digest`.
     """
 
     name: str
@@ -58,17 +59,25 @@ class Entry:
             return read_record(Arena, parse_toml(path.read_bytes(), path)["arena"], str(path), {})
         assert self.seed is not None, "a random arena has a seed"
         assert self.gap is not None, "a random arena has a gap"
-        return random_arena(self.kind, self.seed, gap=self.gap, width=self.width, height=self.height)
+        return random_arena(
+            self.kind,
+            self.seed,
+            gap=self.gap,
+            width=self.width,
+            height=self.height,
+        )
 
 
 @functools.cache
 def _published(suite: str) -> tuple[Entry, ...]:
     data = json.loads((Path(__file__).parent / f"{suite}.json").read_text(encoding="utf-8"))
-    return tuple(Entry(**one) for one in data["arenas"])
+    return tuple(Entry(**entry) for entry in data["arenas"])
 
 
 def suite_entries(suite: str, part: str | None = None) -> tuple[Entry, ...]:
-    """Return the arenas of a suite, or of a part of it, in their order; raises InvalidInput for unknown ones."""
+    """Return the arenas of a suite, or of a part of it, in their order; raises InvalidInput for
+    unknown ones.
+    """
     require(suite in SUITES, "suite", suite, f"one of {', '.join(SUITES)}")
     require(part is None or part in PARTS, "part", part, f"one of {', '.join(PARTS)}")
     return tuple(entry for entry in _published(suite) if part in (None, entry.part))
@@ -79,19 +88,25 @@ def suite_names(suite: str, part: str | None = None) -> tuple[str, ...]:
 
 
 def suite_arena(suite: str, name: str) -> Arena:
-    """Return one arena of a suite; raises InvalidInput for an unknown one, and where it is not drawn as published."""
+    """Return one arena of a suite; raises InvalidInput for an unknown one, and where it is not
+    drawn as published.
+    """
     entries = {entry.name: entry for entry in suite_entries(suite)}
-    require(
-        name in entries, f"arena of {suite}", name, f"one of {', '.join(list(entries)[:2])} ... {list(entries)[-1]}"
-    )
+    names = list(entries)
+    bound = f"one of {', '.join(names[:2])} ... {names[-1]}"
+    require(name in entries, f"arena of {suite}", name, bound)
     arena, published = entries[name].draw(), entries[name].sha256
-    found, bound = digest(arena), f"{published[:12]}... as published; draw it with the version that published it"
-    require(found == published, f"SHA-256 of {suite}/{name}", f"{found[:12]}...", bound)
+    found_digest = digest(arena)
+    bound = f"{published[:12]}... as published; draw it with the version that published it"
+    shown_digest = f"{found_digest[:12]}..."
+    require(found_digest == published, f"SHA-256 of {suite}/{name}", shown_digest, bound)
     return arena
 
 
 def digest(arena: Arena) -> str:
-    """Return the SHA-256 of an arena's numbers to a micrometre and its cells as bits, the same on every machine."""
+    """Return the SHA-256 of an arena's numbers to a micrometre and its cells as bits, the same on
+    every machine.
+    """
     lines = ["walls", _text([arena.x_min, arena.x_max, arena.y_min, arena.y_max])]
     for disc in arena.discs:
         lines += ["disc", _text([disc.x, disc.y, disc.radius])]
@@ -100,16 +115,16 @@ def digest(arena: Arena) -> str:
     content = "\n".join(lines).encode()
     if arena.map:
         cells = arena.map.occupied()
-        content += (
-            f"\nmap {cells.shape[0]} {cells.shape[1]} {_text([arena.map.x, arena.map.y, arena.map.cell])}\n".encode()
-        )
+        rows, columns = cells.shape
+        place = _text([arena.map.x, arena.map.y, arena.map.cell])
+        content += f"\nmap {rows} {columns} {place}\n".encode()
         content += np.packbits(cells).tobytes()
     return hashlib.sha256(content).hexdigest()
 
 
-def _text(numbers: Sequence[object]) -> str:
+def _text(numbers: Sequence[Any]) -> str:
     """Return numbers to six places; 0 without a sign."""
-    return " ".join(f"{round(float(number), 6) + 0.0:.6f}" for number in numbers)  # pyright: ignore[reportArgumentType]
+    return " ".join(f"{round(float(number), 6) + 0.0:.6f}" for number in numbers)
 
 
 def is_scenario(name: str) -> bool:
@@ -121,8 +136,8 @@ def is_scenario(name: str) -> bool:
 def scenario_game(name: str) -> Game:
     """Return the paper's rules in the arenas of a scenario; errors as those of `find_scenario`.
 
-    In `train` robots are of many kinds (`kinds`), and games begin nearer to walls and obstacles, so that the larger
-    robots find a start.
+    In `train` robots are of many kinds (`kinds`), and games begin nearer to walls and obstacles, so
+    that the larger robots find a start.
     """
     starts = Starts(clearance=0.15) if name.endswith("/train") else Starts()
     return Game(starts=starts, scenario=find_scenario(name))
@@ -130,28 +145,39 @@ def scenario_game(name: str) -> Game:
 
 @functools.cache
 def find_scenario(name: Any) -> Scenario:
-    """Return the arenas of a part of a suite, in `train` with its robots, or of a list; errors as of `suite_arena`."""
+    """Return the arenas of a part of a suite, in `train` with its robots, or of a list; errors as
+    of `suite_arena`.
+    """
     arenas = _arenas(name)
     kinds = draw_robot_kinds(name.split("/")[0]) if name.endswith("/train") else None
     return Scenario(stack_arenas(arenas), len(arenas), kinds, name)
 
 
 def each_alone(game: Game) -> list[Game]:
-    """Return the game in each arena of its scenario alone, itself without one; errors as those of `find_scenario`."""
+    """Return the game in each arena of its scenario alone, itself without one; errors as those of
+    `find_scenario`.
+    """
     if game.scenario is None:
         return [game]
     return [replace(game, arena=arena, scenario=None) for arena in _arenas(game.scenario.name)]
 
 
 def _arenas(name: Any) -> list[Arena]:
-    return [suite_arena(*one.split("/")) for one in arena_names(name)]
+    return [suite_arena(*arena.split("/")) for arena in arena_names(name)]
 
 
 def arena_names(name: Any) -> list[str]:
-    """Return the names of the arenas of a scenario, as `suite-v1/maze-00`; errors as those of `find_scenario`."""
-    some = [f"{suite}/{part}" for suite in SUITES for part in PARTS]
-    known = isinstance(name, str) and is_scenario(name)
-    require(known, "scenario", name, f"one of {', '.join(some)}, or some arenas, as '{SUITES[0]}/maze-00,maze-01'")
+    """Return the names of the arenas of a scenario, as `suite-v1/maze-00`; errors as those of
+    `find_scenario`.
+    """
+    parts = [f"{suite}/{part}" for suite in SUITES for part in PARTS]
+    is_known = isinstance(name, str) and is_scenario(name)
+    require(
+        is_known,
+        "scenario",
+        name,
+        f"one of {', '.join(parts)}, or some arenas, as '{SUITES[0]}/maze-00,maze-01'",
+    )
     suite, within = name.split("/")
     names = suite_names(suite, within) if within in PARTS else within.split(",")
     require(len(set(names)) == len(names), "scenario", name, "a list of different arenas")
@@ -161,27 +187,30 @@ def arena_names(name: Any) -> list[str]:
 def draw_robot_kinds(suite: str = SUITES[0]) -> RobotKinds:
     """Draw the robots of training: the paper's two robots, and log-uniform pairs of others.
 
-    In `suite-v1` every other pair has bodies; in later ones all have, and every other pair of the paper's robots too.
-    The evader is caught within 0.2 to 0.4 m between bodies.
+    In `suite-v1` every other pair has bodies; in later ones all have, and every other pair of the
+    paper's robots too. The evader is caught within 0.2 to 0.4 m between bodies.
     """
     rng = np.random.default_rng(0)
 
-    def drawn(low: float, high: float, paper: float) -> np.ndarray:
-        some = np.exp(rng.uniform(np.log(low), np.log(high), OTHERS))
-        return np.concatenate([np.full(PAPERS_OWN, paper), some]).astype(np.float32)
+    def draw(low: float, high: float, paper: float) -> np.ndarray:
+        other_values = np.exp(rng.uniform(np.log(low), np.log(high), OTHERS))
+        return np.concatenate([np.full(PAPERS_OWN, paper), other_values]).astype(np.float32)
 
-    pursuer_v = drawn(0.6, 2.0, 1.2)
-    evader_v = np.clip(pursuer_v * drawn(1 / 1.4, 1.4, 1.0), 0.6, 2.0)
+    pursuer_v = draw(0.6, 2.0, 1.2)
+    evader_v = np.clip(pursuer_v * draw(1 / 1.4, 1.4, 1.0), 0.6, 2.0)
 
     def body(v: np.ndarray) -> Unicycle:
-        u1, u2 = drawn(0.15, 1.2, 0.3), drawn(0.4, 2.0, 0.8)
+        u1, u2 = draw(0.15, 1.2, 0.3), draw(0.4, 2.0, 0.8)
         every_other = np.arange(len(v)) % 2
-        radius = drawn(0.05, 0.25, 0.0) * every_other
+        radius = draw(0.05, 0.25, 0.0) * every_other
         if suite != SUITES[0]:
-            others = np.arange(len(v)) >= PAPERS_OWN
-            radius = rng.uniform(0, 0.3, len(v)).astype(np.float32) * (every_other | others)
-        return Unicycle(jnp.zeros(len(v)), *(jnp.asarray(leaf, jnp.float32) for leaf in (v, u1, u2, radius)))
+            is_other = np.arange(len(v)) >= PAPERS_OWN
+            radius = rng.uniform(0, 0.3, len(v)).astype(np.float32) * (every_other | is_other)
+        return Unicycle(
+            jnp.zeros(len(v)),
+            *(jnp.asarray(leaf, jnp.float32) for leaf in (v, u1, u2, radius)),
+        )
 
     pursuer, evader = body(pursuer_v), body(evader_v)
-    capture = jnp.asarray(drawn(0.2, 0.4, 0.3)) + pursuer.radius + evader.radius
+    capture = jnp.asarray(draw(0.2, 0.4, 0.3)) + pursuer.radius + evader.radius
     return RobotKinds(pursuer, evader, capture)

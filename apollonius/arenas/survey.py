@@ -1,4 +1,6 @@
-"""A survey of an arena before training: parts that are cut off, havens, space to start, passages that charts miss."""
+"""A survey of an arena before training: parts that are cut off, havens, space to start, passages
+that charts miss.
+"""
 
 import os
 from dataclasses import dataclass
@@ -15,6 +17,7 @@ from apollonius.arenas.charting import charted, clearances, largest_radius
 from apollonius.arenas.map_file import connected, unknown_read_as_free
 from apollonius.game.arena import Arena
 from apollonius.game.chart import COARSE, NO_PATH, SIDE
+from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 
 Grid = Float[np.ndarray, "rows columns"]
@@ -31,9 +34,13 @@ _LEAST_GAP = 0.1
 _LEAST_ROOM = 0.02
 """Least share of the arena on which a robot can start."""
 _LONGER = 1.1
-"""Factor by which a path of a chart may be longer than a straight one, as it goes in sixteen directions."""
+"""Factor by which a path of a chart may be longer than a straight one, as it goes in sixteen
+directions.
+"""
 _DETOUR = 3.0
-"""Coarse cells by which a chart's path may be longer than the real one before a passage counts as missed."""
+"""Coarse cells by which a chart's path may be longer than the real one before a passage counts as
+missed.
+"""
 _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
 """Steps from each cell of the raster to four of its eight neighbours, rows and columns."""
 
@@ -44,8 +51,10 @@ class Survey:
 
     Attributes:
         blocked: cells in obstacles.
-        parts: connected parts of the pursuer's and the evader's free space, numbered from 1; 0 is not free.
-        haven: cells of the evader in which no pursuer that can start comes close enough to catch it.
+        parts: connected parts of the pursuer's and the evader's free space, numbered from 1; 0 is
+            not free.
+        haven: cells of the evader in which no pursuer that can start comes close enough to catch
+            it.
         wrong: faults that spoil games in this arena, a line each.
         notes: odd but harmless facts, a line each.
     """
@@ -57,65 +66,98 @@ class Survey:
     notes: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class _SideSurvey:
+    """Connected parts of one robot's free space, those that it can be in, and faults."""
+
+    parts: Int[np.ndarray, "rows columns"]
+    reachable: Bool[np.ndarray, "rows columns"]
+    faults: tuple[str, ...]
+
+
 def survey(game: Game) -> Survey:
     """Survey a game's arena, to a five-hundredth of its longer side."""
-    arena, starts = game.arena, game.starts
+    arena = game.arena
     x, y, cell, clearance = places(arena)
-    bodies = {"pursuer": game.pursuer, "evader": game.evader}
-    parts, entered, wrong = [], [], []
-    for name, body in bodies.items():
-        numbered = _parts(clearance >= float(body.radius))
-        start = clearance >= float(starts.clearance + body.radius)
-        areas = [cell**2 * np.sum(numbered == part) for part in range(1, numbered.max() + 1)]
-        if len(areas) > 1:
-            sizes = ", ".join(f"{area:.3g}" for area in sorted(areas, reverse=True))
-            wrong.append(
-                f"the {name}'s free space falls into {len(areas)} parts of {sizes} m^2, and it never leaves the one it "
-                f"starts in: widen the passages to more than {name}.radius = {float(body.radius):g} m on each side, or "
-                "fill the closed pockets."
-            )
-        if start.mean() < _LEAST_ROOM:
-            wrong.append(
-                f"the {name} can start on {start.mean():.2%} of the arena only, less than {_LEAST_ROOM:.0%}: make "
-                "starts.clearance or the obstacles smaller."
-            )
-        parts.append(numbered)
-        # A part in which no robot starts is one that none ever enters.
-        entered.append(np.isin(numbered, np.unique(numbered[start])) & (numbered > 0))
-    reach = np.asarray(distance_transform_edt(~entered[0])) * cell - cell
-    haven = (parts[1] > 0) & (reach >= float(game.capture_distance))
+    pursuer = _survey_side(game, "pursuer", game.pursuer, clearance, cell)
+    evader = _survey_side(game, "evader", game.evader, clearance, cell)
+    faults = [*pursuer.faults, *evader.faults]
+    reach = np.asarray(distance_transform_edt(~pursuer.reachable)) * cell - cell
+    haven = (evader.parts > 0) & (reach >= float(game.capture_distance))
     if haven.any():
-        wrong.append(
-            f"the evader is safe on {cell**2 * haven.sum():.3g} m^2, where no pursuer comes within capture_distance = "
-            f"{float(game.capture_distance):g} m as it does not fit: make the pursuer smaller or the passages wider."
+        faults.append(
+            f"the evader is safe on {cell**2 * haven.sum():.3g} m^2, where no pursuer comes within "
+            f"capture_distance = {float(game.capture_distance):g} m as it does not fit: "
+            "make the pursuer smaller or the passages wider."
         )
-    if arena.territory:
-        goal = arena.territory
-        there = np.hypot(x - goal.x, y - goal.y) < goal.radius
-        if not (there & entered[1]).any():
-            wrong.append(
-                "the evader cannot come into arena.territory from where it starts: move it, or make the way wider."
-            )
-    notes = map_notes(arena)
-    radii, catch = float(game.pursuer.radius + game.evader.radius), float(game.capture_distance)
-    if radii > 0 and catch - radii < _LEAST_GAP - 1e-6:
-        left = f"{catch - radii:.2g} m are left between the bodies at a capture, so that real robots touch"
-        notes.append(
-            f"{'the bodies overlap before they count as caught' if catch < radii else left}: capture_distance = "
-            f"{catch:g} m, from centre to centre, and the radii are {radii:g} m together."
+    goal = arena.territory
+    if goal:
+        in_goal = np.hypot(x - goal.x, y - goal.y) < goal.radius
+        if not (in_goal & evader.reachable).any():
+            remedy = "move it, or make the way wider"
+            problem = "the evader cannot come into arena.territory from where it starts"
+            faults.append(f"{problem}: {remedy}.")
+    notes = map_notes(arena) + _capture_notes(game)
+    parts = (pursuer.parts, evader.parts)
+    return Survey(clearance < 0, parts, haven, tuple(faults), tuple(notes))
+
+
+def _survey_side(
+    game: Game,
+    name: str,
+    body: Unicycle,
+    clearance: Grid,
+    cell: float,
+) -> _SideSurvey:
+    """Survey the free space of one side's robot, by clearances [m] on cells of a side [m]."""
+    labels = _parts(clearance >= float(body.radius))
+    start = clearance >= float(game.starts.clearance + body.radius)
+    areas = [cell**2 * np.sum(labels == part) for part in range(1, labels.max() + 1)]
+    faults: list[str] = []
+    if len(areas) > 1:
+        sizes = ", ".join(f"{area:.3g}" for area in sorted(areas, reverse=True))
+        faults.append(
+            f"the {name}'s free space falls into {len(areas)} parts of {sizes} m^2, "
+            f"and it never leaves the one it starts in: widen the passages to more than "
+            f"{name}.radius = {float(body.radius):g} m on each side, or fill the closed pockets."
         )
-    return Survey(clearance < 0, (parts[0], parts[1]), haven, tuple(wrong), tuple(notes))
+    if start.mean() < _LEAST_ROOM:
+        faults.append(
+            f"the {name} can start on {start.mean():.2%} of the arena only, "
+            f"less than {_LEAST_ROOM:.0%}: make starts.clearance or the obstacles smaller."
+        )
+    # A part in which no robot starts is one that none ever enters.
+    reachable = np.isin(labels, np.unique(labels[start])) & (labels > 0)
+    return _SideSurvey(labels, reachable, tuple(faults))
+
+
+def _capture_notes(game: Game) -> list[str]:
+    """Note bodies that overlap, or nearly touch, at a capture."""
+    radii = float(game.pursuer.radius + game.evader.radius)
+    distance = float(game.capture_distance)
+    if not radii or distance - radii >= _LEAST_GAP - 1e-6:
+        return []
+    gap = f"{distance - radii:.2g} m are left between the bodies at a capture"
+    problem = f"{gap}, so that real robots touch"
+    meaning = f"from centre to centre, and the radii are {radii:g} m together"
+    if distance < radii:
+        problem = "the bodies overlap before they count as caught"
+    return [
+        f"{problem}: capture_distance = {distance:g} m, {meaning}.",
+    ]
 
 
 def map_notes(arena: Arena) -> list[str]:
-    """Return notes on a map's file: unknown cells that are read as free, and specks, which robots run round."""
-    if arena.map is None or not os.path.isfile(path := Path(arena.map.file)):
+    """Note unknown cells of a map's file that are read as free, and specks that robots avoid."""
+    if arena.map is None or not os.path.isfile(arena.map.file):
         return []
+    path = Path(arena.map.file)
     notes: list[str] = []
-    if share := unknown_read_as_free(path):
+    share = unknown_read_as_free(path)
+    if share:
         notes.append(
-            f"unknown cells of the map, grey 205, are read as free, on {share:.1%} of it: set free_thresh to 0.196 in "
-            f"'{path}' if no robot should go there."
+            f"unknown cells of the map, grey 205, are read as free, on {share:.1%} of it: "
+            f"set free_thresh to 0.196 in '{path}' if no robot should go there."
         )
     parts, _ = connected(arena.map.occupied())
     _, firsts, sizes = np.unique(parts, return_index=True, return_counts=True)
@@ -123,17 +165,21 @@ def map_notes(arena: Arena) -> list[str]:
     if len(specks):
         rows, columns = np.unravel_index(specks, parts.shape)
         x, y = float(arena.map.x) + (columns + 0.5) * cell, float(arena.map.y) + (rows + 0.5) * cell
-        at = ", ".join(f"({one:.2f}, {other:.2f})" for one, other in zip(x[:_SHOWN], y[:_SHOWN], strict=True))
+        points = zip(x[:_SHOWN], y[:_SHOWN], strict=True)
+        places_text = ", ".join(f"({column:.2f}, {row:.2f})" for column, row in points)
+        rest = " and so on" if len(x) > _SHOWN else ""
         notes.append(
-            f"specks on the map, of at most {_SPECK} cells: {len(specks)}, at {at}{' and so on' * (len(x) > _SHOWN)}; "
-            f"robots run round each; set least_obstacle to {(_SPECK + 0.5) * cell**2:.2g} m^2 in '{path}' if they are "
-            "noise, and no legs of chairs."
+            f"specks on the map, of at most {_SPECK} cells: {len(specks)}, at {places_text}{rest}; "
+            f"robots run round each; set least_obstacle to {(_SPECK + 0.5) * cell**2:.2g} m^2 "
+            f"in '{path}' if they are noise, and no legs of chairs."
         )
     return notes
 
 
 def places(arena: Arena) -> tuple[Grid, Grid, float, Grid]:
-    """Return the middles x, y [m] of square cells all over an arena, a cell's side [m], and their clearances [m]."""
+    """Return the middles x, y [m] of square cells all over an arena, a cell's side [m], and their
+    clearances [m].
+    """
     width, height = float(arena.x_max - arena.x_min), float(arena.y_max - arena.y_min)
     cell = max(width, height) / _CELLS
 
@@ -148,72 +194,108 @@ def places(arena: Arena) -> tuple[Grid, Grid, float, Grid]:
 
 def _parts(free: Bool[np.ndarray, "rows columns"]) -> Int[np.ndarray, "rows columns"]:
     """Number the connected parts from 1, without specks."""
-    numbered, count = connected(free)
-    sizes = np.bincount(numbered.ravel(), minlength=count + 1)
-    kept = [part for part in range(1, count + 1) if sizes[part] > _LEAST_PART * free.size]
+    labels, count = connected(free)
+    sizes = np.bincount(labels.ravel(), minlength=count + 1)
+    large_parts = [part for part in range(1, count + 1) if sizes[part] > _LEAST_PART * free.size]
     renumber = np.zeros(count + 1, int)
-    renumber[kept] = np.arange(1, len(kept) + 1)
-    return renumber[numbered]
+    renumber[large_parts] = np.arange(1, len(large_parts) + 1)
+    return renumber[labels]
 
 
 def missed_passage(game: Game) -> list[str]:
-    """Return the note on the passage of one arena that costs players with a chart the longest detour, if they miss any.
+    """Return the note on the passage of one arena that costs players with a chart the longest
+    detour, if they miss any.
 
-    From every coarse cell of the chart the free space is flooded on a fine raster. Where two floods meet, the robot can
-    go from one cell to the other; the chart should have a path about as short.
+    From every coarse cell of the chart the free space is flooded on a fine raster. Where two floods
+    meet, the robot can go from one cell to the other; the chart should have a path about as short.
     """
-    arena, radius, chart = game.arena, largest_radius(game), charted(game).arena.chart
+    arena = game.arena
+    radius = largest_radius(game)
+    chart = charted(game).arena.chart
     assert chart is not None, "which a charted game has"
     lengths = np.asarray(chart.lengths)[0]
     side = float(np.asarray(chart.side)[0])
     x, y, cell, clearance = places(arena)
     clearance -= radius
     graph, start, end, length = _links(clearance, cell)
-    others = np.where(np.eye(len(lengths), dtype=bool), NO_PATH, lengths)
-    cells = np.flatnonzero(others.min(axis=1) < NO_PATH)
-    rows, columns = (((np.array(index) + 0.5) * side / COARSE / cell).astype(int) for index in np.divmod(cells, COARSE))
+    other_lengths = np.where(np.eye(len(lengths), dtype=bool), NO_PATH, lengths)
+    cells = np.flatnonzero(other_lengths.min(axis=1) < NO_PATH)
+    indices = np.divmod(cells, COARSE)
+    middles = [(np.array(index) + 0.5) * side / COARSE / cell for index in indices]
+    rows, columns = (middle.astype(int) for middle in middles)
     inside = (rows < clearance.shape[0]) & (columns < clearance.shape[1])
     seeds, cells = (rows * clearance.shape[1] + columns)[inside], cells[inside]
     if not len(seeds):
         return []
-    away, _, source = dijkstra(graph, directed=False, indices=seeds, min_only=True, return_predecessors=True)
+    distances, _, source = dijkstra(
+        graph,
+        directed=False,
+        indices=seeds,
+        min_only=True,
+        return_predecessors=True,
+    )
     cell_at = np.zeros(clearance.size, int)
     cell_at[seeds] = cells
-    meet = np.flatnonzero((source[start] != source[end]) & np.isfinite(away[start] + away[end]))
+    is_reached = np.isfinite(distances[start] + distances[end])
+    meet = np.flatnonzero((source[start] != source[end]) & is_reached)
     if not len(meet):
         return []
     start, end = start[meet], end[meet]
-    real = away[start] + length[meet] + away[end]
-    charted_length = lengths[cell_at[source[start]], cell_at[source[end]]]
-    detour = np.where(charted_length == NO_PATH, np.inf, charted_length / 100 - _LONGER * real)
+    real_lengths = distances[start] + length[meet] + distances[end]
+    chart_lengths = lengths[cell_at[source[start]], cell_at[source[end]]]
+    excess = chart_lengths / 100 - _LONGER * real_lengths
+    detour = np.where(chart_lengths == NO_PATH, np.inf, excess)
     worst = np.argmax(detour)
     if detour[worst] <= _DETOUR * side / COARSE:
         return []
-    at, longer = (float(axis.ravel()[start[worst]]) for axis in (x, y)), detour[worst]
-    known = "know no other way" if np.isinf(longer) else f"know a way that is {longer:.1f} m longer"
-    place = ", ".join(f"{axis:.2f}" for axis in at)
+    position, longer = (float(axis.ravel()[start[worst]]) for axis in (x, y)), detour[worst]
+    detour_text = f"know a way that is {longer:.1f} m longer"
+    if np.isinf(longer):
+        detour_text = "know no other way"
+    place = ", ".join(f"{axis:.2f}" for axis in position)
     return [
-        f"the passage at ({place}) is too narrow for the chart of pursuer and evader: they {known}. This arena's chart "
-        f"resolves {2 * radius + side / COARSE + side / SIDE:.2f} m, so widen it to that."
+        f"the passage at ({place}) is too narrow for the chart of pursuer and evader: "
+        f"they {detour_text}. This arena's chart resolves "
+        f"{2 * radius + side / COARSE + side / SIDE:.2f} m, so widen it to that."
     ]
 
 
 def _links(
-    clearance: Float[np.ndarray, "rows columns"], cell: float
-) -> tuple[csr_array, Int[np.ndarray, " links"], Int[np.ndarray, " links"], Float[np.ndarray, " links"]]:
-    """Return neighbouring cells between which a robot surely fits, as a graph and as lists of ends and lengths [m].
+    clearance: Float[np.ndarray, "rows columns"],
+    cell: float,
+) -> tuple[
+    csr_array,
+    Int[np.ndarray, " links"],
+    Int[np.ndarray, " links"],
+    Float[np.ndarray, " links"],
+]:
+    """Return neighbouring cells between which a robot surely fits, as a graph and as lists of ends
+    and lengths [m].
 
-    A line between the middles of two cells is free if it is no longer than the sum of the body's clearances there [m].
+    A line between the middles of two cells is free if it is no longer than the sum of the body's
+    clearances there [m].
     """
     number = np.arange(clearance.size).reshape(clearance.shape)
-    starts, ends, lengths = [], [], []
+    starts = []
+    ends = []
+    lengths = []
     for up, right in _STEPS:
-        here = np.s_[: clearance.shape[0] - up, max(0, -right) : clearance.shape[1] - max(0, right)]
-        there = np.s_[up:, max(0, right) : clearance.shape[1] + min(0, right)]
+        rows, columns = clearance.shape
+        first = np.s_[: rows - up, max(0, -right) : columns - max(0, right)]
+        second = np.s_[up:, max(0, right) : columns + min(0, right)]
         length = cell * np.hypot(up, right)
-        free = (clearance[here] >= 0) & (clearance[there] >= 0) & (clearance[here] + clearance[there] >= length)
-        starts.append(number[here][free])
-        ends.append(number[there][free])
-        lengths.append(np.full(int(free.sum()), length))
+        is_free = (clearance[first] >= 0) & (clearance[second] >= 0)
+        is_free &= clearance[first] + clearance[second] >= length
+        starts.append(number[first][is_free])
+        ends.append(number[second][is_free])
+        lengths.append(np.full(int(is_free.sum()), length))
     start, end, length = (np.concatenate(parts) for parts in (starts, ends, lengths))
-    return csr_array((length, (start, end)), shape=(clearance.size, clearance.size)), start, end, length
+    return (
+        csr_array(
+            (length, (start, end)),
+            shape=(clearance.size, clearance.size),
+        ),
+        start,
+        end,
+        length,
+    )

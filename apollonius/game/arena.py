@@ -36,7 +36,9 @@ class Disc(AbstractObstacle):
         return jnp.sqrt(self._approach(before, after)) - self.radius
 
     def is_hit(self, before: RobotState, after: RobotState, radius: Real) -> Flag:
-        """Return whether a body of this radius [m] touches it anywhere along the segment between two states."""
+        """Return whether a body of this radius [m] touches it anywhere along the segment between
+        two states.
+        """
         return self._approach(before, after) < (self.radius + radius) ** 2
 
     def _approach(self, before: RobotState, after: RobotState) -> Scalar:
@@ -45,20 +47,28 @@ class Disc(AbstractObstacle):
 
     def check(self, name: str, walls: Walls) -> None:
         """Refuse a radius of 0 or less, and a centre outside the walls."""
-        require(self.radius > 0, f"{name}.radius", self.radius, "more than 0 m; remove the disc to have none")
+        require(
+            self.radius > 0,
+            f"{name}.radius",
+            self.radius,
+            "more than 0 m; remove the disc to have none",
+        )
         bound = f"inside the walls {walls.sides}; move or remove the disc"
         require(walls.enclose(self.x, self.y), f"{name} centre", (self.x, self.y), bound)
 
 
 class Arena(Walls):
-    """Walls with obstacles between them. Only the numbers of obstacles and of their corners are static.
+    """Walls with obstacles between them. Only the numbers of obstacles and of their corners are
+    static.
 
-    A field is a kind of obstacle (`apollonius.game.obstacle`): another kind is a file of its own, and a field here.
+    A field is a kind of obstacle (`apollonius.game.obstacle`): another kind is a file of its own,
+    and a field here.
 
     Attributes:
         map: cells that are obstacles, or None.
         territory: where the evader wins and does not start, or None.
-        chart: distances that players for any arena read (`apollonius.arenas.charting`), or None; never in a file.
+        chart: distances that players for any arena read (`apollonius.arenas.charting`), or None;
+            never in a file.
     """
 
     discs: tuple[Disc, ...] = ()
@@ -69,15 +79,18 @@ class Arena(Walls):
 
     @property
     def named_obstacles(self) -> dict[str, AbstractObstacle]:
-        """All obstacles by their names in a game's file: discs, polygons, the map, and those of any other field."""
-        found: dict[str, AbstractObstacle] = {}
+        """All obstacles by their names in a game's file: discs, polygons, the map, and those of any
+        other field.
+        """
+        named: dict[str, AbstractObstacle] = {}
         for field in fields(self):
             value = getattr(self, field.name)
             if isinstance(value, AbstractObstacle) and field.name != "territory":
-                found[f"arena.{field.name}"] = value
+                named[f"arena.{field.name}"] = value
             elif isinstance(value, tuple):
-                found |= {f"arena.{field.name}[{index}]": one for index, one in enumerate(value)}
-        return found
+                for index, obstacle in enumerate(value):
+                    named[f"arena.{field.name}[{index}]"] = obstacle
+        return named
 
     @property
     def obstacles(self) -> tuple[AbstractObstacle, ...]:
@@ -86,13 +99,25 @@ class Arena(Walls):
     @property
     def _merged(self) -> list[AbstractObstacle]:
         """The obstacles, with all polygons as one: that costs less than each alone."""
-        others: list[AbstractObstacle] = [one for one in self.obstacles if not isinstance(one, Polygon)]
-        return [*others, Edges.of(self.polygons)] if self.polygons else others
+        unmerged: list[AbstractObstacle] = [
+            obstacle for obstacle in self.obstacles if not isinstance(obstacle, Polygon)
+        ]
+        return [*unmerged, Edges.of(self.polygons)] if self.polygons else unmerged
 
     def check(self) -> None:
         """Refuse walls, obstacles and a territory that cannot be."""
-        require(self.x_min < self.x_max, "arena.x_min", self.x_min, f"less than x_max = {self.x_max} m")
-        require(self.y_min < self.y_max, "arena.y_min", self.y_min, f"less than y_max = {self.y_max} m")
+        require(
+            self.x_min < self.x_max,
+            "arena.x_min",
+            self.x_min,
+            f"less than x_max = {self.x_max} m",
+        )
+        require(
+            self.y_min < self.y_max,
+            "arena.y_min",
+            self.y_min,
+            f"less than y_max = {self.y_max} m",
+        )
         corners = sum(len(polygon.vertices) for polygon in self.polygons)
         for name, count, unit, most in (
             ("discs", len(self.discs), "discs", MOST_DISCS),
@@ -108,40 +133,57 @@ class Arena(Walls):
 
     def require_only(self, kinds: tuple[type[AbstractObstacle], ...], bound: str) -> None:
         """Refuse other kinds of obstacles than these."""
-        others = sorted({type(one).__name__ for one in self.obstacles if not isinstance(one, kinds)})
-        require(not others, "obstacles", ", ".join(others), bound)
+        foreign = [obstacle for obstacle in self.obstacles if not isinstance(obstacle, kinds)]
+        names = sorted({type(obstacle).__name__ for obstacle in foreign})
+        require(not foreign, "obstacles", ", ".join(names), bound)
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
-        """Return the distance [m] from a point to the nearest wall or obstacle; negative beyond it."""
-        return functools.reduce(jnp.minimum, [one.clearance(x, y) for one in self._merged], self._to_walls(x, y))
+        """Return the distance [m] from a point to the nearest wall or obstacle; negative beyond."""
+        return functools.reduce(
+            jnp.minimum,
+            [obstacle.clearance(x, y) for obstacle in self._merged],
+            self._to_walls(x, y),
+        )
 
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
         """Return the least clearance [m] on the segment between two states."""
         least = jnp.minimum(self._to_walls(before.x, before.y), self._to_walls(after.x, after.y))
-        return functools.reduce(jnp.minimum, [one.clearance_along(before, after) for one in self._merged], least)
+        return functools.reduce(
+            jnp.minimum,
+            [obstacle.clearance_along(before, after) for obstacle in self._merged],
+            least,
+        )
 
     def _to_walls(self, x: Scalar, y: Scalar) -> Scalar:
-        return jnp.minimum(jnp.minimum(x - self.x_min, self.x_max - x), jnp.minimum(y - self.y_min, self.y_max - y))
+        return jnp.minimum(
+            jnp.minimum(x - self.x_min, self.x_max - x),
+            jnp.minimum(y - self.y_min, self.y_max - y),
+        )
 
     def hits_obstacle(self, before: RobotState, after: RobotState, radius: Real) -> Flag:
-        """Return whether a body of this radius [m] touches an obstacle anywhere along a straight step."""
-        hits = [one.is_hit(before, after, radius) for one in self._merged]
+        """Return whether a body of this radius [m] touches an obstacle anywhere along a straight
+        step.
+        """
+        hits = [obstacle.is_hit(before, after, radius) for obstacle in self._merged]
         return functools.reduce(jnp.logical_or, hits, jnp.zeros((), bool))
 
     def hides(self, here: RobotState, there: RobotState) -> Flag:
         """Return whether an obstacle is in the line of sight between two robots' centres."""
-        hidden = [one.hides(here, there) for one in self._merged]
-        return functools.reduce(jnp.logical_or, hidden, jnp.zeros((), bool))
+        blocked = [obstacle.hides(here, there) for obstacle in self._merged]
+        return functools.reduce(jnp.logical_or, blocked, jnp.zeros((), bool))
 
     def reaches_territory(self, before: RobotState, after: RobotState) -> Flag:
-        """Return whether a robot's centre enters the territory anywhere along the segment between two states."""
+        """Return whether a robot's centre enters the territory anywhere along the segment between
+        two states.
+        """
         assert self.territory is not None, "callers look first"
         return self.territory.is_hit(before, after, 0.0)
 
     def is_out_of_range(self, after: RobotState, radius: Real) -> Flag:
         """Return whether a body of this radius [m] reaches beyond a wall (Eq. 2).
 
-        The walls bound a convex region, so a segment that starts inside leaves it only if its end does.
+        The walls bound a convex region, so a segment that starts inside leaves it only if its end
+        does.
         """
         return (
             (after.x - radius < self.x_min)

@@ -1,7 +1,8 @@
-"""The chart of an arena: its clearances, and the lengths of all shortest paths between the cells of a coarse grid.
+"""The chart of an arena: its clearances, and the lengths of all shortest paths between the cells of
+a coarse grid.
 
-A chart is drawn once (`apollonius.arenas.charting`). Players read it, and the reward of progress along paths, but no
-rule does.
+A chart is drawn once (`apollonius.arenas.charting`). Players read it, and the reward of progress
+along paths, but no rule does.
 """
 
 import functools
@@ -24,8 +25,8 @@ COARSE_BITS = 11
 """Bits of the number of a coarse cell."""
 _STEP = 2
 """Longest step between coarse cells, in columns and in rows."""
-_ALONG = range(-_STEP, _STEP + 1)
-STEPS = tuple((right, up) for up in _ALONG for right in _ALONG if (right, up) != (0, 0))
+_RANGE = range(-_STEP, _STEP + 1)
+STEPS = tuple((right, up) for up in _RANGE for right in _RANGE if (right, up) != (0, 0))
 """Steps, in columns and rows, between coarse cells of which one can be entered from the other."""
 NO_PATH = 2**16 - 1
 """Length of a missing path [cm]."""
@@ -39,20 +40,22 @@ CellWeights = tuple[Int[Array, "4"], Float[Array, "4"]]
 
 
 class Chart(eqx.Module):
-    """Charts of one or several arenas, squares on their lower left corners with sides as long as their longer ones.
+    """Charts of one or several arenas, squares on their lower left corners with sides as long as
+    their longer ones.
 
     Attributes:
-        field: distance [m] from walls and obstacles at the corners of `SIDE` by `SIDE` cells, the first row at the
-            bottom; negative beyond them.
-        lengths: of the shortest paths between the middles of `COARSE` by `COARSE` coarse cells [cm]; the number of a
-            coarse cell is `row * COARSE + column`.
-        visible: for each cell of the field the coarse cell with the shortest path to it (the lower `COARSE_BITS` bits),
-            and which of the four around its middle can be seen from there: the next bits stand for those at its lower
-            left, lower right, upper left and upper right.
+        field: distance [m] from walls and obstacles at the corners of `SIDE` by `SIDE` cells, the
+            first row at the bottom; negative beyond them.
+        lengths: of the shortest paths between the middles of `COARSE` by `COARSE` coarse cells
+            [cm]; the number of a coarse cell is `row * COARSE + column`.
+        visible: for each cell of the field the coarse cell with the shortest path to it (the lower
+            `COARSE_BITS` bits), and which of the four around its middle can be seen from there: the
+            next bits stand for those at its lower left, lower right, upper left and upper right.
         x, y: the lower left corners [m].
         side: lengths of the sides [m].
-        links: for each coarse cell the steps by which a robot can come into it, a bit for each of `STEPS`; a point
-            belongs to the coarse cell with the shortest path to it. None in exports.
+        links: for each coarse cell the steps by which a robot can come into it, a bit for each of
+            `STEPS`; a point belongs to the coarse cell with the shortest path to it. None in
+            exports.
         member: index of the arena.
     """
 
@@ -66,25 +69,38 @@ class Chart(eqx.Module):
     member: Int[Array, ""] | int = 0
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
-        """Return the distance [m] from a point to the nearest wall or obstacle, interpolated; negative beyond."""
+        """Return the distance [m] from a point to the nearest wall or obstacle, interpolated;
+        negative beyond.
+        """
         member, cell = self.member, self.side[self.member] / SIDE
         across = between_nodes((x - self.x[member]) / cell, SIDE + 1)
         upwards = between_nodes((y - self.y[member]) / cell, SIDE + 1)
         return bilinear(lambda row, column: self.field[member, row, column], across, upwards)
 
     def range(self, x: Scalar, y: Scalar, cos: Scalar, sin: Scalar) -> Scalar:
-        """Return the distance [m] from a point to the first wall or obstacle in a direction, at most `FARTHEST`.
+        """Return the distance [m] from a point to the first wall or obstacle in a direction.
 
-        Sphere tracing (Hart, 1996) with `GLANCES` steps: along a long wall the distance is too short.
+        Sphere tracing (Hart, 1996) with `GLANCES` steps: along a long wall the distance is too
+        short.
+
+        Args:
+            x, y: the point [m].
+            cos, sin: cosine and sine of the direction.
+
+        Returns at most `FARTHEST`.
         """
 
-        def on(_: Int[Array, ""], along: Scalar) -> Scalar:
-            return jnp.minimum(along + jnp.maximum(self.clearance(x + along * cos, y + along * sin), 0.0), FARTHEST)
+        def one_step(_: Int[Array, ""], distance: Scalar) -> Scalar:
+            return jnp.minimum(
+                distance + jnp.maximum(self.clearance(x + distance * cos, y + distance * sin), 0.0),
+                FARTHEST,
+            )
 
-        return jax.lax.fori_loop(0, GLANCES, on, jnp.zeros_like(x))
+        return jax.lax.fori_loop(0, GLANCES, one_step, jnp.zeros_like(x))
 
     def cell_weights(self, x: Scalar, y: Scalar) -> CellWeights:
-        """Return the coarse cells around a point that can be seen from there, with bilinear weights.
+        """Return the coarse cells around a point that can be seen from there, with bilinear
+        weights.
 
         Where none can be seen it is the nearest one alone.
         """
@@ -97,21 +113,32 @@ class Chart(eqx.Module):
         )
         first = low * COARSE + left
         around = jnp.stack([first, first + 1, first + COARSE, first + COARSE + 1])
-        weights = jnp.stack([(1 - right) * (1 - up), right * (1 - up), (1 - right) * up, right * up])
-        known = self.visible[member, row, column].astype(jnp.int32)
-        seen = (known >> (COARSE_BITS + jnp.arange(4, dtype=jnp.int32))) & 1
-        weights = (weights + 1e-3) * seen.astype(jnp.float32)
+        weights = jnp.stack(
+            [(1 - right) * (1 - up), right * (1 - up), (1 - right) * up, right * up],
+        )
+        entry = self.visible[member, row, column].astype(jnp.int32)
+        visible = (entry >> (COARSE_BITS + jnp.arange(4, dtype=jnp.int32))) & 1
+        weights = (weights + 1e-3) * visible.astype(jnp.float32)
         total = jnp.sum(weights)
-        nearest = known & (2**COARSE_BITS - 1)
-        alone = jnp.array([1.0, 0.0, 0.0, 0.0])
-        blind = total == 0
-        return jnp.where(blind, nearest, around), jnp.where(blind, alone, weights / jnp.where(blind, 1.0, total))
+        nearest = entry & (2**COARSE_BITS - 1)
+        nearest_only = jnp.array([1.0, 0.0, 0.0, 0.0])
+        no_cell = total == 0
+        coarse_cells = jnp.where(no_cell, nearest, around)
+        shares = weights / jnp.where(no_cell, 1.0, total)
+        return coarse_cells, jnp.where(no_cell, nearest_only, shares)
 
     def nearest_cell(self, x: Scalar, y: Scalar) -> Int[Array, ""]:
         """Return the number of the coarse cell with the shortest path to a point."""
         side = self.side[self.member]
         shares = (x - self.x[self.member]) / side, (y - self.y[self.member]) / side
-        column, row = (jnp.clip(jnp.floor(share * SIDE), 0.0, SIDE - 1.0).astype(jnp.int32) for share in shares)
+        column, row = (
+            jnp.clip(
+                jnp.floor(share * SIDE),
+                0.0,
+                SIDE - 1.0,
+            ).astype(jnp.int32)
+            for share in shares
+        )
         return self.visible[self.member, row, column].astype(jnp.int32) & (2**COARSE_BITS - 1)
 
     def middles(self) -> tuple[Float[Array, "1 columns"], Float[Array, "rows 1"]]:
@@ -120,43 +147,62 @@ class Chart(eqx.Module):
         return (self.x[self.member] + middles)[None, :], (self.y[self.member] + middles)[:, None]
 
     def path_length(self, start: CellWeights, end: CellWeights) -> Scalar:
-        """Return the length [m] of the shortest path between two points, to about half a coarse cell."""
+        """Return the length [m] of the shortest path between two points, to about half a coarse
+        cell.
+        """
         (starts, start_weights), (ends, end_weights) = start, end
         lengths = self.lengths[self.member, starts[:, None], ends[None, :]].astype(jnp.float32)
         return jnp.sum(start_weights[:, None] * lengths * end_weights[None, :]) / 100
 
     def is_seen(self, x: Scalar, y: Scalar, dx: Scalar, dy: Scalar, distance: Scalar) -> Flag:
-        """Return whether a point sees the one that is (dx, dy) and so a distance away [m]."""
+        """Return whether a straight line between two points meets no obstacle.
+
+        Args:
+            x, y: the first point [m].
+            dx, dy: vector from it to the second [m].
+            distance: length of that vector [m].
+        """
         far = jnp.maximum(distance, 1e-6)
         return self.range(x, y, dx / far, dy / far) >= jnp.minimum(distance, FARTHEST)
 
     def way(self, x: Scalar, y: Scalar, to_x: Scalar, to_y: Scalar) -> Scalar:
-        """Return the length [m] of the shortest way between two points: of the straight line where one sees the other.
+        """Return the length [m] of the shortest path between two points; infinite without a path.
 
-        It is infinite where the chart may have no path.
+        If no obstacle is between them, it is their distance.
+
+        Args:
+            x, y: the first point [m].
+            to_x, to_y: the second point [m].
         """
-        (starts, start_weights), (ends, end_weights) = self.cell_weights(x, y), self.cell_weights(to_x, to_y)
-        counts = (start_weights[:, None] > 0) & (end_weights[None, :] > 0)
-        missing = counts & (self.lengths[self.member, starts[:, None], ends[None, :]] == NO_PATH)
-        path = jnp.where(jnp.any(missing), jnp.inf, self.path_length((starts, start_weights), (ends, end_weights)))
+        starts, start_weights = self.cell_weights(x, y)
+        ends, end_weights = self.cell_weights(to_x, to_y)
+        used = (start_weights[:, None] > 0) & (end_weights[None, :] > 0)
+        missing = used & (self.lengths[self.member, starts[:, None], ends[None, :]] == NO_PATH)
+        path = jnp.where(
+            jnp.any(missing),
+            jnp.inf,
+            self.path_length((starts, start_weights), (ends, end_weights)),
+        )
         dx, dy = to_x - x, to_y - y
         straight = jnp.hypot(dx, dy)
         return jnp.where(self.is_seen(x, y, dx, dy, straight), straight, path)
 
     def lengths_from(self, x: Scalar, y: Scalar) -> Float[Array, "rows columns"]:
-        """Return the lengths of the shortest paths from a point to all coarse cells [m]; infinite without one."""
+        """Return the lengths of the shortest paths from a point to all coarse cells [m]; infinite
+        without one.
+        """
         lengths = self.lengths[self.member, self.nearest_cell(x, y)].astype(jnp.float32)
         return jnp.where(lengths == NO_PATH, jnp.inf, lengths / 100).reshape(COARSE, COARSE)
 
     def path_length_from(self, cell: Int[Array, ""], end: CellWeights) -> Scalar:
-        """Return the length [m] of the shortest path from the middle of a coarse cell to a point."""
+        """Return the length [m] of the shortest path from a coarse cell's middle to a point."""
         cells, weights = end
         return jnp.sum(self.lengths[self.member, cell, cells].astype(jnp.float32) * weights) / 100
 
 
 def _between(middle: Scalar, share: Scalar) -> tuple[Int[Array, ""], Scalar]:
-    """Return the coarse cell before a cell's middle along one axis, and the weight of the next one at a point; both are
-    given as shares of the side.
+    """Return the coarse cell before a cell's middle along one axis, and the weight of the next one
+    at a point; both are given as shares of the side.
     """
     before = jnp.clip(jnp.floor(middle * COARSE - 0.5), 0.0, COARSE - 2.0)
     return before.astype(jnp.int32), jnp.clip(share * COARSE - 0.5 - before, 0.0, 1.0)
@@ -166,25 +212,31 @@ def _between(middle: Scalar, share: Scalar) -> tuple[Int[Array, ""], Scalar]:
 def entries(
     field: Float[Array, "corners corners"], visible: UInt16[Array, "cells cells"]
 ) -> UInt32[Array, "coarse_rows coarse_columns"]:
-    """Return `Chart.links`: from which coarse cells one is entered, as free cells of the field lie side by side."""
+    """Return `Chart.links`: from which coarse cells one is entered, as free cells of the field lie
+    side by side.
+    """
     coarse = visible.astype(jnp.int32) & (2**COARSE_BITS - 1)
     corners = field[1:, 1:], field[1:, :-1], field[:-1, 1:], field[:-1, :-1]
     cells = jnp.where(functools.reduce(jnp.maximum, corners) > 0, coarse, -1)  # -1: not free
 
-    def one_row(entered: Bool[Array, "steps coarse"], rows: tuple[Array, Array]) -> tuple[Array, None]:
-        here, above = rows
-        beside = jnp.concatenate([here[:-1], here, here[:-1], here[1:]])
-        other = jnp.concatenate([here[1:], above, above[1:], above[:-1]])
-        start, end = jnp.concatenate([beside, other]), jnp.concatenate([other, beside])
+    def one_row(
+        links: Bool[Array, "steps coarse"],
+        rows: tuple[Array, Array],
+    ) -> tuple[Array, None]:
+        row, next_row = rows
+        starts = jnp.concatenate([row[:-1], row, row[:-1], row[1:]])
+        ends = jnp.concatenate([row[1:], next_row, next_row[1:], next_row[:-1]])
+        start, end = jnp.concatenate([starts, ends]), jnp.concatenate([ends, starts])
         across, upwards = end % COARSE - start % COARSE, end // COARSE - start // COARSE
         is_near = (jnp.abs(across) <= _STEP) & (jnp.abs(upwards) <= _STEP)
         is_step = (start >= 0) & (end >= 0) & is_near
         step = jnp.where(is_step, (upwards + _STEP) * (2 * _STEP + 1) + across + _STEP, 0)
-        return entered.at[step, end].max(is_step), None
+        return links.at[step, end].max(is_step), None
 
-    above = jnp.pad(cells[1:], ((0, 1), (0, 0)), constant_values=-1)
-    nothing = jnp.zeros((len(STEPS) + 1, COARSE**2), bool)
-    entered, _ = jax.lax.scan(one_row, nothing, (cells, above))
+    next_row = jnp.pad(cells[1:], ((0, 1), (0, 0)), constant_values=-1)
+    no_links = jnp.zeros((len(STEPS) + 1, COARSE**2), bool)
+    links, _ = jax.lax.scan(one_row, no_links, (cells, next_row))
     middle = len(STEPS) // 2
-    bits = [entered[step + (step >= middle)].astype(jnp.uint32) << step for step in range(len(STEPS))]
+    rows_of_steps = [step + (step >= middle) for step in range(len(STEPS))]
+    bits = [links[row].astype(jnp.uint32) << step for step, row in enumerate(rows_of_steps)]
     return functools.reduce(operator.or_, bits).reshape(COARSE, COARSE)

@@ -1,5 +1,5 @@
-"""Drives of the robots of a side: how late and how slowly they do what their players ask for. Without them robots do it
-at once, as in the paper.
+"""Drives of the robots of a side: how late and how slowly they do what their players ask for.
+Without them robots do it at once, as in the paper.
 """
 
 from collections.abc import Sequence
@@ -44,7 +44,12 @@ class Drive(eqx.Module):
         """Refuse impossible numbers."""
         bound = f"a whole number of steps from 0 to {MOST_LAG}, or left out"
         lag, time = self.lag, self.turn_time
-        require(lag is None or (0 <= lag <= MOST_LAG and lag == int(lag)), f"{name}.lag", lag, bound)
+        require(
+            lag is None or (0 <= lag <= MOST_LAG and lag == int(lag)),
+            f"{name}.lag",
+            lag,
+            bound,
+        )
         require(time is None or time >= 0, f"{name}.turn_time", time, "0 s or more, or left out")
 
     def begin(self) -> DriveState:
@@ -52,14 +57,29 @@ class Drive(eqx.Module):
         pending = None if self.lag is None else jnp.zeros((MOST_LAG, 2))
         return DriveState(pending, None if self.turn_time is None else jnp.zeros(()))
 
-    def respond(self, state: DriveState, body: Unicycle, action: Action, dt: Real) -> tuple[Controls, DriveState]:
-        """Return the controls u1 [m/s^2] and u2 [rad/s] that the robot holds in this step, and the drive after it."""
+    def respond(
+        self,
+        state: DriveState,
+        body: Unicycle,
+        action: Action,
+        dt: Real,
+    ) -> tuple[Controls, DriveState]:
+        """Return the controls that the robot holds in this step, and its drive after it.
+
+        Args:
+            state: pending commands and turn rate before the step.
+            body: the robot's limits.
+            action: the player's action.
+            dt: duration of the step [s].
+
+        Returns u1 [m/s^2] and u2 [rad/s].
+        """
         u1, u2 = body.controls(action)
         if self.lag is not None:
             assert state.pending is not None, "the drive began with the same limits"
-            known = jnp.concatenate([jnp.stack([u1, u2])[None], state.pending])
-            u1, u2 = known[jnp.asarray(self.lag).astype(jnp.int32)]
-            state = replace(state, pending=known[:MOST_LAG])
+            commands = jnp.concatenate([jnp.stack([u1, u2])[None], state.pending])
+            u1, u2 = commands[jnp.asarray(self.lag).astype(jnp.int32)]
+            state = replace(state, pending=commands[:MOST_LAG])
         u2, rate = turning(body, self.turn_time, state.turn_rate, u2, dt)
         return (u1, u2), replace(state, turn_rate=rate)
 
@@ -67,35 +87,54 @@ class Drive(eqx.Module):
 def foreseen(
     drive: Drive, state: DriveState, body: Unicycle, robot: RobotState, dt: Real
 ) -> tuple[RobotState, Scalar | None]:
-    """Return a robot when a command that is given now takes effect, and its turn rate then [rad/s], by the commands
-    that are on their way.
+    """Predict a robot, and its turn rate [rad/s], when a command of now takes effect.
+
+    Until then it obeys the commands that are on their way.
+
+    Args:
+        drive, state: the robot's drive, and its pending commands.
+        body: the robot's limits.
+        robot: its state now.
+        dt: duration of a step [s].
     """
-    if (pending := state.pending) is None or drive.lag is None:
+    pending = state.pending
+    if pending is None or drive.lag is None:
         return robot, state.turn_rate
     lag = jnp.asarray(drive.lag).astype(jnp.int32)
 
-    def on(now: tuple[RobotState, Scalar | None], step: Array) -> tuple[tuple[RobotState, Scalar | None], None]:
+    def one_step(
+        now: tuple[RobotState, Scalar | None],
+        step: Array,
+    ) -> tuple[tuple[RobotState, Scalar | None], None]:
         (robot, rate), (u1, u2) = now, pending[jnp.maximum(lag - 1 - step, 0)]
         mean, after = turning(body, drive.turn_time, rate, u2, dt)
         return choose(step < lag, (body.move(robot, u1, mean, dt), after), now), None
 
-    return jax.lax.scan(on, (robot, state.turn_rate), jnp.arange(MOST_LAG))[0]
+    return jax.lax.scan(one_step, (robot, state.turn_rate), jnp.arange(MOST_LAG))[0]
 
 
 def turning(
     body: Unicycle, turn_time: Real | None, rate: Scalar | None, asked: Scalar, dt: Real
 ) -> tuple[Scalar, Scalar | None]:
-    """Return the mean turn rate over a time `dt` [s], by which the robot turns, and the one after it [rad/s].
+    """Return the mean turn rate over a step and the turn rate after it [rad/s].
 
-    It changes from one rate towards another at a constant rate until that is reached, by u2_max in `turn_time` [s].
-    Without a turn time it is at once what is asked for, and None is returned for the one after it.
+    The turn rate approaches the commanded one linearly, by u2_max in `turn_time`. Without a turn
+    time it equals the command at once, and there is no rate after the step.
+
+    Args:
+        body: the robot's limits.
+        turn_time: time to change the turn rate by u2_max [s], or None.
+        rate: turn rate before the step [rad/s], or None.
+        asked: commanded turn rate [rad/s].
+        dt: duration of the step [s].
     """
     if turn_time is None:
         return asked, None
     assert rate is not None, "a drive with a turn time has a turn rate"
-    most = body.u2_max * dt / jnp.maximum(turn_time, 1e-6)
-    made = jnp.clip(asked - rate, -most, most)
-    return rate + made - made * jnp.abs(made) / jnp.maximum(2 * most, 1e-9), rate + made
+    max_change = body.u2_max * dt / jnp.maximum(turn_time, 1e-6)
+    change = jnp.clip(asked - rate, -max_change, max_change)
+    mean = rate + change - change * jnp.abs(change) / jnp.maximum(2 * max_change, 1e-9)
+    return mean, rate + change
 
 
 class Drives(BySide[Drive | None]):
@@ -111,8 +150,18 @@ def drive_of(drives: Drives | None, role: Role) -> Drive:
 
 
 def respond(
-    drive: Drive, states: DriveStates, bodies: Sequence[Unicycle], actions: Sequence[Action], dt: Real
+    drive: Drive,
+    states: DriveStates,
+    bodies: Sequence[Unicycle],
+    actions: Sequence[Action],
+    dt: Real,
 ) -> tuple[tuple[Controls, ...], DriveStates]:
-    """Return the controls that robots with such a drive hold in this step, and their drives after it."""
-    made = [drive.respond(*robot, dt) for robot in zip(states, bodies, actions, strict=True)]
-    return tuple(controls for controls, _ in made), tuple(after for _, after in made)
+    """Return the controls that a side's robots hold in this step, and their drives after it.
+
+    Args:
+        drive: the drive of each robot of the side.
+        states, bodies, actions: pending commands, limits and action of each robot.
+        dt: duration of the step [s].
+    """
+    responses = [drive.respond(*robot, dt) for robot in zip(states, bodies, actions, strict=True)]
+    return tuple(controls for controls, _ in responses), tuple(after for _, after in responses)

@@ -1,4 +1,4 @@
-"""How a robot moves: a unicycle driven by acceleration and turn rate, within speed limits (Eq. 1)."""
+"""A robot's motion: a unicycle driven by acceleration and turn rate, within limits (Eq. 1)."""
 
 from typing import Any
 
@@ -12,7 +12,9 @@ from apollonius.game.types import NUM_ACTIONS, Action, Controls, Real, RobotStat
 from apollonius.io.errors import require
 
 MAX_TURN = 2.0
-"""Largest turn in one step [rad]: a step is one arc, and beyond this its contacts would not be those of its chord."""
+"""Largest turn in one step [rad]: a step is one arc, and beyond this its contacts would not be
+those of its chord.
+"""
 
 
 def wrap_angle(angle: Scalar) -> Scalar:
@@ -23,18 +25,21 @@ def wrap_angle(angle: Scalar) -> Scalar:
 def unit_vector(angle: Scalar) -> tuple[Scalar, Scalar]:
     """Return cosine and sine of an angle [rad], to 1e-6.
 
-    The series of the half angle, which is within a quarter turn, and the double-angle formulas: several times faster
-    than `jnp.cos` and `jnp.sin`, which reduce arguments of any size, and most of what a step of the game costs.
+    The series of the half angle, which is within a quarter turn, and the double-angle formulas:
+    several times faster than `jnp.cos` and `jnp.sin`, which reduce arguments of any size, and most
+    of what a step of the game costs.
     """
     half = wrap_angle(angle) / 2
     square = half * half
-    sine = half * (1 + square * _horner(square, -1 / 6, 1 / 120, -1 / 5040, 1 / 362880, -1 / 39916800))
-    cosine = 1 + square * _horner(square, -1 / 2, 1 / 24, -1 / 720, 1 / 40320, -1 / 3628800, 1 / 479001600)
+    sine_series = -1 / 6, 1 / 120, -1 / 5040, 1 / 362880, -1 / 39916800
+    cosine_series = -1 / 2, 1 / 24, -1 / 720, 1 / 40320, -1 / 3628800, 1 / 479001600
+    sine = half * (1 + square * _horner(square, *sine_series))
+    cosine = 1 + square * _horner(square, *cosine_series)
     return 1 - 2 * sine * sine, 2 * sine * cosine
 
 
 def sinc(angle: Scalar) -> Scalar:
-    """Return `sin(angle) / angle` by its series, to 3e-6 within 1 rad of 0, to single precision within 0.6 rad."""
+    """Return `sin(angle) / angle` by its series: to 3e-6 within 1 rad, exactly within 0.6 rad."""
     return _horner(angle * angle, 1.0, -1 / 6, 1 / 120, -1 / 5040)
 
 
@@ -51,7 +56,9 @@ MIRRORED = tuple(3 * (action // 3) + 2 - action % 3 for action in range(NUM_ACTI
 
 
 def action_levels(action: Action) -> tuple[Scalar, Scalar]:
-    """Return the shares of u1_max and u2_max: -1, 0 or 1 each for a discrete action; others are clipped to [-1, 1]."""
+    """Return the shares of u1_max and u2_max: -1, 0 or 1 each for a discrete action; others are
+    clipped to [-1, 1].
+    """
     if is_continuous(action):
         share_u1, share_u2 = jnp.clip(action, -1.0, 1.0)
         return share_u1, share_u2
@@ -74,7 +81,9 @@ def as_action(action: Any) -> Action:
 
 
 def is_continuous(action: Shaped[Array, "..."] | jax.ShapeDtypeStruct) -> bool:
-    """Return whether actions, or their shape and type, are pairs of shares; known before anything runs."""
+    """Return whether actions, or their shape and type, are pairs of shares; known before anything
+    runs.
+    """
     return jnp.issubdtype(action.dtype, jnp.floating)
 
 
@@ -108,13 +117,14 @@ class Unicycle(eqx.Module):
 
     def check(self, name: str, dt: Real) -> None:
         """Refuse impossible limits, and turns too large for a step of `dt` [s]."""
-        largest = f"at most {MAX_TURN / dt:g} rad/s, {MAX_TURN} rad in a step of {dt:g} s; make it or dt smaller"
+        fastest = f"at most v_max = {self.v_max} m/s; exchange the two"
+        largest = f"at most {MAX_TURN / dt:g} rad/s, {MAX_TURN} rad in a step of {dt:g} s"
         for field, holds, bound in (
-            ("v_min", self.v_min <= self.v_max, f"at most v_max = {self.v_max} m/s; exchange the two"),
+            ("v_min", self.v_min <= self.v_max, fastest),
             ("v_max", self.v_max > 0, "more than 0 m/s, or the robot cannot go forward"),
             ("u1_max", self.u1_max >= 0, "0 m/s^2 or more; accelerations are -u1_max, 0, +u1_max"),
             ("u2_max", self.u2_max >= 0, "0 rad/s or more; turn rates are -u2_max, 0, +u2_max"),
-            ("u2_max", self.u2_max * dt <= MAX_TURN, largest),
+            ("u2_max", self.u2_max * dt <= MAX_TURN, f"{largest}; make it or dt smaller"),
             ("radius", self.radius >= 0, "0 m (a point) or more"),
         ):
             require(holds, f"{name}.{field}", getattr(self, field), bound)
@@ -125,17 +135,28 @@ class Unicycle(eqx.Module):
         return level_u1 * self.u1_max, level_u2 * self.u2_max
 
     def move(self, robot: RobotState, u1: Scalar, u2: Scalar, dt: Real) -> RobotState:
-        """Return the robot after holding its controls u1 [m/s^2] and u2 [rad/s] for `dt` [s] (Eq. 1).
+        """Return the robot after holding its controls for a step (Eq. 1).
 
-        The speed is a ramp clipped to its limits and the heading turns at a constant rate; both are exact. The robot
-        follows the circular arc of that turn with the ramp's exact mean speed, whose chord is
-        `mean_v * dt * sinc(u2 dt / 2)` along the middle heading. That is exact whenever the speed is constant or the
-        robot does not turn, and of second order in `dt` otherwise (2e-5 m in one step of the `paper` game).
+        The speed is a ramp clipped to its limits and the heading turns at a constant rate; both are
+        exact. The robot follows the circular arc of that turn with the ramp's exact mean speed;
+        the chord is `mean_v * dt * sinc(u2 dt / 2)` along the middle heading. That is exact
+        whenever the speed is constant or the robot does not turn, and of second order in `dt`
+        otherwise (2e-5 m in one step of the `paper` game).
+
+        Args:
+            robot: its state before.
+            u1: acceleration [m/s^2].
+            u2: turn rate [rad/s].
+            dt: duration of the step [s].
         """
         dv = u1 * dt
         v = jnp.clip(robot.v + dv, self.v_min, self.v_max)
-        lost_to_limit = jnp.where(dv == 0, 0.0, (v - robot.v) ** 2 / (2 * jnp.where(dv == 0, 1.0, dv)))
-        mean_v = v - lost_to_limit
+        loss_at_limit = jnp.where(
+            dv == 0,
+            0.0,
+            (v - robot.v) ** 2 / (2 * jnp.where(dv == 0, 1.0, dv)),
+        )
+        mean_v = v - loss_at_limit
         half_turn = u2 * dt / 2
         chord = mean_v * dt * sinc(half_turn)
         cos, sin = unit_vector(robot.heading + half_turn)

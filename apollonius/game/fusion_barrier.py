@@ -13,10 +13,11 @@ R = TypeVar("R")
 def fusion_barrier(function: Callable[P, R]) -> Callable[P, R]:
     """Return a function whose inputs and outputs are computed once and stored when it is compiled.
 
-    XLA on the CPU otherwise computes an intermediate result again for each of its uses: without this boundary a step
-    of the game takes 46 cosines instead of 2 and runs ten times slower. (`optimization_barrier` does not help there.)
-    Inside, all is fused as usual: the boundary is not handed on to the compiled functions that are called there, such
-    as `jnp.where` and `jnp.clip`, each of which would else go through memory on its own.
+    XLA on the CPU otherwise computes an intermediate result again for each of its uses: without
+    this boundary a step of the game takes 46 cosines instead of 2 and runs ten times slower.
+    (`optimization_barrier` does not help there.) Inside, all is fused as usual: the boundary is not
+    handed on to the compiled functions that are called there, such as `jnp.where` and `jnp.clip`,
+    each of which would else go through memory on its own.
     """
 
     @jax.jit

@@ -47,22 +47,25 @@ _BLOCK = 1024
 class Game(eqx.Module):
     """A pursuit-evasion game between two robots, or two teams, among obstacles.
 
-    All its numbers are leaves of a pytree: one compilation serves every speed, radius and time step, and a sweep over
-    them is a `vmap`. Only the numbers of robots, of obstacles and of their corners and cells, and the named profiles,
-    are static.
+    All its numbers are leaves of a pytree: one compilation serves every speed, radius and time
+    step, and a sweep over them is a `vmap`. Only the numbers of robots, of obstacles and of their
+    corners and cells, and the named profiles, are static.
 
     Attributes:
         pursuer, evader: the robots' limits, of a team those of its first robot; equal in the paper.
         arena: walls and obstacles.
-        capture_distance: the robots' centres come closer than this [m]: captured (D_catch of Table I).
+        capture_distance: distance [m] of two centres below which the evader is captured (D_catch of
+            Table I).
         dt: duration of a step, in which controls are held [s].
         max_steps: time limit [steps].
-        scenario: the arenas from which each game draws one (`in_arenas`); None for games in `arena`.
+        scenario: the arenas from which each game draws one (`in_arenas`); None for games in
+            `arena`.
         teams: the other robots of either side; None in a game of two.
-        sensors, drives: of either side; None for robots that see everything, and do at once what their players say.
+        reward, starts: rewards of both sides, and the distribution of initial states.
+        sensors, drives: of either side; None for robots that see everything and act at once.
 
     Raises:
-        InvalidInput: at construction, for values no game can be played with; names value, bound and remedy.
+        InvalidInput: at construction, for values that no game can be played with.
     """
 
     pursuer: Body = Body()
@@ -82,15 +85,21 @@ class Game(eqx.Module):
         self.check()
 
     def check(self) -> None:
-        """Refuse a game that cannot be played; one whose numbers are traced or swept is left unchecked."""
+        """Refuse a game that cannot be played. Numbers that are traced or swept stay unchecked."""
         validation.require_usual_numbers()
         if validation.is_swept(self):
             return
         validation.check_finite(self)
         require(np.float32(self.dt) > 0, "dt", self.dt, "more than 0 s; the paper game uses 0.1")
         bound = "more than 0 m; the paper uses 0.3"
-        require(np.float32(self.capture_distance) > 0, "capture_distance", self.capture_distance, bound)
-        steps, bound = self.max_steps, f"a whole number, at least 1, at most {MAX_STEPS}; the paper game uses 1000"
+        require(
+            np.float32(self.capture_distance) > 0,
+            "capture_distance",
+            self.capture_distance,
+            bound,
+        )
+        steps = self.max_steps
+        bound = f"a whole number, at least 1, at most {MAX_STEPS}; the paper game uses 1000"
         require(1 <= steps <= MAX_STEPS and steps == int(steps), "max_steps", steps, bound)
         self.reward.check()
         validation.check_bodies(self.bodies, float(self.dt), self.sensors, self.drives)
@@ -101,8 +110,8 @@ class Game(eqx.Module):
     @property
     def bodies(self) -> BySide[tuple[Unicycle, ...]]:
         """The limits of every robot of either side."""
-        others = self.teams or Teams()
-        return BySide((self.pursuer, *others.pursuers), (self.evader, *others.evaders))
+        mates = self.teams or Teams()
+        return BySide((self.pursuer, *mates.pursuers), (self.evader, *mates.evaders))
 
     @property
     def size(self) -> str:
@@ -127,7 +136,7 @@ class Game(eqx.Module):
         return replace(self.starts.sample(key, game.arena, game.bodies), place=place)
 
     def at(self, state: GameState) -> "Game":
-        """Return the game in one arena and between known robots that is played in a state."""
+        """Return the game that is played in a state: in its arena, between its robots."""
         return self if self.scenario is None else self.in_place(state.place)
 
     def in_place(self, place: Int[Array, ""] | None) -> "Game":
@@ -135,19 +144,24 @@ class Game(eqx.Module):
         scenario = self.scenario
         assert scenario is not None, "only a scenario has places"
         assert place is not None, "a state of a game in one of several arenas says in which"
-        alone = replace(self, arena=scenario.arena(place), scenario=None)
+        single = replace(self, arena=scenario.arena(place), scenario=None)
         if scenario.kinds is None:
-            return alone
+            return single
         kind = jax.tree.map(lambda leaf: leaf[place // scenario.count], scenario.kinds)
-        others = self.teams and replace(
+        teams = self.teams and replace(
             self.teams,
             pursuers=(kind.pursuer,) * len(self.teams.pursuers),
             evaders=(kind.evader,) * len(self.teams.evaders),
         )
         return replace(
-            alone, pursuer=kind.pursuer, evader=kind.evader, capture_distance=kind.capture_distance, teams=others,
-            sensors=kind.sensors or self.sensors, drives=kind.drives or self.drives,
-        )  # fmt: skip
+            single,
+            pursuer=kind.pursuer,
+            evader=kind.evader,
+            capture_distance=kind.capture_distance,
+            teams=teams,
+            sensors=kind.sensors or self.sensors,
+            drives=kind.drives or self.drives,
+        )
 
     def require_one_arena(self, who: str) -> None:
         """Refuse a game in one of several arenas, for `who` needs one; raises InvalidInput."""
@@ -156,44 +170,74 @@ class Game(eqx.Module):
 
     def require_two(self, who: str) -> None:
         """Refuse a game of teams, for `who` knows two robots only; raises InvalidInput."""
-        require(self.teams is None, "robots", self.size, f"1 v 1: {who} knows games of two robots only")
+        require(
+            self.teams is None,
+            "robots",
+            self.size,
+            f"1 v 1: {who} knows games of two robots only",
+        )
 
     def duel(self, who: str) -> "Game":
-        """Return the game of two robots of alike teams, for `who` knows only two; raises InvalidInput if unlike."""
+        """Return the game between one robot of each team, for `who` knows only two.
+
+        Raises:
+            InvalidInput: if the robots of a team differ.
+        """
         alike = all(body == side[0] for side in self.bodies for body in side)
-        require(alike, "robots", "of several kinds", f"alike on either side: {who} knows one pursuer and one evader")
+        require(
+            alike,
+            "robots",
+            "of several kinds",
+            f"alike on either side: {who} knows one pursuer and one evader",
+        )
         return replace(self, teams=None)
 
-    def step(self, state: GameState, pursuer_action: SideAction, evader_action: SideAction) -> Timestep:
-        """Let all robots hold their actions, of a team a list or tuple, for `dt`, and judge the step."""
-        bodies, asked = self.at(state).bodies, BySide(pursuer_action, evader_action)
+    def step(
+        self,
+        state: GameState,
+        pursuer_action: SideAction,
+        evader_action: SideAction,
+    ) -> Timestep:
+        """Let all robots hold their actions for `dt` and judge the step.
+
+        A team's actions are a list or tuple, one for each robot.
+        """
+        bodies, side_actions = self.at(state).bodies, BySide(pursuer_action, evader_action)
 
         def controls(role: Role) -> tuple[Controls, ...]:
-            actions, count = asked[role], len(bodies[role])
-            several = actions if isinstance(actions, list | tuple) else (actions,)
-            require(len(several) == count, f"{role.name.lower()}_action", actions, f"{count} in number, one a robot")
-            return tuple(body.controls(as_action(one)) for body, one in zip(bodies[role], several, strict=True))
+            actions, count = side_actions[role], len(bodies[role])
+            robot_actions = actions if isinstance(actions, list | tuple) else (actions,)
+            require(
+                len(robot_actions) == count,
+                f"{role.name.lower()}_action",
+                actions,
+                f"{count} in number, one a robot",
+            )
+            pairs = zip(bodies[role], robot_actions, strict=True)
+            return tuple(body.controls(as_action(action)) for body, action in pairs)
 
         return self.step_controls(state, ROLES.map(controls))
 
     def step_controls(self, state: GameState, controls: BySide[tuple[Controls, ...]]) -> Timestep:
-        """Let all active robots hold their controls (u1 [m/s^2], u2 [rad/s]) for `dt`, and judge the step."""
+        """Let active robots hold controls (u1 [m/s^2], u2 [rad/s]) for `dt`; judge the step."""
         game = self.at(state)
 
-        def moved(role: Role) -> tuple[RobotState, ...]:
+        def robots_after(role: Role) -> tuple[RobotState, ...]:
             robots = zip(game.bodies[role], state.robots[role], controls[role], strict=True)
-            ends = tuple(body.move(robot, *held, self.dt) for body, robot, held in robots)
+            driven = tuple(body.move(robot, u1, u2, self.dt) for body, robot, (u1, u2) in robots)
             if state.status is None:
-                return ends
-            halted = (replace(robot, v=jnp.zeros_like(robot.v)) for robot in state.robots[role])
-            return tuple(map(choose, state.active[role], ends, halted))
+                return driven
+            stopped = (replace(robot, v=jnp.zeros_like(robot.v)) for robot in state.robots[role])
+            return tuple(map(choose, state.active[role], driven, stopped))
 
-        after = replace(state, robots=ROLES.map(moved), steps=state.steps + 1)
+        after = replace(state, robots=ROLES.map(robots_after), steps=state.steps + 1)
         outcome, status = judge(game, state, after)
         after = replace(after, status=status)
-        pay, chart = _paid_apart if self.teams else _paid, game.arena.chart if self.reward.along_paths else None
+        pay = _rewards_computed_once if self.teams else _rewards
+        chart = game.arena.chart if self.reward.along_paths else None
+        has_chart = chart is not None or not self.reward.along_paths
         bound = "left out in a game without charts: apollonius.arenas.charting.charted draws them"
-        require(chart is not None or not self.reward.along_paths, "reward.along_paths", True, bound)
+        require(has_chart, "reward.along_paths", True, bound)
         out_of_time = outcome == Outcome.NO_RESULT
         truncated = out_of_time & (not self.reward.time_limit_wins)
         return Timestep(
@@ -205,13 +249,17 @@ class Game(eqx.Module):
         )
 
 
-def _paid(
-    reward: Reward, outcome: Int[Array, ""], before: GameState, after: GameState, chart: Chart | None
+def _rewards(
+    reward: Reward,
+    outcome: Int[Array, ""],
+    before: GameState,
+    after: GameState,
+    chart: Chart | None,
 ) -> BySide[tuple[Scalar, ...]]:
     return reward(outcome, fates(outcome, before.status, after.status), leads(before, after, chart))
 
 
-_paid_apart = fusion_barrier(_paid)
+_rewards_computed_once = fusion_barrier(_rewards)
 """In teams mates share their rewards, which would be computed again for each mate and each use."""
 
 
@@ -222,11 +270,15 @@ def reset_batch(game: Game, key: PRNGKeyArray, games: int) -> GameState:
 
 
 def sample_starts(game: Game, key: PRNGKeyArray, games: int) -> GameState:
-    """Draw the starts of `reset_batch` block by block: one compilation serves every number of games.
+    """Draw the starts of `reset_batch` block by block.
 
-    Several arenas take turns, as `Scenario.place_of` says.
+    One compilation serves every number of games. Several arenas take turns (`Scenario.place_of`).
     """
-    blocks = [jax.device_get(_draw_block(game, key, np.uint32(first))) for first in range(0, games, _BLOCK)]
+
+    def draw_block(first: int) -> GameState:
+        return jax.device_get(_draw_block(game, key, np.uint32(first)))
+
+    blocks = [draw_block(first) for first in range(0, games, _BLOCK)]
     return jax.device_put(jax.tree.map(lambda *leaves: np.concatenate(leaves)[:games], *blocks))
 
 
@@ -235,10 +287,10 @@ def _draw_block(game: Game, key: PRNGKeyArray, first: UInt32[Array, ""]) -> Game
     # The i-th key that `split` makes is that of `fold_in` with i.
     index = first + jnp.arange(_BLOCK, dtype=jnp.uint32)
 
-    def draw(one: UInt32[Array, ""]) -> GameState:
-        start_key = jax.random.fold_in(key, one)
+    def draw(number: UInt32[Array, ""]) -> GameState:
+        start_key = jax.random.fold_in(key, number)
         if game.scenario is None:
             return game.reset(start_key)
-        return game.reset_at(game.scenario.place_of(one.astype(jnp.int32)), start_key)
+        return game.reset_at(game.scenario.place_of(number.astype(jnp.int32)), start_key)
 
     return jax.vmap(draw)(index)

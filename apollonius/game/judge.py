@@ -47,9 +47,10 @@ class Fate(eqx.Module):
 
 
 class _Events(eqx.Module):
-    """The events of one robot in a step; none if it is not active before it.
+    """The events of one robot in a step; none unless it was active before the step.
 
-    A capture excludes all others: that it touches an obstacle, leaves the walls, or touches a mate and does neither.
+    A captured robot has no other event. `hit`: it touched an obstacle; `out`: it left the walls;
+    `collided`: it touched a mate, and neither hit an obstacle nor left the walls.
     """
 
     active: Flag
@@ -63,7 +64,7 @@ class _Events(eqx.Module):
         return self.active & ~(self.captured | self.hit | self.out | self.collided)
 
     def status(self, before: Int[Array, ""]) -> Int[Array, ""]:
-        """Return the status after the step; a robot that hits an obstacle and leaves the walls has hit the obstacle."""
+        """Return the status after the step; hitting an obstacle goes before leaving the walls."""
         status = jnp.where(self.collided, RobotStatus.HIT_MATE, before)
         status = jnp.where(self.out, RobotStatus.OUT_OF_RANGE, status)
         status = jnp.where(self.hit, RobotStatus.HIT_OBSTACLE, status)
@@ -71,22 +72,29 @@ class _Events(eqx.Module):
 
 
 @fusion_barrier
-def judge(game: Judged, before: GameState, after: GameState) -> tuple[Int[Array, ""], Statuses | None]:
-    """Return the outcome of a step by the states at its two ends, and the status of each robot; None in a game of two.
+def judge(
+    game: Judged,
+    before: GameState,
+    after: GameState,
+) -> tuple[Int[Array, ""], Statuses | None]:
+    """Return the outcome of a step and the status of each robot; None in a game of two.
 
-    A side is beaten when no robot of it is active any more. The game then has the outcome of the last one, by the order
-    of `decide`: so the pursuers win by capturing the last evader, even if no pursuer is active any more.
+    A side is beaten when its last robot stops being active. The game then ends with the outcome of
+    that robot, in the order of `decide`: pursuers win by capturing the last evader even if no
+    pursuer is active any more.
     """
     events = ROLES.map(lambda role: _events(game, before, after, role))
     beaten = events.map(lambda side: ~_any(robot.stays for robot in side))
 
     def last(role: Role, *failures: str) -> Flag:
-        return beaten[role] & _any(getattr(robot, failure) for robot in events[role] for failure in failures)
+        flags = (getattr(robot, failure) for robot in events[role] for failure in failures)
+        return beaten[role] & _any(flags)
 
-    reached = None
+    territory_reached = None
     if game.arena.territory:
         moves = zip(before.robots.evader, after.robots.evader, events.evader, strict=True)
-        reached = _any(robot.stays & game.arena.reaches_territory(start, end) for start, end, robot in moves)
+        reaches = game.arena.reaches_territory
+        territory_reached = _any(robot.stays & reaches(start, end) for start, end, robot in moves)
     outcome = decide(
         captured=beaten.evader & _any(robot.captured for robot in events.evader),
         pursuer_hit=last(Role.PURSUER, "hit", "collided"),
@@ -94,41 +102,54 @@ def judge(game: Judged, before: GameState, after: GameState) -> tuple[Int[Array,
         evader_hit=last(Role.EVADER, "hit", "collided"),
         evader_out=last(Role.EVADER, "out"),
         out_of_time=after.steps >= game.max_steps,
-        territory_reached=reached,
+        territory_reached=territory_reached,
     )
-    if (status := before.status) is None:
+    statuses = before.status
+    if statuses is None:
         return outcome, None
-    return outcome, ROLES.map(
-        lambda role: tuple(robot.status(was) for robot, was in zip(events[role], status[role], strict=True))
-    )
+
+    def statuses_after(role: Role) -> tuple[Int[Array, ""], ...]:
+        robots = zip(events[role], statuses[role], strict=True)
+        return tuple(robot.status(status) for robot, status in robots)
+
+    return outcome, ROLES.map(statuses_after)
 
 
 @jax.jit
 def statuses_along(game: Judged, states: GameState) -> Statuses | None:
-    """Return the statuses of all robots along states that follow each other, whatever moved the robots."""
+    """Return the statuses of all robots along consecutive states, whatever moved the robots."""
 
-    def one(status: Statuses | None, step: tuple[GameState, GameState]) -> tuple[Statuses | None, Statuses | None]:
+    def one_step(
+        status: Statuses | None,
+        step: tuple[GameState, GameState],
+    ) -> tuple[Statuses | None, Statuses | None]:
         before, after = (replace(state, status=status) for state in step)
-        found = judge(game, before, after)[1]
-        return found, found
+        statuses = judge(game, before, after)[1]
+        return statuses, statuses
 
     first = jax.tree.map(lambda leaf: leaf[0], states.status)
-    pairs = jax.tree.map(lambda leaf: leaf[:-1], states), jax.tree.map(lambda leaf: leaf[1:], states)
-    return jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, jax.lax.scan(one, first, pairs)[1])
+    befores = jax.tree.map(lambda leaf: leaf[:-1], states)
+    afters = jax.tree.map(lambda leaf: leaf[1:], states)
+    _, later = jax.lax.scan(one_step, first, (befores, afters))
+    return jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, later)
 
 
-def fates(outcome: Int[Array, ""], before: Statuses | None, after: Statuses | None) -> BySide[tuple[Fate, ...]]:
-    """Return the fate of each robot in a step with this outcome, from the statuses before and after it, if any."""
+def fates(
+    outcome: Int[Array, ""],
+    before: Statuses | None,
+    after: Statuses | None,
+) -> BySide[tuple[Fate, ...]]:
+    """Return the fate of each robot in a step, by its outcome and, in teams, by the statuses."""
     if before is None or after is None:
-        caught, both = outcome == Outcome.CAPTURED, Outcome.BOTH_FAILED
-        pursuer = Fate(active=True, captured=False, failed=is_one_of((both, *PURSUER_FAILS), outcome))
-        evader = Fate(active=True, captured=caught, failed=is_one_of((both, *EVADER_FAILS), outcome))
-        return BySide((pursuer,), (evader,))
+        caught, both_failed = outcome == Outcome.CAPTURED, Outcome.BOTH_FAILED
+        pursuer_failed = is_one_of((both_failed, *PURSUER_FAILS), outcome)
+        evader_failed = is_one_of((both_failed, *EVADER_FAILS), outcome)
+        return BySide((Fate(True, False, pursuer_failed),), (Fate(True, caught, evader_failed),))
 
-    def fate(was: Int[Array, ""], now: Int[Array, ""]) -> Fate:
-        active = was == RobotStatus.ACTIVE
-        captured = active & (now == RobotStatus.CAPTURED)
-        return Fate(active, captured, active & ~captured & (now != RobotStatus.ACTIVE))
+    def fate(status_before: Int[Array, ""], status_after: Int[Array, ""]) -> Fate:
+        active = status_before == RobotStatus.ACTIVE
+        captured = active & (status_after == RobotStatus.CAPTURED)
+        return Fate(active, captured, active & ~captured & (status_after != RobotStatus.ACTIVE))
 
     return ROLES.map(lambda role: tuple(map(fate, before[role], after[role])))
 
@@ -137,21 +158,30 @@ def _events(game: Judged, before: GameState, after: GameState, role: Role) -> tu
     active, bodies = before.active, game.bodies[role]
     moves = ROLES.map(lambda side: list(zip(before.robots[side], after.robots[side], strict=True)))
     hunters = list(zip(moves.pursuer, active.pursuer, strict=True)) if role == Role.EVADER else []
-    collide = bool(game.teams and game.teams.mates_collide)
+    mates_collide = bool(game.teams and game.teams.mates_collide)
+
+    def touches_mate(number: int) -> Flag:
+        own_moves = moves[role]
+        contacts: list[Flag] = []
+        for mate in range(len(bodies)):
+            if mates_collide and mate != number:
+                distance = bodies[number].radius + bodies[mate].radius
+                touches = come_within(own_moves[mate], own_moves[number], distance)
+                contacts.append(active[role][mate] & touches)
+        return _any(contacts)
 
     def events(number: int) -> _Events:
-        move, body, there = moves[role][number], bodies[number], active[role][number]
-        catches = [hunts & come_within(other, move, game.capture_distance) for other, hunts in hunters]
-        captured = there & _any(catches)
-        fails = there & ~captured
-        hit = fails & game.arena.hits_obstacle(*move, body.radius)
-        out = fails & game.arena.is_out_of_range(move[1], body.radius)
-        mates = [other for other in range(len(bodies)) if collide and other != number]
-        touched = [
-            active[role][other] & come_within(moves[role][other], move, body.radius + bodies[other].radius)
-            for other in mates
-        ]
-        return _Events(there, captured, hit, out, collided=fails & _any(touched) & ~hit & ~out)
+        move = moves[role][number]
+        body = bodies[number]
+        is_active = active[role][number]
+        distance = game.capture_distance
+        captures = [hunts & come_within(hunter, move, distance) for hunter, hunts in hunters]
+        captured = is_active & _any(captures)
+        uncaught = is_active & ~captured
+        hit = uncaught & game.arena.hits_obstacle(*move, body.radius)
+        out = uncaught & game.arena.is_out_of_range(move[1], body.radius)
+        collided = uncaught & touches_mate(number) & ~hit & ~out
+        return _Events(is_active, captured, hit, out, collided)
 
     return tuple(events(number) for number in range(len(bodies)))
 

@@ -1,4 +1,4 @@
-"""Names of the games that need no file, known without JAX; `apollonius.game.presets` has the games."""
+"""Names of the games that need no file, known without JAX (`apollonius.game.presets`)."""
 
 import re
 

@@ -24,8 +24,9 @@ _clearances = Kept(jax.vmap(jax.vmap(Polygon.clearance, (None, 0, None)), (None,
 
 
 class Surroundings(eqx.Module):
-    """For each square cell of a rectangle, by its lower left corner and the side of a cell [m], the polygons within
-    reach from anywhere in it: the numbers of their edges, padded with that of a last one which is far from everywhere.
+    """For each square cell of a rectangle, by its lower left corner and the side of a cell [m], the
+    polygons within reach from anywhere in it: the numbers of their edges, padded with that of a
+    last one which is far from everywhere.
     """
 
     edges: Edge
@@ -44,23 +45,39 @@ class Surroundings(eqx.Module):
 
 
 def surroundings(
-    polygons: Sequence[Polygon], reach: float, x_min: float, x_max: float, y_min: float, y_max: float
+    polygons: Sequence[Polygon],
+    reach: float,
+    x_min: float,
+    x_max: float,
+    y_min: float,
+    y_max: float,
 ) -> Surroundings:
-    """Index polygons for a rectangle [m], by a reach [m]."""
-    nowhere = Polygon(((_FAR, _FAR),) * len(polygons[-1].vertices))
+    """Index polygons by the cells of a rectangle.
+
+    Args:
+        polygons: one at least.
+        reach: distance [m] up to which a polygon counts as near.
+        x_min, x_max, y_min, y_max: the rectangle [m].
+    """
+    far_polygon = Polygon(((_FAR, _FAR),) * len(polygons[-1].vertices))
     cell = max(x_max - x_min, y_max - y_min) / _CELLS
-    columns, rows = (max(1, int(np.ceil((high - low) / cell))) for low, high in ((x_min, x_max), (y_min, y_max)))
-    x, y = (jnp.float32(low + cell * (np.arange(count) + 0.5)) for low, count in ((x_min, columns), (y_min, rows)))
-    far_enough = reach + cell / np.sqrt(2) + _ROUNDING
+    columns = max(1, int(np.ceil((x_max - x_min) / cell)))
+    rows = max(1, int(np.ceil((y_max - y_min) / cell)))
+    x = jnp.float32(x_min + cell * (np.arange(columns) + 0.5))
+    y = jnp.float32(y_min + cell * (np.arange(rows) + 0.5))
+    max_distance = reach + cell / np.sqrt(2) + _ROUNDING
     numbers: list[list[int]] = [[] for _ in range(rows * columns)]
     first = 0
     for polygon in polygons:
         last = first + len(polygon.vertices)
-        for index in np.flatnonzero(np.asarray(_clearances(polygon, x, y)) <= far_enough):
+        for index in np.flatnonzero(np.asarray(_clearances(polygon, x, y)) <= max_distance):
             numbers[index] += range(first, last)
         first = last
-    most = max(1, max(map(len, numbers)))
-    filled = np.array([[*some, *[first] * (most - len(some))] for some in numbers], np.int32)
-    within = jnp.asarray(filled.reshape(rows, columns, most))
-    edges = jax.tree.map(lambda leaf: leaf[: first + 1], _edges_of((*polygons, nowhere)).edges)
+    longest = max(1, max(map(len, numbers)))
+    rows_of_edges = np.array(
+        [[*edges, *[first] * (longest - len(edges))] for edges in numbers],
+        np.int32,
+    )
+    within = jnp.asarray(rows_of_edges.reshape(rows, columns, longest))
+    edges = jax.tree.map(lambda leaf: leaf[: first + 1], _edges_of((*polygons, far_polygon)).edges)
     return Surroundings(edges, within, *map(jnp.float32, (x_min, y_min, cell)))

@@ -1,5 +1,7 @@
 """An occupancy map as an obstacle: a field of distances from its occupied cells."""
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -11,9 +13,23 @@ from apollonius.game.types import Flag, Real, RobotState, Scalar
 from apollonius.io.errors import require
 
 _ROUNDING = 0.15
-"""What bilinear interpolation can add to a distance, in cells: 0.146, near a lone corner of an occupied cell."""
-_Walk = tuple[Scalar, Scalar, Scalar, Scalar, Flag]
-"""Row and column of a cell, shares of a segment up to the next ones, and whether the cell is occupied."""
+"""What bilinear interpolation can add to a distance, in cells: 0.146, near a lone corner of an
+occupied cell.
+"""
+
+
+class _Walk(NamedTuple):
+    """A walk along a segment: its cell, the shares of the segment up to the next ones along x and
+    y, and whether the cell is occupied.
+    """
+
+    row: Scalar
+    column: Scalar
+    next_x: Scalar
+    next_y: Scalar
+    is_occupied: Flag
+
+
 _PARTS = 4
 """Parts of a step at whose ends the field is looked up."""
 
@@ -21,14 +37,16 @@ _PARTS = 4
 class OccupancyMap(AbstractObstacle):
     """Square cells, occupied or free, with the distance from the occupied ones.
 
-    The field is exact at the cells' corners, as the nearest point of an occupied square from there is a corner too.
-    Between them it is interpolated, and lowered by as much as that can be too high. So in the free cells a clearance
-    is never more than the distance from the nearest occupied cell; it is less by 0.15 cells beside a long wall and by
-    0.86 at most. In occupied cells it is negative, and in gaps of one cell between them too.
+    The field is exact at the cells' corners, as the nearest point of an occupied square from there
+    is a corner too. Between them it is interpolated, and lowered by as much as that can be too
+    high. So in the free cells a clearance is never more than the distance from the nearest occupied
+    cell; it is less by 0.15 cells beside a long wall and by 0.86 at most. In occupied cells it is
+    negative, and in gaps of one cell between them too.
 
     Attributes:
-        field: distance [m] of each corner from the occupied cells, the first row at the bottom; in their midst minus
-            the distance from the free cells, the longer of its two parts along x and y.
+        field: distance [m] of each corner from the occupied cells, the first row at the bottom; in
+            their midst minus the distance from the free cells, the longer of its two parts along x
+            and y.
         x, y: the lower left corner [m].
         cell: side of a cell [m].
         file: the map's YAML file.
@@ -53,10 +71,19 @@ class OccupancyMap(AbstractObstacle):
         return self.y + (self.field.shape[-2] - 1) * self.cell
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
-        """Return the distance [m] from a point to the nearest occupied cell, never too long; negative inside."""
+        """Return the distance [m] from a point to the nearest occupied cell, never too long;
+        negative inside.
+        """
         rows, columns = self._corners
         across = between_nodes((x - self.x) / self.cell, columns)
-        return bilinear(self._at, across, between_nodes((y - self.y) / self.cell, rows)) - _ROUNDING * self.cell
+        return (
+            bilinear(
+                self._at,
+                across,
+                between_nodes((y - self.y) / self.cell, rows),
+            )
+            - _ROUNDING * self.cell
+        )
 
     @property
     def _corners(self) -> tuple[int | Int[Array, ""], int | Int[Array, ""]]:
@@ -71,31 +98,37 @@ class OccupancyMap(AbstractObstacle):
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
         """Return a lower bound of the clearance [m] on the segment between two states.
 
-        The field is looked up at five points. Between two neighbours a distance is less than at both by at most half
-        their own distance, so the result is too short by at most an eighth of the step.
+        The field is looked up at five points. Between two neighbours a distance is less than at
+        both by at most half their own distance, so the result is too short by at most an eighth of
+        the step.
         """
         shares = jnp.arange(_PARTS + 1) / _PARTS
         x, y = before.x + shares * (after.x - before.x), before.y + shares * (after.y - before.y)
-        there = jax.vmap(self.clearance)(x, y)
-        apart = jnp.hypot(after.x - before.x, after.y - before.y) / _PARTS
-        return jnp.minimum(jnp.min(there), jnp.min(there[1:] + there[:-1] - apart) / 2)
+        clearances = jax.vmap(self.clearance)(x, y)
+        spacing = jnp.hypot(after.x - before.x, after.y - before.y) / _PARTS
+        at_points = jnp.min(clearances)
+        between = jnp.min(clearances[1:] + clearances[:-1] - spacing) / 2
+        return jnp.minimum(at_points, between)
 
     def hides(self, here: RobotState, there: RobotState) -> Flag:
         """Return whether the segment between two robots' centres meets an occupied cell.
 
-        The cells that it crosses are looked at one by one (Amanatides and Woo, "A fast voxel traversal algorithm for
-        ray tracing", 1987).
+        The cells that it crosses are looked at one by one (Amanatides and Woo, "A fast voxel
+        traversal algorithm for ray tracing", 1987).
         """
         rows, columns = self._corners
         start_x, start_y = (here.x - self.x) / self.cell, (here.y - self.y) / self.cell
         along_x, along_y = (there.x - here.x) / self.cell, (there.y - here.y) / self.cell
 
         def axis(start: Scalar, along: Scalar) -> tuple[Scalar, Scalar, Scalar]:
-            """Return the first cell, the share of the segment up to its end, and what of it one more cell takes."""
+            """Return the first cell, the share of the segment up to its end, and what of it one
+            more cell takes.
+            """
             first, slope = jnp.floor(start), 1 / jnp.maximum(jnp.abs(along), 1e-9)
             return first, jnp.where(along > 0, first + 1 - start, start - first) * slope, slope
 
-        (column, next_x, slope_x), (row, next_y, slope_y) = axis(start_x, along_x), axis(start_y, along_y)
+        column, next_x, slope_x = axis(start_x, along_x)
+        row, next_y, slope_y = axis(start_y, along_y)
 
         def is_occupied(row: Scalar, column: Scalar) -> Flag:
             low = jnp.clip(row, 0, rows - 2.0).astype(jnp.int32)
@@ -104,25 +137,31 @@ class OccupancyMap(AbstractObstacle):
             return jnp.sum(jnp.stack(corners)) <= 0
 
         def one_cell(walk: _Walk) -> _Walk:
-            row, column, next_x, next_y, _ = walk
-            across = next_x < next_y
-            column = jnp.where(across, column + jnp.sign(along_x), column)
-            row = jnp.where(across, row, row + jnp.sign(along_y))
-            reached = jnp.minimum(next_x, next_y)
-            next_x, next_y = jnp.where(across, next_x + slope_x, next_x), jnp.where(across, next_y, next_y + slope_y)
-            return row, column, next_x, next_y, (reached < 1) & is_occupied(row, column)
+            across = walk.next_x < walk.next_y
+            column = jnp.where(across, walk.column + jnp.sign(along_x), walk.column)
+            row = jnp.where(across, walk.row, walk.row + jnp.sign(along_y))
+            share = jnp.minimum(walk.next_x, walk.next_y)
+            next_x = jnp.where(across, walk.next_x + slope_x, walk.next_x)
+            next_y = jnp.where(across, walk.next_y, walk.next_y + slope_y)
+            occupied = (share < 1) & is_occupied(row, column)
+            return _Walk(row, column, next_x, next_y, occupied)
 
-        def goes_on(walk: _Walk) -> Flag:
-            return ~walk[4] & (jnp.minimum(walk[2], walk[3]) < 1)
+        def should_continue(walk: _Walk) -> Flag:
+            return ~walk.is_occupied & (jnp.minimum(walk.next_x, walk.next_y) < 1)
 
-        return jax.lax.while_loop(goes_on, one_cell, (row, column, next_x, next_y, is_occupied(row, column)))[4]
+        start = _Walk(row, column, next_x, next_y, is_occupied(row, column))
+        return jax.lax.while_loop(should_continue, one_cell, start).is_occupied
 
     def check(self, name: str, walls: Walls) -> None:
         """Refuse walls beyond the map's ends."""
         ends = Walls(self.x, self.x_max, self.y, self.y_max)
-        covered = ends.enclose(walls.x_min, walls.y_min) and ends.enclose(walls.x_max, walls.y_max)
+        low_is_inside = ends.enclose(walls.x_min, walls.y_min)
+        is_covered = low_is_inside and ends.enclose(walls.x_max, walls.y_max)
         require(
-            covered, "arena walls", walls.sides, f"within the map's ends {ends.sides}; leave them out to have those"
+            is_covered,
+            "arena walls",
+            walls.sides,
+            f"within the map's ends {ends.sides}; leave them out to have those",
         )
 
     def occupied(self) -> Bool[np.ndarray, "rows columns"]:
@@ -141,11 +180,21 @@ class OneOfMaps(OccupancyMap):
         return self.field[self.member, row, column]
 
 
-def distance_field(occupied: Bool[np.ndarray, "rows columns"], cell: float) -> Float[np.ndarray, "corners_y corners_x"]:
-    """Return the field of distances [m] at the corners of cells; raises InvalidInput unless there are free cells."""
+def distance_field(
+    occupied: Bool[np.ndarray, "rows columns"],
+    cell: float,
+) -> Float[np.ndarray, "corners_y corners_x"]:
+    """Return the field of distances [m] at the corners of cells; raises InvalidInput unless there
+    are free cells.
+    """
     from scipy.ndimage import distance_transform_cdt, distance_transform_edt
 
-    require(not occupied.all(), "map", "all occupied", "a map with free cells; mind negate and free_thresh")
+    require(
+        not occupied.all(),
+        "map",
+        "all occupied",
+        "a map with free cells; mind negate and free_thresh",
+    )
     field = np.zeros([count + 1 for count in occupied.shape], np.float32)
     if occupied.any():
         field += np.asarray(distance_transform_edt(~_corners_of(occupied)))

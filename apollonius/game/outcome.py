@@ -21,15 +21,23 @@ PURSUER_FAILS = (Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE)
 """The pursuer failed alone."""
 
 
-def come_within(one: tuple[RobotState, RobotState], other: tuple[RobotState, RobotState], distance: Real) -> Flag:
-    """Return whether two robots' centres come closer than a distance [m] anywhere along a step, in which both move
-    along their segments at the same time.
+def come_within(
+    one: tuple[RobotState, RobotState],
+    other: tuple[RobotState, RobotState],
+    distance: Real,
+) -> Flag:
+    """Return whether two centres come closer than a distance [m] anywhere along a step.
+
+    Both robots move along their segments at the same time.
     """
     (before, after), (other_before, other_after) = one, other
     relative_x = other_before.x - before.x
     relative_y = other_before.y - before.y
     approach = closest_approach_squared(
-        relative_x, relative_y, other_after.x - after.x - relative_x, other_after.y - after.y - relative_y
+        relative_x,
+        relative_y,
+        other_after.x - after.x - relative_x,
+        other_after.y - after.y - relative_y,
     )
     return approach < distance**2
 
@@ -46,9 +54,17 @@ def decide(
 ) -> Int[Array, ""]:
     """Return the one outcome of a step with several events.
 
-    Capture comes first, then failures, then the territory where there is one, then the time limit: the order of the
-    cases of Eq. 8 and 9. Two robots that fail in the same step have an outcome of their own. A robot that hits an
-    obstacle and leaves the walls in the same step counts as having hit the obstacle.
+    Capture comes first, then failures, then the territory where there is one, then the time limit:
+    the order of the cases of Eq. 8 and 9. Two robots that fail in the same step have an outcome of
+    their own. A robot that hits an obstacle and leaves the walls in the same step counts as having
+    hit the obstacle.
+
+    Args:
+        captured: the evader is captured.
+        pursuer_hit, evader_hit: the robot hits an obstacle.
+        pursuer_out, evader_out: the robot leaves the walls.
+        out_of_time: the time limit is reached.
+        territory_reached: the evader reaches the territory; None without a territory.
     """
     pursuer_failed = pursuer_hit | pursuer_out
     evader_failed = evader_hit | evader_out
@@ -72,12 +88,15 @@ def evader_wins(outcome: Int[Array, "*games"], time_limit_wins: bool) -> Bool[Ar
 
 
 def evader_winning(time_limit_wins: bool) -> tuple[Outcome, ...]:
-    """Return the evader's wins: the pursuer failed alone, the territory and, where that wins, the time limit."""
-    return *PURSUER_FAILS, Outcome.TERRITORY_REACHED, *([Outcome.NO_RESULT] if time_limit_wins else [])
+    """Return the evader's wins: the pursuer failed alone, the territory and, where that wins, the
+    time limit.
+    """
+    by_time = (Outcome.NO_RESULT,) if time_limit_wins else ()
+    return (*PURSUER_FAILS, Outcome.TERRITORY_REACHED, *by_time)
 
 
 def is_one_of(outcomes: Sequence[Outcome], outcome: Int[Array, "*games"]) -> Bool[Array, "*games"]:
-    return functools.reduce(operator.or_, (outcome == one for one in outcomes))
+    return functools.reduce(operator.or_, (outcome == member for member in outcomes))
 
 
 def counts_by_name(counts: Sequence[int] | Array | np.ndarray) -> dict[str, int]:
@@ -85,18 +104,21 @@ def counts_by_name(counts: Sequence[int] | Array | np.ndarray) -> dict[str, int]
 
     Unfinished games are left out, and a territory that was never reached, as most games have none.
     """
-    possible = [outcome for outcome in Outcome if outcome not in (Outcome.ONGOING, Outcome.TERRITORY_REACHED)]
-    reached = [Outcome.TERRITORY_REACHED] if int(counts[Outcome.TERRITORY_REACHED]) else []
-    return {outcome.name.lower(): int(counts[outcome]) for outcome in possible + reached}
+    optional = (Outcome.ONGOING, Outcome.TERRITORY_REACHED)
+    outcomes = [outcome for outcome in Outcome if outcome not in optional]
+    territory = [Outcome.TERRITORY_REACHED] if int(counts[Outcome.TERRITORY_REACHED]) else []
+    return {outcome.name.lower(): int(counts[outcome]) for outcome in outcomes + territory}
 
 
 def require_counts(counts: Mapping[str, int], source: str) -> None:
-    """Refuse, by InvalidInput, counts by name that cannot be those of games; `source` is their file."""
-    name, known = f"{source}: outcomes", set(counts_by_name([0] * len(Outcome)))
-    named = known <= set(counts) <= known | {Outcome.TERRITORY_REACHED.name.lower()}
-    require(named, name, ", ".join(counts), ", ".join(sorted(known)))
-    counted = all(0 <= count <= MOST_COUNTED for count in counts.values())
-    require(counted, name, dict(counts), f"counts from 0 to {MOST_COUNTED:,}")
+    """Refuse, by InvalidInput, counts by name that cannot be those of games; `source` is their
+    file.
+    """
+    name, names = f"{source}: outcomes", set(counts_by_name([0] * len(Outcome)))
+    complete = names <= set(counts) <= names | {Outcome.TERRITORY_REACHED.name.lower()}
+    require(complete, name, ", ".join(counts), ", ".join(sorted(names)))
+    plausible = all(0 <= count <= MOST_COUNTED for count in counts.values())
+    require(plausible, name, dict(counts), f"counts from 0 to {MOST_COUNTED:,}")
 
 
 def names_of(outcomes: Sequence[Outcome]) -> list[str]:

@@ -1,7 +1,7 @@
 """Polygonal obstacles: distances from them, and contact with them along a step."""
 
 from collections.abc import Callable, Sequence
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -17,17 +17,22 @@ T = TypeVar("T")
 MOST_CORNERS = 1_000
 """Most corners of a polygon: every step looks at them all."""
 _APART = 1e-6
-"""Distances below this [m] count as contact: single precision resolves no less in an arena some metres wide."""
+"""Distances below this [m] count as contact: single precision resolves no less in an arena some
+metres wide.
+"""
 _PASSED_THROUGH = -1e-6
-"""The clearance [m] of a step that goes in and out again: less than nothing, as it is for any other contact."""
+"""The clearance [m] of a step that goes in and out again: less than nothing, as it is for any other
+contact.
+"""
 
 
 class Polygon(AbstractObstacle):
-    """An obstacle with straight edges, convex or not, that do not cross. Only the number of corners is static.
+    """An obstacle with straight edges, convex or not, that do not cross. Only the number of corners
+    is static.
 
     Attributes:
-        vertices: the corners x, y [m], either way round; the last is joined to the first. One array, rather than a
-            number each, where many arenas are compiled together.
+        vertices: the corners x, y [m], either way round; the last is joined to the first. One
+            array, rather than a number each, where many arenas are compiled together.
     """
 
     vertices: tuple[tuple[Real, Real], ...] | Float[Array, "*arenas corners 2"]
@@ -45,7 +50,9 @@ class Polygon(AbstractObstacle):
         return tuple((x, y) for x, y in self.vertices)
 
     def check(self, name: str, walls: Walls) -> None:
-        """Refuse corners outside the walls, and edges that meet elsewhere than at the corners they share."""
+        """Refuse corners outside the walls, and edges that meet elsewhere than at the corners they
+        share.
+        """
         name = f"{name}.vertices"
         corners = np.asarray(self.vertices, float).reshape(-1, 2)
         count = len(corners)
@@ -55,14 +62,19 @@ class Polygon(AbstractObstacle):
         beyond = f"inside the walls {walls.sides}; move them"
         require(not len(outside), name, f"{_places(corners, outside)} and others", beyond)
         meeting = _meeting(corners)
+        order = "the corners in order around it, each once, whose edges meet nowhere else"
         require(
-            not len(meeting), name, f"{_places(corners, meeting)} and others",
-            "the corners in order around it, each once, whose edges meet nowhere else; those from these places do",
-        )  # fmt: skip
+            not len(meeting),
+            name,
+            f"{_places(corners, meeting)} and others",
+            f"{order}; those from these places do",
+        )
 
 
 class Edge(eqx.Module):
-    """An edge from a corner (x, y) [m] to the next; `turn` is 1 where the polygon is counter-clockwise, else -1."""
+    """An edge from a corner (x, y) [m] to the next; `turn` is 1 where the polygon is
+    counter-clockwise, else -1.
+    """
 
     x: Scalar
     y: Scalar
@@ -71,7 +83,7 @@ class Edge(eqx.Module):
     turn: Int[Array, ""]
 
     def left(self, x: Scalar, y: Scalar) -> Scalar:
-        """Return a point's distance to the left of the edge's line, times the edge's length [m^2]."""
+        """Return a point's distance to the left of the edge's line, times its length [m^2]."""
         return self.along_x * (y - self.y) - self.along_y * (x - self.x)
 
     def windings(self, x: Scalar, y: Scalar) -> Int[Array, ""]:
@@ -84,7 +96,9 @@ class Edge(eqx.Module):
         return jnp.where(crosses, jnp.where(ends_above, self.turn, -self.turn), 0)
 
     def is_crossed(self, before: RobotState, after: RobotState) -> Flag:
-        """Return whether the ends of the edge, and those of a step, lie on different sides of the other."""
+        """Return whether the ends of the edge, and those of a step, lie on different sides of the
+        other.
+        """
         dx, dy = after.x - before.x, after.y - before.y
         x, y = self.x - before.x, self.y - before.y
         sides = (dx * y - dy * x) * (dx * (y + self.along_y) - dy * (x + self.along_x))
@@ -92,7 +106,9 @@ class Edge(eqx.Module):
 
 
 class Place(eqx.Module):
-    """A point (x, y) [m] among the edges so far: its squared distance from the nearest [m^2], and their windings."""
+    """A point (x, y) [m] among the edges so far: its squared distance from the nearest [m^2], and
+    their windings.
+    """
 
     x: Scalar
     y: Scalar
@@ -101,7 +117,12 @@ class Place(eqx.Module):
 
     def beside(self, edge: Edge) -> "Place":
         """Return the point with one more edge."""
-        squared = closest_approach_squared(edge.x - self.x, edge.y - self.y, edge.along_x, edge.along_y)
+        squared = closest_approach_squared(
+            edge.x - self.x,
+            edge.y - self.y,
+            edge.along_x,
+            edge.along_y,
+        )
         windings = self.windings + edge.windings(self.x, self.y)
         return Place(self.x, self.y, jnp.minimum(self.squared, squared), windings)
 
@@ -112,6 +133,14 @@ class Place(eqx.Module):
         return jnp.where(self.windings > 0, -distance, distance)
 
 
+class _Segment(NamedTuple):
+    """A segment among the edges so far: both ends, and the least clearance between them [m]."""
+
+    start: Place
+    end: Place
+    between: Scalar
+
+
 class Edges(AbstractObstacle):
     """The edges of any number of polygons as one obstacle, leaves `[edges]`."""
 
@@ -119,13 +148,17 @@ class Edges(AbstractObstacle):
 
     @classmethod
     def of(cls, polygons: Sequence[Polygon]) -> "Edges":
-        """Return the edges of polygons, one polygon after the other: scanned one by one they take least arithmetic."""
+        """Return the edges of polygons, one polygon after the other: scanned one by one they take
+        least arithmetic.
+        """
         corners = [_corners(polygon) for polygon in polygons]
-        if len({places.shape for places in corners}) == 1:  # compiles sooner than one polygon after another
+        # compiles sooner than one polygon after another
+        if len({places.shape for places in corners}) == 1:
             numbers = jax.vmap(_numbers)(jnp.stack(corners))
             numbers = tuple(number.reshape(-1) for number in numbers)
         else:
-            numbers = tuple(jnp.concatenate(parts) for parts in zip(*map(_numbers, corners), strict=True))
+            columns = zip(*map(_numbers, corners), strict=True)
+            numbers = tuple(jnp.concatenate(parts) for parts in columns)
         return cls(jax.vmap(Edge)(*numbers))
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
@@ -135,29 +168,43 @@ class Edges(AbstractObstacle):
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
         """Return the least clearance [m] on the segment between two states.
 
-        Outside it is exact: the least distance of any point of the segment from any edge. Of a segment that touches the
-        inside it is negative: the clearance of the deeper end, or `_PASSED_THROUGH` where both ends are outside.
+        Outside it is exact: the least distance of any point of the segment from any edge. Of a
+        segment that touches the inside it is negative: the clearance of the deeper end, or
+        `_PASSED_THROUGH` where both ends are outside.
         """
         dx, dy = after.x - before.x, after.y - before.y
 
-        def look(seen: tuple[Place, Place, Scalar], edge: Edge) -> tuple[Place, Place, Scalar]:
-            start, end, between = seen
+        def add_edge(segment: _Segment, edge: Edge) -> _Segment:
             corner = closest_approach_squared(before.x - edge.x, before.y - edge.y, dx, dy)
-            here = jnp.where(edge.is_crossed(before, after), _PASSED_THROUGH, jnp.sqrt(corner))
-            return start.beside(edge), end.beside(edge), jnp.minimum(between, here)
+            clearance = jnp.where(edge.is_crossed(before, after), _PASSED_THROUGH, jnp.sqrt(corner))
+            return _Segment(
+                start=segment.start.beside(edge),
+                end=segment.end.beside(edge),
+                between=jnp.minimum(segment.between, clearance),
+            )
 
-        nothing = (_nowhere(before.x, before.y), _nowhere(after.x, after.y), jnp.asarray(jnp.inf, jnp.float32))
-        start, end, between = self._over_edges(look, nothing)
-        return jnp.minimum(jnp.minimum(start.clearance, end.clearance), between)
+        no_edges = _Segment(
+            start=_nowhere(before.x, before.y),
+            end=_nowhere(after.x, after.y),
+            between=jnp.asarray(jnp.inf, jnp.float32),
+        )
+        segment = self._over_edges(add_edge, no_edges)
+        ends = jnp.minimum(segment.start.clearance, segment.end.clearance)
+        return jnp.minimum(ends, segment.between)
 
-    def _over_edges(self, look: Callable[[T, Edge], T], seen: T) -> T:
-        return jax.lax.scan(lambda seen, edge: (look(seen, edge), None), seen, self.edges)[0]
+    def _over_edges(self, add_edge: Callable[[T, Edge], T], initial: T) -> T:
+        def one_edge(value: T, edge: Edge) -> tuple[T, None]:
+            return add_edge(value, edge), None
+
+        end, _ = jax.lax.scan(one_edge, initial, self.edges)
+        return end
 
 
 def _corners(polygon: Polygon) -> Float[Array, "corners 2"]:
     vertices = polygon.vertices
     if isinstance(vertices, tuple):
-        numbers = [jnp.asarray(one, jnp.float32) for place in vertices for one in place]
+        coordinates = [coordinate for corner in vertices for coordinate in corner]
+        numbers = [jnp.asarray(coordinate, jnp.float32) for coordinate in coordinates]
         return jnp.stack(numbers).reshape(-1, 2)
     return jnp.asarray(vertices)
 
@@ -174,19 +221,24 @@ def _nowhere(x: Scalar, y: Scalar) -> Place:
 
 
 def _meeting(corners: Float[np.ndarray, "corners 2"]) -> Int[np.ndarray, " some"]:
-    """Return the corners at which the first two edges begin that meet elsewhere than at a corner they share."""
+    """Return the corners at which the first two edges begin that meet elsewhere than at a corner
+    they share.
+    """
     count = len(corners)
     along = np.roll(corners, -1, axis=0) - corners
     length = np.maximum(np.hypot(*along.T), _APART)[:, None]
-    # By edge and corner: how far the corner is to the left of the edge's line, and how far ahead along it [m].
+    # By edge and corner: how far the corner is to the left of the edge's line, and how far ahead
+    # along it [m].
     to_x, to_y = (corners[None] - corners[:, None]).transpose(2, 0, 1)
-    left = (along[:, :1] * to_y - along[:, 1:] * to_x) / length
-    ahead = (along[:, :1] * to_x + along[:, 1:] * to_y) / length
+    offset = (along[:, :1] * to_y - along[:, 1:] * to_x) / length
+    distance_ahead = (along[:, :1] * to_x + along[:, 1:] * to_y) / length
     edge, corner = np.indices((count, count))
-    touches = (np.abs(left) <= _APART) & (ahead >= -_APART) & (ahead <= length + _APART)
+    touches = np.abs(offset) <= _APART
+    touches &= (distance_ahead >= -_APART) & (distance_ahead <= length + _APART)
     touches &= (corner != edge) & (corner != (edge + 1) % count)
-    parts = left * np.roll(left, -1, axis=1) < 0  # the edge's line has the ends of another edge on different sides
-    return np.argwhere(touches | (parts & parts.T))[:1].ravel()
+    # The edge's line has the ends of another edge on different sides.
+    separates = offset * np.roll(offset, -1, axis=1) < 0
+    return np.argwhere(touches | (separates & separates.T))[:1].ravel()
 
 
 def _places(corners: Float[np.ndarray, "corners 2"], which: Int[np.ndarray, " some"]) -> str:

@@ -1,4 +1,6 @@
-"""The rewards of a step: the paper's (Eq. 8, 9) or the zero-sum profile; and progress, by the line or by the way."""
+"""The rewards of a step: the paper's (Eq. 8, 9) or the zero-sum profile; and progress, by the line
+or by the way.
+"""
 
 import functools
 import operator
@@ -21,15 +23,15 @@ class Reward(eqx.Module):
     """The rewards of both sides.
 
     Attributes:
-        profile: `paper` (Eq. 8, 9) or `zero-sum` (+1 to the winner, -1 to the loser, 0 before the end and when both
-            fail in one step).
-        capture: paid to the pursuer for a capture and taken from the evader (Eq. 8, 9); the other way round when the
-            evader reaches a territory.
+        profile: `paper` (Eq. 8, 9) or `zero-sum` (+1 to the winner, -1 to the loser, 0 before the
+            end and when both fail in one step).
+        capture: paid to the pursuer for a capture and taken from the evader (Eq. 8, 9); the other
+            way round when the evader reaches a territory.
         failure: taken from a robot that hits an obstacle or leaves the walls (Eq. 8, 9).
         progress: weight c of the change in distance, per metre (Eq. 8, 9).
-        along_paths: pay progress along the shortest way between the robots (`Chart.way`) instead of the straight line:
-            before a wall standing still pays no more than driving round. The game needs charts
-            (`apollonius.arenas.charting`).
+        along_paths: pay progress along the shortest way between the robots (`Chart.way`) instead of
+            the straight line: before a wall standing still pays no more than driving round. The
+            game needs charts (`apollonius.arenas.charting`).
     """
 
     profile: Literal["paper", "zero-sum"] = eqx.field(static=True, default="paper")
@@ -40,23 +42,34 @@ class Reward(eqx.Module):
 
     @property
     def time_limit_wins(self) -> bool:
-        """Return whether outliving the time limit is the evader's win (and so terminal) rather than a truncation."""
+        """Return whether outliving the time limit is the evader's win (and so terminal) rather than
+        a truncation.
+        """
         return self.profile == "zero-sum"
 
     def check(self) -> None:
         """Refuse impossible names and numbers."""
-        require(self.profile in ("paper", "zero-sum"), "reward.profile", self.profile, "paper or zero-sum")
+        require(
+            self.profile in ("paper", "zero-sum"),
+            "reward.profile",
+            self.profile,
+            "paper or zero-sum",
+        )
 
     def __call__(
-        self, outcome: Int[Array, ""], robots: BySide[tuple[Fate, ...]], leads: Sequence[tuple[Scalar, Scalar]]
+        self,
+        outcome: Int[Array, ""],
+        robots: BySide[tuple[Fate, ...]],
+        leads: Sequence[tuple[Scalar, Scalar]],
     ) -> BySide[tuple[Scalar, ...]]:
         """Return every robot's reward for one step.
 
-        In the paper's profile pursuers share their rewards: for each capture, and for the progress of the nearest
-        pursuer towards each evader. An evader is paid for its own lead over that pursuer. A robot that fails pays for
-        it and has no share in the rest, but in the step that captures the last evader no pursuer pays, as capture comes
-        first. Robots are paid for progress when only an opponent failed, as Eq. 8 and 9 have no case for that, and
-        nothing once they are out of play.
+        In the paper's profile pursuers share their rewards: for each capture, and for the progress
+        of the nearest pursuer towards each evader. An evader is paid for its own lead over that
+        pursuer. A robot that fails pays for it and has no share in the rest, but in the step that
+        captures the last evader no pursuer pays, as capture comes first. Robots are paid for
+        progress when only an opponent failed, as Eq. 8 and 9 have no case for that, and nothing
+        once they are out of play.
 
         The zero-sum profile pays all robots of a side by how the game ends, those out of play too.
         """
@@ -64,49 +77,72 @@ class Reward(eqx.Module):
             win = pursuer_wins(outcome).astype(jnp.float32)
             loss = evader_wins(outcome, self.time_limit_wins).astype(jnp.float32)
             return BySide((win - loss,) * len(robots.pursuer), (loss - win,) * len(robots.evader))
-        reached, won = outcome == Outcome.TERRITORY_REACHED, outcome == Outcome.CAPTURED
-        closing = [self.progress * (before - after) for before, after in leads]
+        territory_reached = outcome == Outcome.TERRITORY_REACHED
+        captured = outcome == Outcome.CAPTURED
+        gains = [self.progress * (before - after) for before, after in leads]
         shares = [
-            jnp.where(evader.captured, self.capture, jnp.where(evader.active, closer, 0.0))
-            for evader, closer in zip(robots.evader, closing, strict=True)
+            jnp.where(evader.captured, self.capture, jnp.where(evader.active, gain, 0.0))
+            for evader, gain in zip(robots.evader, gains, strict=True)
         ]
-        shared = jnp.where(reached, -self.capture, functools.reduce(operator.add, shares))
+        pursuers_reward = jnp.where(
+            territory_reached,
+            -self.capture,
+            functools.reduce(operator.add, shares),
+        )
 
         def pursuer(robot: Fate) -> Scalar:
-            return jnp.where(robot.failed & ~won, -self.failure, jnp.where(robot.active, shared, 0.0))
+            return jnp.where(
+                robot.failed & ~captured,
+                -self.failure,
+                jnp.where(robot.active, pursuers_reward, 0.0),
+            )
 
-        def evader(robot: Fate, closer: Scalar) -> Scalar:
-            prize = jnp.where(reached, self.capture, -closer)
-            going = jnp.where(robot.failed, -self.failure, jnp.where(robot.active, prize, 0.0))
-            return jnp.where(robot.captured, -self.capture, going)
+        def evader(robot: Fate, gain: Scalar) -> Scalar:
+            lead_reward = jnp.where(territory_reached, self.capture, -gain)
+            in_play = jnp.where(
+                robot.failed,
+                -self.failure,
+                jnp.where(robot.active, lead_reward, 0.0),
+            )
+            return jnp.where(robot.captured, -self.capture, in_play)
 
-        return BySide(tuple(map(pursuer, robots.pursuer)), tuple(map(evader, robots.evader, closing)))
+        return BySide(
+            tuple(map(pursuer, robots.pursuer)),
+            tuple(map(evader, robots.evader, gains)),
+        )
 
 
 def leads(before: GameState, after: GameState, chart: Chart | None) -> list[tuple[Scalar, Scalar]]:
     """Return each evader's distances [m] from the nearest active pursuer, before and after a step.
 
-    By a chart they are the ways to it, unless the chart lacks one of the two.
+    With a chart they are path lengths, unless the chart lacks one of the two.
     """
 
-    def lead(state: GameState, evader: RobotState) -> Scalar:
+    def distance(state: GameState, evader: RobotState) -> Scalar:
         pursuers = state.robots.pursuer
         pursuer = nearest(evader, pursuers, before.active.pursuer, pursuers)
         return separation(pursuer, evader)
 
-    def way(chart: Chart, state: GameState, evader: RobotState) -> Scalar:
+    def path_length(chart: Chart, state: GameState, evader: RobotState) -> Scalar:
         pursuers = zip(state.robots.pursuer, before.active.pursuer, strict=True)
-        ways = [
-            jnp.where(active, chart.way(robot.x, robot.y, evader.x, evader.y), jnp.inf) for robot, active in pursuers
+        lengths = [
+            jnp.where(
+                active,
+                chart.way(robot.x, robot.y, evader.x, evader.y),
+                jnp.inf,
+            )
+            for robot, active in pursuers
         ]
-        return functools.reduce(jnp.minimum, ways)
+        return functools.reduce(jnp.minimum, lengths)
 
-    def ends(start: RobotState, end: RobotState) -> tuple[Scalar, Scalar]:
-        straight = lead(before, start), lead(after, end)
+    def distances_of(start: RobotState, end: RobotState) -> tuple[Scalar, Scalar]:
+        straight = distance(before, start), distance(after, end)
         if chart is None:
             return straight
-        ways = way(chart, before, start), way(chart, after, end)
-        known = jnp.isfinite(ways[0]) & jnp.isfinite(ways[1])
-        return jnp.where(known, ways[0], straight[0]), jnp.where(known, ways[1], straight[1])
+        first = path_length(chart, before, start)
+        last = path_length(chart, after, end)
+        has_paths = jnp.isfinite(first) & jnp.isfinite(last)
+        return jnp.where(has_paths, first, straight[0]), jnp.where(has_paths, last, straight[1])
 
-    return [ends(*pair) for pair in zip(before.robots.evader, after.robots.evader, strict=True)]
+    evaders = zip(before.robots.evader, after.robots.evader, strict=True)
+    return [distances_of(start, end) for start, end in evaders]

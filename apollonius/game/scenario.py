@@ -1,4 +1,6 @@
-"""Scenarios: several arenas, and maybe several kinds of robots, from which each game draws one at its start."""
+"""Scenarios: several arenas, and maybe several kinds of robots, from which each game draws one at
+its start.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -42,7 +44,12 @@ class Spread:
     high: float
 
     def __post_init__(self) -> None:
-        require(self.low <= self.high, f"{', '.join(self.fields)}: low", self.low, f"at most high = {self.high}")
+        require(
+            self.low <= self.high,
+            f"{', '.join(self.fields)}: low",
+            self.low,
+            f"at most high = {self.high}",
+        )
 
 
 class RobotKinds(eqx.Module):
@@ -63,41 +70,60 @@ class RobotKinds(eqx.Module):
     def every(self, role: Role) -> list[Unicycle]:
         """Return the robots of one side in plain numbers."""
         bodies = self.evader if role == Role.EVADER else self.pursuer
-        return [jax.tree.map(lambda leaf, one=one: float(leaf[one]), bodies) for one in range(len(self))]
+        numbers = range(len(self))
+        return [jax.tree.map(lambda leaf, i=i: float(leaf[i]), bodies) for i in numbers]
 
     def spread(self, spreads: Sequence[Spread]) -> "RobotKinds":
-        """Return kinds whose numbers of these fields are drawn, always the same ones; raises InvalidInput for a field
-        that robots do not have, and for impossible values.
+        """Return kinds whose numbers of these fields are drawn, always the same ones; raises
+        InvalidInput for a field that robots do not have, and for impossible values.
         """
-        rng, count, kinds = np.random.default_rng(0), len(self), self
-        for one in spreads:
-            for field in one.fields:
-                for end in (one.low, one.high):
-                    alone = _with(RobotKinds(Unicycle(), Unicycle(), jnp.ones(1)), field.split("."), end, field)
-                    check_parts(alone.sensors, alone.drives)
+        rng = np.random.default_rng(0)
+        count = len(self)
+        kinds = self
+        for spread in spreads:
+            for field in spread.fields:
+                for end in (spread.low, spread.high):
+                    single = _with(
+                        RobotKinds(Unicycle(), Unicycle(), jnp.ones(1)),
+                        field.split("."),
+                        end,
+                        field,
+                    )
+                    check_parts(single.sensors, single.drives)
                 if field.rpartition(".")[2] in _WHOLE:
-                    values = rng.integers(int(one.low), int(one.high) + 1, count)
+                    values = rng.integers(int(spread.low), int(spread.high) + 1, count)
                 else:
-                    values = rng.uniform(one.low, one.high, count)
+                    values = rng.uniform(spread.low, spread.high, count)
                 kinds = _with(kinds, field.split("."), jnp.asarray(values, jnp.float32), field)
-        return jax.tree.map(lambda leaf: jnp.broadcast_to(jnp.asarray(leaf, jnp.float32), (count,)), kinds)
+        return jax.tree.map(
+            lambda leaf: jnp.broadcast_to(jnp.asarray(leaf, jnp.float32), (count,)),
+            kinds,
+        )
 
 
 def _with(part: Any, path: Sequence[str], value: Real, field: str) -> Any:
-    """Return a part of the kinds with a value at a path; parts on it that are None begin with their defaults."""
+    """Return a part of the kinds with a value at a path; parts on it that are None begin with their
+    defaults.
+    """
     name, *rest = path
-    known: dict[str, Any] = {one.name: one.type for one in fields(part)}
-    require(name in known, "field", field, f"of the robots: '{name}' is none of {', '.join(known)}")
-    types = known[name], *get_args(known[name])
-    kinds = [one for one in types if isinstance(one, type) and issubclass(one, eqx.Module)]
+    types: dict[str, Any] = {entry.name: entry.type for entry in fields(part)}
+    require(name in types, "field", field, f"of the robots: '{name}' is none of {', '.join(types)}")
+    candidates = types[name], *get_args(types[name])
+    classes = [candidate for candidate in candidates if isinstance(candidate, type)]
+    kinds = [candidate for candidate in classes if issubclass(candidate, eqx.Module)]
     require(bool(kinds) == bool(rest), "field", field, "the whole path of one number")
+    if not rest:
+        return replace(part, **{name: value})
     inner = getattr(part, name)
-    return replace(part, **{name: _with(kinds[0]() if inner is None else inner, rest, value, field) if rest else value})
+    if inner is None:
+        inner = kinds[0]()
+    return replace(part, **{name: _with(inner, rest, value, field)})
 
 
 class Scenario(eqx.Module):
-    """Arenas of one shape, leaves `[arenas]`, all equally likely, and maybe robots of several kinds, all of a side
-    alike, equally likely too; and its name in a game's file (`apollonius.arenas.suite`).
+    """Arenas of one shape, leaves `[arenas]`, all equally likely, and maybe robots of several
+    kinds, all of a side alike, equally likely too; and its name in a game's file
+    (`apollonius.arenas.suite`).
     """
 
     arenas: Arena
@@ -115,58 +141,93 @@ class Scenario(eqx.Module):
         return jax.random.randint(key, (), 0, self.size)
 
     def place_of(self, index: Any) -> Any:
-        """Return the place of a match's game of this index: all arenas take turns, and all kinds of robots."""
+        """Return the place of a match's game of this index: all arenas take turns, and all kinds of
+        robots.
+        """
         arena, turn = index % self.count, index // self.count
-        return arena if self.kinds is None else arena + self.count * ((turn + _STRIDE * arena) % len(self.kinds))
+        if self.kinds is None:
+            return arena
+        return arena + self.count * ((turn + _STRIDE * arena) % len(self.kinds))
 
     def arena(self, place: Int[Array, ""]) -> Arena:
-        """Return the arena of a place. A map's field and a chart stay with all others: they are too large to copy."""
-        number, cells, chart = place % self.count, self.arenas.map, self.arenas.chart
+        """Return the arena of a place. A map's field and a chart stay with all others: they are too
+        large to copy.
+        """
+        number = place % self.count
+        cells = self.arenas.map
+        chart = self.arenas.chart
 
         def own(leaf: Any) -> Array:
             return jnp.take(leaf, number, 0, mode="clip")
 
-        return replace(
-            jax.tree.map(own, replace(self.arenas, map=None, chart=None)),
-            map=cells and OneOfMaps(cells.field, own(cells.x), own(cells.y), own(cells.cell), "", "", number),
-            chart=chart and replace(chart, member=number),
+        arena = jax.tree.map(own, replace(self.arenas, map=None, chart=None))
+        own_map = cells and OneOfMaps(
+            cells.field,
+            own(cells.x),
+            own(cells.y),
+            own(cells.cell),
+            "",
+            "",
+            number,
         )
+        return replace(arena, map=own_map, chart=chart and replace(chart, member=number))
 
 
 def stack_arenas(arenas: Sequence[Arena]) -> Arena:
     """Return arenas as one, leaves `[arenas]`; raises InvalidInput unless they are alike.
 
-    All get as many discs, polygons and corners of each as any has; what is added is far from everywhere. A map's field
-    gets as many rows and columns, and continues as it ends; an arena without a map, while others have one, gets one
-    that is free everywhere.
+    All get as many discs, polygons and corners of each as any has; what is added is far from
+    everywhere. A map's field gets as many rows and columns, and continues as it ends; an arena
+    without a map, while others have one, gets one that is free everywhere.
     """
     maps = [arena.map.field.shape for arena in arenas if arena.map]
     corners_of_map = tuple(np.max(maps, axis=0).tolist()) if maps else None
     discs = max(len(arena.discs) for arena in arenas)
     polygons = max(len(arena.polygons) for arena in arenas)
-    corners = max((len(one.vertices) for arena in arenas for one in arena.polygons), default=0)
-    # The corners of a polygon in one array: compiling takes time for every number that is passed alone.
+    outlines = [polygon.vertices for arena in arenas for polygon in arena.polygons]
+    corners = max(map(len, outlines), default=0)
+    # The corners of a polygon in one array: compiling takes time for every number that is passed
+    # alone.
     nowhere = np.full((corners, 2), _FAR)
 
-    def alike(arena: Arena) -> Arena:
-        outlines = [np.asarray(one.vertices, float) for one in arena.polygons]
-        filled = [np.pad(one, ((0, corners - len(one)), (0, 0)), mode="edge") for one in outlines]
+    def pad(arena: Arena) -> Arena:
+        outlines = [np.asarray(polygon.vertices, float) for polygon in arena.polygons]
+        outlines_padded = [
+            np.pad(
+                outline,
+                ((0, corners - len(outline)), (0, 0)),
+                mode="edge",
+            )
+            for outline in outlines
+        ]
+        outlines_padded += [nowhere] * (polygons - len(outlines))
         return replace(
             arena,
             discs=(*arena.discs, *[Disc(_FAR, _FAR, 0.0)] * (discs - len(arena.discs))),
-            polygons=tuple(Polygon(jnp.asarray(one)) for one in [*filled, *[nowhere] * (polygons - len(filled))]),
+            polygons=tuple(Polygon(jnp.asarray(outline)) for outline in outlines_padded),
             map=corners_of_map and _padded_map(arena.map, corners_of_map),
         )
 
-    padded = list(map(alike, arenas))
-    shapes = set(map(jax.tree.structure, padded))
-    require(len(shapes) == 1, "arenas", "of several kinds", "all with a territory or all without, and of one class")
-    return jax.tree.map(lambda *leaves: jnp.asarray(np.array(leaves, np.float32)), *padded)
+    padded_arenas = list(map(pad, arenas))
+    shapes = set(map(jax.tree.structure, padded_arenas))
+    require(
+        len(shapes) == 1,
+        "arenas",
+        "of several kinds",
+        "all with a territory or all without, and of one class",
+    )
+    return jax.tree.map(lambda *leaves: jnp.asarray(np.array(leaves, np.float32)), *padded_arenas)
 
 
-def _padded_map(found: OccupancyMap | None, corners: tuple[int, int]) -> OccupancyMap:
-    if found is None:
+def _padded_map(occupancy: OccupancyMap | None, corners: tuple[int, int]) -> OccupancyMap:
+    if occupancy is None:
         return OccupancyMap(jnp.full(corners, _FAR, jnp.float32), 0.0, 0.0, 1.0, "", "")
-    missing = [(0, wanted - there) for wanted, there in zip(corners, found.field.shape, strict=True)]
+    sizes = zip(corners, occupancy.field.shape, strict=True)
+    padding = [(0, size - current) for size, current in sizes]
     # In NumPy, as JAX would compile it for every shape.
-    return replace(found, field=jnp.asarray(np.pad(found.field, missing, mode="edge")), file="", digest="")
+    return replace(
+        occupancy,
+        field=jnp.asarray(np.pad(occupancy.field, padding, mode="edge")),
+        file="",
+        digest="",
+    )

@@ -1,5 +1,5 @@
-"""Sensors of the robots of a side. Without them robots see everything, exactly and at once, as in the paper; mates know
-of each other, and share what they see.
+"""Sensors of the robots of a side. Without them robots see everything, exactly and at once, as in
+the paper; mates know of each other, and share what they see.
 """
 
 import functools
@@ -21,12 +21,15 @@ MOST_DELAY = 10
 """Longest delay of what is seen [steps]."""
 BOUND = 3.0
 """Standard deviations beyond which there are no errors."""
-_OWN, _OPPONENTS, _DROPPED = 2, 3, 4
+_OWN = 2
+_OPPONENTS = 3
+_DROPPED = 4
 """Numbers folded into random bits, beside the player's own use."""
 
 
 class Noise(eqx.Module):
-    """Standard deviations of the errors of seen states: normal, cut at `BOUND` times these, new in every step.
+    """Standard deviations of the errors of seen states: normal, cut at `BOUND` times these, new in
+    every step.
 
     Attributes:
         position: of x and of y [m].
@@ -63,7 +66,8 @@ class Sensors(eqx.Module):
 
     Attributes:
         line_of_sight: whether obstacles hide what is behind them.
-        range: largest distance between centres at which an opponent is seen [m]; 0 for blind robots.
+        range: largest distance between centres at which an opponent is seen [m]; 0 for blind
+            robots.
         field_of_view: angle that they see, half of it on either side of the heading [rad].
         noise: of the opponents that are seen.
         own_noise: of the robots' own states and those of their mates.
@@ -88,8 +92,18 @@ class Sensors(eqx.Module):
             ("delay", self.delay, 0, MOST_DELAY, f"from 0 to {MOST_DELAY} whole steps"),
         )
         for field, value, low, high, bound in bounds:
-            require(value is None or low <= value <= high, f"{name}.{field}", value, f"{bound}; or left out")
-        require(self.delay is None or self.delay == int(self.delay), f"{name}.delay", self.delay, "whole steps")
+            require(
+                value is None or low <= value <= high,
+                f"{name}.{field}",
+                value,
+                f"{bound}; or left out",
+            )
+        require(
+            self.delay is None or self.delay == int(self.delay),
+            f"{name}.delay",
+            self.delay,
+            "whole steps",
+        )
         for noise in ("noise", "own_noise"):
             for error in fields(Noise) if getattr(self, noise) else ():
                 size = getattr(getattr(self, noise), error.name)
@@ -99,14 +113,15 @@ class Sensors(eqx.Module):
     def reaches(self, arena: Arena, robot: RobotState, other: RobotState) -> Flag:
         """Return whether a robot has another one's centre in sight."""
         dx, dy = other.x - robot.x, other.y - robot.y
-        seen = jnp.ones((), bool)
+        is_visible = jnp.ones((), bool)
         if self.line_of_sight:
-            seen &= ~arena.hides(robot, other)
+            is_visible &= ~arena.hides(robot, other)
         if self.range is not None:
-            seen &= jnp.hypot(dx, dy) <= self.range
+            is_visible &= jnp.hypot(dx, dy) <= self.range
         if self.field_of_view is not None:
-            seen &= jnp.abs(wrap_angle(jnp.arctan2(dy, dx) - robot.heading)) <= self.field_of_view / 2
-        return seen
+            bearing = wrap_angle(jnp.arctan2(dy, dx) - robot.heading)
+            is_visible &= jnp.abs(bearing) <= self.field_of_view / 2
+        return is_visible
 
 
 class Sensing(BySide[Sensors | None]):
@@ -117,9 +132,11 @@ class Sensing(BySide[Sensors | None]):
 
 
 class Percept(eqx.Module):
-    """The states of a side's robots and of its opponents with errors, and which opponents an active robot sees.
+    """The states of a side's robots and of its opponents with errors, and which opponents an active
+    robot sees.
 
-    States of those that are not seen mean nothing. In a drop-out nothing is seen, and `looked` is False.
+    States of those that are not seen mean nothing. In a drop-out nothing is seen, and `looked` is
+    False.
     """
 
     own: tuple[RobotState, ...]
@@ -129,21 +146,29 @@ class Percept(eqx.Module):
 
 
 def sense(sensors: Sensors, arena: Arena, state: GameState, role: Role, bits: Bits) -> Percept:
-    """Return what the robots of one side see of the other in a state, by random bits of this side in this step."""
-    ours, theirs = state.robots[role], state.robots[role.other]
-    looked = jnp.ones((), bool)
+    """Return what the robots of one side sense in a state.
+
+    Args:
+        sensors: the side's sensors.
+        arena: the arena.
+        state: the true state.
+        role: the side.
+        bits: random bits of this side in this step.
+    """
+    own, opponents = state.robots[role], state.robots[role.other]
+    has_looked = jnp.ones((), bool)
     if sensors.drop_out is not None:
         key = jax.random.fold_in(jax.random.key(bits), _DROPPED)
-        looked = jax.random.uniform(key) >= sensors.drop_out
+        has_looked = jax.random.uniform(key) >= sensors.drop_out
 
-    def is_seen(other: RobotState, there: Flag) -> Flag:
-        looks = zip(ours, state.active[role], strict=True)
-        some = [active & sensors.reaches(arena, robot, other) for robot, active in looks]
-        return looked & there & functools.reduce(operator.or_, some)
+    def is_seen(other: RobotState, is_active: Flag) -> Flag:
+        observers = zip(own, state.active[role], strict=True)
+        sightings = [active & sensors.reaches(arena, robot, other) for robot, active in observers]
+        return has_looked & is_active & functools.reduce(operator.or_, sightings)
 
     return Percept(
-        own=sensors.own_noise.added(ours, bits, _OWN) if sensors.own_noise else ours,
-        opponents=sensors.noise.added(theirs, bits, _OPPONENTS) if sensors.noise else theirs,
-        seen=tuple(map(is_seen, theirs, state.active[role.other])),
-        looked=looked,
+        own=sensors.own_noise.added(own, bits, _OWN) if sensors.own_noise else own,
+        opponents=sensors.noise.added(opponents, bits, _OPPONENTS) if sensors.noise else opponents,
+        seen=tuple(map(is_seen, opponents, state.active[role.other])),
+        looked=has_looked,
     )

@@ -1,4 +1,6 @@
-"""Games of more than two robots: the mates of either side's first robot, and the order of robots by distance."""
+"""Games of more than two robots: the mates of either side's first robot, and the order of robots by
+distance.
+"""
 
 import functools
 import operator
@@ -14,56 +16,83 @@ from apollonius.game.types import Flag, RobotState, Scalar, choose
 
 T = TypeVar("T")
 Body = Unicycle
-"""The class of all robots. Another kind extends it by fields that are 0 in the robots so far, and is named here."""
+"""The class of all robots. Another kind extends it by fields that are 0 in the robots so far, and
+is named here.
+"""
 
 
 class Teams(eqx.Module):
-    """The limits of either side's robots besides its first one, and whether mates that touch are out of play."""
+    """The limits of either side's robots besides its first one, and whether mates that touch are
+    out of play.
+    """
 
     pursuers: tuple[Body, ...] = ()
     evaders: tuple[Body, ...] = ()
     mates_collide: bool = eqx.field(static=True, default=False)
 
 
-def nearest(here: RobotState, robots: Sequence[RobotState], active: Sequence[Flag | bool], values: Sequence[T]) -> T:
-    """Return the value of the active robot nearest to one: of two equally near the first one's, without any the first.
+def nearest(
+    here: RobotState,
+    robots: Sequence[RobotState],
+    active: Sequence[Flag | bool],
+    values: Sequence[T],
+) -> T:
+    """Return the value of the active robot nearest to a robot.
 
-    Each of the robots, one at least, has a value, pytrees of one structure.
+    The first of equally near robots counts, and the first of all if none is active.
+
+    Args:
+        here: the robot from which distances are measured.
+        robots, active: the other robots, one at least, and whether each is in play.
+        values: a value for each, pytrees of one structure.
     """
     best, least = values[0], jnp.where(active[0], distance_squared(here, robots[0]), jnp.inf)
-    for robot, counts, value in zip(robots[1:], active[1:], values[1:], strict=True):
-        away = jnp.where(counts, distance_squared(here, robot), jnp.inf)
-        nearer = away < least
-        best, least = choose(nearer, value, best), jnp.minimum(away, least)
+    for robot, is_active, value in zip(robots[1:], active[1:], values[1:], strict=True):
+        distance = jnp.where(is_active, distance_squared(here, robot), jnp.inf)
+        nearer = distance < least
+        best, least = choose(nearer, value, best), jnp.minimum(distance, least)
     return best
 
 
 def by_distance(
-    here: RobotState, robots: Sequence[RobotState], active: Sequence[Flag | bool], values: Sequence[T]
+    here: RobotState,
+    robots: Sequence[RobotState],
+    active: Sequence[Flag | bool],
+    values: Sequence[T],
 ) -> list[T]:
-    """Return all values, those of active robots first, from the nearest to the farthest; arguments as of `nearest`."""
-    away = [
-        jnp.where(counts, distance_squared(here, robot), jnp.inf) for robot, counts in zip(robots, active, strict=True)
+    """Return all values, those of active robots first, from the nearest to the farthest.
+
+    Args:
+        here, robots, active, values: as in `nearest`.
+    """
+    distances = [
+        jnp.where(is_active, distance_squared(here, robot), jnp.inf)
+        for robot, is_active in zip(robots, active, strict=True)
     ]
 
-    def place(number: int) -> Int[Array, ""]:
-        """Return the number of robots that come before one."""
-        before = [
-            away[other] <= away[number] if other < number else away[other] < away[number]
-            for other in range(len(away))
-            if other != number
-        ]
-        return functools.reduce(operator.add, (flag.astype(jnp.int32) for flag in before), jnp.zeros((), jnp.int32))
+    def comes_before(other: int, number: int) -> Flag:
+        if other < number:
+            return distances[other] <= distances[number]
+        return distances[other] < distances[number]
 
-    places = [place(number) for number in range(len(away))]
+    def rank_of(number: int) -> Int[Array, ""]:
+        """Count the robots that come before one."""
+        nearer = [comes_before(other, number) for other in range(len(distances)) if other != number]
+        return functools.reduce(
+            operator.add,
+            (flag.astype(jnp.int32) for flag in nearer),
+            jnp.zeros((), jnp.int32),
+        )
 
-    def at(wanted: int) -> T:
-        found = values[0]
-        for value, here in zip(values[1:], places[1:], strict=True):
-            found = choose(here == wanted, value, found)
-        return found
+    ranks = [rank_of(number) for number in range(len(distances))]
 
-    return [at(wanted) for wanted in range(len(away))]
+    def at_rank(rank: int) -> T:
+        ranked = values[0]
+        for value, own_rank in zip(values[1:], ranks[1:], strict=True):
+            ranked = choose(own_rank == rank, value, ranked)
+        return ranked
+
+    return [at_rank(rank) for rank in range(len(distances))]
 
 
 def distance_squared(first: RobotState, second: RobotState) -> Scalar:

@@ -31,12 +31,14 @@ NUM_ACTIONS = 9
 """3 accelerations x 3 turn rates (Eq. 5)."""
 
 Action = Int[Array, ""] | Float[Array, "2"]
-"""A robot's action in a step: one of the nine of Eq. 5, `3 * i_u1 + i_u2` in 0..8, or two numbers in [-1, 1], the
-shares of its largest acceleration and of its largest turn rate. Number type and shape say which before anything runs;
-each player always does the one or always the other, and both kinds may meet."""
+"""A robot's action in a step: one of the nine of Eq. 5, `3 * i_u1 + i_u2` in 0..8, or two numbers
+in [-1, 1], the shares of its largest acceleration and of its largest turn rate. Number type and
+shape say which before anything runs; each player always does the one or always the other, and both
+kinds may meet."""
 
 SideAction = Action | int | Sequence[Action | int]
-"""The action of a side's robot, or a list of one for each robot; of a discrete one its number, too."""
+"""The action of a side's robot, or a list of one for each robot; of a discrete one its number, too.
+"""
 
 Controls = tuple[Scalar, Scalar]
 """Acceleration u1 [m/s^2] and turn rate u2 [rad/s] of a robot in a step."""
@@ -64,7 +66,8 @@ class Role(Named):
 
 
 class BySide(eqx.Module, Generic[T_co]):
-    """One value for each side, indexed by `Role`: `values[role]`, and `values[role.other]` for the opponent's.
+    """One value for each side, indexed by `Role`: `values[role]`, and `values[role.other]` for the
+    opponent's.
 
     The values of a side's robots are a tuple: `BySide[tuple[RobotState, ...]]`.
     """
@@ -88,19 +91,26 @@ class BySide(eqx.Module, Generic[T_co]):
 
 
 def one_each(robots: BySide[tuple[T, ...]]) -> BySide[T]:
-    """Return the values of the two robots of a game of two; raises InvalidInput for other numbers of robots."""
+    """Return the values of the two robots of a game of two; raises InvalidInput for other numbers
+    of robots.
+    """
     counts = " v ".join(str(len(side)) for side in robots)
-    require(counts == "1 v 1", "robots", counts, "1 v 1: this is known for games of two robots only")
+    require(
+        counts == "1 v 1",
+        "robots",
+        counts,
+        "1 v 1: this is known for games of two robots only",
+    )
     return robots.map(lambda side: side[0])
 
 
 def choose(first: Bool[Array, "..."], one: T, other: T) -> T:
-    """Return the first of two pytrees of one structure where the flags say so, elsewhere the other."""
+    """Return the first of two pytrees where the flags say so, elsewhere the other."""
 
-    def chosen(one: Any, other: Any) -> Any:
+    def select(one: Any, other: Any) -> Any:
         return one if one is other else jnp.where(first, one, other)
 
-    return jax.tree.map(chosen, one, other)
+    return jax.tree.map(select, one, other)
 
 
 ROLES = BySide(Role.PURSUER, Role.EVADER)
@@ -110,8 +120,9 @@ ROLES = BySide(Role.PURSUER, Role.EVADER)
 class Outcome(Named):
     """Outcomes: the rows of Tables II and III, plus `BOTH_FAILED` for two failures in one step.
 
-    `TERRITORY_REACHED`, by the evader, is possible only where an arena has a territory. A decided game of teams has the
-    outcome of the last robot of the beaten side; a body of a team mate counts as an obstacle.
+    `TERRITORY_REACHED`, by the evader, is possible only where an arena has a territory. A decided
+    game of teams has the outcome of the last robot of the beaten side; a body of a team mate counts
+    as an obstacle.
     """
 
     ONGOING = 0
@@ -126,7 +137,9 @@ class Outcome(Named):
 
 
 class RobotStatus(Named):
-    """A robot in play, or the reason why it is not. `HIT_MATE` is possible only where a game asks for it."""
+    """A robot in play, or the reason why it is not. `HIT_MATE` is possible only where a game asks
+    for it.
+    """
 
     ACTIVE = 0
     CAPTURED = 1
@@ -149,8 +162,9 @@ class RobotState(eqx.Module):
 
 
 class Sight(eqx.Module):
-    """For how long each opponent has been hidden [s], whose last sighting stands for its state; with a chart, the time
-    since each coarse cell was last seen [s], negative where no opponent can be.
+    """For how long each opponent has been hidden [s], whose last sighting stands for its state;
+    with a chart, the time since each coarse cell was last seen [s], negative where no opponent can
+    be.
     """
 
     ages: tuple[Scalar, ...]
@@ -158,7 +172,7 @@ class Sight(eqx.Module):
 
 
 class DriveState(eqx.Module):
-    """The latest commands, u1 [m/s^2] and u2 [rad/s], the newest first, and the turn rate [rad/s]."""
+    """The latest commands u1 [m/s^2] and u2 [rad/s], newest first, and the turn rate [rad/s]."""
 
     pending: Float[Array, "*batch lag 2"] | None
     turn_rate: Float[Array, "*batch"] | None
@@ -171,9 +185,10 @@ DriveStates = tuple[DriveState, ...]
 class GameState(eqx.Module):
     """The robots of both sides, and the number of control steps played since the start.
 
-    `place` is the number of the game's arena in its scenario, None where there is no scenario. `sight` is what else a
-    side knows whose sensors have seen this state, and `drives` are those of its robots; None in the state itself.
-    `status` is a `RobotStatus` for each robot; None in a game of two, which is over when one robot is out.
+    `place` is the number of the game's arena in its scenario, None where there is no scenario.
+    `sight` is what else a side knows whose sensors have seen this state, and `drives` are those of
+    its robots; None in the state itself. `status` is a `RobotStatus` for each robot; None in a game
+    of two, which is over when one robot is out.
     """
 
     robots: BySide[tuple[RobotState, ...]]
@@ -186,15 +201,21 @@ class GameState(eqx.Module):
     @classmethod
     def at_start(cls, robots: BySide[tuple[RobotState, ...]]) -> "GameState":
         """Return the state at the start: all robots are active."""
-        steps, is_of_two = jnp.zeros((), jnp.int32), all(len(side) == 1 for side in robots)
+        steps, is_duel = jnp.zeros((), jnp.int32), all(len(side) == 1 for side in robots)
         active = jnp.full((), RobotStatus.ACTIVE, jnp.int32)
-        return cls(robots, steps, status=None if is_of_two else robots.map(lambda side: (active,) * len(side)))
+        return cls(
+            robots,
+            steps,
+            status=None if is_duel else robots.map(lambda side: (active,) * len(side)),
+        )
 
     @property
     def active(self) -> BySide[tuple[Flag, ...]]:
         """Return whether each robot is in play."""
         if self.status is None:
-            return self.robots.map(lambda side: tuple(jnp.ones(robot.x.shape, bool) for robot in side))
+            return self.robots.map(
+                lambda side: tuple(jnp.ones(robot.x.shape, bool) for robot in side),
+            )
         return self.status.map(lambda side: tuple(status == RobotStatus.ACTIVE for status in side))
 
     @classmethod
@@ -214,8 +235,8 @@ class GameState(eqx.Module):
 class Timestep(eqx.Module):
     """One transition: the next state, its outcome, and every robot's reward.
 
-    `terminated`: the rules ended the game. `truncated`: the time limit stopped it, so its value continues beyond.
-    Never both.
+    `terminated`: the rules ended the game. `truncated`: the time limit stopped it, so its value
+    continues beyond. Never both.
     """
 
     state: GameState

@@ -1,5 +1,6 @@
 """Checks of a game as a whole: finite numbers, and space to start."""
 
+import functools
 import math
 import os
 import re
@@ -21,7 +22,9 @@ from apollonius.io.kept import Kept
 from apollonius.io.limits import ROBOTS
 
 MAX_SIZE = 1e6
-"""Largest size of any number of a game: in single precision positions in a larger arena would be decimetres apart."""
+"""Largest size of any number of a game: in single precision positions in a larger arena would be
+decimetres apart.
+"""
 _DRAWS = 100_000
 """Pairs of positions among which starts are sought; a rarer start would take for ever to draw."""
 _TOGETHER = 5_000
@@ -47,10 +50,14 @@ _SETTINGS: dict[str, tuple[tuple[Any, ...], str]] = {
     "jax_threefry_partitionable": ((True,), _SEEDS),
     "jax_default_prng_impl": (("threefry2x32",), _SEEDS),
     "jax_random_seed_offset": ((0,), _SEEDS),
-    "jax_transfer_guard": (("allow", None, "log", "log_explicit"), "numbers are sent to the device as games need them"),
+    "jax_transfer_guard": (
+        ("allow", None, "log", "log_explicit"),
+        "numbers are sent to the device as games need them",
+    ),
 }
-"""Settings of JAX that matter, with the values that they may have, the usual one first, and why no other. All others
-change nothing but speed, messages and, where they choose how XLA compiles, the last bit of some numbers."""
+"""Settings of JAX that matter, with the values that they may have, the usual one first, and why no
+other. All others change nothing but speed, messages and, where they choose how XLA compiles, the
+last bit of some numbers."""
 _FAST = re.compile(r"xla_[a-z]+_enable_fast_(math|min_max)(?!=(false|0))")
 """Flags of XLA that trade accuracy for speed."""
 
@@ -61,12 +68,19 @@ _clearances = Kept(jax.vmap(Arena.clearance, in_axes=(None, 0, 0)))
 
 
 def require_usual_numbers() -> None:
-    """Refuse settings of JAX and XLA under which a seed means other games than in all that is published."""
+    """Refuse settings of JAX and XLA under which a seed means other games than in all that is
+    published.
+    """
     for name, (usual, why) in _SETTINGS.items():
         value = getattr(jax.config, name, usual[0])
         require(value in usual, name.upper(), value, f"{shown(usual[0])}: {why}; unset it")
     flags = os.environ.get("XLA_FLAGS", "")
-    require(not _FAST.search(flags), "XLA_FLAGS", flags, "without fast-math, which rounds as it likes; take it out")
+    require(
+        not _FAST.search(flags),
+        "XLA_FLAGS",
+        flags,
+        "without fast-math, which rounds as it likes; take it out",
+    )
 
 
 def require_key(key: Any) -> None:
@@ -78,7 +92,7 @@ def require_key(key: Any) -> None:
 
 
 def is_swept(game: Any) -> bool:
-    """Return whether numbers of a game are traced or swept, arrays whose values are not known here."""
+    """Return whether numbers of a game are traced or swept: arrays, whose values are unknown."""
     return any(isinstance(leaf, (jax.Array, np.ndarray)) for leaf in _numbers(game).values())
 
 
@@ -87,16 +101,23 @@ def check_finite(game: Any) -> None:
     for name, leaf in _numbers(game).items():
         is_number = isinstance(leaf, (int, float)) and not isinstance(leaf, bool)
         require(is_number and abs(leaf) < math.inf, name, leaf, "a finite number")
-        require(abs(leaf) <= MAX_SIZE or name == "max_steps", name, leaf, f"within {MAX_SIZE:g} of 0")
+        require(
+            abs(leaf) <= MAX_SIZE or name == "max_steps",
+            name,
+            leaf,
+            f"within {MAX_SIZE:g} of 0",
+        )
 
 
 def _numbers(game: Any) -> dict[str, Any]:
     """Return all numbers by name, but for a map's field, a chart and parts that are left out."""
     leaves = jax.tree_util.tree_flatten_with_path(game, is_leaf=lambda leaf: leaf is None)[0]
-    named = {jax.tree_util.keystr(path, simple=True, separator="."): leaf for path, leaf in leaves}
-    hidden = {name for name in named if name == "arena.map.field" or name.startswith("arena.chart.")}
-    hidden |= {name for name, leaf in named.items() if leaf is None and name.startswith(_OPTIONAL)}
-    return {name: leaf for name, leaf in named.items() if name not in hidden}
+    keystr = functools.partial(jax.tree_util.keystr, simple=True, separator=".")
+    numbers = {keystr(path): leaf for path, leaf in leaves}
+    hidden = {name for name in numbers if name.startswith("arena.chart.")} | {"arena.map.field"}
+    absent = {name for name, leaf in numbers.items() if leaf is None}
+    hidden |= {name for name in absent if name.startswith(_OPTIONAL)}
+    return {name: leaf for name, leaf in numbers.items() if name not in hidden}
 
 
 def check_parts(sensors: Sensing | None, drives: Drives | None) -> None:
@@ -108,7 +129,13 @@ def check_parts(sensors: Sensing | None, drives: Drives | None) -> None:
 
 
 def check_bodies(bodies: Bodies, dt: float, sensors: Sensing | None, drives: Drives | None) -> None:
-    """Refuse too many robots, and robots with impossible limits, sensors or drives."""
+    """Refuse too many robots, and robots with impossible limits, sensors or drives.
+
+    Args:
+        bodies: the limits of all robots.
+        dt: duration of a step [s].
+        sensors, drives: of both sides, if any.
+    """
     check_parts(sensors, drives)
     for side, robots in zip(_SIDES, bodies, strict=True):
         ROBOTS.require(f"{side}s", len(robots))
@@ -117,7 +144,9 @@ def check_bodies(bodies: Bodies, dt: float, sensors: Sensing | None, drives: Dri
 
 
 def check_space_to_start(arena: Arena, bodies: Bodies, starts: Starts) -> None:
-    """Refuse an arena in which two robots find no start, far enough apart, or their mates none beside them."""
+    """Refuse an arena in which two robots find no start, far enough apart, or their mates none
+    beside them.
+    """
     samples = np.random.default_rng(0).uniform(size=(4, _DRAWS))
     xs = np.asarray(arena.x_min + (arena.x_max - arena.x_min) * samples[:2])
     ys = np.asarray(arena.y_min + (arena.y_max - arena.y_min) * samples[2:])
@@ -125,59 +154,87 @@ def check_space_to_start(arena: Arena, bodies: Bodies, starts: Starts) -> None:
     fits, reach = np.zeros(2, bool), 0.0
     for first in range(0, _DRAWS, _TOGETHER):
         x, y = (values[:, first : first + _TOGETHER] for values in (xs, ys))
-        enough = _clearance(arena, x, y) >= margins
-        if goal := arena.territory:
-            enough[1] &= np.hypot(x[1] - goal.x, y[1] - goal.y) >= goal.radius + starts.separation
-        fits |= enough.any(axis=1)
-        apart = np.hypot(x[0] - x[1], y[0] - y[1])[enough.all(axis=0)]
-        reach = max(reach, float(apart.max(initial=0.0)))
+        is_free = _clearance(arena, x, y) >= margins
+        goal = arena.territory
+        if goal:
+            is_free[1] &= np.hypot(x[1] - goal.x, y[1] - goal.y) >= goal.radius + starts.separation
+        fits |= is_free.any(axis=1)
+        distances = np.hypot(x[0] - x[1], y[0] - y[1])[is_free.all(axis=0)]
+        reach = max(reach, float(distances.max(initial=0.0)))
         if reach >= starts.separation:
-            _check_space_for_mates(bodies, starts, [np.stack([x[side], y[side]])[:, enough[side]] for side in (0, 1)])
+            _check_space_for_mates(
+                bodies,
+                starts,
+                [np.stack([x[side], y[side]])[:, is_free[side]] for side in (0, 1)],
+            )
             return
     for name, (margin,), fit in zip(_SIDES, margins, fits, strict=True):
         if not fit:
+            needed = f"a clearance of {margin:g} m (starts.clearance + {name}.radius)"
+            problem = f"none of {_DRAWS:,} has {needed}"
+            remedy = "make the obstacles or the clearance smaller, or the arena larger"
             raise InvalidInput(
-                f"the arena leaves the {name} no place to start: none of {_DRAWS:,} has a clearance of {margin:g} m "
-                f"(starts.clearance + {name}.radius); make the obstacles or the clearance smaller, or the arena larger."
+                f"the arena leaves the {name} no place to start: {problem}; {remedy}.",
             )
     if not reach:
+        problem = f"at none of {_DRAWS:,} pairs of places both are free"
+        remedy = "make the obstacles, starts.clearance or the robots smaller, or the arena larger"
         raise InvalidInput(
-            f"the arena leaves the robots no place to start: at none of {_DRAWS:,} pairs of places both are free; make "
-            "the obstacles, starts.clearance or the robots smaller, or the arena larger."
+            f"the arena leaves the robots no place to start: {problem}; {remedy}.",
         )
-    bound = f"at most {reach:.3g} m, the largest distance of the free pairs among {_DRAWS:,}; make it smaller or the "
-    require(False, "starts.separation", starts.separation, f"{bound}arena larger")
+    bound = f"at most {reach:.3g} m, the largest distance of the free pairs among {_DRAWS:,}"
+    remedy = "make it smaller or the arena larger"
+    require(False, "starts.separation", starts.separation, f"{bound}; {remedy}")
 
 
 def _check_space_for_mates(bodies: Bodies, starts: Starts, free: Sequence[Points]) -> None:
-    """Refuse teams whose last robots find no start among some free points [m], wherever the first ones are."""
+    """Refuse teams whose last robots find no start among some free points [m], wherever the first
+    ones are.
+    """
     rng = np.random.default_rng(1)
     # In the order in which starts are drawn.
-    order = [(side, body) for part in (slice(1), slice(1, None)) for side in (0, 1) for body in bodies[side][part]]
+    first = [(side, body) for side in (0, 1) for body in bodies[side][:1]]
+    order = first + [(side, body) for side in (0, 1) for body in bodies[side][1:]]
     for _ in range(_PLACINGS if len(order) > 2 else 0):
-        placed: list[tuple[int, float, np.ndarray]] = []
+        robots: list[tuple[int, float, np.ndarray]] = []
         for side, body in order:
             fits = np.ones(free[side].shape[1], bool)
-            for other_side, radius, point in placed:
-                mates = starts.clearance + body.radius + radius
-                least = mates if side == other_side else starts.separation
-                fits &= np.hypot(*(free[side] - point[:, None])) >= least
+            for other_side, radius, point in robots:
+                contact = starts.clearance + body.radius + radius
+                min_distance = contact if side == other_side else starts.separation
+                fits &= np.hypot(*(free[side] - point[:, None])) >= min_distance
             if not fits.any():
-                remedy = "fewer robots, a smaller starts.clearance or starts.separation, or a larger arena"
+                smaller = "a smaller starts.clearance or starts.separation"
+                remedy = f"fewer robots, {smaller}, or a larger arena"
                 size = " v ".join(str(len(robots)) for robots in bodies)
-                require(False, "teams", size, f"few enough robots to fit into the arena; take {remedy}")
-            placed.append((side, float(body.radius), free[side][:, rng.choice(np.flatnonzero(fits))]))
+                require(
+                    False,
+                    "teams",
+                    size,
+                    f"few enough robots to fit into the arena; take {remedy}",
+                )
+            robots.append(
+                (side, float(body.radius), free[side][:, rng.choice(np.flatnonzero(fits))]),
+            )
 
 
 def _clearance(
-    arena: Arena, x: Float[np.ndarray, "2 points"], y: Float[np.ndarray, "2 points"]
+    arena: Arena,
+    x: Float[np.ndarray, "2 points"],
+    y: Float[np.ndarray, "2 points"],
 ) -> Float[np.ndarray, "2 points"]:
-    """Return clearances [m]; of walls and discs without a compilation, of which every game would need its own."""
+    """Return clearances [m]; of walls and discs without a compilation, of which every game would
+    need its own.
+    """
     if len(arena.obstacles) > len(arena.discs):
         points = x.ravel().astype(np.float32), y.ravel().astype(np.float32)
-        with jax.ensure_compile_time_eval():  # a game may be made while a function that uses it is traced
+        # a game may be made while a function that uses it is traced
+        with jax.ensure_compile_time_eval():
             return np.asarray(_clearances(arena, *points)).reshape(x.shape)
-    found = np.minimum(np.minimum(x - arena.x_min, arena.x_max - x), np.minimum(y - arena.y_min, arena.y_max - y))
+    clearances = np.minimum(
+        np.minimum(x - arena.x_min, arena.x_max - x),
+        np.minimum(y - arena.y_min, arena.y_max - y),
+    )
     for disc in arena.discs:
-        found = np.minimum(found, np.hypot(x - disc.x, y - disc.y) - disc.radius)
-    return found
+        clearances = np.minimum(clearances, np.hypot(x - disc.x, y - disc.y) - disc.radius)
+    return clearances

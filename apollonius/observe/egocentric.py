@@ -1,4 +1,4 @@
-"""The view in a robot's own frame: the same in every arena, so that players carry over to others."""
+"""The view in a robot's own frame: the same in every arena, so that players carry over."""
 
 import jax
 import jax.numpy as jnp
@@ -14,7 +14,8 @@ from apollonius.observe.view import Robot, View
 RAYS = 32
 """Directions of rays to walls and obstacles, the first one ahead, counter-clockwise."""
 COURSES = 16
-"""Directions, every other one of those, of points whose path lengths from the opponent are given."""
+"""Directions, every other one of those, of points whose path lengths from the opponent are given.
+"""
 NEAR, AHEAD = 1.5, 5.0
 """Distances of these points [m], unless an obstacle is nearer."""
 _BEFORE = 0.1
@@ -23,7 +24,10 @@ _SHARPNESS = 4.0
 """Sharpness of the softmax over directions."""
 ROOM = 0.3
 """Clearance after braking [m] above which more makes no difference."""
-SPEED, _U1, _U2, _LENGTH = 1.2, 0.3, 0.8, 0.3
+SPEED = 1.2
+_U1 = 0.3
+_U2 = 0.8
+_LENGTH = 0.3
 """Units of the limits: those of the paper's robots."""
 
 Courses = tuple[Float[Array, "16"], Float[Array, "16"], Float[Array, "16"]]
@@ -39,30 +43,43 @@ def _mirror() -> Mirror:
     def around(start: int, directions: int) -> list[int]:
         return [start + -number % directions for number in range(directions)]
 
-    order = [*range(rays), *around(rays, RAYS), *range(rays + RAYS, longer), *around(longer, COURSES)]
-    order += [shorter, shorter + 1, *around(first, COURSES), *(braking + action for action in MIRRORED)]
+    order = [
+        *range(rays),
+        *around(rays, RAYS),
+        *range(rays + RAYS, longer),
+        *around(longer, COURSES),
+    ]
+    order += [
+        shorter,
+        shorter + 1,
+        *around(first, COURSES),
+        *(braking + action for action in MIRRORED),
+    ]
     to_the_left = 9, 14, shorter + 1
     return Mirror(tuple(order), tuple(-1 if number in to_the_left else 1 for number in order))
 
 
 class Egocentric(AbstractObservation):
-    """The robots, and of the arena rays and path lengths; networks read all on the scale of the paper's robots.
+    """The robots, and of the arena rays and path lengths; networks read all on the scale of the
+    paper's robots.
 
-    Robots (23). Of the robot itself its speed, v_max, v_min, u1_max, u2_max and radius in units of the paper's robots,
-    and its clearance here and where it would come to rest if it braked straight ahead, clipped to [-1, 1] (8).
-    Of the opponent cosine and sine of its bearing, its distance d as 1 / (1 + d) and log(1 + d) / 2, what is left of it
-    before a capture, clipped to 3 m, cosine and sine of its heading, all as the robot sees it; its speed and limits
-    without v_min, and its clearance (14). And the capture distance (1).
+    Robots (23). Of the robot itself its speed, v_max, v_min, u1_max, u2_max and radius in units of
+    the paper's robots, and its clearance here and where it would come to rest if it braked straight
+    ahead, clipped to [-1, 1] (8). Of the opponent cosine and sine of its bearing, its distance d as
+    1 / (1 + d) and log(1 + d) / 2, what is left of it before a capture, clipped to 3 m, cosine and
+    sine of its heading, all as the robot sees it; its speed and limits without v_min, and its
+    clearance (14). And the capture distance (1).
 
-    Rays (32): reciprocals 1 / (1 + r) of how far the robot's body could go [m] (IPAPRec: Zhang et al., "Learning to
-    navigate with IPAPRec", 2021).
+    Rays (32): reciprocals 1 / (1 + r) of how far the robot's body could go [m] (IPAPRec: Zhang et
+    al., "Learning to navigate with IPAPRec", 2021).
 
-    Paths (37): whether the opponent can be seen; the path length w to it as 1 / (1 + w) and
-    log(1 + w) / 2; in sixteen directions how much longer that path would be from 1.5 m ahead, over 1.5 m; where those
-    point where it gets shorter (2); and who would be first 5 m ahead, as the difference of the times that both robots
-    would take at their top speeds over their sum (16).
+    Paths (37): whether the opponent can be seen; the path length w to it as 1 / (1 + w) and log(1 +
+    w) / 2; in sixteen directions how much longer that path would be from 1.5 m ahead, over 1.5 m;
+    where those point where it gets shorter (2); and who would be first 5 m ahead, as the difference
+    of the times that both robots would take at their top speeds over their sum (16).
 
-    Braking (9): the clearance that each action leaves (`apollonius.observe.braking`), over 0.3 m, clipped to [-1, 1].
+    Braking (9): the clearance that each action leaves (`apollonius.observe.braking`), over 0.3 m,
+    clipped to [-1, 1].
     """
 
     name = "egocentric"
@@ -72,7 +89,9 @@ class Egocentric(AbstractObservation):
 
     def __call__(self, view: View) -> Float[Array, " size"]:
         """Return the numbers of a view; raises InvalidInput in an arena without a chart."""
-        chart, own, opponent = view.chart, view.own.state, view.opponent.state
+        chart = view.chart
+        own = view.own.state
+        opponent = view.opponent.state
         cos, sin = turned(own.heading)
         dx, dy = opponent.x - own.x, opponent.y - own.y
         distance = jnp.hypot(dx, dy)
@@ -84,13 +103,27 @@ class Egocentric(AbstractObservation):
         every = RAYS // COURSES
         courses = ranges[::every], directions[0][::every], directions[1][::every]
         room = jnp.clip(clearances_after(chart, view.own, view.dt) / ROOM, -1.0, 1.0)
-        return jnp.concatenate([robots, rays, _paths(view, chart, (dx, dy), distance, courses), room])
+        return jnp.concatenate(
+            [robots, rays, _paths(view, chart, (dx, dy), distance, courses), room],
+        )
 
 
 def _robots(
-    view: View, chart: Chart, ahead: tuple[Scalar, Scalar], away: tuple[Scalar, Scalar], distance: Scalar
+    view: View,
+    chart: Chart,
+    ahead: tuple[Scalar, Scalar],
+    away: tuple[Scalar, Scalar],
+    distance: Scalar,
 ) -> Float[Array, "23"]:
-    """Return the numbers of both robots."""
+    """Return the numbers of both robots.
+
+    Args:
+        view: what the robot sees.
+        chart: the arena's chart.
+        ahead: cosine and sine of its heading.
+        away: vector to the opponent [m].
+        distance: length of that vector [m].
+    """
     (cos, sin), (dx, dy) = ahead, away
     other = view.opponent
     their_cos, their_sin = turned(other.state.heading)
@@ -114,7 +147,13 @@ def _robots(
 
 def _motion(robot: Robot) -> list[Real]:
     body = robot.body
-    return [robot.state.v / SPEED, body.v_max / SPEED, body.u1_max / _U1, body.u2_max / _U2, body.radius / _LENGTH]
+    return [
+        robot.state.v / SPEED,
+        body.v_max / SPEED,
+        body.u1_max / _U1,
+        body.u2_max / _U2,
+        body.radius / _LENGTH,
+    ]
 
 
 def on_two_scales(length: Scalar) -> list[Scalar]:
@@ -123,30 +162,41 @@ def on_two_scales(length: Scalar) -> list[Scalar]:
 
 
 def _paths(
-    view: View, chart: Chart, away: tuple[Scalar, Scalar], distance: Scalar, courses: Courses
+    view: View,
+    chart: Chart,
+    away: tuple[Scalar, Scalar],
+    distance: Scalar,
+    courses: Courses,
 ) -> Float[Array, "37"]:
     """Return the opponent's path lengths to the robot and to points around it."""
     own, opponent = view.own.state, view.opponent.state
     is_seen = chart.is_seen(own.x, own.y, *away, distance)
-    there, here = chart.cell_weights(opponent.x, opponent.y), chart.cell_weights(own.x, own.y)
-    cell = there[0][jnp.argmax(there[1])]
-    whole = chart.path_length_from(cell, here)
+    their_weights = chart.cell_weights(opponent.x, opponent.y)
+    own_weights = chart.cell_weights(own.x, own.y)
+    cell = their_weights[0][jnp.argmax(their_weights[1])]
+    length_here = chart.path_length_from(cell, own_weights)
     _, near = _from_ahead(chart, cell, own, courses, NEAR)
-    longer = jnp.clip((near - whole) / NEAR, -1.0, 1.0)
+    longer = jnp.clip((near - length_here) / NEAR, -1.0, 1.0)
     weights = jax.nn.softmax(-_SHARPNESS * longer)
     angles = jnp.arange(COURSES, dtype=jnp.float32) * (2 * jnp.pi / COURSES)
     shorter = jnp.stack([weights @ jnp.cos(angles), weights @ jnp.sin(angles)])
-    along, theirs = _from_ahead(chart, cell, own, courses, AHEAD)
-    mine, later = along * view.opponent.body.v_max, theirs * view.own.body.v_max
-    first = (later - mine) / (later + mine + 1e-3)
-    length = jnp.stack(on_two_scales(jnp.where(is_seen, distance, chart.path_length(there, here))))
-    return jnp.concatenate([is_seen[None].astype(jnp.float32), length, longer, shorter, first])
+    own_lengths, their_lengths = _from_ahead(chart, cell, own, courses, AHEAD)
+    own_time = own_lengths * view.opponent.body.v_max
+    their_time = their_lengths * view.own.body.v_max
+    lead = (their_time - own_time) / (their_time + own_time + 1e-3)
+    path_length = chart.path_length(their_weights, own_weights)
+    length = jnp.stack(on_two_scales(jnp.where(is_seen, distance, path_length)))
+    return jnp.concatenate([is_seen[None].astype(jnp.float32), length, longer, shorter, lead])
 
 
 def _from_ahead(
-    chart: Chart, cell: Int[Array, ""], own: RobotState, courses: Courses, reach: float
+    chart: Chart,
+    cell: Int[Array, ""],
+    own: RobotState,
+    courses: Courses,
+    reach: float,
 ) -> tuple[Float[Array, "16"], Float[Array, "16"]]:
-    """Return the distances of points ahead of a robot, and their path lengths from a coarse cell."""
+    """Return distances of points ahead of a robot, and their path lengths from a coarse cell."""
     ranges, cos, sin = courses
     along = jnp.clip(ranges - _BEFORE, 0.0, reach)
     cell_weights = jax.vmap(chart.cell_weights)(own.x + along * cos, own.y + along * sin)

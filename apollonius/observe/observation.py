@@ -36,14 +36,19 @@ WHOLE = Whole()
 
 @dataclass(frozen=True)
 class Mirror:
-    """The change from the numbers of a view to those of its mirror image: a permutation and some flipped signs."""
+    """The change from the numbers of a view to those of its mirror image: a permutation and some
+    flipped signs.
+    """
 
     order: tuple[int, ...]
     signs: tuple[int, ...]
 
     def __call__(self, numbers: Float[Array, "*rows size"]) -> Float[Array, "*rows size"]:
         """Return the numbers of the mirror images."""
-        return numbers[..., np.array(self.order)] * jnp.broadcast_to(np.array(self.signs, np.float32), numbers.shape)
+        return numbers[..., np.array(self.order)] * jnp.broadcast_to(
+            np.array(self.signs, np.float32),
+            numbers.shape,
+        )
 
 
 @dataclass(frozen=True)
@@ -55,7 +60,9 @@ class AbstractObservation(Whole):
     size: ClassVar[int]
     """The number of numbers."""
     extends: ClassVar[str | None] = None
-    """Name of the observation that the first numbers are, if any: its networks can be trained further with this one."""
+    """Name of the observation that the first numbers are, if any: its networks can be trained
+    further with this one.
+    """
 
     mirror: ClassVar[Mirror | None] = None
     """The change from its numbers to those of the mirror image; None if it has no such change."""
@@ -65,11 +72,23 @@ class AbstractObservation(Whole):
         """Return the numbers of a view."""
 
 
-def perceive(observation: Whole, game: Game, states: GameState, role: Role) -> tuple[Callable[[Any], Any], Any]:
-    """Return the function from a row to a player's observation, and a row for each robot of a side in each game.
+def perceive(
+    observation: Whole,
+    game: Game,
+    states: GameState,
+    role: Role,
+) -> tuple[Callable[[Any], Any], Any]:
+    """Return a function that reads a player's observation from a row, and the rows of a side.
 
-    Numbers are made here, for all rows at once. A whole view is made inside the player's `vmap`: outside, all that
-    games have in common would be stored once for each.
+    There is a row for each robot of the side in each game. Numbers are computed here, for all rows
+    at once. A whole view is made inside the player's `vmap`: outside, all that games have in common
+    would be stored once for each.
+
+    Args:
+        observation: what the player reads.
+        game: the rules.
+        states: leaves `[games]`, as the side knows them.
+        role: the side.
     """
     rows, view = rows_of(states, role), partial(look_from, game, role)
     if observation == WHOLE:
@@ -89,8 +108,16 @@ def turned(heading: Scalar) -> tuple[Scalar, Scalar]:
 
 
 def clearances_ahead(seen: Arena | Chart, robot: Robot, cos: Scalar, sin: Scalar) -> list[Scalar]:
-    """Return the clearance of the body here, and where braking straight ahead would stop it, clipped to [-1, 1] m."""
+    """Return a body's clearances, clipped to [-1, 1] m: now, and at rest after straight braking.
+
+    Args:
+        seen: the arena, or its chart.
+        robot: the robot.
+        cos, sin: cosine and sine of its heading.
+    """
     body, state = robot.body, robot.state
     braking = jnp.maximum(state.v, 0.0) ** 2 / jnp.maximum(2 * body.u1_max, 1e-6)
-    here, there = seen.clearance(state.x, state.y), seen.clearance(state.x + braking * cos, state.y + braking * sin)
-    return [jnp.clip(clearance - body.radius, -1.0, 1.0) for clearance in (here, there)]
+    clearance_now = seen.clearance(state.x, state.y)
+    clearance_at_rest = seen.clearance(state.x + braking * cos, state.y + braking * sin)
+    clearances = (clearance_now, clearance_at_rest)
+    return [jnp.clip(clearance - body.radius, -1.0, 1.0) for clearance in clearances]

@@ -1,4 +1,6 @@
-"""Observations in the arena's frame: the paper's (Eq. 6, 7), and another encoding of the same for a network."""
+"""Observations in the arena's frame: the paper's (Eq. 6, 7), and another encoding of the same for a
+network.
+"""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -22,7 +24,8 @@ def position_and_speed(arena: Arena, robot: Robot) -> list[Scalar]:
 class Paper(AbstractObservation):
     """x, y, v, heading of the robot itself, then of its opponent (Eq. 7).
 
-    Positions and speeds are mapped linearly from their limits to [-1, 1], headings are divided by pi.
+    Positions and speeds are mapped linearly from their limits to [-1, 1], headings are divided by
+    pi.
     """
 
     name = "paper"
@@ -44,17 +47,19 @@ PAPER = Paper()
 class Encoded(AbstractObservation):
     """Seventeen numbers: no jump where a heading wraps, and clearances.
 
-    Of each robot x, y, v mapped from their limits to [-1, 1] and the cosine and sine of its heading (10); the
-    opponent's position ahead of and to the left of the robot itself, and its distance, over the arena's longer side
-    (3); of each robot the clearance [m] where it stands and where it would come to rest if it braked straight ahead,
-    clipped to [-1, 1] (4).
+    Of each robot x, y, v mapped from their limits to [-1, 1] and the cosine and sine of its heading
+    (10); the opponent's position ahead of and to the left of the robot itself, and its distance,
+    over the arena's longer side (3); of each robot the clearance [m] where it stands and where it
+    would come to rest if it braked straight ahead, clipped to [-1, 1] (4).
     """
 
     name = "encoded"
     size = 17
 
     def __call__(self, view: View) -> Float[Array, "17"]:
-        arena, own, opponent = view.arena, view.own.state, view.opponent.state
+        arena = view.arena
+        own = view.own.state
+        opponent = view.opponent.state
         parts: list[Scalar] = []
         directions = [turned(robot.state.heading) for robot in view.robots]
         for robot, direction in zip(view.robots, directions, strict=True):

@@ -1,4 +1,4 @@
-"""What a side knows of its opponents from step to step: last sightings, their ages, and a belief."""
+"""A side's knowledge of its opponents from step to step: last sightings, ages, and a belief."""
 
 import functools
 import operator
@@ -11,13 +11,25 @@ from jaxtyping import Array, Float, Int
 
 from apollonius.game.game import Game
 from apollonius.game.sensing import MOST_DELAY, Percept, Sensors, sense
-from apollonius.game.types import Bits, BySide, GameState, Real, RobotState, Role, Scalar, Sight, choose
+from apollonius.game.types import (
+    Bits,
+    BySide,
+    GameState,
+    Real,
+    RobotState,
+    Role,
+    Scalar,
+    Sight,
+    choose,
+)
 from apollonius.observe import belief
 from apollonius.observe.belief import NEVER, Belief
 
 
 class Sightings(eqx.Module):
-    """The steps of a game until one side's first sighting, -1 before it, and those in which it saw an opponent."""
+    """The steps of a game until one side's first sighting, -1 before it, and those in which it saw
+    an opponent.
+    """
 
     first: Int[Array, ""]
     steps: Int[Array, ""]
@@ -28,10 +40,11 @@ class Track(eqx.Module):
 
     Attributes:
         own: their own states, with the errors of their sensors.
-        opponents: where they were when they were seen last, as `learn` tells it; of those never seen the middle of the
-            arena, at rest.
+        opponents: last sightings, dead-reckoned by the sensors' delay; for those never seen the
+            middle of the arena, at rest.
         ages: for how long they have been hidden [s].
-        late: what they saw in the latest steps and do not know yet, the newest first; None without a delay.
+        late: what they saw in the latest steps and do not know yet, the newest first; None without
+            a delay.
         belief: as old as what they know; None without a chart.
         sightings: in the game so far; None where nobody counts them.
     """
@@ -45,44 +58,80 @@ class Track(eqx.Module):
 
 
 def begin(game: Game, state: GameState, role: Role, believes: bool = True) -> Track | None:
-    """Return what one side knows before it has looked, its belief if it has one; None without sensors."""
-    here = game.at(state)
-    if (sensors := here.sensors and here.sensors[role]) is None:
+    """Return the track of one side before it has sensed anything; None without sensors.
+
+    Args:
+        game: the rules.
+        state: the initial state.
+        role: the side.
+        believes: whether it has a belief, if the arena has a chart.
+    """
+    local_game = game.at(state)
+    sensors = local_game.sensors and local_game.sensors[role]
+    if sensors is None:
         return None
-    arena, zero, no = here.arena, jnp.zeros(()), jnp.zeros((), bool)
+    arena = local_game.arena
+    zero = jnp.zeros(())
+    no_flag = jnp.zeros((), bool)
     x, y = (
         jnp.asarray((low + high) / 2, jnp.float32)
         for low, high in ((arena.x_min, arena.x_max), (arena.y_min, arena.y_max))
     )
-    own, unseen = state.robots[role], tuple(RobotState(x, y, zero, zero) for _ in state.robots[role.other])
+    own = state.robots[role]
+    opponents = tuple(RobotState(x, y, zero, zero) for _ in state.robots[role.other])
     late = None
     if sensors.delay is not None:
-        nothing = Percept(own, unseen, (no,) * len(unseen), no)
-        late = jax.tree.map(lambda leaf: jnp.repeat(leaf[None], MOST_DELAY + 1, axis=0), nothing)
+        blank = Percept(own, opponents, (no_flag,) * len(opponents), no_flag)
+        late = jax.tree.map(lambda leaf: jnp.repeat(leaf[None], MOST_DELAY + 1, axis=0), blank)
     anywhere = belief.anywhere(arena.chart) if believes and arena.chart is not None else None
     sightings = Sightings(jnp.full((), -1, jnp.int32), jnp.zeros((), jnp.int32))
-    return Track(own, unseen, (jnp.float32(NEVER),) * len(unseen), late, anywhere, sightings)
+    return Track(own, opponents, (jnp.float32(NEVER),) * len(opponents), late, anywhere, sightings)
 
 
-def update(game: Game, role: Role, track: Track | None, state: GameState, bits: Bits) -> tuple[Track | None, GameState]:
-    """Return what one side knows after it has looked at a state, by random bits of this side in this step, and the
-    state as it knows it.
+def update(
+    game: Game,
+    role: Role,
+    track: Track | None,
+    state: GameState,
+    bits: Bits,
+) -> tuple[Track | None, GameState]:
+    """Let one side sense a state; return its track and the state as it knows it.
+
+    Args:
+        game: the rules.
+        role: the side.
+        track: its track before; None without sensors.
+        state: the true state.
+        bits: random bits of this side in this step.
     """
-    here = game.at(state)
-    if (sensors := here.sensors and here.sensors[role]) is None or track is None:
+    local_game = game.at(state)
+    sensors = local_game.sensors and local_game.sensors[role]
+    if sensors is None or track is None:
         return None, state
-    percept = sense(sensors, here.arena, state, role, bits)
+    percept = sense(sensors, local_game.arena, state, role, bits)
     in_sight, before = functools.reduce(operator.or_, percept.seen), track.sightings
     assert before is not None, "it counts them from the start"
     first = jnp.where((before.first < 0) & in_sight, state.steps, before.first)
     sightings = Sightings(first, before.steps + in_sight.astype(jnp.int32))
     late, past = delayed(sensors, track.late, percept)
-    after = learn(here, replace(track, own=percept.own, late=late, sightings=sightings), past, state, role)
+    after = learn(
+        local_game,
+        replace(track, own=percept.own, late=late, sightings=sightings),
+        past,
+        state,
+        role,
+    )
     return after, believed(game, after, state, role)
 
 
-def delayed(sensors: Sensors, late: Percept | None, percept: Percept) -> tuple[Percept | None, Percept]:
-    """Return what a side sees in the latest steps, and what it saw as long ago as its sensors' delay."""
+def delayed(
+    sensors: Sensors,
+    late: Percept | None,
+    percept: Percept,
+) -> tuple[Percept | None, Percept]:
+    """Return what a side sees in the latest steps, and what it saw as long ago as its sensors'
+    delay.
+    """
     if sensors.delay is None:
         return None, percept
     late = jax.tree.map(lambda new, old: jnp.concatenate([new[None], old[:-1]]), percept, late)
@@ -90,54 +139,85 @@ def delayed(sensors: Sensors, late: Percept | None, percept: Percept) -> tuple[P
 
 
 def learn(game: Game, track: Track, percept: Percept, state: GameState, role: Role) -> Track:
-    """Return what one side knows after a percept as old as its sensors' delay, in a game in one arena, with sensors of
-    this side; of the state only who is in play counts.
+    """Update a track by a percept as old as the sensors' delay.
 
-    Opponents in it are taken to have driven straight on at their speeds since then (dead reckoning).
+    Opponents in the percept are taken to have driven straight on since then (dead reckoning).
+
+    Args:
+        game: a game in one arena, with sensors of this side.
+        track: the track before.
+        percept: what was sensed.
+        state: only `state.status` is read.
+        role: the side.
     """
     sensors = game.sensors and game.sensors[role]
     assert sensors is not None, "a side without them knows everything"
-    now, zero = percept.opponents, jnp.zeros(())
+    opponents_now, zero = percept.opponents, jnp.zeros(())
     if sensors.delay is not None:
         late, bodies = jnp.asarray(sensors.delay, jnp.float32) * game.dt, game.bodies[role.other]
-        now = tuple(body.move(robot, zero, zero, late) for body, robot in zip(bodies, now, strict=True))
-    opponents = tuple(map(choose, percept.seen, now, track.opponents))
+        pairs = zip(bodies, opponents_now, strict=True)
+        opponents_now = tuple(body.move(robot, zero, zero, late) for body, robot in pairs)
+    opponents = tuple(map(choose, percept.seen, opponents_now, track.opponents))
     ages = tuple(
-        jnp.where(seen, zero, jnp.minimum(old + game.dt, NEVER))
-        for old, seen in zip(track.ages, percept.seen, strict=True)
+        jnp.where(is_seen, zero, jnp.minimum(age + game.dt, NEVER))
+        for age, is_seen in zip(track.ages, percept.seen, strict=True)
     )
     after = track.belief and _believed(game, sensors, track.belief, percept, state, role)
     return replace(track, opponents=opponents, ages=ages, belief=after)
 
 
-def _believed(game: Game, sensors: Sensors, before: Belief, percept: Percept, state: GameState, role: Role) -> Belief:
+def _believed(
+    game: Game,
+    sensors: Sensors,
+    before: Belief,
+    percept: Percept,
+    state: GameState,
+    role: Role,
+) -> Belief:
     """Return the belief after a step in which opponents moved, and after what was seen."""
     chart, active = game.arena.chart, state.active
     assert chart is not None, "a belief has a chart"
-    moved = belief.moved(chart, before, _reach(game, role), game.dt)
-    after = belief.looked(chart, sensors, moved, percept, active[role])
+    spread_belief = belief.moved(chart, before, _reach(game, role), game.dt)
+    after = belief.looked(chart, sensors, spread_belief, percept, active[role])
     bound = sensors.noise.reach if sensors.noise else jnp.zeros(())
-    unseen = [alive & ~seen for alive, seen in zip(active[role.other], percept.seen, strict=True)]
-    credit = hidden = jnp.where(functools.reduce(operator.or_, unseen), after.credit, -jnp.ones_like(after.credit))
-    for robot, seen in zip(percept.opponents, percept.seen, strict=True):
-        credit = jnp.maximum(credit, jnp.where(seen, belief.at(chart, robot, bound), hidden))
+    opponents = zip(active[role.other], percept.seen, strict=True)
+    unseen = [is_active & ~is_seen for is_active, is_seen in opponents]
+    credit = hidden = jnp.where(
+        functools.reduce(operator.or_, unseen),
+        after.credit,
+        -jnp.ones_like(after.credit),
+    )
+    for robot, is_seen in zip(percept.opponents, percept.seen, strict=True):
+        credit = jnp.maximum(credit, jnp.where(is_seen, belief.at(chart, robot, bound), hidden))
     return replace(after, credit=credit)
 
 
 def _reach(game: Game, role: Role, steps: Real = 1.0) -> Scalar:
     """Return how far the fastest opponent moves in some steps [m]."""
-    speeds = [jnp.maximum(jnp.float32(body.v_max), -jnp.float32(body.v_min)) for body in game.bodies[role.other]]
+    bodies = game.bodies[role.other]
+    speeds = [jnp.maximum(jnp.float32(body.v_max), -jnp.float32(body.v_min)) for body in bodies]
     return functools.reduce(jnp.maximum, speeds) * game.dt * steps
 
 
 def believed(game: Game, track: Track | None, state: GameState, role: Role) -> GameState:
-    """Return a state as one side knows it: itself where that sees everything."""
+    """Return a state as one side knows it; the state itself where the side sees everything.
+
+    Args:
+        game: the rules.
+        track: the side's track; None without sensors.
+        state: the true state.
+        role: the side.
+    """
     if track is None:
         return state
-    here = game.at(state)
-    known, chart, sensors = track.belief, here.arena.chart, here.sensors and here.sensors[role]
-    if known and chart and sensors and sensors.delay is not None:  # what opponents may have done since
+    local_game = game.at(state)
+    side_belief = track.belief
+    chart = local_game.arena.chart
+    sensors = local_game.sensors and local_game.sensors[role]
+    # what opponents may have done since
+    if side_belief and chart and sensors and sensors.delay is not None:
         late = jnp.asarray(sensors.delay, jnp.float32)
-        known = belief.moved(chart, known, _reach(here, role, late), late * here.dt)
+        reach = _reach(local_game, role, late)
+        side_belief = belief.moved(chart, side_belief, reach, late * local_game.dt)
     robots = BySide.of(role, track.own, track.opponents)
-    return replace(state, robots=robots, sight=Sight(track.ages, known and known.where))
+    return replace(state, robots=robots, sight=Sight(track.ages, side_belief and side_belief.where))

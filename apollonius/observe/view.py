@@ -15,7 +15,17 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.game import Game
 from apollonius.game.teams import Teams, nearest
-from apollonius.game.types import BySide, DriveState, DriveStates, Flag, GameState, Real, RobotState, Role, Scalar
+from apollonius.game.types import (
+    BySide,
+    DriveState,
+    DriveStates,
+    Flag,
+    GameState,
+    Real,
+    RobotState,
+    Role,
+    Scalar,
+)
 from apollonius.io.errors import InvalidInput
 
 T = TypeVar("T")
@@ -28,8 +38,10 @@ class Robot(eqx.Module):
         body, state: its limits, and its state as it is known.
         active: whether it is in play.
         age: for how long the robot has been hidden [s].
-        soon: its state when a command that is given now takes effect; None if that is now, or not known.
-        turn_time: in which its drive changes the turn rate by u2_max [s]; None for one that does so at once.
+        soon: its state when a command that is given now takes effect; None if that is now, or not
+            known.
+        turn_time: in which its drive changes the turn rate by u2_max [s]; None for one that does so
+            at once.
         turn_rate: when a command that is given now takes effect [rad/s]; None without a turn time.
     """
 
@@ -67,14 +79,17 @@ class View(eqx.Module):
     @property
     def chart(self) -> Chart:
         """The arena's chart; raises InvalidInput in an arena without one."""
-        if (chart := self.arena.chart) is None:
-            raise InvalidInput("a player that reads an arena's chart: draw it by apollonius.arenas.charting.charted.")
+        chart = self.arena.chart
+        if chart is None:
+            remedy = "draw it by apollonius.arenas.charting.charted"
+            raise InvalidInput(f"a player that reads an arena's chart: {remedy}.")
         return chart
 
     @property
     def opponent(self) -> Robot:
         """The opponent or, of several that are in play, the one whose centre is nearest."""
-        states, active = ([getattr(one, name) for one in self.opponents] for name in ("state", "active"))
+        states = [robot.state for robot in self.opponents]
+        active = [robot.active for robot in self.opponents]
         return nearest(self.own.state, states, active, self.opponents)
 
     @property
@@ -84,53 +99,83 @@ class View(eqx.Module):
 
 
 def look(game: Game, state: GameState, role: Role, number: int = 0) -> View:
-    """Return the view of one robot, of this number on its side, in a state of the game."""
-    here = game.at(state)
+    """Return the view of one robot in a state of the game.
+
+    Args:
+        game: the rules.
+        state: the state, as the robot's side knows it.
+        role: the robot's side.
+        number: the robot's index in its side.
+    """
+    local_game = game.at(state)
 
     def robots(role: Role) -> tuple[Robot, ...]:
-        return tuple(map(Robot, here.bodies[role], state.robots[role], state.active[role]))
+        return tuple(map(Robot, local_game.bodies[role], state.robots[role], state.active[role]))
 
-    ours, opponents, belief = _driven(here, role, robots(role), state.drives), robots(role.other), None
-    if (sight := state.sight) is not None:
-        opponents = tuple(replace(robot, age=age) for robot, age in zip(opponents, sight.ages, strict=True))
+    side_robots = _driven(local_game, role, robots(role), state.drives)
+    opponents = robots(role.other)
+    belief = None
+    sight = state.sight
+    if sight is not None:
+        pairs = zip(opponents, sight.ages, strict=True)
+        opponents = tuple(replace(robot, age=age) for robot, age in pairs)
         belief = sight.belief
-    mates = ours[:number] + ours[number + 1 :]
-    return View(here.arena, ours[number], mates, opponents, here.capture_distance, here.dt, belief)
+    mates = side_robots[:number] + side_robots[number + 1 :]
+    return View(
+        arena=local_game.arena,
+        own=side_robots[number],
+        mates=mates,
+        opponents=opponents,
+        capture_distance=local_game.capture_distance,
+        dt=local_game.dt,
+        belief=belief,
+    )
 
 
-def _driven(game: Game, role: Role, robots: tuple[Robot, ...], drives: DriveStates | None) -> tuple[Robot, ...]:
+def _driven(
+    game: Game,
+    role: Role,
+    robots: tuple[Robot, ...],
+    drives: DriveStates | None,
+) -> tuple[Robot, ...]:
     """Return the robots of a side with what they know of their drives in a game in one arena."""
     drive = drive_of(game.drives, role)
     if not drives or not jax.tree.leaves(drive):
         return robots
 
-    def one(robot: Robot, driven: DriveState) -> Robot:
+    def with_drive(robot: Robot, driven: DriveState) -> Robot:
         soon, rate = foreseen(drive, driven, robot.body, robot.state, game.dt)
         return replace(robot, soon=soon, turn_time=drive.turn_time, turn_rate=rate)
 
-    return tuple(map(one, robots, drives))
+    return tuple(map(with_drive, robots, drives))
 
 
 Row = tuple[GameState, Int[Array, ""] | None]
-"""One robot in one game: the state with the side's robots in an order that begins with it, and its number; None for the
-only robot of a side."""
+"""One robot in one game: the state with the side's robots in an order that begins with it, and its
+number; None for the only robot of a side."""
 
 
 def rows_of(states: GameState, role: Role) -> tuple[GameState, Int[Array, " rows"] | None]:
-    """Return a row for each robot of a side in each game, leaves `[games]`: those of the first robots come first, then
-    the second's."""
+    """Return a row for each robot of a side in each game, leaves `[games]`: those of the first
+    robots come first, then the second's."""
     count, games = len(states.robots[role]), states.steps.shape[0]
     if count == 1:
         return states, None
 
     def first(number: int) -> GameState:
-        def turned(values: BySide[tuple[T, ...]]) -> BySide[tuple[T, ...]]:
-            ours = values[role]
-            return BySide.of(role, ours[number:] + ours[:number], values[role.other])
+        def rotate(values: BySide[tuple[T, ...]]) -> BySide[tuple[T, ...]]:
+            own = values[role]
+            return BySide.of(role, own[number:] + own[:number], values[role.other])
 
         def of_one(state: GameState) -> GameState:
-            drives, status = state.drives and state.drives[number:] + state.drives[:number], state.status
-            return replace(state, robots=turned(state.robots), status=status and turned(status), drives=drives)
+            drives = state.drives and state.drives[number:] + state.drives[:number]
+            status = state.status
+            return replace(
+                state,
+                robots=rotate(state.robots),
+                status=status and rotate(status),
+                drives=drives,
+            )
 
         return jax.vmap(of_one)(states)
 
@@ -150,17 +195,19 @@ def _in_rows(*states: GameState) -> GameState:
 
 
 def _turned(game: Game, role: Role, number: Int[Array, ""]) -> Game:
-    """Return a game in one arena with the bodies of one side in another order, that of this number first."""
+    """Return a game in one arena with the bodies of one side in another order, that of this number
+    first.
+    """
     bodies = game.bodies[role]
 
-    def at(place: int) -> Unicycle:
+    def body_at(place: int) -> Unicycle:
         def pick(*leaves: Real) -> Scalar:
-            turns = [(number + place) % len(bodies) == other for other in range(len(bodies))]
-            return jnp.select(turns, [jnp.asarray(leaf, jnp.float32) for leaf in leaves])
+            is_turn = [(number + place) % len(bodies) == other for other in range(len(bodies))]
+            return jnp.select(is_turn, [jnp.asarray(leaf, jnp.float32) for leaf in leaves])
 
         return jax.tree.map(pick, *bodies)
 
-    first, *others = map(at, range(len(bodies)))
+    first, *mates = map(body_at, range(len(bodies)))
     name = role.name.lower()
-    teams = replace(game.teams or Teams(), **{f"{name}s": tuple(others)})
+    teams = replace(game.teams or Teams(), **{f"{name}s": tuple(mates)})
     return replace(game, **{name: first}, teams=teams)

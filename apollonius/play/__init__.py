@@ -1,1 +1,1 @@
-"""The one game loop: step a batch of games with auto-reset, play given starts to their ends, replay one game."""
+"""The one game loop: a batch of games with auto-reset, starts played to their ends, replays."""

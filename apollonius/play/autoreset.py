@@ -33,23 +33,29 @@ Step = Callable[[Batch, BothActions], tuple[Batch, Timestep]]
 """One step of every game of a batch."""
 
 
-def autoreset(game: Game, key: PRNGKeyArray, games: int, starts: int = STARTS) -> tuple[Batch, Step]:
-    """Return games at their starts, and `step(batch, actions) -> batch, timestep`, in which a game that ends begins
-    again. The key is consumed.
+def autoreset(
+    game: Game,
+    key: PRNGKeyArray,
+    games: int,
+    starts: int = STARTS,
+) -> tuple[Batch, Step]:
+    """Return games at their starts, and `step(batch, actions) -> batch, timestep`, in which a game
+    that ends begins again. The key is consumed.
 
-    The states are `batch.state`, leaves `[games]`. `timestep.state` is what the step led to in every game, also where
-    it ended; there the next batch has another start. `step` is pure: for `jit`, and for `scan` as it stands.
+    The states are `batch.state`, leaves `[games]`. `timestep.state` is what the step led to in
+    every game, also where it ended; there the next batch has another start. `step` is pure: for
+    `jit`, and for `scan` as it stands.
 
     Args:
         game: the rules.
         key: draws the starts.
         games: the number of games at once.
-        starts: how many each game has. It takes them in turn, then the first again: drawing one for every game at
-            every step would cost far more than the step. Another call, with another key, draws others; its `step`
-            takes the same batch.
+        starts: how many each game has. It takes them in turn, then the first again: drawing one for
+            every game at every step would cost far more than the step. Another call, with another
+            key, draws others; its `step` takes the same batch.
 
-    The actions are of the pursuers and of the evaders: `[games]` of 0..8, `[games, 2]` of two numbers in [-1, 1], or
-    one number for all games; of a team a tuple of these, one a robot.
+    The actions are of the pursuers and of the evaders: `[games]` of 0..8, `[games, 2]` of two
+    numbers in [-1, 1], or one number for all games; of a team a tuple of these, one a robot.
 
     Raises:
         InvalidInput: for no games, no starts, and actions of another number of games.
@@ -59,18 +65,23 @@ def autoreset(game: Game, key: PRNGKeyArray, games: int, starts: int = STARTS) -
     Counted(0).require("starts", starts)
     pool = _draw(game, key, games, starts)
 
-    def in_all(action: Any) -> Array:
-        given = as_action(action) if jnp.ndim(action) == 0 else jnp.asarray(action)
-        spread = jnp.broadcast_to(given, (games,)) if given.ndim == 0 else given
-        require(len(spread) == games, "actions", f"of shape {given.shape}", f"one number, or of {games} games")
-        return spread
+    def per_game(action: Any) -> Array:
+        array = as_action(action) if jnp.ndim(action) == 0 else jnp.asarray(action)
+        actions_of_games = jnp.broadcast_to(array, (games,)) if array.ndim == 0 else array
+        require(
+            len(actions_of_games) == games,
+            "actions",
+            f"of shape {array.shape}",
+            f"one number, or of {games} games",
+        )
+        return actions_of_games
 
     def step(batch: Batch, actions: BothActions) -> tuple[Batch, Timestep]:
         pursuers, evaders = actions
-        asked = jax.tree.map(in_all, (pursuers, evaders))
-        after = jax.vmap(game.step)(batch.state, *asked)
-        ended = after.terminated | after.truncated
-        state = jax.vmap(choose)(ended, turn_of(pool, batch.turn), after.state)
+        batch_actions = jax.tree.map(per_game, (pursuers, evaders))
+        after = jax.vmap(game.step)(batch.state, *batch_actions)
+        has_ended = after.terminated | after.truncated
+        state = jax.vmap(choose)(has_ended, turn_of(pool, batch.turn), after.state)
         return Batch(state, batch.turn + 1), after
 
     return Batch(turn_of(pool, jnp.int32(0)), jnp.int32(1)), step
@@ -78,11 +89,16 @@ def autoreset(game: Game, key: PRNGKeyArray, games: int, starts: int = STARTS) -
 
 @partial(jax.jit, static_argnums=(2, 3))
 def _draw(game: Game, key: PRNGKeyArray, games: int, starts: int) -> GameState:
-    drawn = reset_batch(game, key, starts * games)
-    return jax.tree.map(lambda leaf: leaf.reshape(starts, games, *leaf.shape[1:]), drawn)
+    states = reset_batch(game, key, starts * games)
+    return jax.tree.map(lambda leaf: leaf.reshape(starts, games, *leaf.shape[1:]), states)
 
 
 def turn_of(rows: T, turn: Int[Array, ""]) -> T:
-    """Return the row of a pytree, leaves `[rows, ...]`, whose turn it is: after the last the first again."""
+    """Return the row of a pytree, leaves `[rows, ...]`, whose turn it is: after the last the first
+    again.
+    """
     count = len(jax.tree.leaves(rows)[0])
-    return jax.tree.map(lambda leaf: jax.lax.dynamic_index_in_dim(leaf, turn % count, keepdims=False), rows)
+    return jax.tree.map(
+        lambda leaf: jax.lax.dynamic_index_in_dim(leaf, turn % count, keepdims=False),
+        rows,
+    )

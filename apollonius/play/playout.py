@@ -1,7 +1,8 @@
 """Given starts played to their ends, once each, by a loop that can be watched and stopped.
 
-A compiled function plays some steps of the games under way, in slots; the next start takes the slot of a finished game.
-Between two calls, a few times in a second, progress is reported. One compilation serves all numbers of games.
+A compiled function plays some steps of the games under way, in slots; the next start takes the slot
+of a finished game. Between two calls, a few times in a second, progress is reported. One
+compilation serves all numbers of games.
 """
 
 import time
@@ -10,13 +11,13 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Int, PRNGKeyArray
+from jaxtyping import Array, Bool, Int, PRNGKeyArray
 
 from apollonius.agents.pool import Pool
 from apollonius.game.game import Game
@@ -43,10 +44,13 @@ _WINDOW = 8
 """Starts given to the compiled function at a time, for each slot."""
 _NOBODY = -1
 """The number of the game in an empty slot."""
+_Mask = Bool[Array, " slots"]
 
 
 class AbstractWatcher(eqx.Module):
-    """A statistic of a game beyond its outcome, updated after every step. Unbatched; the caller uses `vmap`."""
+    """A statistic of a game beyond its outcome, updated after every step. Unbatched; the caller
+    uses `vmap`.
+    """
 
     @abstractmethod
     def begin(self) -> Any:
@@ -58,8 +62,8 @@ class AbstractWatcher(eqx.Module):
 
 
 class Results(eqx.Module):
-    """Outcome and length [steps] of games, a watcher's statistic, in teams the `RobotStatus` of each robot, and what
-    sides with sensors sighted; leaves `[games, ...]`."""
+    """Outcome and length [steps] of games, a watcher's statistic, in teams the `RobotStatus` of
+    each robot, and what sides with sensors sighted; leaves `[games, ...]`."""
 
     outcome: Int[Array, " games"]
     steps: Int[Array, " games"]
@@ -83,6 +87,26 @@ class _Ended(eqx.Module):
     results: Results
     count: Int[Array, ""]
 
+    def append(self, new: _Mask, index: Int[Array, " slots"], results: Results) -> "_Ended":
+        """Return the record with the results of the slots whose games are new in it."""
+        blank = len(self.index)
+        row = jnp.where(new, self.count + jnp.cumsum(new.astype(jnp.int32)) - 1, blank)
+        record, results = jax.tree.map(
+            lambda column, values: column.at[row].set(values, mode="drop"),
+            (self.index, self.results),
+            (index, results),
+        )
+        return _Ended(record, results, self.count + jnp.sum(new, dtype=jnp.int32))
+
+
+class _Progress(NamedTuple):
+    """The carry of `_advance`: slots, games begun, games ended, and steps made."""
+
+    under_way: _Slots
+    begun: Int[Array, ""]
+    ended: _Ended
+    step: Int[Array, ""]
+
 
 def play_out(
     game: Game,
@@ -96,78 +120,129 @@ def play_out(
 ) -> Results:
     """Play each of the given starts to its end, once.
 
-    On each core at most `slots` games are under way; the next start takes the place of a finished game. The random bits
-    of a game depend on the key, its index and its step alone, so other games do not change its course, nor do `slots`,
-    but for the last bits of networks, which round otherwise in fewer than 64.
+    On each core at most `slots` games are under way; the next start takes the place of a finished
+    game. A game's course depends on the key, its index and its step only, up to the rounding of
+    networks in fewer than 64 slots.
 
-    The slots are rounded up to a power of 2. By default they are as many as are quickest: few for a CPU, since in the
-    end only the longest games are left, many for an accelerator. An exception that `report` raises ends the play.
+    Args:
+        game: the rules.
+        players: the players of both sides.
+        starts: initial states, leaves `[games]`.
+        key: draws the random bits of all games.
+        slots: games under way on each core, rounded up to a power of 2; by default few on a CPU,
+            where the longest games are left at the end, and many on an accelerator.
+        watcher: a statistic of every game.
+        report: gets the numbers of games ended and of all; an exception from it ends the play.
+        first: index of the first game.
     """
     rows = jax.tree.map(np.asarray, starts)
-    total, on_cpu = len(rows.steps), jax.default_backend() == "cpu"
-    slots, cores = slots or (64 if on_cpu else 512), len(available_cores()) if on_cpu else 1
-    width = 2 ** (slots - 1).bit_length()
-    under_way = _zeros(jax.eval_shape(jax.jit(_empty), game, players, key, watcher, _cut(rows, 0, width)))
+    total = len(rows.steps)
+    on_cpu = jax.default_backend() == "cpu"
+    cores = len(available_cores()) if on_cpu else 1
+    default_slots = 64 if on_cpu else 512
+    width = 2 ** ((slots or default_slots) - 1).bit_length()
+    under_way = _zeros(
+        jax.eval_shape(jax.jit(_empty), game, players, key, watcher, _cut(rows, 0, width)),
+    )
     under_way.index[:] = _NOBODY
     results = _zeros(jax.eval_shape(lambda: _no_results(watcher, total, under_way.games)))
     advance = partial(_advance, game, players, key, watcher)
     shares = max(1, min(cores, total // width))
     ends = [total * share // shares for share in range(shares + 1)]
-    plays = [_play_share(advance, rows, *pair, first, under_way, results) for pair in pairwise(ends)]
-    done = sum(next(play) for play in plays)  # which traces the function, once
-    with ThreadPoolExecutor(shares) as threads:  # a call of a compiled function keeps its thread busy
-        while turn := [new for new in threads.map(lambda play: next(play, None), plays) if new is not None]:
-            done += sum(turn)
-            report(done, total)
+    plays = [
+        _play_share(advance, rows, begin_row, end_row, first, under_way, results)
+        for begin_row, end_row in pairwise(ends)
+    ]
+    ended_games = sum(next(play) for play in plays)  # which traces the function, once
+
+    def next_count(play: Iterator[int]) -> int | None:
+        return next(play, None)
+
+    # a call of a compiled function keeps its thread busy
+    with ThreadPoolExecutor(shares) as threads:
+        while True:
+            counts = list(threads.map(next_count, plays))
+            new_counts = [count for count in counts if count is not None]
+            if not new_counts:
+                break
+            ended_games += sum(new_counts)
+            report(ended_games, total)
     return jax.device_put(results)
 
 
 def _play_share(
     advance: Callable[..., tuple[_Slots, Array, _Ended]],
     rows: GameState,
-    begun: int,
+    start: int,
     end: int,
     first: int,
     under_way: _Slots,
     results: Results,
 ) -> Iterator[int]:
-    """Play the starts from row `begun` to `end` in empty slots, by `_advance` with its first arguments; fill in their
-    results, and yield how many games have ended since the last time. The game of the first row has the index `first`.
+    """Play a share of the starts; yield how many games have ended since the last time.
+
+    Args:
+        advance: `_advance` with its first arguments.
+        rows: all starts, leaves `[games]`.
+        start, end: the rows of this share.
+        first: index of the game of row 0.
+        under_way: empty slots.
+        results: filled in, leaves `[games]`.
     """
-    done, new, steps, window = begun, 0, 1, len(under_way.index) * _WINDOW
-    while done < end:
-        asked = time.perf_counter()
-        count = min(window, end - begun)
-        numbers = (*map(np.int32, (first + begun, count, steps)), np.bool_(begun + count < end))
-        under_way, taken, ended = advance(under_way, _cut(rows, begun, window), *numbers)
-        yield new
-        begun += int(taken)
-        new = int(ended.count)
-        index = np.asarray(ended.index)[:new] - first
-        for column, fresh in zip(jax.tree.leaves(results), jax.tree.leaves(ended.results), strict=True):
-            column[index] = np.asarray(fresh)[:new]
-        done += new
+    ended_games = start
+    new_ended = 0
+    steps = 1
+    window = len(under_way.index) * _WINDOW
+    while ended_games < end:
+        call_time = time.perf_counter()
+        count = min(window, end - start)
+        under_way, begun_games, ended = advance(
+            under_way,
+            _cut(rows, start, window),
+            np.int32(first + start),
+            np.int32(count),
+            np.int32(steps),
+            np.bool_(start + count < end),
+        )
+        yield new_ended
+        start += int(begun_games)
+        new_ended = int(ended.count)
+        index = np.asarray(ended.index)[:new_ended] - first
+        for column, new_results in zip(
+            jax.tree.leaves(results),
+            jax.tree.leaves(ended.results),
+            strict=True,
+        ):
+            column[index] = np.asarray(new_results)[:new_ended]
+        ended_games += new_ended
         # The first call compiles, so that the steps grow from the second one on.
-        quick = time.perf_counter() - asked < _CHUNK_SECONDS
-        steps = min(steps * 2, _MOST_STEPS) if quick else max(steps // 2, 1)
-    yield new
+        is_quick = time.perf_counter() - call_time < _CHUNK_SECONDS
+        steps = min(steps * 2, _MOST_STEPS) if is_quick else max(steps // 2, 1)
+    yield new_ended
 
 
 def _empty(
-    game: Game, players: BySide[Pool], key: PRNGKeyArray, watcher: AbstractWatcher | None, starts: GameState
+    game: Game,
+    players: BySide[Pool],
+    key: PRNGKeyArray,
+    watcher: AbstractWatcher | None,
+    starts: GameState,
 ) -> _Slots:
     """Return empty slots, one for each of some starts."""
-    nobody = jnp.full(starts.steps.shape, _NOBODY, jnp.int32)
-    games = begin(game, starts, players, random_bits_of(key, nobody, nobody))
-    return _Slots(games, _no_results(watcher, len(nobody), games).watched, nobody)
+    no_index = jnp.full(starts.steps.shape, _NOBODY, jnp.int32)
+    games = begin(game, starts, players, random_bits_of(key, no_index, no_index))
+    return _Slots(games, _no_results(watcher, len(no_index), games).watched, no_index)
 
 
 def _no_results(watcher: AbstractWatcher | None, count: int, games: Games) -> Results:
     """Return blank results of a number of games such as these."""
-    unwatched = jax.tree.map(lambda leaf: jnp.repeat(leaf[None], count, axis=0), watcher and watcher.begin())
-    nothing = jnp.zeros(count, jnp.int32)
-    status, sightings = jax.tree.map(lambda _: nothing, (games.state.status, games.sightings))
-    return Results(nothing, nothing, unwatched, status, sightings)
+    statistics = jax.tree.map(
+        lambda leaf: jnp.repeat(leaf[None], count, axis=0),
+        watcher and watcher.begin(),
+    )
+    zeros = jnp.zeros(count, jnp.int32)
+    status, sightings = jax.tree.map(lambda _: zeros, (games.state.status, games.sightings))
+    return Results(zeros, zeros, statistics, status, sightings)
 
 
 @Kept
@@ -183,49 +258,77 @@ def _advance(
     steps: Int[Array, ""],
     more: Flag,
 ) -> tuple[_Slots, Int[Array, ""], _Ended]:
-    """Play some steps of the games under way, at most `steps`; `count` waiting games, from the number `first`, begin
-    in empty slots. Where `more` will wait when these have begun, it ends early rather than leave slots empty.
+    """Play some steps of the games under way; waiting games begin in empty slots.
+
+    Args:
+        game, players, key, watcher: as in `play_out`.
+        under_way: the slots.
+        starts: the waiting games' initial states, leaves `[rows]`.
+        first: index of the first waiting game.
+        count: number of waiting games.
+        steps: most steps.
+        more: whether others will wait when these have begun. If so, play ends when none of these
+            is left for an empty slot.
 
     Returns the games under way, the number of games that have begun, and the games that ended.
     """
-    # No more games than rows can end.
-    rows, unwatched = len(under_way.index) + len(starts.steps), watcher and watcher.begin()
-    nothing = _Ended(jnp.zeros(rows, jnp.int32), _no_results(watcher, rows, under_way.games), jnp.asarray(0))
-    carry = under_way, jnp.asarray(0), nothing, jnp.asarray(0)
+    rows = len(under_way.index) + len(starts.steps)  # no more games than these can end
+    unwatched = watcher and watcher.begin()
+    no_results = _Ended(
+        jnp.zeros(rows, jnp.int32),
+        _no_results(watcher, rows, under_way.games),
+        jnp.asarray(0),
+    )
 
-    def goes_on(carry: tuple[_Slots, Array, _Ended, Array]) -> Array:
-        under_way, taken, _, step = carry
-        playing, left = under_way.index != _NOBODY, taken < count
-        return (step < steps) & (left | jnp.where(more, jnp.all(playing), jnp.any(playing)))
+    def should_continue(progress: _Progress) -> Array:
+        is_playing = progress.under_way.index != _NOBODY
+        some_wait = progress.begun < count
+        some_play = jnp.where(more, jnp.all(is_playing), jnp.any(is_playing))
+        return (progress.step < steps) & (some_wait | some_play)
 
-    def one_step(carry: tuple[_Slots, Array, _Ended, Array]) -> tuple[_Slots, Array, _Ended, Array]:
-        under_way, taken, ended, step = carry
-        free = under_way.index == _NOBODY
-        upcoming = taken + jnp.cumsum(free.astype(jnp.int32)) - 1
-        fresh = free & (upcoming < count)
-        index = jnp.where(fresh, first + upcoming, under_way.index)
-        state = jax.tree.map(lambda leaf: leaf[jnp.minimum(upcoming, len(starts.steps) - 1)], starts)
-        begun = begin(game, state, players, random_bits_of(key, index, jnp.full(index.shape, -1)))
-        # An empty slot stays at the first step of a game: there few players search or plan.
-        idle = free & ~fresh & (under_way.games.state.steps == 1)
-        games = jax.vmap(choose)(free & ~idle, begun, under_way.games)
-        watched = jax.vmap(choose, in_axes=(0, None, 0))(fresh, unwatched, under_way.watched)
-
-        bits = random_bits_of(key, index, games.state.steps)
-        after, transition = step_games(game, players, games, bits, observes=False)
-        games = jax.vmap(choose)(idle, games, after)
-        watched = jax.vmap(watcher.follow)(watched, transition) if watcher else None
-        over = (index != _NOBODY) & (transition.terminated | transition.truncated)
-        row = jnp.where(over, ended.count + jnp.cumsum(over.astype(jnp.int32)) - 1, rows)
-        results = Results(transition.outcome, games.state.steps, watched, games.state.status, games.sightings)
-        log = jax.tree.map(
-            lambda all_, new: all_.at[row].set(new, mode="drop"), (ended.index, ended.results), (index, results)
+    def refill(under_way: _Slots, first_waiting: Int[Array, ""]) -> tuple[_Slots, _Mask, _Mask]:
+        """Begin waiting games in empty slots; return which began, and which slots stay idle."""
+        is_empty = under_way.index == _NOBODY
+        upcoming = first_waiting + jnp.cumsum(is_empty.astype(jnp.int32)) - 1
+        is_new = is_empty & (upcoming < count)
+        index = jnp.where(is_new, first + upcoming, under_way.index)
+        state = jax.tree.map(
+            lambda leaf: leaf[jnp.minimum(upcoming, len(starts.steps) - 1)],
+            starts,
         )
-        ended = _Ended(log[0], log[1], ended.count + jnp.sum(over, dtype=jnp.int32))
-        under_way = _Slots(games, watched, jnp.where(over, _NOBODY, index))
-        return under_way, taken + jnp.sum(fresh, dtype=jnp.int32), ended, step + 1
+        bits = random_bits_of(key, index, jnp.full(index.shape, -1))
+        new_games = begin(game, state, players, bits)
+        # An empty slot stays at the first step of a game: there few players search or plan.
+        is_idle = is_empty & ~is_new & (under_way.games.state.steps == 1)
+        games = jax.vmap(choose)(is_empty & ~is_idle, new_games, under_way.games)
+        watched = jax.vmap(choose, in_axes=(0, None, 0))(is_new, unwatched, under_way.watched)
+        return _Slots(games, watched, index), is_new, is_idle
 
-    return jax.lax.while_loop(goes_on, one_step, carry)[:3]
+    def one_step(progress: _Progress) -> _Progress:
+        slots, is_new, is_idle = refill(progress.under_way, progress.begun)
+        index = slots.index
+        bits = random_bits_of(key, index, slots.games.state.steps)
+        after, transition = step_games(game, players, slots.games, bits, observes=False)
+        games = jax.vmap(choose)(is_idle, slots.games, after)
+        watched = jax.vmap(watcher.follow)(slots.watched, transition) if watcher else None
+        has_ended = (index != _NOBODY) & (transition.terminated | transition.truncated)
+        results = Results(
+            transition.outcome,
+            games.state.steps,
+            watched,
+            games.state.status,
+            games.sightings,
+        )
+        return _Progress(
+            under_way=_Slots(games, watched, jnp.where(has_ended, _NOBODY, index)),
+            ended=progress.ended.append(has_ended, index, results),
+            begun=progress.begun + jnp.sum(is_new, dtype=jnp.int32),
+            step=progress.step + 1,
+        )
+
+    start = _Progress(under_way, jnp.asarray(0), no_results, jnp.asarray(0))
+    end = jax.lax.while_loop(should_continue, one_step, start)
+    return end.under_way, end.begun, end.ended
 
 
 def _zeros(shapes: Any) -> Any:

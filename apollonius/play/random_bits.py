@@ -1,7 +1,8 @@
 """Random bits, the same as those of `jax.random`, in one pass.
 
-On the CPU, JAX's hash is a loop of five turns: each goes through memory, and, for a single key, spends its time
-on the loop. Here the turns stand one after the other, and all happen where a number is made.
+On the CPU, JAX's hash is a loop of five turns: each goes through memory, and, for a single key,
+spends its time on the loop. Here the turns stand one after the other, and all happen where a number
+is made.
 """
 
 import functools
@@ -19,23 +20,28 @@ _TURNS = 5
 
 
 def random_bits(key: PRNGKeyArray, shape: tuple[int, ...]) -> UInt32[Array, "..."]:
-    """Return random bits: `jax.random.bits(key, shape, "uint32")`, bit by bit, fewer than 2^32 words."""
-    if not _is_known(key):
+    """Return random bits: `jax.random.bits(key, shape, "uint32")`, bit by bit, fewer than 2^32
+    words.
+    """
+    if not _is_default_key(key):
         return jax.random.bits(key, shape, jnp.uint32)
     return fusion_barrier(functools.partial(_words, shape))(jax.random.key_data(key))
 
 
 def fold_in(key: PRNGKeyArray, number: Int[Array, ""]) -> PRNGKeyArray:
-    """Return the key of a key and a number of 32 bits: `jax.random.fold_in(key, number)`, bit by bit."""
-    if not _is_known(key):
+    """Return the key of a key and a number of 32 bits: `jax.random.fold_in(key, number)`, bit by
+    bit.
+    """
+    if not _is_default_key(key):
         return jax.random.fold_in(key, number)
     data = jnp.stack(_hash(jax.random.key_data(key), number.astype(jnp.uint32)))
     return jax.random.wrap_key_data(data, impl=jax.random.key_impl(key))
 
 
-def _is_known(key: PRNGKeyArray) -> bool:
-    """Return whether JAX hashes such keys, and counts words, as here: its default."""
-    return jax.random.key_impl(key) == "threefry2x32" and jax.config.values["jax_threefry_partitionable"]
+def _is_default_key(key: PRNGKeyArray) -> bool:
+    """Return whether JAX hashes such keys, and counts words, as this module: its default."""
+    is_partitionable = jax.config.values["jax_threefry_partitionable"]
+    return jax.random.key_impl(key) == "threefry2x32" and is_partitionable
 
 
 def _words(shape: tuple[int, ...], key: UInt32[Array, "2"]) -> UInt32[Array, "..."]:
@@ -43,7 +49,10 @@ def _words(shape: tuple[int, ...], key: UInt32[Array, "2"]) -> UInt32[Array, "..
     return high ^ low
 
 
-def _hash(key: UInt32[Array, "2"], counter: UInt32[Array, "..."]) -> tuple[UInt32[Array, "..."], UInt32[Array, "..."]]:
+def _hash(
+    key: UInt32[Array, "2"],
+    counter: UInt32[Array, "..."],
+) -> tuple[UInt32[Array, "..."], UInt32[Array, "..."]]:
     """Return two words of each counter: Threefry-2x32 with 20 rounds (Salmon et al., 2011)."""
     keys = (key[0], key[1], key[0] ^ key[1] ^ jnp.uint32(_PARITY))
     high, low = jnp.full_like(counter, keys[0]), counter + keys[1]
@@ -57,11 +66,19 @@ def _hash(key: UInt32[Array, "2"], counter: UInt32[Array, "..."]) -> tuple[UInt3
 
 
 def random_bits_of(
-    key: PRNGKeyArray, index: Int[Array, " games"], step: Int[Array, " games"]
+    key: PRNGKeyArray,
+    index: Int[Array, " games"],
+    step: Int[Array, " games"],
 ) -> UInt32[Array, "2 games"]:
-    """Return random bits of either side, by the game's index and its step alone; step -1 is the beginning."""
+    """Return random bits of either side, by the game's index and its step alone; step -1 is the
+    beginning.
+    """
 
     def sample(index: Int[Array, ""], step: Int[Array, ""]) -> UInt32[Array, "2"]:
-        return jax.random.bits(jax.random.fold_in(jax.random.fold_in(key, index), step), (2,), jnp.uint32)
+        return jax.random.bits(
+            jax.random.fold_in(jax.random.fold_in(key, index), step),
+            (2,),
+            jnp.uint32,
+        )
 
     return jax.vmap(sample)(index, step).T

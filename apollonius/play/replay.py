@@ -15,7 +15,15 @@ from apollonius.arenas.file import from_dict, to_dict
 from apollonius.game.dynamics import stack_actions
 from apollonius.game.game import Game
 from apollonius.game.judge import statuses_along
-from apollonius.game.types import NUM_ACTIONS, ROLES, BySide, DriveStates, GameState, Outcome, RobotState, Role
+from apollonius.game.types import (
+    NUM_ACTIONS,
+    ROLES,
+    BySide,
+    DriveStates,
+    GameState,
+    Outcome,
+    RobotState,
+)
 from apollonius.game.validation import MAX_SIZE
 from apollonius.io.document import parse_json, read_bytes, to_json, write_atomically
 from apollonius.io.errors import require, require_printable
@@ -29,8 +37,8 @@ _MOST_BYTES = 2**26
 """Largest file [bytes]: a game of some 400,000 steps."""
 
 AllActions = Int[Array, "steps robots"] | Float[Array, "steps robots 2"]
-"""Actions of the pursuers and then of the evaders in every step: 0..8, or the action levels of all where one side's are
-continuous. A discrete action moves a robot by its levels to the same bits."""
+"""Actions of the pursuers and then of the evaders in every step: 0..8, or the action levels of all
+where one side's are continuous. A discrete action moves a robot by its levels to the same bits."""
 
 
 class Trajectory(eqx.Module):
@@ -42,7 +50,9 @@ class Trajectory(eqx.Module):
 
 
 class _Recorder(AbstractWatcher):
-    """The number of steps of a game, and all robots' actions in them; at first zeros for the longest game."""
+    """The number of steps of a game, and all robots' actions in them; at first zeros for the
+    longest game.
+    """
 
     actions: AllActions
 
@@ -50,42 +60,83 @@ class _Recorder(AbstractWatcher):
         return jnp.zeros((), jnp.int32), self.actions
 
     def follow(
-        self, known: tuple[Int[Array, ""], AllActions], transition: Transition
+        self,
+        known: tuple[Int[Array, ""], AllActions],
+        transition: Transition,
     ) -> tuple[Int[Array, ""], AllActions]:
         step, actions = known
-        sides = [list(side.action) if side.reward.ndim else [side.action] for side in transition.sides]
-        return step + 1, actions.at[step].set(stack_actions(*sides[Role.PURSUER], *sides[Role.EVADER]))
+        robot_actions: list[Array] = []
+        for side in transition.sides:
+            robot_actions += list(side.action) if side.reward.ndim else [side.action]
+        return step + 1, actions.at[step].set(stack_actions(*robot_actions))
 
 
-def trace(game: Game, players: BySide[Pool], starts: GameState, key: PRNGKeyArray, index: int) -> Trajectory:
-    """Return the course of one of the games that `play_out` plays with the same arguments. The key is consumed."""
+def trace(
+    game: Game,
+    players: BySide[Pool],
+    starts: GameState,
+    key: PRNGKeyArray,
+    index: int,
+) -> Trajectory:
+    """Return the course of one of the games that `play_out` plays with the same arguments.
+
+    Args:
+        game: the rules.
+        players: the players of both sides.
+        starts: initial states of all games, leaves `[games]`.
+        key: draws the random bits; it is consumed.
+        index: which of the games.
+    """
     start = jax.tree.map(lambda leaf: np.asarray(leaf)[index : index + 1], starts)
     shape = int(game.max_steps), sum(len(side) for side in start.robots)
     continuous = any(pool.members.continuous for pool in players)
     blank = np.zeros((*shape, 2), np.float32) if continuous else np.zeros(shape, np.int32)
-    results = play_out(game, players, start, key, slots=1, watcher=_Recorder(jax.device_put(blank)), first=index)
+    results = play_out(
+        game,
+        players,
+        start,
+        key,
+        slots=1,
+        watcher=_Recorder(jax.device_put(blank)),
+        first=index,
+    )
     actions, steps = results.watched[1][0], int(results.steps[0])
-    alone = jax.device_put(jax.tree.map(lambda leaf: leaf[0], start))
-    states, outcomes = jax.device_get(play_actions(game, alone, actions))
-    course = jax.tree.map(lambda leaf: leaf[: steps + 1], states), np.asarray(actions)[:steps], outcomes[steps - 1]
-    return Trajectory(*jax.device_put(course))
+    single = jax.device_put(jax.tree.map(lambda leaf: leaf[0], start))
+    states, outcomes = jax.device_get(play_actions(game, single, actions))
+    return Trajectory(
+        states=jax.device_put(jax.tree.map(lambda leaf: leaf[: steps + 1], states)),
+        actions=jax.device_put(np.asarray(actions)[:steps]),
+        outcome=jax.device_put(outcomes[steps - 1]),
+    )
 
 
 @jax.jit
-def play_actions(game: Game, start: GameState, actions: AllActions) -> tuple[GameState, Int[Array, " steps"]]:
-    """Return states before the first action and after each, leaves `[steps + 1]`, and the outcome of each step."""
+def play_actions(
+    game: Game,
+    start: GameState,
+    actions: AllActions,
+) -> tuple[GameState, Int[Array, " steps"]]:
+    """Play recorded actions; return all states, leaves `[steps + 1]`, and each step's outcome."""
     unpaid = replace(game, reward=replace(game.reward, along_paths=False))  # needs no charts
-    pursuers, drives = len(start.robots.pursuer), ROLES.map(lambda role: drives_at_start(game, start, role))
+    pursuers = len(start.robots.pursuer)
+    drives = ROLES.map(lambda role: drives_at_start(game, start, role))
 
     def one_step(
-        now: tuple[GameState, BySide[DriveStates]], action: Shaped[Array, "robots ..."]
+        now: tuple[GameState, BySide[DriveStates]],
+        action: Shaped[Array, "robots ..."],
     ) -> tuple[tuple[GameState, BySide[DriveStates]], tuple[GameState, Int[Array, ""]]]:
+        state, drives = now
         sides = BySide(tuple(action[:pursuers]), tuple(action[pursuers:]))
-        after, drives = step_driven(unpaid, *now, sides)
+        after, drives = step_driven(unpaid, state, drives, sides)
         return (after.state, drives), (after.state, after.outcome)
 
     _, (states, outcomes) = jax.lax.scan(one_step, (start, drives), actions)
-    return jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), start, states), outcomes
+    all_states = jax.tree.map(
+        lambda first, rest: jnp.concatenate([first[None], rest]),
+        start,
+        states,
+    )
+    return all_states, outcomes
 
 
 @dataclass(frozen=True)
@@ -94,10 +145,12 @@ class Replay:
 
     Attributes:
         seed, games, index: the match, and which of its games this is.
-        states: of all robots, x [m], y [m], v [m/s], heading [rad] of each pursuer, then of each evader.
-        actions: of the pursuers and the evaders, 0..8; or the action levels of all, where one side's are continuous.
-        tolerance: of the states of the game played again [m, m/s, rad]: 0 where these rules recorded it, more for a
-            program that rounds otherwise.
+        states: of all robots, x [m], y [m], v [m/s], heading [rad] of each pursuer, then of each
+            evader.
+        actions: of the pursuers and the evaders, 0..8; or the action levels of all, where one
+            side's are continuous.
+        tolerance: of the states of the game played again [m, m/s, rad]: 0 where these rules
+            recorded it, more for a program that rounds otherwise.
     """
 
     game: Game
@@ -112,15 +165,17 @@ class Replay:
     tolerance: float = 0.0
 
     def first_difference(self) -> int | None:
-        """Return the first step whose state differs when the game is played again, None where all are the same.
+        """Return the first step whose state differs when the game is played again, None where all
+        are the same.
 
         The number of steps stands for an outcome that differs where no state does.
         """
         start = as_state(jnp.asarray(self.states[0]), jnp.asarray(0), len(self.game.bodies.pursuer))
         states, outcomes = play_actions(self.game, start, jnp.asarray(self.actions))
-        away = np.abs(as_rows(states) - self.states)
-        away[:, 3::4] = np.minimum(away[:, 3::4], 2 * np.pi - away[:, 3::4])  # headings of -pi and pi are the same
-        differs = np.any(away > self.tolerance, axis=1)
+        errors = np.abs(as_rows(states) - self.states)
+        # headings of -pi and pi are the same
+        errors[:, 3::4] = np.minimum(errors[:, 3::4], 2 * np.pi - errors[:, 3::4])
+        differs = np.any(errors > self.tolerance, axis=1)
         if differs.any():
             return int(np.argmax(differs))
         return None if int(outcomes[-1]) == self.outcome else len(self.actions)
@@ -128,7 +183,8 @@ class Replay:
     def trajectory(self) -> Trajectory:
         """Return the game as it was recorded."""
         pursuers = len(self.game.bodies.pursuer)
-        states = jax.vmap(as_state, (0, 0, None))(jnp.asarray(self.states), jnp.arange(len(self.states)), pursuers)
+        as_states = jax.vmap(as_state, (0, 0, None))
+        states = as_states(jnp.asarray(self.states), jnp.arange(len(self.states)), pursuers)
         if self.game.teams:
             status = statuses_along(self.game, states)
             states = jax.vmap(lambda state, status: replace(state, status=status))(states, status)
@@ -138,7 +194,10 @@ class Replay:
         """Return for each state which robots are in play; in a game of two both are, to the end."""
         if self.game.teams is None:
             return np.ones((len(self.states), 2), bool)
-        return np.stack([np.asarray(robot) for side in self.trajectory().states.active for robot in side], axis=-1)
+        return np.stack(
+            [np.asarray(robot) for side in self.trajectory().states.active for robot in side],
+            axis=-1,
+        )
 
     def ending(self) -> str:
         """Return how and when the game ended, as `captured after 12.3 s`."""
@@ -151,8 +210,14 @@ def as_rows(states: GameState) -> Float32[np.ndarray, "rows numbers"]:
     return np.stack([np.asarray(leaf) for leaf in jax.tree.leaves(states.robots)], axis=-1)
 
 
-def as_state(row: Float32[Array, " numbers"], steps: Int[Array, ""], pursuers: int = 1) -> GameState:
-    """Return the state of a row of 4 numbers for each robot, pursuers first, after some steps; all are active."""
+def as_state(
+    row: Float32[Array, " numbers"],
+    steps: Int[Array, ""],
+    pursuers: int = 1,
+) -> GameState:
+    """Return the state of a row of 4 numbers for each robot, pursuers first, after some steps; all
+    are active.
+    """
     robots = tuple(RobotState(*row[first : first + 4]) for first in range(0, len(row), 4))
     return replace(GameState.at_start(BySide(robots[:pursuers], robots[pursuers:])), steps=steps)
 
@@ -160,8 +225,9 @@ def as_state(row: Float32[Array, " numbers"], steps: Int[Array, ""], pursuers: i
 def as_data(replay: Replay) -> dict[str, Any]:
     """Return a replay as JSON-like data, without loss of bits."""
     arrays = {"actions": replay.actions.tolist(), "states": replay.states.astype(float).tolist()}
-    named = {"format": FORMAT, "game": to_dict(replay.game), "outcome": replay.outcome.name.lower()}
-    return vars(replay) | named | arrays
+    outcome = replay.outcome.name.lower()
+    fields = {"format": FORMAT, "game": to_dict(replay.game), "outcome": outcome}
+    return vars(replay) | fields | arrays
 
 
 def save_replay(replay: Replay, path: Path) -> None:
@@ -170,23 +236,39 @@ def save_replay(replay: Replay, path: Path) -> None:
 
 
 def load_replay(path: Path) -> Replay:
-    """Return the replay of a file; raises InvalidInput where it is missing or cannot have been played."""
+    """Return the replay of a file; raises InvalidInput where it is missing or cannot have been
+    played.
+    """
     content = read_bytes(path, "a replay", "check the path", _MOST_BYTES)
     data = parse_json(content, f"'{path}' is no replay; record it again")
     version = data.get("format")
     require(version == FORMAT, f"'{path}': format", version, f"{FORMAT}, as this version reads")
     record = from_dict(_Record, data, f"'{path}' is no replay")
-    actions, states = _numbers(record.actions, f"'{path}': actions"), _numbers(record.states, f"'{path}': states")
+    actions = _numbers(record.actions, f"'{path}': actions")
+    states = _numbers(record.states, f"'{path}': states")
     discrete = actions.ndim < 3
-    require(actions.dtype.kind == "i" or not discrete, f"'{path}': actions", "some", "whole numbers")
+    require(
+        actions.dtype.kind == "i" or not discrete,
+        f"'{path}': actions",
+        "some",
+        "whole numbers",
+    )
     game = from_dict(Game, record.game, f"'{path}'")
     robots = sum(map(len, game.bodies))
     shape = (len(actions), robots) if discrete else (len(actions), robots, 2)
-    fits = states.shape == (len(actions) + 1, 4 * robots) and actions.shape == shape and len(actions)
-    require(fits, f"'{path}': states", states.shape, f"a row of {4 * robots} more than actions")
+    states_shape = (len(actions) + 1, 4 * robots)
+    shapes_fit = states.shape == states_shape and actions.shape == shape and len(actions)
+    bound = f"a row of {4 * robots} more than actions"
+    require(shapes_fit, f"'{path}': states", states.shape, bound)
     least, most = (0, NUM_ACTIONS - 1) if discrete else (-1, 1)
-    known = (actions >= least).all() and (actions <= most).all() and (np.abs(states) <= MAX_SIZE).all()
-    require(known, f"'{path}': actions, states", "some", f"from {least} to {most}, and within {MAX_SIZE:g} of 0")
+    actions_fit = (actions >= least).all() and (actions <= most).all()
+    in_bounds = actions_fit and (np.abs(states) <= MAX_SIZE).all()
+    require(
+        in_bounds,
+        f"'{path}': actions, states",
+        "some",
+        f"from {least} to {most}, and within {MAX_SIZE:g} of 0",
+    )
     outcome = Outcome[record.outcome.upper()]
     match = record.pursuer, record.evader, record.seed, record.games, record.index
     actions = actions.astype(np.int32 if discrete else np.float32)
@@ -213,16 +295,26 @@ class _Record:
         for name in (self.pursuer, self.evader):
             require_printable("player", name)
         SEED.require("seed", self.seed)
-        require(0 <= self.index < self.games <= MOST_COUNTED, "index", self.index, f"below games = {self.games}")
-        require(self.outcome.upper() in Outcome.__members__, "outcome", self.outcome, "how a game can end")
+        require(
+            0 <= self.index < self.games <= MOST_COUNTED,
+            "index",
+            self.index,
+            f"below games = {self.games}",
+        )
+        require(
+            self.outcome.upper() in Outcome.__members__,
+            "outcome",
+            self.outcome,
+            "how a game can end",
+        )
         require(0 <= self.tolerance <= 1, "tolerance", self.tolerance, "from 0 to 1")
 
 
 def _numbers(data: list[Any], name: str) -> np.ndarray:
     """Return nested lists of numbers as an array; refuse strings and booleans."""
     try:
-        found = np.array(data)
+        array = np.array(data)
     except ValueError:  # lists of different lengths
-        found = np.array(None)
-    require(found.dtype.kind in "if", name, "some", "numbers")
-    return found
+        array = np.array(None)
+    require(array.dtype.kind in "if", name, "some", "numbers")
+    return array

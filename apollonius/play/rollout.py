@@ -1,7 +1,7 @@
 """Batched play of two sides: the waist of the hourglass, used by training and by judging.
 
-`collect` plays for a number of steps and starts finished games again; `apollonius.play.playout` plays given starts to
-their ends, once each.
+`collect` plays for a number of steps and starts finished games again; `apollonius.play.playout`
+plays given starts to their ends, once each.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,7 +18,19 @@ from apollonius.agents.policy import Memory, mixed
 from apollonius.agents.pool import AbstractPlayers, Pool, Read
 from apollonius.game.drive import drive_of, respond
 from apollonius.game.game import Game
-from apollonius.game.types import ROLES, Action, Actions, BySide, DriveStates, GameState, Role, Scalar, Timestep, choose
+from apollonius.game.types import (
+    ROLES,
+    Action,
+    Actions,
+    BySide,
+    Controls,
+    DriveStates,
+    GameState,
+    Role,
+    Scalar,
+    Timestep,
+    choose,
+)
 from apollonius.observe import tracking
 from apollonius.observe.observation import WHOLE, perceive
 from apollonius.observe.tracking import Sightings, Track, update
@@ -30,12 +42,13 @@ Pay = Callable[[GameState, Timestep], BySide[tuple[Scalar, ...]]]
 
 
 class Experience(eqx.Module):
-    """One side's part of a batch of transitions; leaves have the axes of the batch and, in teams, one of robots.
+    """One side's part of a batch of transitions; leaves have the axes of the batch and, in teams,
+    one of robots.
 
-    `episode_return` is the sum of its rewards since the game began, this step included. `member`, without an axis of
-    robots, is the player of the side's pool, the same in all transitions of a game. Observations of players that read
-    the view itself are empty. In teams `active` is whether a robot was in play before the step, `lost` whether the step
-    put it out.
+    `episode_return` is the sum of its rewards since the game began, this step included. `member`,
+    without an axis of robots, is the player of the side's pool, the same in all transitions of a
+    game. Observations of players that read the view itself are empty. In teams `active` is whether
+    a robot was in play before the step, `lost` whether the step put it out.
     """
 
     observation: Float[Array, "*rows size"]
@@ -49,7 +62,9 @@ class Experience(eqx.Module):
 
 
 class Transition(eqx.Module):
-    """A batch of transitions. `next_observation` is what the step led to, also where the game then ended."""
+    """A batch of transitions. `next_observation` is what the step led to, also where the game then
+    ended.
+    """
 
     sides: BySide[Experience]
     outcome: Int[Array, "*batch"]
@@ -64,8 +79,8 @@ class Transition(eqx.Module):
 class SideState(eqx.Module):
     """What one side of each game carries from start to end.
 
-    Team mates are the same member. `episode_return` has an axis of robots in teams only, leaves of `memory` always.
-    `track` is what a side with sensors knows, `drives` those of its robots.
+    Team mates are the same member. `episode_return` has an axis of robots in teams only, leaves of
+    `memory` always. `track` is what a side with sensors knows, `drives` those of its robots.
     """
 
     member: Int[Array, " games"]
@@ -87,19 +102,32 @@ class Games(eqx.Module):
         return self.sides.map(lambda side: side.track and side.track.sightings)
 
 
-def begin(game: Game, starts: GameState, players: BySide[AbstractPlayers], bits: UInt32[Array, "2 games"]) -> Games:
-    """Return games at their starts, with members drawn from both pools by the upper half of random bits."""
+def begin(
+    game: Game,
+    starts: GameState,
+    players: BySide[AbstractPlayers],
+    bits: UInt32[Array, "2 games"],
+) -> Games:
+    """Return games at their starts, with members drawn from both pools.
+
+    Args:
+        game: the rules.
+        starts: initial states, leaves `[games]`.
+        players: the players of both sides.
+        bits: random bits, of which the upper half draws the members.
+    """
 
     def side(role: Role) -> SideState:
-        own, robots = bits[role], len(starts.robots[role])
-        first = jax.tree.map(
-            lambda leaf: jnp.broadcast_to(leaf, (len(own), robots, *jnp.shape(leaf))), players[role].memory
+        side_bits, robots = bits[role], len(starts.robots[role])
+        memory = jax.tree.map(
+            lambda leaf: jnp.broadcast_to(leaf, (len(side_bits), robots, *jnp.shape(leaf))),
+            players[role].memory,
         )
-        returns = of_robots([jnp.zeros(own.shape, jnp.float32)] * robots)
-        believes = players[role].observation == WHOLE  # no numbers are made of a belief
-        track = jax.vmap(lambda state: tracking.begin(game, state, role, believes))(starts)
+        returns = of_robots([jnp.zeros(side_bits.shape, jnp.float32)] * robots)
+        reads_view = players[role].observation == WHOLE  # no numbers are made of a belief
+        track = jax.vmap(lambda state: tracking.begin(game, state, role, reads_view))(starts)
         drives = jax.vmap(lambda state: drives_at_start(game, state, role))(starts)
-        return SideState(players[role].sample(own), returns, first, track, drives)
+        return SideState(players[role].sample(side_bits), returns, memory, track, drives)
 
     return Games(starts, ROLES.map(side))
 
@@ -110,23 +138,38 @@ def drives_at_start(game: Game, state: GameState, role: Role) -> DriveStates:
 
 
 def of_robots(values: Sequence[Array]) -> Array:
-    """Return the value of a side's robot in each game or, of a team, those of its robots along a second axis."""
+    """Stack the values of a side's robots along a second axis; one robot's value stays as it is."""
     return values[0] if len(values) == 1 else jnp.stack(values, axis=1)
 
 
 def look_around(
-    game: Game, players: BySide[AbstractPlayers], games: Games, bits: UInt32[Array, "2 games"]
+    game: Game,
+    players: BySide[AbstractPlayers],
+    games: Games,
+    bits: UInt32[Array, "2 games"],
 ) -> tuple[BySide[Track | None], BySide[tuple[Read, Any]]]:
-    """Return what both sides know after a look, by random bits of each, and what `perceive` makes of it."""
+    """Let both sides sense; return their tracks, and their perceptions as `perceive` gives them.
 
-    def known(role: Role) -> tuple[Track | None, GameState]:
+    Args:
+        game: the rules.
+        players: the players of both sides.
+        games: the games under way.
+        bits: random bits of each side.
+    """
+
+    def tracked_state(role: Role) -> tuple[Track | None, GameState]:
         side = games.sides[role]
         track, states = jax.vmap(partial(update, game, role))(side.track, games.state, bits[role])
-        return track, jax.vmap(lambda state, drives: replace(state, drives=drives))(states, side.drives)
+        with_drives = jax.vmap(lambda state, drives: replace(state, drives=drives))
+        return track, with_drives(states, side.drives)
 
-    both = ROLES.map(known)
-    seen = ROLES.map(lambda role: perceive(players[role].observation, game, both[role][1], role))
-    return both.map(lambda one: one[0]), seen
+    tracked = ROLES.map(tracked_state)
+
+    def perception(role: Role) -> tuple[Read, Any]:
+        return perceive(players[role].observation, game, tracked[role][1], role)
+
+    perceptions = ROLES.map(perception)
+    return tracked.map(lambda pair: pair[0]), perceptions
 
 
 def step_games(
@@ -138,71 +181,141 @@ def step_games(
     foresees: bool = True,
     pay: Pay | None = None,
 ) -> tuple[Games, Transition]:
-    """Play every game one step on, by fresh random bits of each side, without resets.
+    """Play every game one step, without resets.
 
-    Where nobody `observes` transitions have no observations, which take long to trace, where nobody `foresees` none of
-    what they led to. Rewards are those of the game, unless a function pays.
+    Args:
+        game: the rules.
+        players: the players of both sides.
+        games: the games under way.
+        bits: fresh random bits of each side.
+        observes: False leaves the transitions' observations empty, which saves tracing time.
+        foresees: False leaves their next observations empty.
+        pay: the rewards, if not those of the game.
     """
-    tracks, seen = look_around(game, players, games, bits)
-    acted = ROLES.map(lambda role: decide(players[role], games.sides[role], seen[role], bits[role]))
-    actions = acted.map(lambda side: side[0])
+    tracks, perceptions = look_around(game, players, games, bits)
+
+    def choice(role: Role) -> tuple[tuple[Actions, ...], Memory]:
+        return decide(players[role], games.sides[role], perceptions[role], bits[role])
+
+    choices = ROLES.map(choice)
+    actions = choices.map(lambda side: side[0])
     drives = games.sides.map(lambda side: side.drives)
-    after, drives = jax.vmap(step_driven, in_axes=(None, 0, 0, 0))(game, games.state, drives, actions)
+    step_all = jax.vmap(step_driven, in_axes=(None, 0, 0, 0))
+    after, drives = step_all(game, games.state, drives, actions)
     rewards = (after.rewards if pay is None else jax.vmap(pay)(games.state, after)).map(of_robots)
 
     def side_after(role: Role) -> SideState:
         before = games.sides[role]
         returns = before.episode_return + rewards[role]
-        return SideState(before.member, returns, acted[role][1], tracks[role], drives[role])
+        return SideState(before.member, returns, choices[role][1], tracks[role], drives[role])
 
-    played = Games(after.state, ROLES.map(side_after))
-    next_seen = look_around(game, players, played, ~bits)[1] if observes and foresees else seen
+    games_after = Games(after.state, ROLES.map(side_after))
+    next_perceptions = perceptions
+    if observes and foresees:
+        _, next_perceptions = look_around(game, players, games_after, ~bits)
 
-    def numbers(role: Role, seen: Any, wanted: bool) -> Float[Array, "games *robots _"]:
-        nothing = [jnp.zeros((bits.shape[1], 0))] * len(actions[role])
-        whole = players[role].observation == WHOLE
-        return of_robots(nothing if whole or not wanted else jnp.split(seen[1], len(actions[role])))
+    def numbers(role: Role, perceptions: Any, is_used: bool) -> Float[Array, "games *robots _"]:
+        robots = len(actions[role])
+        blank = [jnp.zeros((bits.shape[1], 0))] * robots
+        reads_view = players[role].observation == WHOLE
+        return of_robots(blank if reads_view or not is_used else jnp.split(perceptions[1], robots))
 
     def experience(role: Role) -> Experience:
-        observations = numbers(role, seen[role], observes), numbers(role, next_seen[role], observes and foresees)
-        returned = played.sides[role].episode_return
-        made = observations[0], of_robots(actions[role]), rewards[role], observations[1], returned
-        if games.state.status is None:
-            return Experience(*made, games.sides[role].member)
-        active, stays = (of_robots(state.active[role]) for state in (games.state, after.state))
-        return Experience(*made, games.sides[role].member, active, active & ~stays)
+        observation = numbers(role, perceptions[role], observes)
+        next_observation = numbers(role, next_perceptions[role], observes and foresees)
+        active = lost = None
+        if games.state.status is not None:
+            active = of_robots(games.state.active[role])
+            lost = active & ~of_robots(after.state.active[role])
+        return Experience(
+            observation=observation,
+            action=of_robots(actions[role]),
+            reward=rewards[role],
+            next_observation=next_observation,
+            episode_return=games_after.sides[role].episode_return,
+            member=games.sides[role].member,
+            active=active,
+            lost=lost,
+        )
 
     transition = Transition(ROLES.map(experience), after.outcome, after.terminated, after.truncated)
-    return played, transition
+    return games_after, transition
 
 
 def step_driven(
-    game: Game, state: GameState, drives: BySide[DriveStates], actions: BySide[tuple[Action, ...]]
+    game: Game,
+    state: GameState,
+    drives: BySide[DriveStates],
+    actions: BySide[tuple[Action, ...]],
 ) -> tuple[Timestep, BySide[DriveStates]]:
-    """Let all robots hold for a step what their drives make of their actions; return the drives after it, too."""
+    """Play one step through the robots' drives; return the drives after it, too.
+
+    Args:
+        game: the rules.
+        state: the state before the step.
+        drives: the drives of all robots.
+        actions: the action of every robot.
+    """
     limits, bodies = game.at(state).drives, game.at(state).bodies
-    made = ROLES.map(lambda role: respond(drive_of(limits, role), drives[role], bodies[role], actions[role], game.dt))
-    return game.step_controls(state, made.map(lambda one: one[0])), made.map(lambda one: one[1])
+
+    def respond_all(role: Role) -> tuple[tuple[Controls, ...], DriveStates]:
+        drive = drive_of(limits, role)
+        return respond(drive, drives[role], bodies[role], actions[role], game.dt)
+
+    responses = ROLES.map(respond_all)
+    controls = responses.map(lambda response: response[0])
+    drives_after = responses.map(lambda response: response[1])
+    return game.step_controls(state, controls), drives_after
 
 
 def decide(
-    players: AbstractPlayers, side: SideState, seen: tuple[Read, Any], bits: UInt32[Array, " games"]
+    players: AbstractPlayers,
+    side: SideState,
+    seen: tuple[Read, Any],
+    bits: UInt32[Array, " games"],
 ) -> tuple[tuple[Actions, ...], Memory]:
-    """Return the actions of a side's robots in many games, who see what `perceive` returned, and their next memory."""
+    """Return the actions of a side's robots in many games, and their next memory.
+
+    Players act on rows `[robots * games]`, the games of the first robot first; memories are stored
+    as `[games, robots, ...]`.
+
+    Args:
+        players: the side's players.
+        side: the side's state, leaves `[games, ...]`.
+        seen: what `perceive` returned.
+        bits: random bits of each game.
+    """
     read, rows = seen
     robots = side.episode_return[0].size
-    memory = jax.tree.map(lambda leaf: jnp.swapaxes(leaf, 0, 1).reshape(-1, *leaf.shape[2:]), side.memory)
-    each_its_own = jnp.concatenate([bits, *(mixed(bits, jnp.uint32(mate)) for mate in range(1, robots))])
-    given, member = (rows, memory, each_its_own), jnp.tile(side.member, robots)
+
+    def as_rows(leaf: Array) -> Array:
+        return jnp.swapaxes(leaf, 0, 1).reshape(-1, *leaf.shape[2:])
+
+    def as_games(leaf: Array) -> Array:
+        return jnp.swapaxes(leaf.reshape(robots, -1, *leaf.shape[1:]), 0, 1)
+
+    memory = jax.tree.map(as_rows, side.memory)
+    mate_bits = [mixed(bits, jnp.uint32(mate)) for mate in range(1, robots)]
+    robot_bits = jnp.concatenate([bits, *mate_bits])
+    arguments, member = (rows, memory, robot_bits), jnp.tile(side.member, robots)
     if isinstance(players, Pool) or robots == 1:
-        actions, after = players.act(member, read, *given)
+        actions, after = players.act(member, read, *arguments)
         actions = tuple(jnp.split(actions, robots))
     else:  # the opponent depends on the game's place in the batch
-        each = [jax.tree.map(lambda leaf, part=part: jnp.split(leaf, robots)[part], given) for part in range(robots)]
-        acted = [players.act(side.member, read, *own) for own in each]
-        actions = tuple(action for action, _ in acted)
-        after = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *(memory for _, memory in acted))
-    return actions, jax.tree.map(lambda leaf: jnp.swapaxes(leaf.reshape(robots, -1, *leaf.shape[1:]), 0, 1), after)
+        parts = [
+            jax.tree.map(
+                lambda leaf, robot=robot: jnp.split(leaf, robots)[robot],
+                arguments,
+            )
+            for robot in range(robots)
+        ]
+        results = [players.act(side.member, read, *part_arguments) for part_arguments in parts]
+        actions = tuple(action for action, _ in results)
+        after = jax.tree.map(
+            lambda *leaves: jnp.concatenate(leaves),
+            *(memory for _, memory in results),
+        )
+    return actions, jax.tree.map(as_games, after)
 
 
 def collect(
@@ -214,14 +327,23 @@ def collect(
     steps: int,
     foresees: bool = True,
 ) -> tuple[Games, Transition]:
-    """Play on for a number of steps; a finished game begins again, with newly drawn members of both pools. The key is
-    consumed. Returns the games after them, and the transitions, leaves `[steps, games]`, as `step_games`.
+    """Play on for some steps; finished games begin again with newly drawn members of both pools.
 
-    A game that finishes at step t takes its own column of row `t % rows` of the starts, leaves `[rows, games]`, as in
-    `apollonius.play.autoreset`.
+    Returns the games after the steps, and the transitions, leaves `[steps, games]`.
+
+    Args:
+        game: the rules.
+        players: the players of both sides.
+        games: the games under way.
+        starts: initial states, leaves `[rows, games]`. A game that finishes at step t takes its own
+            column of row `t % rows`, as in `apollonius.play.autoreset`.
+        key: draws all random bits; it is consumed.
+        steps: number of steps.
+        foresees: as in `step_games`.
     """
     batch = len(games.state.steps)
-    kinds = 2 if any(pool.samples for pool in players) else 1  # new members that are alone share the actions' bits
+    # Pools of one member draw none, so that no bits are needed besides those of the actions.
+    kinds = 2 if any(pool.samples for pool in players) else 1
 
     def one_step(games: Games, step: Int[Array, ""]) -> tuple[Games, Transition]:
         bits = random_bits(fold_in(key, step), (2 * kinds, batch))

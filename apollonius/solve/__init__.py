@@ -1,1 +1,1 @@
-"""Ground truth by dynamic programming on the same rules: safety, the least time to a target, the game of two."""
+"""Ground truth by dynamic programming: safety, the least time to a target, the game of two."""

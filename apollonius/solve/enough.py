@@ -1,9 +1,11 @@
-"""How many pursuers are enough in an arena, for idealised robots: equally fast, without inertia, turn by turn.
+"""How many pursuers are enough in an arena, for idealised robots: equally fast, without inertia,
+turn by turn.
 
-The arena is a graph of hexagonal cells, a step leads from one to the next. Three pursuers are always enough there, as
-the graph is planar (Aigner and Fromme, 1984), and in the arena itself (Bhadauria, Klein, Isler and Suri, 2012). Whether
-one or two are is computed on graphs of growing fineness, each turned against the one before. All see each other and
-move in turns; an evader is caught where a pursuer is at its node (Nowakowski and Winkler, 1983).
+The arena is a graph of hexagonal cells, a step leads from one to the next. Three pursuers are
+always enough there, as the graph is planar (Aigner and Fromme, 1984), and in the arena itself
+(Bhadauria, Klein, Isler and Suri, 2012). Whether one or two are is computed on graphs of growing
+fineness, each turned against the one before. All see each other and move in turns; an evader is
+caught where a pursuer is at its node (Nowakowski and Winkler, 1983).
 """
 
 from collections.abc import Callable, Sequence
@@ -33,7 +35,8 @@ ALWAYS = 3
 class Reading:
     """A graph, the number of its nodes that matter, and how many pursuers are enough on it.
 
-    `exact` is whether fewer are surely not; `places` those of pursuers who search, from turn to turn [m].
+    `exact` is whether fewer are surely not; `places` those of pursuers who search, from turn to
+    turn [m].
     """
 
     tiling: Tiling
@@ -45,7 +48,9 @@ class Reading:
 
 @dataclass(frozen=True)
 class Enough:
-    """The number of pursuers that are enough in an arena, by readings of graphs from coarse to fine."""
+    """The number of pursuers that are enough in an arena, by readings of graphs from coarse to
+    fine.
+    """
 
     space: FreeSpace
     readings: tuple[Reading, ...]
@@ -65,23 +70,29 @@ class Enough:
     def verdict(self) -> str:
         """The number of pursuers in words."""
         if self.pursuers is None:
-            said = sorted({reading.pursuers for reading in self.readings[-AGREEING:]})
-            return f"the graphs do not agree or are too few: {' or '.join(map(str, said))}"
-        fewer, exact = self.pursuers - 1, all(reading.exact for reading in self.readings[-AGREEING:])
-        rest = f"{fewer} {'is' if fewer == 1 else 'are'} not" if exact else f"{fewer} may be"
-        enough = f"{self.pursuers} pursuers are enough, {rest}" if fewer else "1 pursuer is enough"
-        return f"{enough}, for idealised robots on this graph"
+            verdicts = sorted({reading.pursuers for reading in self.readings[-AGREEING:]})
+            return f"the graphs do not agree or are too few: {' or '.join(map(str, verdicts))}"
+        fewer = self.pursuers - 1
+        exact = all(reading.exact for reading in self.readings[-AGREEING:])
+        robots = "for idealised robots on this graph"
+        if not fewer:
+            return f"1 pursuer is enough, {robots}"
+        verb = "is" if fewer == 1 else "are"
+        remark = f"{fewer} {verb} not" if exact else f"{fewer} may be"
+        return f"{self.pursuers} pursuers are enough, {remark}, {robots}"
 
 
 def read_chase(tiling: Tiling) -> Reading | None:
-    """Return how many pursuers are enough to catch an evader on a graph; None where it is too large."""
-    kept, pursuers = core(tiling.adjacency), 1
-    if len(kept) > MOST_NODES:
+    """Return how many pursuers are enough to catch an evader on a graph; None where it is too
+    large.
+    """
+    nodes, pursuers = core(tiling.adjacency), 1
+    if len(nodes) > MOST_NODES:
         return None
-    inner = tiling.adjacency[np.ix_(kept, kept)]
-    while len(kept) > 1 and pursuers < ALWAYS and not solve_chase(inner, pursuers).all():
+    inner = tiling.adjacency[np.ix_(nodes, nodes)]
+    while len(nodes) > 1 and pursuers < ALWAYS and not solve_chase(inner, pursuers).all():
         pursuers += 1
-    return Reading(tiling, len(kept), pursuers)
+    return Reading(tiling, len(nodes), pursuers)
 
 
 def how_many(
@@ -90,8 +101,13 @@ def how_many(
     read: Callable[[Tiling], Reading | None] = read_chase,
     sizes: Sequence[int] = SIZES,
 ) -> Enough:
-    """Judge an arena on graphs of about these sizes and reported spacings [m], until three in a row agree or one is too
-    large to be read.
+    """Judge an arena on finer and finer graphs, until three in a row agree or one is too large.
+
+    Args:
+        space: the arena's free space.
+        report: gets the spacing of each graph [m].
+        read: judges one graph; None where it is too large.
+        sizes: about the numbers of cells of the graphs.
     """
     readings: list[Reading] = []
     for number, size in enumerate(sizes):
@@ -101,62 +117,69 @@ def how_many(
         if reading is None:
             break
         readings.append(reading)
-        found = Enough(space, tuple(readings))
-        if found.agree and all(reading.tiling.holes == space.islands for reading in readings[-AGREEING:]):
+        result = Enough(space, tuple(readings))
+        finest = readings[-AGREEING:]
+        if result.agree and all(reading.tiling.holes == space.islands for reading in finest):
             break
     return Enough(space, tuple(readings))
 
 
 def core(adjacency: Adjacency) -> Int[np.ndarray, " kept"]:
-    """Return the nodes that are left when each goes whose neighbours are neighbours of another one too.
+    """Remove every node whose neighbours are all neighbours of another node; return the others.
 
-    As many pursuers are enough there as on the whole graph (Berarducci and Intrigila, 1993), and one is enough where a
-    single node is left (Nowakowski and Winkler, 1983).
+    As many pursuers are enough there as on the whole graph (Berarducci and Intrigila, 1993), and
+    one is enough where a single node is left (Nowakowski and Winkler, 1983).
     """
-    kept = np.arange(len(adjacency))
+    nodes = np.arange(len(adjacency))
     while True:
-        near = csr_array((adjacency[np.ix_(kept, kept)] | np.eye(len(kept), dtype=bool)).astype(np.int32))
+        near = csr_array(
+            (adjacency[np.ix_(nodes, nodes)] | np.eye(len(nodes), dtype=bool)).astype(np.int32),
+        )
         sizes = near.sum(axis=1)
         common = near.multiply(near @ near).tocoo()
         node, other = common.coords
         # Of nodes with the same neighbours the first one stays.
-        covered = (common.data == sizes[node]) & ((sizes[node] < sizes[other]) | (other < node))
-        if not covered.any():
-            return kept
-        kept = np.delete(kept, node[covered])
+        is_covered = (common.data == sizes[node]) & ((sizes[node] < sizes[other]) | (other < node))
+        if not is_covered.any():
+            return nodes
+        nodes = np.delete(nodes, node[is_covered])
 
 
 def solve_chase(adjacency: Adjacency, pursuers: int) -> Bool[np.ndarray, "evader *pursuers"]:
-    """Return for each node of the evader the pursuers' nodes from which they catch it for sure, they to move.
+    """Return for each node of the evader the pursuers' nodes from which they catch it for sure,
+    they to move.
 
     They are enough if that is all states. By backward induction: the least fixed point of
     W(e) = M(at(e) or, for all f near e, W(f)).
 
-    W(e) are the pursuers' nodes from which they catch an evader at e, at(e) those where one is there, and M adds those
-    from which the pursuers come there in a move, one pursuer after the other. Nodes e are visited until none changes.
-    The graph must be connected. The states take nodes ^ (pursuers + 1) bytes.
+    W(e) are the pursuers' nodes from which they catch an evader at e, at(e) those where one is
+    there, and M adds those from which the pursuers come there in a move, one pursuer after the
+    other. Nodes e are visited until none changes. The graph must be connected. The states take
+    nodes ^ (pursuers + 1) bytes.
     """
-    count, own = len(adjacency), adjacency | np.eye(len(adjacency), dtype=bool)
-    around = [np.flatnonzero(row) for row in own]
-    most = max(map(len, around))
-    near = np.array([np.pad(nodes, (0, most - len(nodes)), mode="edge") for nodes in around])
+    count, closed = len(adjacency), adjacency | np.eye(len(adjacency), dtype=bool)
+    around = [np.flatnonzero(row) for row in closed]
+    longest = max(map(len, around))
+    near = np.array([np.pad(nodes, (0, longest - len(nodes)), mode="edge") for nodes in around])
     caught = np.zeros((count,) * (pursuers + 1), bool)
-    waits, order, known = np.ones(count, bool), np.arange(count), np.zeros(count, int)
-    while waits.any():
-        for node in order[waits[order]].tolist():
-            waits[node] = False
+    is_waiting = np.ones(count, bool)
+    order = np.arange(count)
+    sizes = np.zeros(count, int)
+    while is_waiting.any():
+        for node in order[is_waiting[order]].tolist():
+            is_waiting[node] = False
             after = caught[around[node][0]].copy()
             for other in around[node][1:]:
                 after &= caught[other]
             for axis in range(pursuers):
                 np.moveaxis(after, axis, 0)[node] = True
             size = np.count_nonzero(after)
-            if size > known[node]:  # it only grows, so that one of the same size is the same
-                known[node] = size
+            if size > sizes[node]:  # it only grows, so that one of the same size is the same
+                sizes[node] = size
                 before = _before(after, near) | caught[node]
                 if not np.array_equal(before, caught[node]):
                     caught[node] = before
-                    waits[around[node]] = True
+                    is_waiting[around[node]] = True
         order = order[::-1]
     return caught
 
@@ -164,10 +187,12 @@ def solve_chase(adjacency: Adjacency, pursuers: int) -> Bool[np.ndarray, "evader
 def _before(
     states: Bool[np.ndarray, "*pursuers"], near: Int[np.ndarray, "nodes most"]
 ) -> Bool[np.ndarray, "*pursuers"]:
-    """Return the states from which the pursuers come to these in a move, each pursuer in its turn the first axis."""
+    """Return the states from which the pursuers come to these in a move, each pursuer in its turn
+    the first axis.
+    """
     for _ in range(states.ndim):
-        reached, there = states[near[:, 0]], np.empty_like(states)
+        states_before, buffer = states[near[:, 0]], np.empty_like(states)
         for column in near.T[1:]:
-            reached |= np.take(states, column, axis=0, out=there)
-        states = np.ascontiguousarray(np.moveaxis(reached, 0, -1))
+            states_before |= np.take(states, column, axis=0, out=buffer)
+        states = np.ascontiguousarray(np.moveaxis(states_before, 0, -1))
     return states

@@ -23,9 +23,11 @@ FEWER_NODES = "take fewer nodes"
 
 
 class Grid(eqx.Module):
-    """Nodes from wall to wall, from the lowest speed to the highest, and around the circle of headings.
+    """Nodes from wall to wall, from the lowest speed to the highest, and around the circle of
+    headings.
 
-    A table on the grid has the shape (v, heading, x, y): a held action moves a whole slice over (x, y) at once.
+    A table on the grid has the shape (v, heading, x, y): a held action moves a whole slice over (x,
+    y) at once.
 
     Attributes:
         low, high: least and greatest x [m], y [m] and v [m/s]; nodes lie on both.
@@ -57,8 +59,18 @@ class Grid(eqx.Module):
         x, y, v = ((high - low) / (count - 1) for low, high, count in ends)
         return x, y, v, 2 * jnp.pi / self.counts[3]
 
-    def node(self, v: Int[Array, ""], heading: Int[Array, ""], x: Int[Array, ""], y: Int[Array, ""]) -> RobotState:
-        """Return the state at the node of these indices; its heading is in [0, 2 pi)."""
+    def node(
+        self,
+        v: Int[Array, ""],
+        heading: Int[Array, ""],
+        x: Int[Array, ""],
+        y: Int[Array, ""],
+    ) -> RobotState:
+        """Return the state at a node; its heading is in [0, 2 pi).
+
+        Args:
+            v, heading, x, y: indices of the node along each axis.
+        """
         dx, dy, dv, dheading = self.spacing
         return RobotState(
             x=self.low[0] + x.astype(jnp.float32) * dx,
@@ -68,7 +80,9 @@ class Grid(eqx.Module):
         )
 
     def corners(self, robot: RobotState) -> tuple[Int[Array, "16"], Float[Array, "16"]]:
-        """Return the nodes around a state, numbered as they lie in a table, and their shares; at an end, its own."""
+        """Return the nodes around a state, numbered as they lie in a table, and their shares; at an
+        end, its own.
+        """
         dx, dy, dv, dheading = self.spacing
         axes = (
             _between((robot.v - self.low[2]) / dv, self.counts[2]),
@@ -89,10 +103,8 @@ class Grid(eqx.Module):
 
     def places(self) -> tuple[Float[Array, " x"], Float[Array, " y"]]:
         """Return the nodes' x and y [m]."""
-        x, y = (
-            low + jnp.arange(count, dtype=jnp.float32) * apart
-            for low, count, apart in zip(self.low[:2], self.counts[:2], self.spacing[:2], strict=True)
-        )
+        axes = zip(self.low[:2], self.counts[:2], self.spacing[:2], strict=True)
+        x, y = (low + jnp.arange(count, dtype=jnp.float32) * step for low, count, step in axes)
         return x, y
 
 
@@ -112,12 +124,27 @@ def _around(position: Scalar, count: int) -> Beside:
 
 
 def make_grid(arena: Arena, body: Unicycle, counts: tuple[int, ...]) -> Grid:
-    """Return the grid of one robot in an arena; raises InvalidInput for fewer than 2 nodes along an axis, or 3
-    headings."""
-    written = "x".join(map(str, counts))
-    require(len(counts) == len(AXES), "grid", written, f"four whole numbers for {', '.join(AXES)}, as 101x101x9x47")
-    require(min(counts[:3]) >= 2 and counts[3] >= 3, "grid", written, "2x2x2x3 at least, as values lie between nodes")
-    require(body.v_min < body.v_max, "v_min", body.v_min, f"less than v_max = {body.v_max} m/s, to have speeds between")
+    """Return the grid of one robot in an arena; raises InvalidInput for fewer than 2 nodes along an
+    axis, or 3 headings."""
+    text = "x".join(map(str, counts))
+    require(
+        len(counts) == len(AXES),
+        "grid",
+        text,
+        f"four whole numbers for {', '.join(AXES)}, as 101x101x9x47",
+    )
+    require(
+        min(counts[:3]) >= 2 and counts[3] >= 3,
+        "grid",
+        text,
+        "2x2x2x3 at least, as values lie between nodes",
+    )
+    require(
+        body.v_min < body.v_max,
+        "v_min",
+        body.v_min,
+        f"less than v_max = {body.v_max} m/s, to have speeds between",
+    )
     x, y, v, heading = counts
     low = (float(arena.x_min), float(arena.y_min), float(body.v_min))
     high = (float(arena.x_max), float(arena.y_max), float(body.v_max))
@@ -163,9 +190,15 @@ def iterate(
     report: Report | None = None,
     tolerance: float = TOLERANCE,
 ) -> Solved:
-    """Sweep, from a table to the next one with the largest change, until that residual is at most the tolerance.
+    """Sweep until no value changes by more than the tolerance.
 
-    If it has not come after 10,000 sweeps, `TOLERANCE` has to do.
+    After 10,000 sweeps a change of `TOLERANCE` suffices.
+
+    Args:
+        sweep: from a table to the next one and the largest change of a value.
+        table: the first table.
+        report: gets the progress after each sweep.
+        tolerance: largest change in the last sweep.
     """
     residual = first = float("inf")
     for number in range(1, _MOST_SWEEPS + 1):
@@ -181,12 +214,14 @@ def iterate(
 
 def _share_done(first: float, residual: float, tolerance: float) -> float:
     """Return the share of a solution that is done, as residuals fall by a factor each time."""
-    wanted = max(tolerance, _ROUNDING)
-    whole = log(max(first, wanted) / wanted)
-    return 1 - log(max(residual, wanted) / wanted) / whole if whole > 0 else 1.0
+    goal = max(tolerance, _ROUNDING)
+    total = log(max(first, goal) / goal)
+    return 1 - log(max(residual, goal) / goal) / total if total > 0 else 1.0
 
 
 def lanes_of(grid: Grid) -> int:
-    """Return the number of nodes that share a tile: the divisor of all that comes closest to `_LANES`."""
+    """Return the number of nodes that share a tile: the divisor of all that comes closest to
+    `_LANES`.
+    """
     divisors = [count for count in range(1, grid.size + 1) if grid.size % count == 0]
     return min(divisors, key=lambda count: abs(log(count / _LANES)))

@@ -1,4 +1,6 @@
-"""Motion while actions are held: of one robot alone, and of two robots in a zero-sum game up to its end."""
+"""Motion while actions are held: of one robot alone, and of two robots in a zero-sum game up to its
+end.
+"""
 
 import equinox as eqx
 import jax
@@ -9,13 +11,22 @@ from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.outcome import come_within, decide, evader_wins, pursuer_wins
-from apollonius.game.types import NUM_ACTIONS, Action, BySide, Outcome, Real, RobotState, Role, Scalar
+from apollonius.game.types import (
+    NUM_ACTIONS,
+    Action,
+    BySide,
+    Outcome,
+    Real,
+    RobotState,
+    Role,
+    Scalar,
+)
 from apollonius.io.limits import HOLD, JOINT_HOLD
 from apollonius.solve.grid import Grid
 
 HORIZON = 20.0
-"""Time scale [s] of the discount of later outcomes, exp(-t / HORIZON), on the scale of the paper's games; it tells much
-longer times apart less well."""
+"""Time scale [s] of the discount of later outcomes, exp(-t / HORIZON), on the scale of the paper's
+games; it tells much longer times apart less well."""
 NEVER = 255
 """The step of what does not happen within a hold, later than any step of one."""
 UNROLL = 5
@@ -23,7 +34,9 @@ UNROLL = 5
 
 
 class Motion(eqx.Module):
-    """One robot alone in its arena, by the rules' own dynamics and contact, which holds actions for some steps."""
+    """One robot alone in its arena, by the rules' own dynamics and contact, which holds actions for
+    some steps.
+    """
 
     body: Unicycle
     arena: Arena
@@ -45,7 +58,9 @@ class Motion(eqx.Module):
         return discount_after(self.seconds)
 
     def hold(self, robot: RobotState, action: Action) -> RobotState:
-        """Return the states along a hold, from the first to that after the last step: leaves `[steps + 1]`."""
+        """Return the states along a hold, from the first to that after the last step: leaves
+        `[steps + 1]`.
+        """
         controls = self.body.controls(action)
 
         def one_step(before: RobotState, _: None) -> tuple[RobotState, RobotState]:
@@ -56,17 +71,23 @@ class Motion(eqx.Module):
         return jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), robot, course)
 
     def clearance(self, course: RobotState) -> Scalar:
-        """Return the least clearance [m] of the body along a course, step by step as the rules judge it."""
+        """Return the least clearance [m] of the body along a course, step by step as the rules
+        judge it.
+        """
         return jnp.min(jax.vmap(self.arena.clearance_along)(*ends(course))) - self.body.radius
 
     def failure(self, course: RobotState) -> UInt8[Array, ""]:
-        """Return the step of a course in which the body first touches something, from 1; `NEVER` if in none."""
+        """Return the step of a course in which the body first touches something, from 1; `NEVER` if
+        in none.
+        """
         touches = jax.vmap(self.arena.clearance_along)(*ends(course)) < self.body.radius
         return jnp.where(jnp.any(touches), jnp.argmax(touches) + 1, NEVER).astype(jnp.uint8)
 
 
 def every_hold(motion: Motion, robots: RobotState) -> RobotState:
-    """Return the courses of all nine actions in several games, leaves `[games]`: leaves `[steps + 1, 9, games]`."""
+    """Return the courses of all nine actions in several games, leaves `[games]`: leaves `[steps +
+    1, 9, games]`.
+    """
     in_games = jax.vmap(motion.hold, (0, None), -1)
     return jax.vmap(in_games, (None, 0), 1)(robots, jnp.arange(NUM_ACTIONS))
 
@@ -87,7 +108,9 @@ def last(course: RobotState) -> RobotState:
 
 
 def motion_of(game: Game, role: Role, steps: int) -> Motion:
-    """Return the motion of one side's robot; raises InvalidInput for a hold of no step, or too long for memory."""
+    """Return the motion of one side's robot; raises InvalidInput for a hold of no step, or too long
+    for memory.
+    """
     HOLD.require("hold", steps)
     game.require_one_arena("a table")
     game.require_two("a table")
@@ -99,8 +122,8 @@ WIN, LOSE = 1.0, -1.0
 
 
 class Alone(eqx.Module):
-    """A step of one robot, judged without the other one: whether it touches an obstacle, leaves the walls, or comes
-    into a territory, if it has one to come to.
+    """A step of one robot, judged without the other one: whether it touches an obstacle, leaves the
+    walls, or comes into a territory, if it has one to come to.
     """
 
     before: RobotState
@@ -113,14 +136,15 @@ class Alone(eqx.Module):
 def first_events(
     game: Game, pursuer: RobotState, evader: RobotState
 ) -> tuple[Int[Array, "m n games"], Float[Array, "m n games"]]:
-    """Return how the rules end several games along each pair of courses, and after how many seconds.
+    """Return how the rules end several games along each pair of courses, and after how many
+    seconds.
 
-    Courses have leaves `[steps + 1, m, games]` and `[steps + 1, n, games]`. A robot alone is judged once for each
-    course, only captures for every pair.
+    Courses have leaves `[steps + 1, m, games]` and `[steps + 1, n, games]`. A robot alone is judged
+    once for each course, only captures for every pair.
     """
-    alone = _steps_alone(game, Role.PURSUER, pursuer), _steps_alone(game, Role.EVADER, evader)
+    solo = _steps_alone(game, Role.PURSUER, pursuer), _steps_alone(game, Role.EVADER, evader)
 
-    def together(pursuer: Alone, evader: Alone) -> Int[Array, ""]:
+    def judge_pair(pursuer: Alone, evader: Alone) -> Int[Array, ""]:
         moves = (pursuer.before, pursuer.after), (evader.before, evader.after)
         return decide(
             captured=come_within(*moves, game.capture_distance),
@@ -133,35 +157,42 @@ def first_events(
         )
 
     # Games last: that is the axis along which the processor takes several at a time.
-    in_games = jax.vmap(together)
+    in_games = jax.vmap(judge_pair)
     of_pairs = jax.vmap(jax.vmap(in_games, (None, 0)), (0, None))
 
     def one_step(
-        so_far: tuple[Int[Array, "m n games"], Int[Array, "m n games"]], taken: tuple[Alone, Alone]
+        before: tuple[Int[Array, "m n games"], Int[Array, "m n games"]],
+        solo_steps: tuple[Alone, Alone],
     ) -> tuple[tuple[Int[Array, "m n games"], Int[Array, "m n games"]], None]:
-        outcome, steps = so_far
+        outcome, steps = before
         ongoing = outcome == Outcome.ONGOING
-        return (jnp.where(ongoing, of_pairs(*taken), outcome), steps + ongoing.astype(jnp.int32)), None
+        after = jnp.where(ongoing, of_pairs(*solo_steps), outcome)
+        return (after, steps + ongoing.astype(jnp.int32)), None
 
     pairs = (pursuer.x.shape[1], *evader.x.shape[1:])
-    nothing = jnp.full(pairs, Outcome.ONGOING), jnp.zeros(pairs, jnp.int32)
-    (outcome, steps), _ = jax.lax.scan(one_step, nothing, alone, unroll=UNROLL)
+    start = jnp.full(pairs, Outcome.ONGOING), jnp.zeros(pairs, jnp.int32)
+    (outcome, steps), _ = jax.lax.scan(one_step, start, solo, unroll=UNROLL)
     return outcome, steps.astype(jnp.float32) * game.dt
 
 
 def _steps_alone(game: Game, role: Role, courses: RobotState) -> Alone:
     body, arena = game.body(role), game.arena
 
-    def judged(before: RobotState, after: RobotState) -> Alone:
-        arrives = arena.reaches_territory(before, after) if arena.territory and role == Role.EVADER else None
-        hit, out = arena.hits_obstacle(before, after, body.radius), arena.is_out_of_range(after, body.radius)
+    def judge_step(before: RobotState, after: RobotState) -> Alone:
+        arrives = None
+        if arena.territory and role == Role.EVADER:
+            arrives = arena.reaches_territory(before, after)
+        hit = arena.hits_obstacle(before, after, body.radius)
+        out = arena.is_out_of_range(after, body.radius)
         return Alone(before, after, hit, out, arrives)
 
-    return jax.vmap(jax.vmap(jax.vmap(judged)))(*ends(courses))
+    return jax.vmap(jax.vmap(jax.vmap(judge_step)))(*ends(courses))
 
 
 class ZeroSumGame(eqx.Module):
-    """The two-robot game, from one side, with the motion and the grid of its robot and then of the other's."""
+    """The two-robot game, from one side, with the motion and the grid of its robot and then of the
+    other's.
+    """
 
     game: Game
     motions: tuple[Motion, Motion]
@@ -178,14 +209,30 @@ class ZeroSumGame(eqx.Module):
         return BySide.of(self.role, own, other)
 
 
-def payoff_of(role: Role, outcome: Int[Array, "*batch"], seconds: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+def payoff_of(
+    role: Role,
+    outcome: Int[Array, "*batch"],
+    seconds: Float[Array, "*batch"],
+) -> Float[Array, "*batch"]:
     """Return the value to one side of an outcome after some seconds."""
-    won, lost = BySide.of(role, pursuer_wins(outcome), evader_wins(outcome, time_limit_wins=False))
-    return discount_after(seconds) * jnp.where(won, WIN, jnp.where(lost, LOSE, 0.0))
+    pursuer_won = pursuer_wins(outcome)
+    evader_won = evader_wins(outcome, time_limit_wins=False)
+    wins, losses = BySide.of(role, pursuer_won, evader_won)
+    return discount_after(seconds) * jnp.where(wins, WIN, jnp.where(losses, LOSE, 0.0))
 
 
 def make_zero_sum_game(game: Game, grids: tuple[Grid, Grid], hold: int, role: Role) -> ZeroSumGame:
-    """Return the two-robot game from one side; raises InvalidInput unless actions are held for 1 to 127 steps."""
+    """Return the two-robot game from one side.
+
+    Args:
+        game: the rules.
+        grids: the grids of the pursuer's and the evader's states.
+        hold: control steps for which actions are held, 1 to 127.
+        role: the side.
+
+    Raises:
+        InvalidInput: for another hold, several arenas, or teams.
+    """
     JOINT_HOLD.require("hold", hold)
     motions = motion_of(game, role, hold), motion_of(game, role.other, hold)
     return ZeroSumGame(game, motions, (grids[role], grids[role.other]), role)

@@ -1,6 +1,8 @@
-"""Players of the two-robot game that act by a solved table: they look one hold or some ahead, again in every step.
+"""Players of the two-robot game that act by a solved table: they look one hold or some ahead, again
+in every step.
 
-Against an unknown opponent the table's value counts; a known one is followed through plans before it does.
+Against an unknown opponent the table's value counts; a known one is followed through plans before
+it does.
 """
 
 from abc import abstractmethod
@@ -15,11 +17,28 @@ from apollonius.agents.batching import batched_by, spread
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy, Memory
 from apollonius.agents.pool import Acted, RowBits, act_in_rows
 from apollonius.game.game import Game
-from apollonius.game.types import NUM_ACTIONS, Action, Actions, Bits, BySide, GameState, Outcome, RobotState, Role
+from apollonius.game.types import (
+    NUM_ACTIONS,
+    Action,
+    Actions,
+    Bits,
+    BySide,
+    GameState,
+    Outcome,
+    RobotState,
+    Role,
+)
 from apollonius.observe.observation import perceive
 from apollonius.observe.view import View
 from apollonius.solve.joint import interpolate
-from apollonius.solve.motion import ZeroSumGame, discount_after, every_hold, first_events, last, payoff_of
+from apollonius.solve.motion import (
+    ZeroSumGame,
+    discount_after,
+    every_hold,
+    first_events,
+    last,
+    payoff_of,
+)
 
 Values = Float[Array, "9 games"]
 """The values of the nine actions in several games."""
@@ -44,51 +63,85 @@ class AbstractSearch(AbstractActionValuePolicy):
         return jnp.max(self.action_values(own, other, jnp.zeros(own.x.shape, jnp.uint32)), axis=0)
 
     @abstractmethod
-    def action_values(self, own: RobotState, other: RobotState, bits: UInt32[Array, " games"]) -> Values:
+    def action_values(
+        self,
+        own: RobotState,
+        other: RobotState,
+        bits: UInt32[Array, " games"],
+    ) -> Values:
         """Return the values of the nine actions in several games, against chance by these bits."""
 
 
-def _values_in_many(size: int, batched: Any, player: AbstractSearch, *seen: Any) -> Float[Array, "games 9"]:
+def _values_in_many(
+    size: int,
+    batched: Any,
+    player: AbstractSearch,
+    *seen: Any,
+) -> Float[Array, "games 9"]:
     return player.action_values(*spread(size, tuple(batched[1:]), seen)).T
 
 
 @batched_by(_values_in_many)
-def _values_in_one(player: AbstractSearch, own: RobotState, other: RobotState, bits: Bits) -> Float[Array, "9"]:
+def _values_in_one(
+    player: AbstractSearch,
+    own: RobotState,
+    other: RobotState,
+    bits: Bits,
+) -> Float[Array, "9"]:
     """Return the values of the nine actions in one game; a batch of games is looked at together."""
-    alone = jax.tree.map(lambda leaf: leaf[None], (own, other, bits))
-    return player.action_values(*alone)[:, 0]
+    one_game = jax.tree.map(lambda leaf: leaf[None], (own, other, bits))
+    return player.action_values(*one_game)[:, 0]
 
 
 class SaddlePolicy(AbstractSearch):
-    """The player of either side that makes most of the value that the table of `solve_duel` promises it."""
+    """The player of either side that makes most of the value that the table of `solve_duel`
+    promises it.
+    """
 
     table: Shaped[Array, "tiles moving lanes"]
 
-    def action_values(self, own: RobotState, other: RobotState, bits: UInt32[Array, " games"]) -> Values:
+    def action_values(
+        self,
+        own: RobotState,
+        other: RobotState,
+        bits: UInt32[Array, " games"],
+    ) -> Values:
         """Return the value of each action against the answer that is worst for it.
 
-        An answer counts by the rules where it ends the game within the hold, and by the table otherwise.
+        An answer counts by the rules where it ends the game within the hold, and by the table
+        otherwise.
         """
         game, (grid, other_grid) = self.zero_sum_game, self.zero_sum_game.grids
-        mine, theirs = (every_hold(motion, robot) for motion, robot in zip(game.motions, (own, other), strict=True))
-        outcome, seconds = first_events(game.game, *game.pair(mine, theirs))
+        own_motion, other_motion = game.motions
+        own_courses = every_hold(own_motion, own)
+        other_courses = every_hold(other_motion, other)
+        outcome, seconds = first_events(game.game, *game.pair(own_courses, other_courses))
         if game.role == Role.EVADER:
             outcome, seconds = jnp.swapaxes(outcome, 0, 1), jnp.swapaxes(seconds, 0, 1)
-        later = game.motions[0].discount * interpolate(self.table, (other_grid, other), (grid, last(mine)))
-        values = jnp.where(outcome == Outcome.ONGOING, later[:, None], payoff_of(game.role, outcome, seconds))
+        later = game.motions[0].discount * interpolate(
+            self.table,
+            (other_grid, other),
+            (grid, last(own_courses)),
+        )
+        values = jnp.where(
+            outcome == Outcome.ONGOING,
+            later[:, None],
+            payoff_of(game.role, outcome, seconds),
+        )
         return jnp.min(values, axis=1)
 
 
 class RolloutSearch(AbstractSearch):
     """The player that makes most of knowing what the other one does.
 
-    It plans: it holds one action after another, while the opponent, asked again in every step, acts as it does. A plan
-    counts by the rules where it ends the game, and by the table otherwise. The best plans of some holds are extended
-    (beam search); where none is left out, the search is exhaustive.
+    It plans: it holds one action after another, while the opponent, asked again in every step, acts
+    as it does. A plan counts by the rules where it ends the game, and by the table otherwise. The
+    best plans of some holds are extended (beam search); where none is left out, the search is
+    exhaustive.
 
-    An opponent that acts by chance is followed along one course, with random bits of the searching player's own. The
-    game itself draws other bits. The table is as of a `SaddlePolicy`. A plan has some `holds`, each of `hold` control
-    steps, after which `width` plans are extended at most.
+    An opponent that acts by chance is followed along one course, with random bits of the searching
+    player's own. The game itself draws other bits. The table is as of a `SaddlePolicy`. A plan has
+    some `holds`, each of `hold` control steps, after which `width` plans are extended at most.
     """
 
     table: Shaped[Array, "tiles moving lanes"]
@@ -97,85 +150,139 @@ class RolloutSearch(AbstractSearch):
     holds: int = eqx.field(static=True, default=1)
     width: int = eqx.field(static=True, default=NUM_ACTIONS)
 
-    def action_values(self, own: RobotState, other: RobotState, bits: UInt32[Array, " games"]) -> Values:
-        """Return the value of each action as the beginning of the best plan; -inf where no such plan was extended."""
+    def action_values(
+        self,
+        own: RobotState,
+        other: RobotState,
+        bits: UInt32[Array, " games"],
+    ) -> Values:
+        """Return the value of each action as the beginning of the best plan; -inf where no such
+        plan was extended.
+        """
         robots = jax.tree.map(lambda leaf: leaf[:, None], self.zero_sum_game.pair(own, other))
-        states = jax.vmap(jax.vmap(GameState.of_two))(*robots, steps=jnp.zeros(robots.pursuer.x.shape, jnp.int32))
-        plans = _Plans(jnp.zeros_like(states.steps), states, jnp.full_like(states.steps, int(Outcome.ONGOING)))
+        steps = jnp.zeros(robots.pursuer.x.shape, jnp.int32)
+        states = jax.vmap(jax.vmap(GameState.of_two))(*robots, steps=steps)
+        plans = _Plans(
+            jnp.zeros_like(states.steps),
+            states,
+            jnp.full_like(states.steps, int(Outcome.ONGOING)),
+        )
         for number in range(self.holds):
             if number > 0 and self.width < plans.first.shape[1]:
                 plans = some_of(plans, jax.lax.top_k(self._values(plans), self.width)[1])
-            drawn = jax.vmap(lambda bits, number=number: jax.random.fold_in(jax.random.key(bits), number))(bits)
-            drawn = jax.vmap(lambda key: jax.random.bits(key, (self.hold,), jnp.uint32), out_axes=1)(drawn)
-            plans = self._extended(plans, drawn)
-        begins = plans.first[None] == jnp.arange(NUM_ACTIONS)[:, None, None]
-        return jnp.max(jnp.where(begins, self._values(plans)[None], -jnp.inf), axis=2)
+
+            def hold_bits(bits: Bits, number: int = number) -> UInt32[Array, " steps"]:
+                key = jax.random.fold_in(jax.random.key(bits), number)
+                return jax.random.bits(key, (self.hold,), jnp.uint32)
+
+            plans = self._extended(plans, jax.vmap(hold_bits, out_axes=1)(bits))
+        begins_with = plans.first[None] == jnp.arange(NUM_ACTIONS)[:, None, None]
+        return jnp.max(jnp.where(begins_with, self._values(plans)[None], -jnp.inf), axis=2)
 
     def _extended(self, plans: "_Plans", bits: UInt32[Array, "steps games"]) -> "_Plans":
         """Return the plans, each with each of the nine actions behind it, carried out."""
         game, role = self.zero_sum_game.game, self.zero_sum_game.role
         longer = jax.tree.map(lambda leaf: jnp.repeat(leaf, NUM_ACTIONS, axis=1), plans)
         shape = longer.outcome.shape
-        held = jnp.tile(jnp.arange(NUM_ACTIONS, dtype=jnp.int32), plans.first.shape[1])
+        actions = jnp.tile(jnp.arange(NUM_ACTIONS, dtype=jnp.int32), plans.first.shape[1])
 
         def flat(leaf: Array) -> Array:
             return jnp.broadcast_to(leaf, shape).reshape(-1)
 
         def one_step(
-            before: tuple[GameState, Int[Array, "games plans"]], bits: UInt32[Array, " games"]
+            before: tuple[GameState, Int[Array, "games plans"]],
+            bits: UInt32[Array, " games"],
         ) -> tuple[tuple[GameState, Int[Array, "games plans"]], None]:
             states = jax.tree.map(flat, before[0])
             # All plans in a game meet the same course of an opponent that acts by chance.
             answers, _ = act_in(self.opponent, game, states, role.other, (), flat(bits[:, None]))
-            return step_all(game, role, *before, flat(held[None]), answers), None
+            return step_all(game, role, *before, flat(actions[None]), answers), None
 
         (states, outcome), _ = jax.lax.scan(one_step, (longer.states, longer.outcome), bits)
-        first = longer.first if plans.first.shape[1] > 1 else jnp.broadcast_to(held, longer.first.shape)
+        is_first_hold = plans.first.shape[1] == 1
+        first = jnp.broadcast_to(actions, longer.first.shape) if is_first_hold else longer.first
         return _Plans(first, states, outcome)
 
     def _values(self, plans: "_Plans") -> Float[Array, "games plans"]:
-        """Return the value of each plan, where it ends the game by the rules and by the table otherwise."""
+        """Return the value of each plan, where it ends the game by the rules and by the table
+        otherwise.
+        """
         zero_sum_game, (grid, other_grid) = self.zero_sum_game, self.zero_sum_game.grids
         flat = jax.tree.map(lambda leaf: leaf.reshape(-1), plans.states)
         own, other = zero_sum_game.pair(flat.pursuer, flat.evader)
-        here = jax.tree.map(lambda leaf: leaf[None], own)
-        later = interpolate(self.table, (other_grid, other), (grid, here)).reshape(plans.outcome.shape)
+        own_row = jax.tree.map(lambda leaf: leaf[None], own)
+        later = interpolate(
+            self.table,
+            (other_grid, other),
+            (grid, own_row),
+        ).reshape(plans.outcome.shape)
         seconds = plans.states.steps.astype(jnp.float32) * zero_sum_game.game.dt
-        ended = payoff_of(zero_sum_game.role, plans.outcome, seconds)
-        return jnp.where(plans.outcome == Outcome.ONGOING, discount_after(seconds) * later, ended)
+        payoff = payoff_of(zero_sum_game.role, plans.outcome, seconds)
+        return jnp.where(plans.outcome == Outcome.ONGOING, discount_after(seconds) * later, payoff)
 
 
-def act_in(policy: AbstractPolicy, game: Game, states: GameState, role: Role, memory: Memory, bits: RowBits) -> Acted:
-    """Return a player's actions in a batch of states, and its memories after them."""
+def act_in(
+    policy: AbstractPolicy,
+    game: Game,
+    states: GameState,
+    role: Role,
+    memory: Memory,
+    bits: RowBits,
+) -> Acted:
+    """Return a player's actions in a batch of states, and its memories after them.
+
+    Args:
+        policy: the player.
+        game: the rules.
+        states: leaves `[rows]`.
+        role: the player's side.
+        memory: its memory in each row.
+        bits: random bits of each row.
+    """
     read, rows = perceive(policy.observation, game, states, role)
     return act_in_rows(policy, read, rows, memory, bits)
 
 
 def some_of(tree: Any, courses: Int[Array, "games some"]) -> Any:
     """Return some courses of each game, of leaves `[games, courses, ...]`."""
-    return jax.tree.map(lambda leaf: jax.vmap(lambda leaf, courses: leaf[courses])(leaf, courses), tree)
+    return jax.tree.map(
+        lambda leaf: jax.vmap(lambda leaf, courses: leaf[courses])(leaf, courses),
+        tree,
+    )
 
 
 def step_all(
-    game: Game, role: Role, states: GameState, outcome: Int[Array, "starts n"], own: Actions, other: Actions
+    game: Game,
+    role: Role,
+    states: GameState,
+    outcome: Int[Array, "starts n"],
+    own: Actions,
+    other: Actions,
 ) -> tuple[GameState, Int[Array, "starts n"]]:
-    """Return several courses of each game, and their outcomes, a step later; those that are over stay as they are.
+    """Play several courses of each game one step; those that are over stay as they are.
 
-    Actions of one side and of the other are in rows, all courses of the first game first.
+    Args:
+        game: the rules.
+        role: the side of the own actions.
+        states: leaves `[starts, n]`.
+        outcome: of each course so far.
+        own, other: actions of both sides, `[starts * n]`, all courses of the first game first.
     """
 
-    def stepped(state: GameState, own: Action, other: Action) -> tuple[GameState, Int[Array, ""]]:
+    def step_one(state: GameState, own: Action, other: Action) -> tuple[GameState, Int[Array, ""]]:
         after = game.step(state, *BySide.of(role, own, other))
         return after.state, after.outcome
 
-    after = jax.vmap(stepped)(jax.tree.map(jnp.ravel, states), own, other)
+    after = jax.vmap(step_one)(jax.tree.map(jnp.ravel, states), own, other)
     ongoing = outcome == Outcome.ONGOING
     in_games = jax.tree.map(lambda leaf: leaf.reshape(outcome.shape), after)
     return jax.tree.map(lambda new, old: jnp.where(ongoing, new, old), in_games, (states, outcome))
 
 
 class _Plans(eqx.Module):
-    """Plans in several games: their first action, and state and outcome at their end, or at the end of the game."""
+    """Plans in several games: their first action, and state and outcome at their end, or at the end
+    of the game.
+    """
 
     first: Int[Array, "games plans"]
     states: GameState

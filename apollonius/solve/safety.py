@@ -1,17 +1,20 @@
-"""The viability kernel of one robot: the states from which it can keep from touching anything for ever.
+"""The viability kernel of one robot: the states from which it can keep from touching anything for
+ever.
 
 The value of a state is the clearance that can be kept,
 
     V = max over actions of min(clearance while the action is held, V after it),
 
-the safety Bellman equation (Fisac, Lugovoy, Rubies-Royo, Ghosh, Tomlin, "Bridging Hamilton-Jacobi safety analysis and
-reinforcement learning", ICRA 2019, eq. 5, with max-min of the clearance in place of the signed distance). The kernel is
-where V >= 0. Begun at the clearance, the iteration only goes down.
+the safety Bellman equation (Fisac, Lugovoy, Rubies-Royo, Ghosh, Tomlin, "Bridging Hamilton-Jacobi
+safety analysis and reinforcement learning", ICRA 2019, eq. 5, with max-min of the clearance in
+place of the signed distance). The kernel is where V >= 0. Begun at the clearance, the iteration
+only goes down.
 
-Nothing discounts what comes later, so a small change in the last sweep says little of how far there is to go. For a
-robot that comes to rest sweeps therefore continue until not one value changes. The backup is monotone, in single
-precision too, and begins above every fixed point; so what it stops at is the largest one, to rounding. A robot that
-cannot stop has its clearance worn away by interpolation without end; its sweeps stop at a residual of `TOLERANCE`.
+Nothing discounts what comes later, so a small change in the last sweep says little of how far there
+is to go. For a robot that comes to rest sweeps therefore continue until not one value changes. The
+backup is monotone, in single precision too, and begins above every fixed point; so what it stops at
+is the largest one, to rounding. A robot that cannot stop has its clearance worn away by
+interpolation without end; its sweeps stop at a residual of `TOLERANCE`.
 """
 
 import equinox as eqx
@@ -27,31 +30,54 @@ from apollonius.solve.motion import motion_of
 from apollonius.solve.transition_map import TransitionMap, of_courses, transition_map_of
 
 BYTES_PER_NODE = 4 * (9 + 5)
-"""The clearances of nine actions; the table before and after a sweep, padded, and what is between."""
+"""The clearances of nine actions; the table before and after a sweep, padded, and what is between.
+"""
 
 
-def solve_safety(game: Game, role: Role, grid: Grid, hold: int, report: Report | None = None) -> Solved:
-    """Return the clearance [m] that one side's robot can keep, at every node of a grid, where it holds actions for
-    `hold` steps.
+def solve_safety(
+    game: Game,
+    role: Role,
+    grid: Grid,
+    hold: int,
+    report: Report | None = None,
+) -> Solved:
+    """Compute the clearance [m] that one side's robot can keep, at every node of a grid.
 
-    The residual is 0 where the table is a fixed point, as of a robot that comes to rest; of another one the table is
-    above one by more than the residual. Raises InvalidInput when it does not fit into memory.
+    For a robot that can come to rest the table is a fixed point, and the residual 0; for another
+    one the table is above the fixed point by more than the residual.
+
+    Args:
+        game: the rules.
+        role: the side.
+        grid: the grid of its robot's states.
+        hold: control steps for which an action is held.
+        report: gets the progress after each sweep.
+
+    Raises:
+        InvalidInput: if the table does not fit into memory.
     """
     require_memory("grid", grid.name, grid.size * BYTES_PER_NODE, FEWER_NODES)
     motion = motion_of(game, role, hold)
     transitions = transition_map_of(motion, grid)
-    held = of_courses(motion.clearance, grid, transitions)
+    clearances = of_courses(motion.clearance, grid, transitions)
     x, y = grid.places()
-    here = jax.vmap(lambda row: jax.vmap(lambda column: motion.arena.clearance(row, column))(y))(x)
-    start = jnp.broadcast_to(here - motion.body.radius, grid.shape)
+    clearance_on_grid = jax.vmap(jax.vmap(motion.arena.clearance, (None, 0)), (0, None))
+    node_clearance = clearance_on_grid(x, y)
+    start = jnp.broadcast_to(node_clearance - motion.body.radius, grid.shape)
     tolerance = 0.0 if motion.body.brakes_to_rest else TOLERANCE
-    return iterate(lambda table: _sweep(transitions, held, table), start, report, tolerance)
+    return iterate(lambda table: _sweep(transitions, clearances, table), start, report, tolerance)
 
 
 @eqx.filter_jit
 def _sweep(
-    transitions: TransitionMap, held: Float[Array, "slices 9 x y"], table: Float[Array, "v heading x y"]
+    transitions: TransitionMap,
+    clearances: Float[Array, "slices 9 x y"],
+    table: Float[Array, "v heading x y"],
 ) -> tuple[Float[Array, "v heading x y"], Scalar]:
-    after = transitions.backup(table, lambda index, action, later: jnp.minimum(held[index, action], later))
-    after = jnp.minimum(after, table)  # it is no more but for rounding, by which values might go up and down for ever
+    after = transitions.backup(
+        table,
+        lambda index, action, later: jnp.minimum(clearances[index, action], later),
+    )
+    # Only rounding can raise a value here; without the minimum it could go up and down for ever.
+    after = jnp.minimum(after, table)
     return after, jnp.max(table - after)

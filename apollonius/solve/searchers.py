@@ -1,8 +1,10 @@
-"""The number of pursuers that are sure to see an evader, for idealised robots on the graph of an arena.
+"""The number of pursuers that are sure to see an evader, for idealised robots on the graph of an
+arena.
 
-The evader is as fast as they, knows where they are, and can be wherever nobody would have seen it: the contaminated
-nodes (Parsons, "Pursuit-evasion in a graph", 1978; Guibas et al., "A visibility-based pursuit-evasion problem", 1999).
-All move at once, to a neighbour or nowhere; then the pursuers look.
+The evader is as fast as they, knows where they are, and can be wherever nobody would have seen it:
+the contaminated nodes (Parsons, "Pursuit-evasion in a graph", 1978; Guibas et al., "A
+visibility-based pursuit-evasion problem", 1999). All move at once, to a neighbour or nowhere; then
+the pursuers look.
 """
 
 import heapq
@@ -28,8 +30,8 @@ SIZES = (100, 150, 200, 250)
 MOST_STATES = 40_000
 """Most states that are examined for a number of pursuers: some seconds."""
 BRANCHES = 6, 12
-"""Most moves of a team that are followed from a state, those that leave the fewest contaminated nodes: in a deep search
-and, where that finds nothing, in a wide one. Of one pursuer all are."""
+"""Most moves of a team that are followed from a state, those that leave the fewest contaminated
+nodes: in a deep search and, where that finds nothing, in a wide one. Of one pursuer all are."""
 MOST_SEARCHERS = 4
 """Most pursuers that are tried."""
 Team = tuple[int, ...]
@@ -38,80 +40,124 @@ Nodes = Bool[np.ndarray, " nodes"]
 
 
 def how_many_to_see(game: Game, space: FreeSpace, report: Callable[[float], None]) -> Enough:
-    """Judge a game's arena as `apollonius.solve.enough.how_many`, by the pursuers' line of sight and range.
+    """Judge a game's arena as `apollonius.solve.enough.how_many`, by the pursuers' line of sight
+    and range.
 
-    Errors, delays and fields of view do not count; without sensors the pursuers have a line of sight.
+    Errors, delays and fields of view do not count; without sensors the pursuers have a line of
+    sight.
     """
     sensors = (game.sensors and game.sensors.pursuer) or Sensors(line_of_sight=True)
-    return how_many(space, report, partial(_read, game.arena, replace(sensors, field_of_view=None)), SIZES)
+    return how_many(
+        space,
+        report,
+        partial(_read, game.arena, replace(sensors, field_of_view=None)),
+        SIZES,
+    )
 
 
 def _read(arena: Arena, sensors: Sensors, tiling: Tiling) -> Reading | None:
-    """Return how many pursuers are enough on a graph, and their strategy; None where none is found."""
-    seen, exact = sights(arena, sensors, tiling.places), True
+    """Return how many pursuers are enough on a graph, and their strategy; None without one."""
+    in_sight, exact = sights(arena, sensors, tiling.places), True
     for pursuers in range(1, MOST_SEARCHERS + 1):
-        searches = (clearing(tiling.adjacency, seen, pursuers, branches) for branches in BRANCHES)
-        found, all_examined = next((one for one in searches if any(one)), ([], False))
-        if found:
-            return Reading(tiling, len(seen), pursuers, exact, tiling.places[np.array(found)])
+        search_with = partial(clearing, tiling.adjacency, in_sight, pursuers)
+        searches = (search_with(branches) for branches in BRANCHES)
+        strategy, all_examined = next((search for search in searches if any(search)), ([], False))
+        if strategy:
+            places = tiling.places[np.array(strategy)]
+            return Reading(tiling, len(in_sight), pursuers, exact, places)
         exact = all_examined
     return None
 
 
-def sights(arena: Arena, sensors: Sensors, places: Float[np.ndarray, "nodes 2"]) -> Bool[np.ndarray, "nodes nodes"]:
+def sights(
+    arena: Arena,
+    sensors: Sensors,
+    places: Float[np.ndarray, "nodes 2"],
+) -> Bool[np.ndarray, "nodes nodes"]:
     """Return which nodes a robot at each node has in sight."""
     x, y = jnp.asarray(places.T, jnp.float32)
 
-    def sees(here: Int[Array, ""], there: Int[Array, ""]) -> Flag:
+    def sees(node: Int[Array, ""], other: Int[Array, ""]) -> Flag:
         zero = jnp.zeros(())
-        return sensors.reaches(arena, *(RobotState(x[node], y[node], zero, zero) for node in (here, there)))
+        return sensors.reaches(
+            arena,
+            *(RobotState(x[number], y[number], zero, zero) for number in (node, other)),
+        )
 
     nodes = jnp.arange(len(places))
     return np.asarray(jax.jit(jax.vmap(jax.vmap(sees, (None, 0)), (0, None)))(nodes, nodes))
 
 
 def clearing(
-    adjacency: Adjacency, seen: Bool[np.ndarray, "nodes nodes"], pursuers: int, branches: int, most: int = MOST_STATES
+    adjacency: Adjacency,
+    in_sight: Bool[np.ndarray, "nodes nodes"],
+    pursuers: int,
+    branches: int,
+    most_states: int = MOST_STATES,
 ) -> tuple[list[Team], bool]:
-    """Return the nodes of a team from turn to turn until no evader can be left, and whether all states were examined.
+    """Search a team's moves that clear a graph; return its nodes from turn to turn, empty if none.
 
-    A state is a team's nodes and the contaminated ones. Those with the fewest come first, and one is left out whose
-    nodes are those of another one and include its contaminated ones, since whatever clears it clears that. If all were
-    examined, and no way is returned, no team of this size is enough.
+    A state is a team's nodes and the contaminated ones. States with the fewest contaminated nodes
+    come first. A state is left out if another one has the same team's nodes and no contaminated
+    node besides those of this one, since whatever clears this one clears that. The second value is
+    whether all states were examined without success: then no team of this size is enough.
+
+    Args:
+        adjacency: the graph.
+        in_sight: the nodes that a robot at each node sees.
+        pursuers: number of robots in the team.
+        branches: most moves that are followed from a state; all for one robot.
+        most_states: most states that are examined.
     """
     near = adjacency | np.eye(len(adjacency), dtype=bool)
-    spreads, around = near.astype(np.float32), [np.flatnonzero(row).tolist() for row in near]
+    spreads = near.astype(np.float32)
+    around = [np.flatnonzero(row).tolist() for row in near]
     least: dict[Team, list[Nodes]] = {}
-    ways: list[tuple[Team, int]] = []
+    paths: list[tuple[Team, int]] = []
     waiting: list[tuple[int, int, Nodes]] = []
 
     def add(team: Team, contaminated: Nodes, before: int) -> None:
         others = least.get(team, [])
-        if not any(np.all(contaminated | ~other) for other in others):
-            least[team] = [other for other in others if np.any(other & ~contaminated)] + [contaminated]
-            heapq.heappush(waiting, (int(contaminated.sum()), len(ways), contaminated))
-            ways.append((team, before))
+        if any(np.all(contaminated | ~other) for other in others):
+            return
+        larger = [other for other in others if np.any(other & ~contaminated)]
+        least[team] = [*larger, contaminated]
+        heapq.heappush(waiting, (int(contaminated.sum()), len(paths), contaminated))
+        paths.append((team, before))
+
+    def is_outdated(number: int, contaminated: Nodes) -> bool:
+        """Return whether a state was replaced by one with fewer contaminated nodes."""
+        team, _ = paths[number]
+        return not any(contaminated is state for state in least[team])
+
+    def path_to(number: int) -> list[Team]:
+        path: list[Team] = []
+        while number >= 0:
+            team, number = paths[number]
+            path.append(team)
+        return path[::-1]
+
+    def moves_from(team: Team) -> list[Team]:
+        choices = itertools.product(*(around[node] for node in team))
+        return sorted({tuple(sorted(nodes)) for nodes in choices})
 
     for node in range(len(near)):
-        add((node,) * pursuers, ~seen[node], -1)
-    whole = True
-    for _ in range(most):
-        while waiting and not any(waiting[0][2] is kept for kept in least[ways[waiting[0][1]][0]]):
+        add((node,) * pursuers, ~in_sight[node], -1)
+    examined_all = True
+    for _ in range(most_states):
+        while waiting and is_outdated(*waiting[0][1:]):
             heapq.heappop(waiting)
         if not waiting:
-            return [], whole
-        left, number, contaminated = heapq.heappop(waiting)
-        if not left:
-            found: list[Team] = []
-            while number >= 0:
-                team, number = ways[number]
-                found.append(team)
-            return found[::-1], False
+            return [], examined_all
+        count_left, number, contaminated = heapq.heappop(waiting)
+        if not count_left:
+            return path_to(number), False
         after = spreads @ contaminated.astype(np.float32) > 0
-        teams = sorted({tuple(sorted(nodes)) for nodes in itertools.product(*(around[at] for at in ways[number][0]))})
-        rest = after & ~np.any(seen[np.array(teams)], axis=1)
-        best = np.argsort(rest.sum(axis=1), kind="stable")[: len(teams) if pursuers == 1 else branches]
-        whole = whole and len(best) == len(teams)
+        teams = moves_from(paths[number][0])
+        remaining = after & ~np.any(in_sight[np.array(teams)], axis=1)
+        most = len(teams) if pursuers == 1 else branches
+        best = np.argsort(remaining.sum(axis=1), kind="stable")[:most]
+        examined_all = examined_all and len(best) == len(teams)
         for move in best.tolist():
-            add(teams[move], rest[move], number)
+            add(teams[move], remaining[move], number)
     return [], False

@@ -1,4 +1,5 @@
-"""Problems of each kind solved on their usual grids; the game of two from both sides, kept in a folder.
+"""Problems of each kind solved on their usual grids; the game of two from both sides, kept in a
+folder.
 
 Usual distances and times are on the scale of the paper's robots; a caller may name the nodes.
 """
@@ -45,26 +46,33 @@ _LONGEST = 2.0
 
 
 def reference_grid(game: Game, role: Role) -> tuple[Grid, int]:
-    """Return a grid of one robot's states, for `solve_safety` and `solve_reach`, and the control steps of a hold.
+    """Return a grid of one robot's states, for `solve_safety` and `solve_reach`, and the control
+    steps of a hold.
 
     A hold moves the robot by whole cells of speed, and nearly so of heading.
     """
     body = game.body(role)
     dt = float(game.dt)
     hold = max(1, round(HOLD / dt))
-    speeds = max(2, 1 + ceil((body.v_max - body.v_min) / max(float(body.u1_max) * dt * hold, _FASTER) - 1e-6))
+    speeds = max(
+        2,
+        1 + ceil((body.v_max - body.v_min) / max(float(body.u1_max) * dt * hold, _FASTER) - 1e-6),
+    )
     turn = float(body.u2_max) * dt * hold
     headings = min(_HEADINGS, key=lambda count: abs(turn * count / tau - round(turn * count / tau)))
     arena = game.arena
-    x, y = (min(ceil(size / SPACING) + 1, MOST) for size in (arena.x_max - arena.x_min, arena.y_max - arena.y_min))
+    sizes = arena.x_max - arena.x_min, arena.y_max - arena.y_min
+    x, y = (min(ceil(size / SPACING) + 1, MOST) for size in sizes)
     return make_grid(arena, body, (x, y, speeds, headings)), hold
 
 
 def joint_grid(game: Game, role: Role, pairs: float = PAIRS) -> tuple[Grid, int]:
-    """Return the grid of one robot of two, coarser, for about these pairs of nodes; and the control steps of a hold, by
-    the pursuer's limits for both robots.
+    """Return the grid of one robot of two, coarser, for about these pairs of nodes; and the control
+    steps of a hold, by the pursuer's limits for both robots.
     """
-    lead, dt, arena = game.pursuer, float(game.dt), game.arena
+    lead = game.pursuer
+    dt = float(game.dt)
+    arena = game.arena
     faster = (float(lead.v_max) - float(lead.v_min)) / (_SPEEDS - 1)
     hold = max(1, min(round(faster / max(float(lead.u1_max), _FASTER) / dt), round(_LONGEST / dt)))
     headings = min(max(8, round(tau / max(float(lead.u2_max) * dt * hold, 1e-6))), 16)
@@ -89,18 +97,32 @@ class SolvedGame(AbstractKind):
             return None
         policy, side = table_player(Path(name), game), role.name.lower()
         solved_for = policy.zero_sum_game.role.name.lower()
-        require(solved_for == side, side, f"'{name}'", f"a file solved for the {side}; this is the {solved_for}'s")
+        require(
+            solved_for == side,
+            side,
+            f"'{name}'",
+            f"a file solved for the {side}; this is the {solved_for}'s",
+        )
         return Named(Path(name).stem, policy)
 
 
 def table_player(path: Path, game: Game) -> SaddlePolicy:
-    """Return the player by a solved game's file; raises InvalidInput for a bad one, or of another problem or game."""
+    """Return the player by a solved game's file; raises InvalidInput for a bad one, or of another
+    problem or game.
+    """
     solution = load_solution(path)
     problem, game = solution.problem, game.duel("a solved game")
-    solved_for, asked = to_dict(from_dict(Game, problem.game, str(path))), to_dict(game)
-    require(problem.kind == "game", "player", f"'{path}'", f"a solved game; this is one of {problem.kind}")
-    if any(solved_for[part] != asked[part] for part in PHYSICS):
-        raise InvalidInput(f"'{path}' was solved for another game: solve this one with apollonius solve game.")
+    solved_for, wanted_game = to_dict(from_dict(Game, problem.game, str(path))), to_dict(game)
+    require(
+        problem.kind == "game",
+        "player",
+        f"'{path}'",
+        f"a solved game; this is one of {problem.kind}",
+    )
+    if any(solved_for[part] != wanted_game[part] for part in PHYSICS):
+        raise InvalidInput(
+            f"'{path}' was solved for another game: solve this one with apollonius solve game.",
+        )
     return SaddlePolicy(zero_sum_game_of(problem, game), jnp.asarray(solution.table))
 
 
@@ -112,22 +134,28 @@ def zero_sum_game_of(problem: Problem, game: Game) -> ZeroSumGame:
 
 def joint_grids(game: Game, counts: list[int]) -> tuple[Grid, Grid]:
     """Return the pursuer's grid and the evader's, with as many nodes each."""
-    return make_grid(game.arena, game.pursuer, tuple(counts)), make_grid(game.arena, game.evader, tuple(counts))
+    return make_grid(
+        game.arena,
+        game.pursuer,
+        tuple(counts),
+    ), make_grid(game.arena, game.evader, tuple(counts))
 
 
 def solve_problem(problem: Problem, game: Game, report: Report | None = None) -> Solution:
-    """Solve a problem of a game; raises InvalidInput for too large a grid, and a target that is not clear of all."""
+    """Solve a problem of a game; raises InvalidInput for too large a grid, and a target that is not
+    clear of all.
+    """
     if problem.kind == "game":
-        solved = solve_duel(make_duel(zero_sum_game_of(problem, game), problem.whole_cells), report)
-        return Solution(problem, solved.sweeps, solved.residual, solved.table.astype(jnp.float16))
+        result = solve_duel(make_duel(zero_sum_game_of(problem, game), problem.whole_cells), report)
+        return Solution(problem, result.sweeps, result.residual, result.table.astype(jnp.float16))
     role = Role[problem.role.upper()]
     grid = make_grid(game.arena, game.body(role), tuple(problem.counts))
     if problem.target is None:
-        solved = solve_safety(game, role, grid, problem.hold, report)
+        result = solve_safety(game, role, grid, problem.hold, report)
     else:
         x, y = problem.target
-        _, solved = solve_reach(game, grid, problem.hold, (x, y), report)
-    return Solution(problem, solved.sweeps, solved.residual, solved.table)
+        _, result = solve_reach(game, grid, problem.hold, (x, y), report)
+    return Solution(problem, result.sweeps, result.residual, result.table)
 
 
 def cached_tables(
@@ -137,16 +165,27 @@ def cached_tables(
     report: Callable[[Role, Sweep], None] = lambda role, sweep: None,
     played: Game | None = None,
 ) -> BySide[SaddlePolicy]:
-    """Return the players of both sides by the solved game; what the folder holds is not solved again.
+    """Return the players of both sides by the solved game.
 
-    `counts` are nodes along x, y, v and heading, those of `joint_grid` if None. In the game as it is `played` the arena
-    may have a chart, and empty places for obstacles. Raises InvalidInput for a grid that memory has no room for.
+    Args:
+        game: the game that is solved.
+        counts: nodes along x, y, v and heading; None for those of `joint_grid`.
+        folder: where solutions are kept: what is there is not solved again.
+        report: gets the side and the progress after each sweep.
+        played: the same game with a chart, or with empty places for obstacles, if it is played so.
+
+    Raises:
+        InvalidInput: for a grid that does not fit into memory.
     """
 
     def player(role: Role) -> SaddlePolicy:
         problem = joint_problem(game, role, counts)
         physics = {part: problem.game.get(part) for part in PHYSICS}
-        path = folder and entry(folder, f"{problem.role}.safetensors", asdict(problem) | {"game": physics})
+        path = folder and entry(
+            folder,
+            f"{problem.role}.safetensors",
+            asdict(problem) | {"game": physics},
+        )
         solution = cached(
             path,
             lambda: solve_problem(problem, game, lambda sweep: report(role, sweep)),
@@ -159,6 +198,6 @@ def cached_tables(
 
 
 def joint_problem(game: Game, role: Role, counts: Sequence[int] | None = None) -> Problem:
-    """Return the game of two robots from one side, on a grid of these nodes, or of `joint_grid`'s."""
+    """Return the game of two from one side, on a grid of these nodes, or of `joint_grid`'s."""
     grid, hold = joint_grid(game, Role.PURSUER)
     return Problem("game", role.name.lower(), to_dict(game), list(counts or grid.counts), hold)

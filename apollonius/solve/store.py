@@ -1,4 +1,6 @@
-"""Solutions as files: the table in safetensors, and a header that says what was solved and how well."""
+"""Solutions as files: the table in safetensors, and a header that says what was solved and how
+well.
+"""
 
 from dataclasses import dataclass
 from math import inf, prod
@@ -48,9 +50,17 @@ class Problem:
         require(four, "counts", self.counts, f"four numbers of nodes, from 2 to {_MOST_NODES:,}")
         (JOINT_HOLD if self.kind == "game" else HOLD).require("hold", self.hold)
         target = self.target is not None
-        require(target == (self.kind == "reach"), "target", self.target, "given for reach, and left out otherwise")
         require(
-            self.kind == "game" or not self.whole_cells, "whole_cells", self.whole_cells, "left out for all but game"
+            target == (self.kind == "reach"),
+            "target",
+            self.target,
+            "given for reach, and left out otherwise",
+        )
+        require(
+            self.kind == "game" or not self.whole_cells,
+            "whole_cells",
+            self.whole_cells,
+            "left out for all but game",
         )
         place = [abs(number) <= MAX_SIZE for number in self.target or ()]
         require(not target or place == [True, True], "target", self.target, "x and y")
@@ -75,7 +85,9 @@ class Solution(_Header):
     """A solved problem."""
 
     table: Shaped[Array, "..."]
-    """Values at the nodes, by (v, heading, x, y); of `game` what `solve_duel` returns, in half precision."""
+    """Values at the nodes, by (v, heading, x, y); of `game` what `solve_duel` returns, in half
+    precision.
+    """
 
 
 def save_solution(solution: Solution, path: Path) -> None:
@@ -85,8 +97,9 @@ def save_solution(solution: Solution, path: Path) -> None:
 
 
 def load_solution(path: Path) -> Solution:
-    """Read a solution's file, the table only if its size is what the header says; raises InvalidInput for a file that
-    is missing, damaged, foreign, larger than memory, or with values that are not finite.
+    """Read a solution's file, the table only if its size is what the header says; raises
+    InvalidInput for a file that is missing, damaged, foreign, larger than memory, or with values
+    that are not finite.
     """
     remedy = "solve it again, into another file"
     foreign = f"'{path}' holds no whole Apollonius solution: {remedy}"
@@ -114,7 +127,12 @@ def _fits(problem: Problem, kinds: dict[str, tuple[tuple[int, ...], Any]], path:
     two = problem.kind == "game"
     expected = np.dtype(np.float16 if two else np.float32)
     size = (x * y * v * heading) ** (2 if two else 1)
-    require_memory(f"'{path}': grid", "x".join(map(str, problem.counts)), 2 * size * expected.itemsize, FEWER_NODES)
+    require_memory(
+        f"'{path}': grid",
+        "x".join(map(str, problem.counts)),
+        2 * size * expected.itemsize,
+        FEWER_NODES,
+    )
     shape, kind = kinds.get("table", ((), None))
     fits = (len(shape) == 3 and prod(shape) == size) if two else shape == (v, heading, x, y)
     return set(kinds) == {"table"} and kind == expected and fits

@@ -1,8 +1,8 @@
 """The image of a grid's nodes under each action, held.
 
-Motion does not depend on x and y (Eq. 1), so a held action moves all nodes of one speed and heading by the same
-vector. The values after it are therefore one or a few (x, y) slices of the table, shifted by whole cells and
-interpolated over the rest: no gather.
+Motion does not depend on x and y (Eq. 1), so a held action moves all nodes of one speed and heading
+by the same vector. The values after it are therefore one or a few (x, y) slices of the table,
+shifted by whole cells and interpolated over the rest: no gather.
 """
 
 from collections.abc import Callable
@@ -30,12 +30,14 @@ _BYTES_PER_CLEARANCE = 40
 
 
 class TransitionMap(eqx.Module):
-    """The images of a grid's slices under held actions; slices are numbered `v * headings + heading`.
+    """The images of a grid's slices under held actions; slices are numbered `v * headings +
+    heading`.
 
     Attributes:
         course: the states along each hold that begins at the origin, leaves `[slices 9 steps+1]`.
         source, weight: the slices between whose speeds and headings it ends, and their shares.
-        cells, rest: how far it goes along x and y, in whole cells and the fraction of one; None without fractions.
+        cells, rest: how far it goes along x and y, in whole cells and the fraction of one; None
+            without fractions.
         margin: cells by which a hold can leave the grid.
     """
 
@@ -49,50 +51,83 @@ class TransitionMap(eqx.Module):
     def backup(
         self,
         table: Float[Array, "v heading x y *others"],
-        value: Callable[[Int[Array, ""], int, Float[Array, "x y *others"]], Float[Array, "x y *others"]],
+        value: Callable[
+            [Int[Array, ""], int, Float[Array, "x y *others"]],
+            Float[Array, "x y *others"],
+        ],
         choose: Callable[[Array, Array], Array] = jnp.maximum,
     ) -> Float[Array, "v heading x y *others"]:
-        """Return the value of each node: the better one, by `choose`, of the values of its nine actions.
+        """Return the value of each node: the best, by `choose`, of the values of its nine actions.
 
-        An action's `value` is by the slice, the action and the table's values after it; those for each state of
-        `others` lie one after the other in memory.
+        Args:
+            table: values after the hold. Those for each state of `others` are adjacent in memory.
+            value: an action's value, from the slice, the action and the table's values after it.
+            choose: the better of two arrays, element by element.
         """
         slices = table.reshape(-1, *table.shape[2:])
-        around = ((0, 0), (self.margin, self.margin), (self.margin, self.margin), *((0, 0),) * (table.ndim - 4))
-        padded = jnp.pad(slices, around, mode="edge")
+        on_places = (self.margin, self.margin)
+        margins = ((0, 0), on_places, on_places, *((0, 0),) * (table.ndim - 4))
+        wide_slices = jnp.pad(slices, margins, mode="edge")
 
-        def at(index: Int[Array, ""]) -> Float[Array, "x y *others"]:
-            actions = range(NUM_ACTIONS)
-            return reduce(choose, [value(index, action, self._after(padded, index, action)) for action in actions])
+        def best_value(index: Int[Array, ""]) -> Float[Array, "x y *others"]:
+            values: list[Array] = []
+            for action in range(NUM_ACTIONS):
+                later = self._after(wide_slices, index, action)
+                values.append(value(index, action, later))
+            return reduce(choose, values)
 
-        return jax.lax.map(at, jnp.arange(slices.shape[0])).reshape(table.shape)
+        return jax.lax.map(best_value, jnp.arange(slices.shape[0])).reshape(table.shape)
 
-    def _after(self, padded: Float[Array, "slices wide high *others"], index: Int[Array, ""], action: int) -> Array:
-        """Return the interpolated values where an action takes the nodes of a slice: `[x y *others]`."""
-        across, along = (count - 2 * self.margin for count in padded.shape[1:3])
+    def _after(
+        self,
+        wide_slices: Float[Array, "slices wide high *others"],
+        index: Int[Array, ""],
+        action: int,
+    ) -> Array:
+        """Return the interpolated values where an action takes the nodes of a slice: `[x y
+        *others]`.
+        """
+        across, along = (count - 2 * self.margin for count in wide_slices.shape[1:3])
         values = jnp.zeros((), jnp.float32)
         for term in range(self.source.shape[2]):
-            for beside, share in self._beside(index, action):
-                corner = self.cells[index, action] + jnp.array(beside) + self.margin
-                start = (self.source[index, action, term], *corner, *(0,) * (padded.ndim - 3))
-                shifted = jax.lax.dynamic_slice(padded, start, (1, across, along, *padded.shape[3:]))[0]
-                values = values + self.weight[index, action, term] * share * shifted
+            for offset, share in self._beside(index, action):
+                corner = self.cells[index, action] + jnp.array(offset) + self.margin
+                start = (self.source[index, action, term], *corner, *(0,) * (wide_slices.ndim - 3))
+                values_there = jax.lax.dynamic_slice(
+                    wide_slices,
+                    start,
+                    (1, across, along, *wide_slices.shape[3:]),
+                )[0]
+                values = values + self.weight[index, action, term] * share * values_there
         return values
 
     def _beside(self, index: Int[Array, ""], action: int) -> list[tuple[tuple[int, int], Real]]:
-        """Return the places beside that where an action leads, counted from the nearest below, and their shares."""
+        """Return the places beside that where an action leads, counted from the nearest below, and
+        their shares.
+        """
         if self.rest is None:
             return [((0, 0), 1.0)]
         on_x, on_y = ((1 - share, share) for share in self.rest[index, action])
         return [((x, y), on_x[x] * on_y[y]) for x, y in product((0, 1), repeat=2)]
 
 
-def transition_map_of(motion: Motion, grid: Grid, slack: float = 0.0, whole_cells: bool = False) -> TransitionMap:
+def transition_map_of(
+    motion: Motion,
+    grid: Grid,
+    slack: float = 0.0,
+    whole_cells: bool = False,
+) -> TransitionMap:
     """Return the images of the grid's nodes under the robot's held actions.
 
-    Turns within `slack` cells of a whole number are taken as whole: where they are a hundredth of a cell off,
-    interpolation would blur headings more. `whole_cells` rounds moves along x and y, too. Raises InvalidInput when the
-    courses of the actions do not fit into memory.
+    Args:
+        motion: the robot's motion while actions are held.
+        grid: the grid of its states.
+        slack: turns within this many cells of a whole number are taken as whole: where they are a
+            hundredth of a cell off, interpolation would blur headings more.
+        whole_cells: whether moves along x and y are rounded, too.
+
+    Raises:
+        InvalidInput: if the courses of the actions do not fit into memory.
     """
     fewer = "hold actions for fewer steps, or take fewer nodes"
     require_memory("hold", motion.steps, _bytes_of_hold(motion, grid), fewer)
@@ -100,32 +135,43 @@ def transition_map_of(motion: Motion, grid: Grid, slack: float = 0.0, whole_cell
     course = _courses(motion, grid)
     end = jax.tree.map(lambda leaf: np.asarray(leaf[..., -1], np.float64), course)
     dx, dy, dv, dheading = (float(distance) for distance in grid.spacing)
-    cells, rest = _whole_and_rest(np.stack([end.x / dx, end.y / dy], axis=-1), 1.0 if whole_cells else 0.0)
+    cells, fraction = _whole_and_rest(
+        np.stack([end.x / dx, end.y / dy], axis=-1),
+        1.0 if whole_cells else 0.0,
+    )
     slower, share_v = _whole_and_rest((end.v - float(grid.low[2])) / dv)
     before, share_heading = _whole_and_rest(end.heading / dheading, slack)
     terms = [
-        (np.minimum(slower + up, speeds - 1) * headings + (before + on) % headings, part_v * part_heading)
+        (
+            np.minimum(slower + up, speeds - 1) * headings + (before + on) % headings,
+            part_v * part_heading,
+        )
         for up, part_v in ((0, 1 - share_v), (1, share_v))
         for on, part_heading in ((0, 1 - share_heading), (1, share_heading))
     ]
-    needed = [(source, weight) for source, weight in terms if np.any(weight > 0)]
+    used_terms = [(source, weight) for source, weight in terms if np.any(weight > 0)]
     return TransitionMap(
         course=course,
-        source=jnp.asarray(np.stack([source for source, _ in needed], axis=-1), jnp.int32),
-        weight=jnp.asarray(np.stack([weight for _, weight in needed], axis=-1), jnp.float32),
+        source=jnp.asarray(np.stack([source for source, _ in used_terms], axis=-1), jnp.int32),
+        weight=jnp.asarray(np.stack([weight for _, weight in used_terms], axis=-1), jnp.float32),
         cells=jnp.asarray(cells, jnp.int32),
-        rest=None if whole_cells else jnp.asarray(rest, jnp.float32),
+        rest=None if whole_cells else jnp.asarray(fraction, jnp.float32),
         margin=int(np.max(np.abs(cells))) + 1,
     )
 
 
 def _bytes_of_hold(motion: Motion, grid: Grid) -> int:
-    """Return the memory of all actions' courses: the states, their clearances everywhere, and the grid's margins."""
-    (speeds, headings, *places), farthest = grid.shape, motion.farthest
-    wide, high = (count + 2 * (farthest / float(apart) + 2) for count, apart in zip(places, grid.spacing, strict=False))
-    courses = speeds * headings * NUM_ACTIONS * (motion.steps + 1) * _BYTES_PER_STATE
-    clear = places[0] * places[1] * motion.steps * _BYTES_PER_CLEARANCE
-    return int(courses + clear + speeds * headings * wide * high * 4)
+    """Return the memory of all actions' courses: the states, their clearances everywhere, and the
+    grid's margins.
+    """
+    speeds, headings, *places = grid.shape
+    wide, high = (
+        count + 2 * (motion.farthest / float(spacing) + 2)
+        for count, spacing in zip(places, grid.spacing[:2], strict=True)
+    )
+    courses_bytes = speeds * headings * NUM_ACTIONS * (motion.steps + 1) * _BYTES_PER_STATE
+    clearances_bytes = places[0] * places[1] * motion.steps * _BYTES_PER_CLEARANCE
+    return int(courses_bytes + clearances_bytes + speeds * headings * wide * high * 4)
 
 
 @eqx.filter_jit
@@ -155,7 +201,10 @@ def of_courses(of: Callable[[RobotState], Array], grid: Grid, transitions: Trans
 
     def everywhere(course: RobotState) -> Array:
         def at(x: Scalar, y: Scalar) -> Array:
-            return of(jax.vmap(lambda one: RobotState(one.x + x, one.y + y, one.v, one.heading))(course))
+            def move(robot: RobotState) -> RobotState:
+                return RobotState(robot.x + x, robot.y + y, robot.v, robot.heading)
+
+            return of(jax.vmap(move)(course))
 
         return jax.vmap(lambda row: jax.vmap(lambda column: at(row, column))(y))(x)
 
@@ -163,7 +212,9 @@ def of_courses(of: Callable[[RobotState], Array], grid: Grid, transitions: Trans
 
 
 class Side(eqx.Module):
-    """One robot on its grid: where its held actions lead, and the step in which they touch something, or `NEVER`."""
+    """One robot on its grid: where its held actions lead, and the step in which they touch
+    something, or `NEVER`.
+    """
 
     motion: Motion
     grid: Grid
@@ -177,6 +228,10 @@ class Side(eqx.Module):
 
 
 def make_side(motion: Motion, grid: Grid, slack: float = 0.0, whole_cells: bool = False) -> Side:
-    """Return one robot on its grid; all else as of `transition_map_of`."""
+    """Return one robot on its grid.
+
+    Args:
+        motion, grid, slack, whole_cells: as in `transition_map_of`.
+    """
     transitions = transition_map_of(motion, grid, slack, whole_cells)
     return Side(motion, grid, transitions, of_courses(motion.failure, grid, transitions))

@@ -1,1 +1,1 @@
-"""Random arenas of several kinds, in which every robot that fits through the gaps can go everywhere."""
+"""Random arenas of several kinds; robots that fit through the gaps can go everywhere."""

@@ -1,4 +1,6 @@
-"""Caves: random rock worn by a cellular automaton, then widened until all passages keep the gap, as a map's cells."""
+"""Caves: random rock worn by a cellular automaton, then widened until all passages keep the gap, as
+a map's cells.
+"""
 
 import hashlib
 
@@ -20,7 +22,9 @@ _MOST_CELLS = 1_000
 _LEAST_SIDE = 4
 """Least length of the sides, in gaps."""
 _REACH = _PER_GAP // 2 + 0.25
-"""Clearance of the passages of a cave [cells]: half a gap, plus the shortfall of a map's clearances."""
+"""Clearance of the passages of a cave [cells]: half a gap, plus the shortfall of a map's
+clearances.
+"""
 _ROCK = 0.47
 """Share of the cells that are rock at first."""
 _WINDOW = 3
@@ -36,16 +40,19 @@ _TRIES = 200
 
 
 def caves(layout: Layout, rng: np.random.Generator) -> Arena:
-    """Draw a cave of cells an eighth of the gap wide, whose sides are the requested ones to within half a cell.
+    """Draw a cave of cells an eighth of the gap wide, whose sides are the requested ones to within
+    half a cell.
 
-    Every point of it is within half a gap of the middle of a passage at least as wide as the gap, and all those middles
-    are joined. Anything narrower, or cut off, is rock. Raises InvalidInput for less than four gaps along a side, for
-    more than a thousand cells, and where no cave is found.
+    Every point of it is within half a gap of the middle of a passage at least as wide as the gap,
+    and all those middles are joined. Anything narrower, or cut off, is rock. Raises InvalidInput
+    for less than four gaps along a side, for more than a thousand cells, and where no cave is
+    found.
     """
     sides, cell = (layout.width, layout.height), layout.gap / _PER_GAP
     layout.require_sides(_LEAST_SIDE * layout.gap, f"{_LEAST_SIDE} gaps")
     columns, rows = (round(side / cell) for side in sides)
-    bound = f"at least {max(sides) * _PER_GAP / _MOST_CELLS:g} m, as a cave has {_MOST_CELLS:,} cells along a side"
+    least = max(sides) * _PER_GAP / _MOST_CELLS
+    bound = f"at least {least:g} m, as a cave has {_MOST_CELLS:,} cells along a side"
     require(max(columns, rows) <= _MOST_CELLS, "gap", layout.gap, bound)
     pillars = max(1, round(columns * rows / (_PER_PILLAR * _PER_GAP**2)))
     for _ in range(_TRIES):
@@ -53,13 +60,16 @@ def caves(layout: Layout, rng: np.random.Generator) -> Arena:
         if free.mean() >= _LEAST_FREE and islands(free) >= pillars and _is_one(free):
             return _arena(~free, cell)
     raise InvalidInput(
-        f"caves with passages of {layout.gap:g} m find no room: none of {_TRIES} leaves {_LEAST_FREE:.0%} of the arena "
-        f"free and has {pillars} ways round; ask for a smaller gap, or a larger arena."
+        f"caves with passages of {layout.gap:g} m find no room: none of {_TRIES} leaves "
+        f"{_LEAST_FREE:.0%} of the arena free and has {pillars} ways round; "
+        "ask for a smaller gap, or a larger arena."
     )
 
 
 def _worn(rock: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows columns"]:
-    """Give each cell the majority of the cells around it, again and again; cells outside count as neither."""
+    """Give each cell the majority of the cells around it, again and again; cells outside count as
+    neither.
+    """
     window = np.ones(2 * _WINDOW + 1, int)
     for _ in range(_ROUNDS):
         more = scipy.ndimage.convolve1d(np.where(rock, 1, -1), window, 0, mode="constant")
@@ -68,7 +78,8 @@ def _worn(rock: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows colu
 
 
 def _widened(rock: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows columns"]:
-    """Return the free cells within reach of the largest connected part of the corners with that clearance.
+    """Return the free cells within reach of the largest connected part of the corners with that
+    clearance.
 
     The corners keep it, as no cell that a disc around a corner touches was rock.
     """
@@ -91,5 +102,5 @@ def _is_one(free: Bool[np.ndarray, "rows columns"]) -> bool:
 def _arena(rock: Bool[np.ndarray, "rows columns"], cell: float) -> Arena:
     content = f"{rock.shape} {cell!r}".encode() + np.packbits(rock).tobytes()
     field = jnp.asarray(distance_field(rock, cell))
-    found = OccupancyMap(field, 0.0, 0.0, cell, "", hashlib.sha256(content).hexdigest())
-    return Arena(x_max=found.x_max, y_max=found.y_max, map=found)
+    cells = OccupancyMap(field, 0.0, 0.0, cell, "", hashlib.sha256(content).hexdigest())
+    return Arena(x_max=cells.x_max, y_max=cells.y_max, map=cells)

@@ -1,4 +1,4 @@
-"""Random arenas of long ways round: fences across the arena, and floors of rooms along a corridor."""
+"""Random arenas of long ways round: fences across the arena, and rooms along a corridor."""
 
 import numpy as np
 
@@ -12,13 +12,17 @@ _THIN_SHARE = 1 / 150
 _BETWEEN = (1.2, 3.0)
 """Smallest and largest distance of two fences, in gaps."""
 _SECOND = 0.15
-"""Share of the fences with a second opening, and of the rooms with a door to the next one: these make loops."""
+"""Share of the fences with a second opening, and of the rooms with a door to the next one: these
+make loops.
+"""
 _AT_AN_END = 0.8
 """Share of the fences whose opening is at an end."""
 
 
 def fences(layout: Layout, rng: np.random.Generator) -> Arena:
-    """Place thin walls across the arena, each with an opening or two; raises InvalidInput where not two lanes fit."""
+    """Place thin walls across the arena, each with an opening or two; raises InvalidInput where not
+    two lanes fit.
+    """
     along_y = bool(rng.integers(2))
     long, wide = (layout.height, layout.width) if along_y else (layout.width, layout.height)
     gap, thin = layout.gap, _thickness(layout)
@@ -45,7 +49,9 @@ def _openings(wide: float, gap: float, rng: np.random.Generator) -> list[tuple[f
 
 
 def floors(layout: Layout, rng: np.random.Generator) -> Arena:
-    """Build rooms on both sides of a corridor, each with a door, some with one to the next; errors as of `fences`."""
+    """Build rooms on both sides of a corridor, each with a door, some with one to the next; errors
+    as of `fences`.
+    """
     along_y = layout.height > layout.width
     long, wide = max(layout.width, layout.height), min(layout.width, layout.height)
     gap, thin = layout.gap, _thickness(layout)
@@ -62,12 +68,14 @@ def floors(layout: Layout, rng: np.random.Generator) -> Arena:
             right = long if long - (left + length) < 2.2 * gap + thin else left + length
             width = min(gap * rng.uniform(*DOOR), right - left - 0.02)
             door = left + rng.uniform(0, right - left - width)
-            walls += [(start, low, end, low + thin) for start, end in pieces(left, [door], width, right)]
+            along = pieces(left, [door], width, right)
+            walls += [(start, low, end, low + thin) for start, end in along]
             if right < long:
                 next_door = gap * rng.uniform(*DOOR)
                 at = bottom + rng.uniform(0, top - bottom - next_door)
                 openings = [at] if rng.uniform() < _SECOND else []
-                walls += [(right, one, right + thin, other) for one, other in pieces(bottom, openings, next_door, top)]
+                across = pieces(bottom, openings, next_door, top)
+                walls += [(right, start, right + thin, end) for start, end in across]
                 right += thin
             left = right
     return layout.walled(walls, along_y)

@@ -24,10 +24,22 @@ def turned(room: Room) -> Room:
     return bottom, left, top, right
 
 
-def pieces(low: float, openings: list[float], width: float, high: float) -> list[tuple[float, float]]:
-    """Return the pieces of a wall from a low end to a high one, between openings of a width that begin there [m]."""
+def pieces(
+    low: float,
+    openings: list[float],
+    width: float,
+    high: float,
+) -> list[tuple[float, float]]:
+    """Return the start and end of each piece of a wall with openings [m].
+
+    Args:
+        low, high: ends of the wall [m].
+        openings: where each opening begins [m].
+        width: width of the openings [m].
+    """
     ends = [low, *[end for one in openings for end in (one, one + width)], high]
-    return [(start, end) for start, end in zip(ends[::2], ends[1::2], strict=True) if end - start > 1e-3]
+    pairs = zip(ends[::2], ends[1::2], strict=True)
+    return [(start, end) for start, end in pairs if end - start > 1e-3]
 
 
 DOOR = (1.0, 1.5)
@@ -53,7 +65,13 @@ class Layout:
     def walled(self, walls: list[Room], along_y: bool = False) -> Arena:
         """Return the arena with these walls, turned where they were laid out along y."""
         rectangles = [turned(wall) if along_y else wall for wall in walls]
-        return self.arena([Polygon(((x, y), (x_to, y), (x_to, y_to), (x, y_to))) for x, y, x_to, y_to in rectangles])
+        polygons = [
+            Polygon(
+                ((x, y), (x_to, y), (x_to, y_to), (x, y_to)),
+            )
+            for x, y, x_to, y_to in rectangles
+        ]
+        return self.arena(polygons)
 
 
 Circle = tuple[float, float, float]
@@ -63,13 +81,15 @@ Circle = tuple[float, float, float]
 def _try_circle(
     layout: Layout, rng: np.random.Generator, least: float, most: float, placed: list[Circle]
 ) -> Circle | None:
-    """Draw a circle with a radius [m] from `least` to `most`; None unless it keeps the gap from all others."""
+    """Draw a circle with a radius [m] from `least` to `most`; None unless it keeps the gap from all
+    others.
+    """
     radius = rng.uniform(least, most)
     margin = radius + layout.gap
     x, y = rng.uniform(margin, np.array([layout.width, layout.height]) - margin)
-    if all(np.hypot(x - one, y - other) >= radius + size + layout.gap for one, other, size in placed):
-        return float(x), float(y), float(radius)
-    return None
+    if any(np.hypot(x - x_, y - y_) < radius + size + layout.gap for x_, y_, size in placed):
+        return None
+    return float(x), float(y), float(radius)
 
 
 _DISC_RADIUS = (0.3, 0.8)
@@ -81,9 +101,9 @@ _PER_AREA = 0.05
 def discs(layout: Layout, rng: np.random.Generator) -> Arena:
     """Place discs that keep the gap from each other and from the walls.
 
-    Every robot of a diameter below the gap can go from any free place to any other: discs grown by its radius touch
-    neither each other nor the walls, and separate round obstacles do not cut a rectangle in parts. Raises InvalidInput
-    for discs that do not fit.
+    Every robot of a diameter below the gap can go from any free place to any other: discs grown by
+    its radius touch neither each other nor the walls, and separate round obstacles do not cut a
+    rectangle in parts. Raises InvalidInput for discs that do not fit.
     """
     least, most = _DISC_RADIUS
     count = min(round(_PER_AREA * layout.width * layout.height), MOST_DISCS)
@@ -96,10 +116,15 @@ def discs(layout: Layout, rng: np.random.Generator) -> Arena:
                 break
         else:
             raise InvalidInput(
-                f"{count} discs find no room: after {index} the next fits in none of {TRIES:,} places; ask for a "
+                f"{count} discs find no room: "
+                f"after {index} the next fits in none of {TRIES:,} places; ask for a "
                 "smaller gap, or a larger arena."
             )
-    return Arena(x_max=layout.width, y_max=layout.height, discs=tuple(Disc(*place) for place in placed))
+    return Arena(
+        x_max=layout.width,
+        y_max=layout.height,
+        discs=tuple(Disc(*place) for place in placed),
+    )
 
 
 _BLOCK_RADIUS = (0.4, 1.1)
@@ -115,8 +140,8 @@ _FILLED = 0.16
 def blocks(layout: Layout, rng: np.random.Generator) -> Arena:
     """Place blocks until they cover about a sixth of the arena, or no more fits.
 
-    Round obstacles that keep a gap from each other and from the walls do not part a rectangle, and neither do blocks
-    inside them. Raises InvalidInput where not one of the smallest fits.
+    Round obstacles that keep a gap from each other and from the walls do not part a rectangle, and
+    neither do blocks inside them. Raises InvalidInput where not one of the smallest fits.
     """
     layout.require_sides(2 * (_BLOCK_RADIUS[0] + layout.gap), "a block with a gap on either side")
     placed: list[Circle] = []

@@ -20,8 +20,8 @@ def labyrinth(layout: Layout, rng: np.random.Generator) -> Arena:
 
 
 def maze(layout: Layout, rng: np.random.Generator, opened: float = _OPENED) -> Arena:
-    """Build a maze of as many cells as fit, of whose tree a share of the walls is taken out; raises InvalidInput where
-    fewer than two by two fit.
+    """Build a maze of as many cells as fit, of whose tree a share of the walls is taken out; raises
+    InvalidInput where fewer than two by two fit.
     """
     pitch = _WIDER * layout.gap + WALL
     columns, rows = (int((side + WALL) / pitch) for side in (layout.width, layout.height))
@@ -32,7 +32,8 @@ def maze(layout: Layout, rng: np.random.Generator, opened: float = _OPENED) -> A
     right &= rng.uniform(size=right.shape) >= opened
     up &= rng.uniform(size=up.shape) >= opened
     wide, high = layout.width / columns, layout.height / rows
-    upright, level = _walls(right, wide, high, layout.height), _walls(up.T, high, wide, layout.width)
+    upright = _walls(right, wide, high, layout.height)
+    level = _walls(up.T, high, wide, layout.width)
     return layout.walled([*upright, *map(turned, level)])
 
 
@@ -43,7 +44,8 @@ def _carve(right: np.ndarray, up: np.ndarray, rng: np.random.Generator) -> None:
     while way:
         x, y = way[-1]
         beside = [(x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)]
-        new = [one for one in beside if 0 <= one[0] < columns and 0 <= one[1] < rows and one not in seen]
+        inside = [cell for cell in beside if 0 <= cell[0] < columns and 0 <= cell[1] < rows]
+        new = [cell for cell in inside if cell not in seen]
         if not new:
             way.pop()
             continue
@@ -63,8 +65,9 @@ def _runs(walls: np.ndarray) -> list[tuple[int, int]]:
 
 
 def _walls(lines: np.ndarray, apart: float, cell: float, long: float) -> list[Room]:
-    """Return the walls on lines along y, of cells each, which end in the middle of the walls they meet, which leaves no
-    slit, but inside the arena; lines are some metres apart, cells and the arena as long as given [m].
+    """Return the walls on lines along y, of cells each, which end in the middle of the walls they
+    meet, which leaves no slit, but inside the arena; lines are some metres apart, cells and the
+    arena as long as given [m].
     """
     half = WALL / 2
     return [
@@ -85,7 +88,9 @@ _MISSING = 0.15
 
 
 def racks(layout: Layout, rng: np.random.Generator) -> Arena:
-    """Place rows of racks along x, or along y, with aisles around and across; raises InvalidInput where no row fits."""
+    """Place rows of racks along x, or along y, with aisles around and across; raises InvalidInput
+    where no row fits.
+    """
     along_y = bool(rng.integers(2))
     long, wide = (layout.height, layout.width) if along_y else (layout.width, layout.height)
     layout.require_sides(2 * layout.gap + _DEEP[0], "a rack with an aisle on either side")
@@ -116,20 +121,36 @@ _TRIES = 20
 
 
 def rooms(layout: Layout, rng: np.random.Generator) -> Arena:
-    """Part rooms across their longer sides while there is space; no wall ends at another one's door.
+    """Part rooms across their longer sides while there is space; no wall ends at another one's
+    door.
 
-    A door joins the parts, so all rooms are joined. Two doors lead through a long wall, which makes loops. Parting ends
-    beyond the number of walls that a game may have. Raises InvalidInput where there is no space for two rooms.
+    A door joins the parts, so all rooms are joined. Two doors lead through a long wall, which makes
+    loops. Parting ends beyond the number of walls that a game may have. Raises InvalidInput where
+    there is no space for two rooms.
     """
     sides, least = (layout.width, layout.height), 2 * _LEAST * layout.gap + WALL
-    enough = f"{least:g} m and more for one side, two rooms, and {_LEAST * layout.gap:g} m for the other"
-    require(max(sides) >= least and min(sides) >= _LEAST * layout.gap, "width, height", sides, enough)
+    shorter = f"{_LEAST * layout.gap:g} m for the other"
+    enough = f"{least:g} m and more for one side, two rooms, and {shorter}"
+    require(
+        max(sides) >= least and min(sides) >= _LEAST * layout.gap,
+        "width, height",
+        sides,
+        enough,
+    )
     walls: list[Room] = []
     doors: list[Room] = []
     waiting: list[Room] = [(0.0, 0.0, layout.width, layout.height)]
     while waiting and len(walls) <= MOST_POLYGONS:
         room = waiting.pop()
-        whole = walls and max(room[2] - room[0], room[3] - room[1]) < _LARGE * layout.gap and rng.uniform() < _WHOLE
+        whole = (
+            walls
+            and max(
+                room[2] - room[0],
+                room[3] - room[1],
+            )
+            < _LARGE * layout.gap
+            and rng.uniform() < _WHOLE
+        )
         parted = None if whole else _part(room, doors, layout.gap, rng)
         if parted is None:
             continue
@@ -141,12 +162,17 @@ def rooms(layout: Layout, rng: np.random.Generator) -> Arena:
 def _part(
     room: Room, doors: list[Room], gap: float, rng: np.random.Generator
 ) -> tuple[list[Room], list[Room], list[Room]] | None:
-    """Return the pieces of a wall through a room, its doors and the two rooms; None where it stays whole."""
+    """Return the pieces of a wall through a room, its doors and the two rooms; None where it stays
+    whole.
+    """
     left, bottom, right, top = room
     across = right - left >= top - bottom  # the wall runs along y
     if not across:
         other_way = _part((bottom, left, top, right), [turned(door) for door in doors], gap, rng)
-        return other_way and tuple([turned(one) for one in part] for part in other_way)  # pyright: ignore[reportReturnType]
+        if other_way is None:
+            return None
+        wall, first_doors, rooms = ([turned(room) for room in part] for part in other_way)
+        return wall, first_doors, rooms
     least = _LEAST * gap
     if right - left < 2 * least + WALL or top - bottom < least:
         return None
