@@ -12,7 +12,7 @@ from website.house import imported, room_of, rooms, sources, table
 
 HOUSE = (REPOSITORY / "docs" / "concepts" / "architecture.md").read_text()
 FILES = sources()
-LONGEST_FILE = 250
+LONGEST_FILE = 400
 FLAG = re.compile(r"""["'](--[a-z][a-z-]*)""")
 NAMELESS = {"utils", "common", "helpers"}
 
