@@ -77,10 +77,8 @@ def train(
     Yields:
         The share [%], and the players by side, stacked over seeds.
     """
-    rewarded, stage = (
-        plan.stage.trained_in(game),
-        SELF_PLAY if isinstance(plan.stage, SelfPlayConfig) else FIXED_TARGET,
-    )
+    rewarded = plan.stage.trained_in(game)
+    stage = SELF_PLAY if isinstance(plan.stage, SelfPlayConfig) else FIXED_TARGET
     keys = jnp.stack(
         [jax.random.fold_in(jax.random.key(seed), STAGES.index(stage)) for seed in seeds],
     )
@@ -201,10 +199,8 @@ def play_all(options: argparse.Namespace, path: Path) -> dict[str, Any]:
         best = np.maximum(best, captures)
     write(**{"P_stage1 v still": matches(game, best_pursuers, still, options.games)})
 
-    agents_from_scratch, agents = (
-        dict(train(plan_of("scratch", SELF_PLAY), game, scratch, {})),
-        dict[Role, Any](),
-    )
+    agents_from_scratch = dict(train(plan_of("scratch", SELF_PLAY), game, scratch, {}))
+    agents = dict[Role, Any]()
     for percent, agents in train(
         plan_of("curriculum", SELF_PLAY),
         game,
@@ -213,10 +209,8 @@ def play_all(options: argparse.Namespace, path: Path) -> dict[str, Any]:
         networks=best_pursuers.network,
     ):
         # Agents of the curriculum meet those from scratch that had trained as long.
-        scratch_agents, games = (
-            agents_from_scratch[percent],
-            options.games // (1 if percent == 100 else 2),
-        )
+        scratch_agents = agents_from_scratch[percent]
+        games = options.games // (1 if percent == 100 else 2)
         captures = {
             "P_curriculum v E_scratch": matches(
                 game,

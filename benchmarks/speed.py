@@ -205,10 +205,8 @@ def measure_solver(counts: Sequence[int], hold: int) -> dict[str, Any]:
     """
     game = make_game("paper")
     grid, alone_hold = reference_grid(game, Role.PURSUER)
-    side, free = (
-        make_side(motion_of(game, Role.PURSUER, alone_hold), grid),
-        jnp.zeros(grid.shape, jnp.float32),
-    )
+    side = make_side(motion_of(game, Role.PURSUER, alone_hold), grid)
+    free = jnp.zeros(grid.shape, jnp.float32)
 
     def value(index: Array, action: int, later: Array) -> Array:
         return jnp.where(side.free[index, action], later, 0.0)

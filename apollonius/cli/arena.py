@@ -161,10 +161,8 @@ def run_random(options: argparse.Namespace) -> int:
         options.gap,
         tuple(options.size),
     )
-    record, contents = (
-        to_dict(random_game),
-        f"{len(random_game.arena.discs) + len(random_game.arena.polygons)} obstacles",
-    )
+    record = to_dict(random_game)
+    contents = f"{len(random_game.arena.discs) + len(random_game.arena.polygons)} obstacles"
     if random_game.arena.map:
         save_map(random_game.arena.map, cells[0])
         record["arena"]["map"] = cells[0].name

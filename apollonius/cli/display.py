@@ -115,10 +115,8 @@ class Display(Progress):
         if total is None or len(reports) <= _MEASURED:
             return None
         (first_time, first_amount), (latest, latest_amount) = reports[0], reports[-1]
-        silence, longest = (
-            self.get_time() - latest,
-            max(later - time for (time, _), (later, _) in pairwise(reports)),
-        )
+        silence = self.get_time() - latest
+        longest = max(later - time for (time, _), (later, _) in pairwise(reports))
         if silence > max(2 * longest, 1.0):
             return None
         return max(

@@ -64,10 +64,8 @@ def run_evaluate(options: argparse.Namespace) -> int:
     match = requested_match(options, in_one_arena=options.record > 0)  # of which a replay is
     options.display.begin(f"playing {match.games:,} games")
     results = play_games(match, report=options.display.report)
-    result, games = (
-        count(match, results),
-        (record_game(match, index) for index in worst_first(results)),
-    )
+    result = count(match, results)
+    games = (record_game(match, index) for index in worst_first(results))
     return answer_with_replays(
         options,
         match,

@@ -198,10 +198,8 @@ def run_slice(options: argparse.Namespace) -> int:
     game = game_in_one_arena(options.game, "slice")
     path = Path(options.agent)
     role = Role[load_solution(path).problem.role.upper()] if is_solution(path) else side_of(options.agent)
-    agent, nine = (
-        find_player(options.agent, role, game),
-        "one that values its nine actions, as those trained by DQN do",
-    )
+    agent = find_player(options.agent, role, game)
+    nine = "one that values its nine actions, as those trained by DQN do"
     if not isinstance(agent.policy, AbstractActionValuePolicy):
         raise InvalidInput(f"agent = {options.agent} is not possible: it must be {nine}.")
     warn(options, game, [agent])

@@ -167,10 +167,8 @@ def known_agent(text: str, side: str | None = None) -> str:
     if bare.lower().endswith(_FILES):
         existing_file(bare)
     names = [*BUILT_IN, *zoo_names()]
-    name, in_run = (
-        bare.removeprefix(FROM_ZOO),
-        [*agents_in_run(bare), *agents_in_run(bare.rpartition("/")[0])],
-    )
+    name = bare.removeprefix(FROM_ZOO)
+    in_run = [*agents_in_run(bare), *agents_in_run(bare.rpartition("/")[0])]
     if name in names and side and side not in side_of(name):
         raise argparse.ArgumentTypeError(
             f"'{text}' plays the {side_of(name)[0]}, not the {side}: take another there.",

@@ -75,10 +75,8 @@ class LiveGame:
         game.require_one_arena("an environment of a single game")
         contest = make_contest(game, observation, actions, reward, inside)
         self.game = game = contest.game
-        self.observation_space, self.action_space = (
-            observation_space(contest.reads),
-            action_space(actions),
-        )
+        self.observation_space = observation_space(contest.reads)
+        self.action_space = action_space(actions)
         self.frames_per_second = max(1, round(1 / float(game.dt)))
         self.places = [(role, number) for role in Role for number in range(len(game.bodies[role]))]
         """Side and number of each robot, in the order of a game's robots."""

@@ -125,10 +125,8 @@ def figure_6(study: Study) -> Finding:
     """Draw how often pursuers of the curriculum win, and its evaders stay undefeated, against
     agents from scratch.
     """
-    chasing, fleeing = (
-        study.matches("P_curriculum", "E_scratch"),
-        study.matches("P_scratch", "E_curriculum"),
-    )
+    chasing = study.matches("P_curriculum", "E_scratch")
+    fleeing = study.matches("P_scratch", "E_curriculum")
     claims = (
         Claim("P_curriculum beats E_scratch", "Fig. 6", 0.70, 0.70, rates(chasing, won)),
         Claim(

@@ -42,10 +42,8 @@ def learning_pictures(lines: Sequence[MetricsLine], against: Sequence[str]) -> l
             label = f"{about['ylabel'].capitalize()} over env steps"
             pictures.append(inline_svg(lambda axes: _draw_sides(axes, curves, **about), label))
 
-    games, updates = (
-        [line for line in lines if line.games],
-        [line for line in lines if line.updates],
-    )
+    games = [line for line in lines if line.games]
+    updates = [line for line in lines if line.updates]
     rewards = {"title": "reward in training", "ylabel": "mean reward of a game"}
     draw(games, lambda line, side: getattr(line, f"{side}_return"), **rewards)
     losses = {"title": "loss in training", "ylabel": "mean loss of an update", "yscale": "log"}

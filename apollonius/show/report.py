@@ -118,10 +118,8 @@ def report_of(folder: Path) -> dict[str, Any]:
     """Return all that the report of a training run shows, finished or not, by the names in
     `report.html`.
     """
-    config, lines = (
-        load_config(folder / "config.toml", folder),
-        load_metrics(folder / "metrics.jsonl", within=folder),
-    )
+    config = load_config(folder / "config.toml", folder)
+    lines = load_metrics(folder / "metrics.jsonl", within=folder)
     stages = {name: plan.stage for name, plan in config.plans.items() if name in (FIXED_TARGET, SELF_PLAY)}
     by_stage = {name: [line for line in lines if line.stage == name] for name in stages}
     env_steps = {name: lines[-1].env_steps if lines else 0 for name, lines in by_stage.items()}

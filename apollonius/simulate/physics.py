@@ -58,10 +58,8 @@ def mjcf(game: Game, drive: Drive, step: float) -> str:
     game.arena.require_only((Disc, Polygon, OccupancyMap), bound)
     robots = robots_of(game)
     for side, body in robots.items():
-        kind, bound = (
-            type(body),
-            "Unicycle: a body has two driven wheels; write a drive for other robots",
-        )
+        kind = type(body)
+        bound = "Unicycle: a body has two driven wheels; write a drive for other robots"
         require(kind is Unicycle, f"class of the {side}", kind.__name__, bound)
     model = Element("mujoco", model="pursuit-evasion")
     SubElement(model, "option", timestep=f"{step:.9g}", integrator="implicitfast", cone="elliptic")

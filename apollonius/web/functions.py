@@ -271,9 +271,7 @@ def leads(robots: Robots, chart: Chart, capture_distance: Scalar) -> Float[Array
     def first(side: slice) -> Float[Array, " coarse"]:
         return jnp.where(jnp.any(active[side]), jnp.min(times[side], axis=0), jnp.nan)
 
-    active, reach = (
-        robots.status == RobotStatus.ACTIVE,
-        jnp.where(jnp.arange(2 * ROBOTS) < ROBOTS, capture_distance, 0),
-    )
+    active = robots.status == RobotStatus.ACTIVE
+    reach = jnp.where(jnp.arange(2 * ROBOTS) < ROBOTS, capture_distance, 0)
     times = jnp.where(active[:, None], jax.vmap(time)(robots.bodies, robots.states, reach), jnp.inf)
     return first(slice(ROBOTS)) - first(slice(ROBOTS, None))

@@ -130,14 +130,10 @@ def _examples() -> dict[str, Any]:
     number, many = real(), 2 * ROBOTS
     body, robot = Body(*[number] * len(fields(Body))), RobotState(number, number, number, number)
     disc, edge = Disc(number, number, number), Edge(number, number, number, number, whole())
-    lengths, visible = (
-        jnp.zeros((1, COARSE**2, COARSE**2), jnp.uint16),
-        jnp.zeros((1, SIDE, SIDE), jnp.uint16),
-    )
-    links, belief = (
-        jnp.zeros((1, COARSE, COARSE), jnp.uint32),
-        Belief(real(COARSE, COARSE), real(COARSE, COARSE)),
-    )
+    lengths = jnp.zeros((1, COARSE**2, COARSE**2), jnp.uint16)
+    visible = jnp.zeros((1, SIDE, SIDE), jnp.uint16)
+    links = jnp.zeros((1, COARSE, COARSE), jnp.uint32)
+    belief = Belief(real(COARSE, COARSE), real(COARSE, COARSE))
     return {
         "robots": Robots(several(many, body), several(many, robot), whole(many)),
         "floor": Floor(
