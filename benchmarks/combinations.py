@@ -2,8 +2,9 @@
 
     python benchmarks/combinations.py OUT --game office --game floor.toml
 
-Pursuers with a lidar search; the evader stands, or is `evader` with the same sensors, drive, body and shield. A cell
-counts the robots of each side that hit an obstacle or left the arena, and the games that end in a capture.
+Pursuers with a lidar search; the evader stands, or is `evader` with the same sensors, drive, body
+and shield. A cell counts the robots of each side that hit an obstacle or left the arena, and the
+games that end in a capture.
 """
 
 import argparse
@@ -46,25 +47,43 @@ def game_of(place: Game, sensors: str, drive: str, radius: float, pursuers: int)
 
 
 def cell(match: Match) -> dict[str, Any]:
-    """Play a match; return its captures and, by side, the robots that failed by themselves and all robots."""
+    """Play a match; return its captures and, by side, the robots that failed by themselves and all
+    robots.
+    """
     results = play_games(match)
     outcome = np.asarray(results.outcome)
 
-    def failed(role: Role) -> list[int]:
+    def failures(role: Role) -> list[int]:
         if results.status is None:
             return [int(np.isin(outcome, _FAILED[role]).sum()), len(outcome)]
-        status = np.concatenate([np.asarray(one) for one in results.status[role]])
+        status = np.concatenate([np.asarray(status_row) for status_row in results.status[role]])
         return [int(np.isin(status, _FAILURES).sum()), len(status)]
 
-    captured = [int(np.sum(outcome == Outcome.CAPTURED)), len(outcome)]
-    return {"captured": captured, "pursuers fail": failed(Role.PURSUER), "evaders fail": failed(Role.EVADER)}
+    captures = [int(np.sum(outcome == Outcome.CAPTURED)), len(outcome)]
+    return {
+        "captured": captures,
+        "pursuers fail": failures(Role.PURSUER),
+        "evaders fail": failures(Role.EVADER),
+    }
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("out", type=Path)
-    parser.add_argument("--game", action="append", help="where to play; may be repeated (default: office)")
-    parser.add_argument("--games", type=int, default=200, help="of each cell (default: %(default)s)")
+    parser.add_argument(
+        "--game",
+        action="append",
+        help="where to play; may be repeated (default: office)",
+    )
+    parser.add_argument(
+        "--games",
+        type=int,
+        default=200,
+        help="of each cell (default: %(default)s)",
+    )
     options = parser.parse_args()
     rows: list[dict[str, Any]] = []
     names = options.game or ["office"]
@@ -74,7 +93,13 @@ def main() -> None:
         game = game_of(find_game(name), sensors, drive, radius, pursuers)
         pursuer = f"{shield}{'searching:' if game.sensors else ''}pursuer"
         players = pursuer, evader if evader == "still" else shield + evader
-        about = {"game": Path(name).stem, "sensors": sensors, "drive": drive, "radius": radius, "pursuers": pursuers}
+        about = {
+            "game": Path(name).stem,
+            "sensors": sensors,
+            "drive": drive,
+            "radius": radius,
+            "pursuers": pursuers,
+        }
         row = about | {"players": players} | cell(Match.of_names(game, *players, games=options.games))
         rows.append(row)
         print(json.dumps(row), flush=True)

@@ -1,4 +1,6 @@
-"""Proximal policy optimisation in one file of JAX, for `time_to_96.py` (Schulman et al., 2017): 512 games at a time."""
+"""Proximal policy optimisation in one file of JAX, for `time_to_96.py` (Schulman et al., 2017): 512
+games at a time.
+"""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -13,10 +15,16 @@ import apollonius
 
 GAMES, STEPS = 512, 32
 EPOCHS, BATCHES = 4, 8
-LEARNING_RATE, GAMMA, LAMBDA, CLIP, ENTROPY = 1e-3, 0.99, 0.95, 0.2, 0.01
+LEARNING_RATE = 1e-3
+GAMMA = 0.99
+LAMBDA = 0.95
+CLIP = 0.2
+ENTROPY = 0.01
 SCALE = 0.1
 """Of rewards: a game then pays about two."""
-HIDDEN, LAYERS, ACTIONS = 96, 3, 9
+HIDDEN = 96
+LAYERS = 3
+ACTIONS = 9
 BRAKE = jnp.int32(1)
 """What the evader does."""
 
@@ -47,9 +55,12 @@ def make_actor(size: int, key: PRNGKeyArray) -> Actor:
     return Actor(policy, value)
 
 
-def log_probabilities(actor: Actor, seen: Float[Array, "batch size"]) -> Float[Array, "batch actions"]:
+def log_probabilities(
+    actor: Actor,
+    observations: Float[Array, "batch size"],
+) -> Float[Array, "batch actions"]:
     """Return the logarithms of the probabilities of all actions."""
-    return jax.nn.log_softmax(jax.vmap(actor.policy)(seen))
+    return jax.nn.log_softmax(jax.vmap(actor.policy)(observations))
 
 
 def advantages(steps: Steps, last_value: Float[Array, " games"]) -> Float[Array, "steps games"]:
@@ -66,14 +77,21 @@ def advantages(steps: Steps, last_value: Float[Array, " games"]) -> Float[Array,
     return jax.lax.scan(one_step, first, steps, reverse=True)[1]
 
 
-def loss(actor: Actor, steps: Steps, advantage: Float[Array, " batch"], target: Float[Array, " batch"]) -> Array:
-    """Return the clipped surrogate objective, the squared error of values and the entropy, weighted."""
+def loss(
+    actor: Actor,
+    steps: Steps,
+    advantage: Float[Array, " batch"],
+    target: Float[Array, " batch"],
+) -> Array:
+    """Return the clipped surrogate objective, the squared error of values and the entropy,
+    weighted.
+    """
     logarithms = log_probabilities(actor, steps.seen)
-    chosen = jnp.take_along_axis(logarithms, steps.action[:, None], axis=1)[:, 0]
-    ratio = jnp.exp(chosen - steps.log_probability)
-    scaled = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
+    log_probability = jnp.take_along_axis(logarithms, steps.action[:, None], axis=1)[:, 0]
+    ratio = jnp.exp(log_probability - steps.log_probability)
+    normalised_advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
     clipped = jnp.clip(ratio, 1 - CLIP, 1 + CLIP)
-    surrogate = jnp.minimum(ratio * scaled, clipped * scaled).mean()
+    surrogate = jnp.minimum(ratio * normalised_advantage, clipped * normalised_advantage).mean()
     error = ((jax.vmap(actor.value)(steps.seen) - target) ** 2).mean()
     entropy = -(jnp.exp(logarithms) * logarithms).sum(axis=1).mean()
     return 0.5 * error - surrogate - ENTROPY * entropy
@@ -84,20 +102,30 @@ def train(game: apollonius.Game, observe: Callable[[Any], Array], seed: int, wat
     actor_key, start_key, key = jax.random.split(jax.random.key(seed), 3)
     games, step_games = apollonius.autoreset(game, start_key, GAMES)
     look = jax.vmap(observe)
-    weights, functions = eqx.partition(make_actor(look(games.state).shape[1], actor_key), eqx.is_array)
+    weights, functions = eqx.partition(
+        make_actor(look(games.state).shape[1], actor_key),
+        eqx.is_array,
+    )
     optimiser = optax.chain(optax.clip_by_global_norm(0.5), optax.adam(LEARNING_RATE, eps=1e-5))
     moments = optimiser.init(weights)
 
     def play(actor: Actor, games: Any, key: PRNGKeyArray) -> tuple[Any, Steps]:
         def one_step(games: Any, key: PRNGKeyArray) -> tuple[Any, Steps]:
-            seen = look(games.state)
-            logarithms = log_probabilities(actor, seen)
+            observations = look(games.state)
+            logarithms = log_probabilities(actor, observations)
             action = jax.random.categorical(key, logarithms)
-            chosen = jnp.take_along_axis(logarithms, action[:, None], axis=1)[:, 0]
-            value = jax.vmap(actor.value)(seen)
+            log_probability = jnp.take_along_axis(logarithms, action[:, None], axis=1)[:, 0]
+            value = jax.vmap(actor.value)(observations)
             games, timestep = step_games(games, (action, BRAKE))
             over = timestep.terminated | timestep.truncated
-            return games, Steps(seen, action, chosen, value, SCALE * timestep.reward.pursuer, over)
+            return games, Steps(
+                observations,
+                action,
+                log_probability,
+                value,
+                SCALE * timestep.reward.pursuer,
+                over,
+            )
 
         return jax.lax.scan(one_step, games, jax.random.split(key, STEPS))
 
@@ -126,7 +154,12 @@ def train(game: apollonius.Game, observe: Callable[[Any], Array], seed: int, wat
     iteration = 0
     while True:
         iteration += 1
-        weights, moments, games = iterate(weights, moments, games, jax.random.fold_in(key, iteration))
+        weights, moments, games = iterate(
+            weights,
+            moments,
+            games,
+            jax.random.fold_in(key, iteration),
+        )
         jax.block_until_ready(weights)
         layers = weights.policy.layers
         network = "tanh", [(layer.weight, layer.bias) for layer in layers]

@@ -1,4 +1,6 @@
-"""Stable-Baselines3 in the `paper` game, for `time_to_96.py`: its DQN and its PPO, many games at a time."""
+"""Stable-Baselines3 in the `paper` game, for `time_to_96.py`: its DQN and its PPO, many games at a
+time.
+"""
 
 # pyright: reportMissingImports=false, reportUntypedBaseClass=false
 
@@ -47,13 +49,13 @@ class Games(VecEnv):
         self.actions = actions
 
     def step_wait(self) -> Any:
-        seen, rewards, terminated, truncated, infos = self.games.step(self.actions)
+        observations, rewards, terminated, truncated, infos = self.games.step(self.actions)
         over = np.asarray(terminated | truncated)
         details: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for index in np.flatnonzero(over):
             details[index]["terminal_observation"] = np.asarray(infos["final_obs"][index])
             details[index]["TimeLimit.truncated"] = bool(truncated[index] and not terminated[index])
-        return np.asarray(seen), SCALE * np.asarray(rewards), over, details
+        return np.asarray(observations), SCALE * np.asarray(rewards), over, details
 
     def close(self) -> None:
         self.games.close()
@@ -64,7 +66,13 @@ class Games(VecEnv):
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         raise NotImplementedError
 
-    def env_method(self, method_name: str, *args: Any, indices: Any = None, **options: Any) -> list[Any]:
+    def env_method(
+        self,
+        method_name: str,
+        *args: Any,
+        indices: Any = None,
+        **options: Any,
+    ) -> list[Any]:
         raise NotImplementedError
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
@@ -90,7 +98,10 @@ def layers_of(*modules: torch.nn.Module) -> list[tuple[np.ndarray, np.ndarray]]:
 
 
 def _train(
-    learner: BaseAlgorithm, activation: str, modules: Callable[[], Sequence[torch.nn.Module]], watch: Any
+    learner: BaseAlgorithm,
+    activation: str,
+    modules: Callable[[], Sequence[torch.nn.Module]],
+    watch: Any,
 ) -> None:
     learner.learn(STEPS, callback=Looks(watch, lambda: (activation, layers_of(*modules()))))
 

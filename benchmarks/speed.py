@@ -1,4 +1,5 @@
-"""Env steps, updates and backups per second on this machine: `python benchmarks/speed.py WHAT [OPTIONS]`.
+"""Env steps, updates and backups per second on this machine: `python benchmarks/speed.py WHAT
+[OPTIONS]`.
 
 `env` plays at random with auto-reset, in any game; one env step moves the robots of both sides.
 `loops` plays as `env` by the public functions, one loop after another, in seconds of the processor.
@@ -42,20 +43,24 @@ from apollonius.solve.motion import make_zero_sum_game, motion_of
 from apollonius.solve.solving import joint_grids, reference_grid
 from apollonius.solve.transition_map import make_side
 
-STEPS, START_ROWS, LOOP_STEPS = 250, 16, 100
+STEPS = 250
+START_ROWS = 16
+LOOP_STEPS = 100
 Stepped = tuple[Games, tuple[Array, ...]]
 """Games under way, and what an environment returns of a step: observations, rewards, flags."""
 
 
 def measure_env(game: Game, games: int) -> dict[str, Any]:
-    """Time random play; every step computes the states, outcomes, rewards and observations of both sides."""
+    """Time random play; every step computes the states, outcomes, rewards and observations of both
+    sides.
+    """
     start_key, word_key = jax.random.split(jax.random.key(0))
-    drawn = jax.jit(reset_batch, static_argnums=2)(game, start_key, START_ROWS * games)
-    starts = jax.tree.map(lambda leaf: leaf.reshape(START_ROWS, games), drawn)
+    all_starts = jax.jit(reset_batch, static_argnums=2)(game, start_key, START_ROWS * games)
+    starts = jax.tree.map(lambda leaf: leaf.reshape(START_ROWS, games), all_starts)
     players = BySide(*[solo(Uniform())] * 2)
     first, row = (jax.tree.map(lambda leaf, rows=rows: leaf[rows], starts) for rows in (0, slice(1)))
-    begun = begin(game, first, players, jax.random.bits(word_key, (2, games), jnp.uint32))
-    carry = _step(game, players, begun, row, jax.random.key(0))
+    first_games = begin(game, first, players, jax.random.bits(word_key, (2, games), jnp.uint32))
+    carry = _step(game, players, first_games, row, jax.random.key(0))
 
     def run(repeat: int) -> Stepped:
         nonlocal carry
@@ -65,16 +70,34 @@ def measure_env(game: Game, games: int) -> dict[str, Any]:
     return {"games": games, "env_steps_per_second": games * STEPS / timed(run, 20)}
 
 
-def _step(game: Game, players: BySide[Pool], games: Games, starts: GameState, key: PRNGKeyArray) -> Stepped:
+def _step(
+    game: Game,
+    players: BySide[Pool],
+    games: Games,
+    starts: GameState,
+    key: PRNGKeyArray,
+) -> Stepped:
     games, step = collect(game, players, games, starts, key, steps=1)
-    returned = (*(side.next_observation for side in step.sides), *(side.reward for side in step.sides))
+    returned = (
+        *(side.next_observation for side in step.sides),
+        *(side.reward for side in step.sides),
+    )
     return games, (*returned, step.terminated, step.truncated)
 
 
 @functools.partial(jax.jit, donate_argnames="carry")
-def _random_play(game: Game, players: BySide[Pool], carry: Stepped, starts: GameState, key: PRNGKeyArray) -> Stepped:
+def _random_play(
+    game: Game,
+    players: BySide[Pool],
+    carry: Stepped,
+    starts: GameState,
+    key: PRNGKeyArray,
+) -> Stepped:
     def one_step(step: Int[Array, ""], carry: Stepped) -> Stepped:
-        row = jax.tree.map(lambda leaf: jax.lax.dynamic_slice_in_dim(leaf, step % START_ROWS, 1), starts)
+        row = jax.tree.map(
+            lambda leaf: jax.lax.dynamic_slice_in_dim(leaf, step % START_ROWS, 1),
+            starts,
+        )
         return _step(game, players, carry[0], row, fold_in(key, step))
 
     # What a step returns overwrites what the one before returned, so all of it is computed.
@@ -86,21 +109,29 @@ def measure_loops(game: Game, games: int) -> dict[str, Any]:
     key, (batch, step) = jax.random.key(0), autoreset(game, jax.random.key(1), games)
     encode = find_observation("encoded")
 
-    def alone(batch: Batch, actions: Array) -> tuple[Batch, Timestep]:
+    def step_alone(batch: Batch, actions: Array) -> tuple[Batch, Timestep]:
         after = jax.vmap(game.step)(batch.state, *actions)
         return replace(batch, state=after.state), after
 
     def drawing(batch: Batch, actions: Array) -> tuple[Batch, Timestep]:
         after = jax.vmap(game.step)(batch.state, *actions)
         fresh = reset_batch(game, jax.random.fold_in(key, batch.turn), games)
-        ended = after.terminated | after.truncated
-        return Batch(jax.vmap(choose)(ended, fresh, after.state), batch.turn + 1), after
+        is_over = after.terminated | after.truncated
+        return Batch(jax.vmap(choose)(is_over, fresh, after.state), batch.turn + 1), after
 
     def observed(batch: Batch, actions: Array) -> tuple[Batch, tuple[Timestep, Array]]:
         batch, after = step(batch, actions)
-        return batch, (after, jax.vmap(lambda state: encode(look(game, state, Role.PURSUER)))(batch.state))
+        return batch, (
+            after,
+            jax.vmap(lambda state: encode(look(game, state, Role.PURSUER)))(batch.state),
+        )
 
-    loops = {"step": alone, "autoreset": step, "autoreset, observation": observed, "step, reset_batch": drawing}
+    loops = {
+        "step": step_alone,
+        "autoreset": step,
+        "autoreset, observation": observed,
+        "step, reset_batch": drawing,
+    }
     return {name: _speed_of(loop, batch, games) for name, loop in loops.items()}
 
 
@@ -111,8 +142,11 @@ def _speed_of(loop: Callable[[Batch, Array], tuple[Batch, Any]], batch: Batch, g
     def play(batch: Batch, key: PRNGKeyArray) -> tuple[Batch, Any]:
         def one_step(carry: tuple[Batch, Any], turn: Array) -> tuple[tuple[Batch, Any], None]:
             words = random_bits(fold_in(key, turn), (2, games))
-            batch, told = loop(carry[0], (((words >> 16) * NUM_ACTIONS) >> 16).astype(jnp.int32))
-            return (batch, jax.tree.map(jnp.add, carry[1], _kept(told))), None
+            batch, step_result = loop(
+                carry[0],
+                (((words >> 16) * NUM_ACTIONS) >> 16).astype(jnp.int32),
+            )
+            return (batch, jax.tree.map(jnp.add, carry[1], _kept(step_result))), None
 
         nothing = jax.tree.map(
             lambda leaf: jnp.zeros(leaf.shape, leaf.dtype),
@@ -124,16 +158,21 @@ def _speed_of(loop: Callable[[Batch, Array], tuple[Batch, Any]], batch: Batch, g
 
     def run(repeat: int) -> Any:
         nonlocal last
-        last, kept = play(last, jax.random.key(repeat))
-        return kept
+        last, totals = play(last, jax.random.key(repeat))
+        return totals
 
     return games * LOOP_STEPS / timed(run, 9, time.process_time)
 
 
-def _kept(told: Any) -> tuple[Array, ...]:
+def _kept(step_result: Any) -> tuple[Array, ...]:
     """Return what a learner keeps of a step, so that all of it is computed."""
-    after, *seen = told if isinstance(told, tuple) else (told,)
-    return (*after.reward, after.terminated.astype(jnp.int32), after.truncated.astype(jnp.int32), *seen)
+    after, *observations = step_result if isinstance(step_result, tuple) else (step_result,)
+    return (
+        *after.reward,
+        after.terminated.astype(jnp.int32),
+        after.truncated.astype(jnp.int32),
+        *observations,
+    )
 
 
 def measure_training(config: DQNConfig, stage: str) -> dict[str, Any]:
@@ -153,51 +192,89 @@ def measure_training(config: DQNConfig, stage: str) -> dict[str, Any]:
     seconds = timed(run, 9)
     updates = len(state.learners) * plan.learner.iterations_per_chunk * config.updates_per_iteration
     steps = plan.env_steps_per_chunk
-    return {"games": config.games, "env_steps_per_second": steps / seconds, "updates_per_second": updates / seconds}
+    return {
+        "games": config.games,
+        "env_steps_per_second": steps / seconds,
+        "updates_per_second": updates / seconds,
+    }
 
 
 def measure_solver(counts: Sequence[int], hold: int) -> dict[str, Any]:
-    """Time a sweep of one robot's safety, and one side's backups of a game of two on a grid of `counts` nodes."""
+    """Time a sweep of one robot's safety, and one side's backups of a game of two on a grid of
+    `counts` nodes.
+    """
     game = make_game("paper")
     grid, alone_hold = reference_grid(game, Role.PURSUER)
-    side, free = make_side(motion_of(game, Role.PURSUER, alone_hold), grid), jnp.zeros(grid.shape, jnp.float32)
+    side = make_side(motion_of(game, Role.PURSUER, alone_hold), grid)
+    free = jnp.zeros(grid.shape, jnp.float32)
 
     def value(index: Array, action: int, later: Array) -> Array:
         return jnp.where(side.free[index, action], later, 0.0)
 
     sweep = jax.jit(lambda table: side.transitions.backup(table, value))
-    alone = timed(lambda _: sweep(free), 5)
+    sweep_seconds = timed(lambda _: sweep(free), 5)
     duel = make_duel(make_zero_sum_game(game, joint_grids(game, list(counts)), hold, Role.PURSUER))
     lanes = lanes_of(duel.first.grid)
     pairs = jnp.zeros((duel.first.grid.size // lanes, duel.second.grid.size, lanes), jnp.float32)
-    both = timed(lambda _: value_before_move(duel, pairs), 5)
+    pair_seconds = timed(lambda _: value_before_move(duel, pairs), 5)
     return {
         "nodes": grid.size,
-        "million_backups_per_second": grid.size * NUM_ACTIONS / alone / 1e6,
+        "million_backups_per_second": grid.size * NUM_ACTIONS / sweep_seconds / 1e6,
         "million_pairs": pairs.size / 1e6,
-        "million_backups_per_second_of_pairs": pairs.size * NUM_ACTIONS / both / 1e6,
+        "million_backups_per_second_of_pairs": pairs.size * NUM_ACTIONS / pair_seconds / 1e6,
     }
 
 
-def timed(run: Callable[[int], Any], repeats: int, clock: Callable[[], float] = time.perf_counter) -> float:
+def timed(
+    run: Callable[[int], Any],
+    repeats: int,
+    clock: Callable[[], float] = time.perf_counter,
+) -> float:
     """Return the median seconds of a repeat; one that compiles and warms up goes before."""
     seconds: list[float] = []
     for repeat in range(repeats + 1):
-        began = clock()
+        start_time = clock()
         jax.block_until_ready(run(repeat))
-        seconds.append(clock() - began)
+        seconds.append(clock() - start_time)
     return statistics.median(seconds[1:])
 
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("what", choices=("env", "loops", "train", "solve"))
-    parser.add_argument("--games", type=int, default=4096, help="of env and loops: at a time (default: %(default)s)")
-    parser.add_argument("--game", default="paper", help="of env and loops: a name or file (default: %(default)s)")
-    parser.add_argument("--profile", choices=PROFILES, default="fast", help="of train (default: %(default)s)")
-    parser.add_argument("--stage", choices=("fixed-target", "self-play"), default="fixed-target", help="of train")
-    parser.add_argument("--grid", type=nodes, default="11x11x5x8", help="of solve, of two (default: %(default)s)")
+    parser.add_argument(
+        "--games",
+        type=int,
+        default=4096,
+        help="of env and loops: at a time (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--game",
+        default="paper",
+        help="of env and loops: a name or file (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--profile",
+        choices=PROFILES,
+        default="fast",
+        help="of train (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--stage",
+        choices=("fixed-target", "self-play"),
+        default="fixed-target",
+        help="of train",
+    )
+    parser.add_argument(
+        "--grid",
+        type=nodes,
+        default="11x11x5x8",
+        help="of solve, of two (default: %(default)s)",
+    )
     options = parser.parse_args()
     if options.what == "env":
         result = measure_env(find_game(options.game), options.games)
@@ -207,7 +284,9 @@ def main() -> None:
         result = measure_solver(options.grid, hold=10)
     else:
         result = measure_training(PROFILES[options.profile], options.stage)
-    print(f"{jax.devices()[0].device_kind}, {len(os.sched_getaffinity(0))} cores, jax {jax.__version__}")
+    print(
+        f"{jax.devices()[0].device_kind}, {len(os.sched_getaffinity(0))} cores, jax {jax.__version__}",
+    )
     for name, value in result.items():
         print(f"{name:<36} {value:,.{0 if value >= 100 else 2}f}")
 

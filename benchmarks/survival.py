@@ -1,8 +1,9 @@
-"""Starts that the zoo's evader survives, and a planner that knows the pursuer: `python benchmarks/survival.py OUT`.
+"""Starts that the zoo's evader survives, and a planner that knows the pursuer: `python
+benchmarks/survival.py OUT`.
 
-Every sixth held-out arena of `suite-v1` and every fifth of `suite-v2`, points, games of 60 s against `pursuer`, from
-the same starts for both; 1 is survived. The planner follows no course of the evader that is judged, so that its starts
-are the same for all. Some 20 minutes of a core.
+Every sixth held-out arena of `suite-v1` and every fifth of `suite-v2`, points, games of 60 s
+against `pursuer`, from the same starts for both; 1 is survived. The planner follows no course of
+the evader that is judged, so that its starts are the same for all. Some 20 minutes of a core.
 """
 
 import argparse
@@ -37,23 +38,23 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=11, help="of the starts (default: %(default)s)")
     options = parser.parse_args()
     places = [(suite, name) for suite, every in EVERY.items() for name in suite_names(suite, "held-out")[::every]]
-    alone = [suite_arena(*place) for place in places]
-    stacked, found = stack_arenas(alone), dict[str, dict[str, list[int]]]()
-    for number, (place, arena) in enumerate(zip(places, alone, strict=True)):
+    arenas = [suite_arena(*place) for place in places]
+    stacked, survivals = stack_arenas(arenas), dict[str, dict[str, list[int]]]()
+    for number, (place, arena) in enumerate(zip(places, arenas, strict=True)):
         chart = charted(Game(arena=arena)).arena.chart
         # Of one shape, so that steps compile once.
-        here = jax.tree.map(lambda leaf, number=number: leaf[number], stacked)
-        here = replace(here, chart=jax.tree.map(jnp.asarray, chart))
-        game = replace(Game(arena=here), max_steps=SECONDS * 10)
+        own_arena = jax.tree.map(lambda leaf, number=number: leaf[number], stacked)
+        own_arena = replace(own_arena, chart=jax.tree.map(jnp.asarray, chart))
+        game = replace(Game(arena=own_arena), max_steps=SECONDS * 10)
         pursuer = find_player("pursuer", Role.PURSUER, game)
         planner = Named(PLANNER, planner_against(pursuer, Role.PURSUER, game, FOLLOWED))
         for evader in (planner, find_player("evader", Role.EVADER, game)):
             match = Match(game, BySide(pursuer, evader), options.games, options.seed)
             outcome = np.asarray(play_games(match, slots=options.games).outcome)
             survived = np.isin(outcome, evader_winning(time_limit_wins=True)).astype(int).tolist()
-            found.setdefault("/".join(place), {})[evader.name] = survived
-        print("/".join(place), found["/".join(place)], flush=True)
-    options.out.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+            survivals.setdefault("/".join(place), {})[evader.name] = survived
+        print("/".join(place), survivals["/".join(place)], flush=True)
+    options.out.write_text(json.dumps(survivals, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,10 +1,12 @@
 """Time to the paper's result: seconds of a core until a pursuer catches 96 % of standing evaders.
 
-    taskset -c 0 python benchmarks/time_to_96.py --learners apollonius jax-ppo sb3-ppo sb3-dqn --seeds 10 --out FILE
+    taskset -c 0 python benchmarks/time_to_96.py --learners apollonius jax-ppo sb3-ppo sb3-dqn
+    --seeds 10 --out FILE
 
-Each learner trains in the `paper` game with the observation `encoded`, in a process of its own, one learner after the
-other for each seed. After every two seconds of training it plays 2,000 games without exploration, from starts that no
-training draws; the clock stands meanwhile. Compiling counts, imports do not. Peers: pip install stable-baselines3.
+Each learner trains in the `paper` game with the observation `encoded`, in a process of its own, one
+learner after the other for each seed. After every two seconds of training it plays 2,000 games
+without exploration, from starts that no training draws; the clock stands meanwhile. Compiling
+counts, imports do not. Peers: pip install stable-baselines3.
 """
 
 import argparse
@@ -27,7 +29,9 @@ from apollonius import Outcome, Role
 
 GAME = apollonius.make_game("paper")
 OBSERVATION = apollonius.find_observation("encoded")
-GOAL, GAMES, HELD_OUT = 0.96, 2000, 777
+GOAL = 0.96
+GAMES = 2000
+HELD_OUT = 777
 INTERVAL = 2.0
 """Seconds of a core between two looks."""
 BRAKE = jnp.int32(1)
@@ -43,13 +47,17 @@ def observe(state: apollonius.GameState) -> Float[Array, " size"]:
     return OBSERVATION(apollonius.look(GAME, state, Role.PURSUER))
 
 
-def action_of(activation: str, layers: Layers, seen: Float[Array, " size"]) -> Int[Array, ""]:
+def action_of(
+    activation: str,
+    layers: Layers,
+    observation: Float[Array, " size"],
+) -> Int[Array, ""]:
     """Return the action of the largest output."""
     inner = {"relu": jax.nn.relu, "tanh": jnp.tanh}[activation]
     for weight, bias in layers[:-1]:
-        seen = inner(weight @ seen + bias)
+        observation = inner(weight @ observation + bias)
     weight, bias = layers[-1]
-    return jnp.argmax(weight @ seen + bias)
+    return jnp.argmax(weight @ observation + bias)
 
 
 def captured(activation: str, layers: Layers, states: apollonius.GameState) -> Int[Array, ""]:
@@ -74,7 +82,8 @@ def captured(activation: str, layers: Layers, states: apollonius.GameState) -> I
 class Watch:
     """Seconds of a training, without those of its looks, and what each look saw.
 
-    A learner calls it as often as it likes with its env steps and the network that would play; True tells it to stop.
+    A learner calls it as often as it likes with its env steps and the network that would play; True
+    tells it to stop.
     """
 
     def __init__(self, limit: float) -> None:
@@ -92,7 +101,12 @@ class Watch:
         if core - self.last < INTERVAL:
             return False
         share = int(self.count(*network, self.starts)) / GAMES
-        look = {"core_seconds": core, "wall_seconds": wall, "env_steps": env_steps, "captured": share}
+        look = {
+            "core_seconds": core,
+            "wall_seconds": wall,
+            "env_steps": env_steps,
+            "captured": share,
+        }
         self.looks.append(look)
         self.last = core
         self.wall = time.perf_counter() - wall
@@ -142,11 +156,18 @@ def sb3_ppo(seed: int, watch: Watch) -> None:
     peers_sb3.train_ppo(seed, watch)
 
 
-LEARNERS = {"apollonius": apollonius_dqn, "jax-ppo": jax_ppo, "sb3-ppo": sb3_ppo, "sb3-dqn": sb3_dqn}
+LEARNERS = {
+    "apollonius": apollonius_dqn,
+    "jax-ppo": jax_ppo,
+    "sb3-ppo": sb3_ppo,
+    "sb3-dqn": sb3_dqn,
+}
 
 
 def race(learner: str, seed: int, limit: float) -> dict[str, Any]:
-    """Train one learner from one seed; return the seconds it took, None if it did not arrive, and all looks."""
+    """Train one learner from one seed; return the seconds it took, None if it did not arrive, and
+    all looks.
+    """
     watch = Watch(limit)
     LEARNERS[learner](seed, watch)
     arrival = watch.looks[-1]
@@ -164,9 +185,18 @@ def race(learner: str, seed: int, limit: float) -> dict[str, Any]:
 
 def in_process(learner: str, seed: int, limit: float) -> dict[str, Any]:
     """Run `race` in a process of its own."""
-    command = [sys.executable, __file__, "--one", learner, "--seed", str(seed), "--limit", str(limit)]
-    done = subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True)
-    answer: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    command = [
+        sys.executable,
+        __file__,
+        "--one",
+        learner,
+        "--seed",
+        str(seed),
+        "--limit",
+        str(limit),
+    ]
+    process = subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True)
+    answer: dict[str, Any] = json.loads(process.stdout.splitlines()[-1])
     return answer
 
 
@@ -179,15 +209,25 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
         arrived = sum(map(math.isfinite, seconds))
         steps = statistics.median(row["env_steps"] for row in own)
         median = statistics.median(seconds)
-        lines.append(f"{learner:12} {arrived:3} of {len(own):2} {median:10.1f} {max(seconds):9.1f} {steps:18,.0f}")
+        lines.append(
+            f"{learner:12} {arrived:3} of {len(own):2} {median:10.1f} {max(seconds):9.1f} {steps:18,.0f}",
+        )
     return "\n".join(lines)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("--learners", nargs="+", choices=LEARNERS, default=list(LEARNERS))
     parser.add_argument("--seeds", type=int, default=10, help="how many (default: %(default)s)")
-    parser.add_argument("--limit", type=float, default=600.0, help="seconds of a core (default: %(default)s)")
+    parser.add_argument(
+        "--limit",
+        type=float,
+        default=600.0,
+        help="seconds of a core (default: %(default)s)",
+    )
     parser.add_argument("--out", type=Path, help="where the figures go, as JSON")
     parser.add_argument("--one", choices=LEARNERS, help="this learner alone, in this process")
     parser.add_argument("--seed", type=int, default=0, help="of --one (default: %(default)s)")
@@ -200,7 +240,10 @@ def main() -> None:
         for learner in options.learners:
             row = in_process(learner, seed, options.limit)
             rows.append(row)
-            print(f"{learner} seed {seed}: {row['core_seconds']} s of a core, {row['captured']:.1%}", flush=True)
+            print(
+                f"{learner} seed {seed}: {row['core_seconds']} s of a core, {row['captured']:.1%}",
+                flush=True,
+            )
             if options.out:
                 options.out.write_text(json.dumps(rows) + "\n", encoding="utf-8")
     print(table(rows))

@@ -1,1 +1,3 @@
-"""The web site: the documents, the reference, the gallery, a report and the playground as one static folder."""
+"""The web site: the documents, the reference, the gallery, a report and the playground as one
+static folder.
+"""

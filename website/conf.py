@@ -21,7 +21,11 @@ release = version = __version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx_copybutton"]
 myst_heading_anchors = 4
 _ABOUT = "Learns, solves and plays pursuit-evasion games between mobile robots among obstacles."
-myst_html_meta = {"description": _ABOUT, "property=og:title": project, "property=og:description": _ABOUT}
+myst_html_meta = {
+    "description": _ABOUT,
+    "property=og:title": project,
+    "property=og:description": _ABOUT,
+}
 default_role = "code"
 add_module_names = False
 autosummary_generate = False
@@ -61,23 +65,46 @@ def setup(app: Any) -> None:
     app.connect("autodoc-skip-member", _is_default)
 
 
-def _as_written(app: Any, what: Any, name: str, documented: Any, options: Any, lines: list[str]) -> None:
-    """Turn docstrings into reStructuredText: stars are escaped, and sections in Google's style are read."""
+def _as_written(
+    app: Any,
+    what: Any,
+    name: str,
+    documented: Any,
+    options: Any,
+    lines: list[str],
+) -> None:
+    """Turn docstrings into reStructuredText: stars are escaped, and sections in Google's style are
+    read.
+    """
     for number, line in enumerate(lines):
         parts = re.split(r"(`[^`]*`)", line)
         lines[number] = "".join(part if part.startswith("`") else re.sub(r"([*|])", r"\\\1", part) for part in parts)
-    if what not in ("attribute", "data", "property"):  # of which Napoleon takes what stands before a colon for a type
+    # of which Napoleon takes what stands before a colon for a type
+    if what not in ("attribute", "data", "property"):
         lines[:] = GoogleDocstring(lines, _GOOGLE, app, what, name, documented, options).lines()
 
 
 def _in_short(
-    app: Any, what: str, name: str, documented: Any, options: Any, arguments: str | None, result: str | None
+    app: Any,
+    what: str,
+    name: str,
+    documented: Any,
+    options: Any,
+    arguments: str | None,
+    result: str | None,
 ) -> tuple[str | None, str | None]:
     """Shorten types to the names in the source."""
     module = r"\b(?:jaxlib\._jax|jax\._src\.\w+|numpy|pathlib|collections\.abc)\.(?=\w)"
     return arguments and re.sub(module, "", arguments), result and re.sub(module, "", result)
 
 
-def _is_default(app: Any, what: str, name: str, member: Any, skip: bool, options: Any) -> bool | None:
+def _is_default(
+    app: Any,
+    what: str,
+    name: str,
+    member: Any,
+    skip: bool,
+    options: Any,
+) -> bool | None:
     """Skip a function that is the default of a field, which its class documents."""
     return True if inspect.isfunction(member) and member.__name__ != name else None

@@ -1,4 +1,5 @@
-"""The film of the README: the page's "Watch it learn", taken in headless Chromium by a clock that this script turns.
+"""The film of the README: the page's "Watch it learn", taken in headless Chromium by a clock that
+this script turns.
 
 python -m website.film docs/figures/learning.gif
 """
@@ -37,7 +38,10 @@ def main() -> None:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as browsers:
         write_site(Path(folder) / "site")
-        browser = browsers.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        browser = browsers.chromium.launch(
+            executable_path=shutil.which("chromium"),
+            args=["--no-sandbox"],
+        )
         page = browser.new_context(viewport=SCREEN, color_scheme="dark").new_page()
         page.clock.install(time=0)
         page.clock.pause_at(1)
@@ -50,7 +54,13 @@ def main() -> None:
         browser.close()
     palette = pictures[-1].quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     film = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
-    film[0].save(options.out, save_all=True, append_images=film[1:], duration=1000 // PER_SECOND, loop=0)
+    film[0].save(
+        options.out,
+        save_all=True,
+        append_images=film[1:],
+        duration=1000 // PER_SECOND,
+        loop=0,
+    )
 
 
 if __name__ == "__main__":

@@ -21,11 +21,13 @@ class Room:
 
 def sources() -> dict[str, str]:
     """Return the text of every module by its full name; a stub belongs to its module."""
-    found: dict[str, str] = {}
+    texts: dict[str, str] = {}
     for path in [*PACKAGE.rglob("*.py"), *PACKAGE.rglob("*.pyi")]:
-        name = ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__")
-        found[name] = found.get(name, "") + path.read_text(encoding="utf-8")
-    return found
+        name = ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(
+            ".__init__",
+        )
+        texts[name] = texts.get(name, "") + path.read_text(encoding="utf-8")
+    return texts
 
 
 def room_of(module: str) -> str:
@@ -42,31 +44,44 @@ def imported(tree: ast.AST, modules: Collection[str]) -> set[str]:
             names |= {alias.name for alias in node.names}
         if isinstance(node, ast.ImportFrom):
             assert node.module, "imports have whole names"
-            names |= {f"{node.module}.{alias.name}" for alias in node.names} & set(modules) or {node.module}
+            names |= {f"{node.module}.{alias.name}" for alias in node.names} & set(modules) or {
+                node.module,
+            }
     return names
 
 
 def rooms(texts: Mapping[str, str]) -> dict[str, Room]:
-    """Return all rooms, each below those that it imports. Raises graphlib.CycleError where arrows go in a circle."""
+    """Return all rooms, each below those that it imports. Raises graphlib.CycleError where arrows
+    go in a circle.
+    """
     arrows: dict[str, set[str]] = {}
     for module, text in texts.items():
         names = {name for name in imported(ast.parse(text), texts) if name.split(".")[0] == PACKAGE.name}
-        here = room_of(module)
-        arrows.setdefault(here, set()).update({room_of(name) for name in names} - {here})
+        own_room = room_of(module)
+        arrows.setdefault(own_room, set()).update({room_of(name) for name in names} - {own_room})
     behind: dict[str, set[str]] = {}
     for name in graphlib.TopologicalSorter(arrows).static_order():
-        behind[name] = arrows[name].union(*(behind[other] for other in arrows[name]))
-    found: dict[str, Room] = {}
+        behind[name] = arrows[name].union(
+            *(behind[imported_room] for imported_room in arrows[name]),
+        )
+    all_rooms: dict[str, Room] = {}
     for name in sorted(behind, key=lambda name: (len(behind[name]), name)):
         first = texts.get(f"{PACKAGE.name}.{name}", texts.get(name, ""))
-        direct = frozenset(other for other in arrows[name] if not any(other in behind[one] for one in arrows[name]))
-        found[name] = Room((ast.get_docstring(ast.parse(first)) or "").partition("\n")[0], direct)
-    return found
+        direct = frozenset(
+            imported_room
+            for imported_room in arrows[name]
+            if not any(imported_room in behind[between] for between in arrows[name])
+        )
+        all_rooms[name] = Room(
+            (ast.get_docstring(ast.parse(first)) or "").partition("\n")[0],
+            direct,
+        )
+    return all_rooms
 
 
-def table(found: Mapping[str, Room]) -> str:
+def table(all_rooms: Mapping[str, Room]) -> str:
     """Return the rooms as a table in Markdown."""
-    rows = [f"| `{name}` | {', '.join(sorted(room.imports))} | {room.purpose} |" for name, room in found.items()]
+    rows = [f"| `{name}` | {', '.join(sorted(room.imports))} | {room.purpose} |" for name, room in all_rooms.items()]
     return "\n".join(["| room | imports | what it is |", "|---|---|---|", *rows])
 
 

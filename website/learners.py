@@ -1,4 +1,5 @@
-"""The pursuers of "Watch it learn": one training of stage 1, saved after shares of it, and what they catch.
+"""The pursuers of "Watch it learn": one training of stage 1, saved after shares of it, and what
+they catch.
 
 python -m website.learners
 """
@@ -25,10 +26,14 @@ from apollonius.learn.train_state import TrainState
 from apollonius.web.site import LEARNERS, LEARNING
 
 COMMAND = "python -m website.learners"
-PLAN = Plan(DQNConfig(width=96, depth=3, learning_rate=1e-3), StageConfig(env_steps=8_000_000, progress=10.0))
+PLAN = Plan(
+    DQNConfig(width=96, depth=3, learning_rate=1e-3),
+    StageConfig(env_steps=8_000_000, progress=10.0),
+)
 """A small network. Progress weighs much, so that the first steps are seen early."""
 PUPILS = {0: 0, 20: 2, 120: 12, 195: 20, 977: 100}
-"""Chunks of the training after which a pursuer is shown, each with the share of the training [%]."""
+"""Chunks of the training after which a pursuer is shown, each with the share of the training [%].
+"""
 MEASURED = (60, 90, 160, 250, 300, 400, 500, 650, 800)
 """Other chunks after which one is measured, for the curve."""
 BEST = "pursuer"
@@ -43,7 +48,12 @@ def lesson() -> Game:
     """Return the paper's game as the page's lesson has it."""
     game = make_game("paper")
     wide = game.bodies.map(lambda bodies: replace(bodies[0], radius=RADIUS))
-    return replace(game, pursuer=wide.pursuer, evader=wide.evader, max_steps=round(SECONDS / game.dt))
+    return replace(
+        game,
+        pursuer=wide.pursuer,
+        evader=wide.evader,
+        max_steps=round(SECONDS / game.dt),
+    )
 
 
 def measured(game: Game, pursuer: str) -> dict[str, float]:
@@ -57,7 +67,13 @@ def main() -> None:
     game = lesson()
     evaders = find_pool(("still",), Role.EVADER, game)
     trained = PLAN.stage.trained_in(game)
-    state = train_state.start(PLAN, trained, jax.random.key(0), {Role.EVADER: evaders}, BySide(None, None))
+    state = train_state.start(
+        PLAN,
+        trained,
+        jax.random.key(0),
+        {Role.EVADER: evaders},
+        BySide(None, None),
+    )
     curve: list[dict[str, float]] = []
     pupils: list[dict[str, Any]] = []
 
@@ -75,11 +91,16 @@ def main() -> None:
             shares = measured(game, str(path))
         curve.append({"env_steps": env_steps, **shares})
         if is_shown:
-            pupils.append({"name": name, "label": f"{share}\u00a0%", "env_steps": env_steps, **shares})
+            pupils.append(
+                {"name": name, "label": f"{share}\u00a0%", "env_steps": env_steps, **shares},
+            )
         print(f"{chunk} of {PLAN.chunks}: {env_steps:,} env steps, {shares}", flush=True)
 
     judge(state, 0)
-    for chunk, (after, _) in enumerate(loop.chunks(PLAN, trained, state, {Role.EVADER: evaders}), 1):
+    for chunk, (after, _) in enumerate(
+        loop.chunks(PLAN, trained, state, {Role.EVADER: evaders}),
+        1,
+    ):
         if chunk in MEASURED or chunk in PUPILS:
             judge(after, chunk)
     pupils.append({"name": BEST, "label": "your red", "env_steps": None, **measured(game, BEST)})

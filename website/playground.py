@@ -1,4 +1,6 @@
-"""The playground of the site: the page as `apollonius play` serves it, and scripts that open it from a folder."""
+"""The playground of the site: the page as `apollonius play` serves it, and scripts that open it
+from a folder.
+"""
 
 import base64
 import json
@@ -19,14 +21,17 @@ _DATA = (".json", ".safetensors", ".f32")
 def write_playground(folder: Path) -> None:
     """Write the page to a new folder, to be served by any web host or opened from the folder.
 
-    A browser loads no module and fetches no file for a page that comes from `file:`. So the folder holds everything
-    as plain scripts, too, and `offline.html`, which loads them.
+    A browser loads no module and fetches no file for a page that comes from `file:`. So the folder
+    holds everything as plain scripts, too, and `offline.html`, which loads them.
     """
     write_site(folder)
     page = (folder / "index.html").read_text(encoding="utf-8")
     assert _PLAYER in page
     assert _LEAD in page
-    page = page.replace(_LEAD, '<a id="lead" target="_top" href="../index.html" aria-label="Back to the site">‹</a>')
+    page = page.replace(
+        _LEAD,
+        '<a id="lead" target="_top" href="../index.html" aria-label="Back to the site">‹</a>',
+    )
     (folder / "offline").mkdir()
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder).as_posix()
@@ -41,7 +46,8 @@ def write_playground(folder: Path) -> None:
     for script in _SCRIPTS.glob("*.js"):
         shutil.copy(script, folder / script.name)
     (folder / "index.html").write_text(
-        page.replace("<head>", '<head>\n    <script src="from_folder.js"></script>'), encoding="utf-8"
+        page.replace("<head>", '<head>\n    <script src="from_folder.js"></script>'),
+        encoding="utf-8",
     )
     scripts = '<script src="offline.js"></script><script defer src="offline/player.js"></script>'
     # Of a page that comes from a folder `'self'` is no address.

@@ -77,12 +77,19 @@ def _room(room: str, modules: list[str]) -> str:
 
 
 def _config() -> str:
-    """Return a table for each record of a training's `config.toml`: key, default and the field's docstring."""
+    """Return a table for each record of a training's `config.toml`: key, default and the field's
+    docstring.
+    """
     about = "A run saves all of these; a `--config` file may leave out what keeps its default."
     first = dict[type, str]()
     for name, record in _records(RunConfig):
         first.setdefault(record, name)
-    return "\n\n".join(["# Configuration", about, *(_keys(name, record) for record, name in first.items())]) + "\n"
+    return (
+        "\n\n".join(
+            ["# Configuration", about, *(_keys(name, record) for record, name in first.items())],
+        )
+        + "\n"
+    )
 
 
 def _records(record: Any, name: str = "") -> Iterator[tuple[str, type]]:
@@ -97,8 +104,8 @@ def _records(record: Any, name: str = "") -> Iterator[tuple[str, type]]:
 def _keys(name: str, record: type) -> str:
     """Return the keys of one table, with the defaults that are plain values."""
     meaning: dict[str, str] = {}
-    for each in reversed(record.__mro__):
-        meaning |= _documented(each) if each.__module__.startswith("apollonius.") else {}
+    for base in reversed(record.__mro__):
+        meaning |= _documented(base) if base.__module__.startswith("apollonius.") else {}
     rows: list[str] = []
     for key in fields(record):
         default = f"`{key.default}`" if isinstance(key.default, bool | int | float | str) else ""
@@ -111,15 +118,17 @@ def _documented(record: type) -> dict[str, str]:
     """Return what a class's docstring says of its attributes, and the docstrings below its fields."""
     attributes = (inspect.getdoc(record) or "").partition("Attributes:\n")[2].partition("\n\n")[0]
     entries = re.findall(r"^ {4}(\w[\w, ]*): (.*(?:\n {5,}.*)*)", attributes, re.MULTILINE)
-    found = {name: " ".join(text.split()) for names, text in entries for name in names.split(", ")}
+    meanings = {name: " ".join(text.split()) for names, text in entries for name in names.split(", ")}
     below = ModuleAnalyzer.for_module(record.__module__).find_attr_docs()
-    found |= {name: " ".join(lines) for (owner, name), lines in below.items() if owner == record.__name__}
-    return {name: text.replace("|", "\\|") for name, text in found.items()}
+    meanings |= {name: " ".join(lines) for (owner, name), lines in below.items() if owner == record.__name__}
+    return {name: text.replace("|", "\\|") for name, text in meanings.items()}
 
 
 def _command_line(parser: argparse.ArgumentParser) -> str:
     os.environ["COLUMNS"] = str(_COLUMNS)  # of which argparse makes its lines
-    helps = [f"## {each.prog}\n\n```text\n{each.format_help()}```" for each in _parsers(parser)]
+    helps = [
+        f"## {command_parser.prog}\n\n```text\n{command_parser.format_help()}```" for command_parser in _parsers(parser)
+    ]
     return "\n\n".join(["# The command line", *helps]) + "\n"
 
 
@@ -127,5 +136,5 @@ def _parsers(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParse
     yield parser
     for action in parser._actions:  # pyright: ignore[reportPrivateUsage]
         if isinstance(action, argparse._SubParsersAction):  # pyright: ignore[reportPrivateUsage]
-            for each in action.choices.values():
-                yield from _parsers(each)
+            for subparser in action.choices.values():
+                yield from _parsers(subparser)

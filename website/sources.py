@@ -26,13 +26,18 @@ PARTS = {
         "runs extend evaluate solve environments jax teams lidar export ros2 turtlebot pictures reproduce cache",
     ),
     "Reference": _folder(
-        "reference", "command config api/index rules game_files run_folder agents arenas browser glossary"
+        "reference",
+        "command config api/index rules game_files run_folder agents arenas browser glossary",
     ),
-    "Concepts": _folder("concepts", "paper self_play shield solver any_arena sensing pursuers simulation architecture"),
+    "Concepts": _folder(
+        "concepts",
+        "paper self_play shield solver any_arena sensing pursuers simulation architecture",
+    ),
     "Benchmarks": _folder("benchmarks", "replication leaderboard generalisation speed"),
     "Project": ("contributing", "changelog", "security", "licence", "report"),
 }
-"""The tabs of the site besides its home page, each with its documents: first the one that it opens."""
+"""The tabs of the site besides its home page, each with its documents: first the one that it opens.
+"""
 BESIDE = {
     "CONTRIBUTING.md": "contributing.md",
     "CHANGELOG.md": "changelog.md",
@@ -47,30 +52,50 @@ _LINK = re.compile(r"(?<!!)\[((?:[^][]|\[[^]]*\])*)\]\(([^)\s]+)\)")
 
 
 def cards() -> str:
-    """Return MyST source: a line for each game that ships with the package, with a link that plays there."""
+    """Return MyST source: a line for each game that ships with the package, with a link that plays
+    there.
+    """
     play = '- <a class="play" href="../playground/index.html?game={0}">{0}</a>: {1}'
     return "\n## Play in each\n\n" + "\n".join(play.format(name, about_game(name)) for name in game_names()) + "\n"
 
 
 def leaderboard() -> str:
-    """Return MyST source: a row for each card of the benchmark, the best of each track and side first."""
+    """Return MyST source: a row for each card of the benchmark, the best of each track and side
+    first.
+    """
     cards = [
         json.loads(path.read_text(encoding="utf-8"))
         for path in (REPOSITORY / "benchmarks" / "leaderboard").glob("*.json")
     ]
-    rows = ["| track | side | agent | worth | worst against | worst tenth | crashes | forfeits | us a decision |"]
+    rows = [
+        "| track | side | agent | worth | worst against | worst tenth | crashes | forfeits | us a decision |",
+    ]
     rows.append("|---|---|---|---|---|---|---|---|---|")
-    for card in sorted(cards, key=lambda card: (card["track"], card["side"], -card["score"]["worth"])):
+    for card in sorted(
+        cards,
+        key=lambda card: (card["track"], card["side"], -card["score"]["worth"]),
+    ):
         score, (low, high) = card["score"], card["score"]["interval"]
-        cells = [card["track"], card["side"], f"`{card['agent']}`", f"{score['worth']:+.2f} [{low:+.2f}, {high:+.2f}]"]
-        cells += [f"`{score['against']}`", f"{score['worst_tenth']:+.2f}", f"{score['crashes']:.1%}"]
+        cells = [
+            card["track"],
+            card["side"],
+            f"`{card['agent']}`",
+            f"{score['worth']:+.2f} [{low:+.2f}, {high:+.2f}]",
+        ]
+        cells += [
+            f"`{score['against']}`",
+            f"{score['worst_tenth']:+.2f}",
+            f"{score['crashes']:.1%}",
+        ]
         cells += [f"{score['forfeits']:.1%}", f"{card['decision_us']:.0f}"]
         rows.append(f"| {' | '.join(cells)} |")
     return "\n## The cards\n\n" + "\n".join(rows) + "\n"
 
 
 def sections_of_readme() -> str:
-    """Return what the home page shows of the README: all between the demo and the list of documents."""
+    """Return what the home page shows of the README: all between the demo and the list of
+    documents.
+    """
     text = (REPOSITORY / "README.md").read_text(encoding="utf-8")
     return "\n" + text[text.index("## Environments") : text.index("## Documentation")]
 
@@ -108,43 +133,58 @@ def write_sources(folder: Path) -> None:
 
 
 def notebook(text: str) -> str:
-    """Return a tutorial as a Jupyter notebook, in which Python, commands and named files are cells to run.
+    """Return a tutorial as a Jupyter notebook, in which Python, commands and named files are cells
+    to run.
 
-    What waits for a person, `apollonius play`, and what a program prints stay text, and links become their words. A
-    cell of commands stops where one fails.
+    What waits for a person, `apollonius play`, and what a program prints stay text, and links
+    become their words. A cell of commands stops where one fails.
     """
     magic = {"python": "", "sh": "%%sh -e\n", "toml": "%%writefile {}\n"}
     cells: list[dict[str, object]] = []
     for part in filter(str.strip, _BLOCK.split(text)):
         language, _, code = part.removeprefix("```").removesuffix("```\n").partition("\n")
-        named = re.match(r"# (\S+)\n", code)
-        runs = part.startswith("```") and language in magic and (language != "toml" or named)
+        file_name = re.match(r"# (\S+)\n", code)
+        runs = part.startswith("```") and language in magic and (language != "toml" or file_name)
         if runs and "apollonius play" not in code:
-            source = magic[language].format(named and named[1]) + code.rstrip("\n")
-            cells += [{"cell_type": "code", "execution_count": None, "metadata": {}, "outputs": [], "source": source}]
+            source = magic[language].format(file_name and file_name[1]) + code.rstrip("\n")
+            cells += [
+                {
+                    "cell_type": "code",
+                    "execution_count": None,
+                    "metadata": {},
+                    "outputs": [],
+                    "source": source,
+                }
+            ]
         else:
             words = _LINK.sub(lambda link: link[0] if "://" in link[2] else link[1], part)
             cells += [{"cell_type": "markdown", "metadata": {}, "source": words.strip("\n")}]
     kernel = {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}
-    return json.dumps({"cells": cells, "metadata": kernel, "nbformat": 4, "nbformat_minor": 4}, indent=1)
+    return json.dumps(
+        {"cells": cells, "metadata": kernel, "nbformat": 4, "nbformat_minor": 4},
+        indent=1,
+    )
 
 
 def _contents(name: str) -> str:
-    """Return the hidden table of contents of the home page or of a part's front; other pages have none."""
+    """Return the hidden table of contents of the home page or of a part's front; other pages have
+    none.
+    """
     entries = {f"{front}.md": [f"/{page}" for page in pages] for front, *pages in PARTS.values()}
     entries["index.md"] = [f"{title} <{front}>" for title, (front, *_) in PARTS.items()]
-    found = entries.get(name)
-    return "\n".join(["```{toctree}", ":hidden:", *found, "```", ""]) if found else ""
+    entry = entries.get(name)
+    return "\n".join(["```{toctree}", ":hidden:", *entry, "```", ""]) if entry else ""
 
 
 def at_home(text: str, document: Path) -> str:
-    """Return the text with the links of the site; one to another file of the repository becomes its words.
+    """Return the text with the links of the site; one to another file of the repository becomes its
+    words.
 
     Pages of the site alone already have its links.
     """
     if document.is_relative_to(HERE / "pages"):
         return text
-    here = document.parent if document.is_relative_to(DOCS) else DOCS
+    folder = document.parent if document.is_relative_to(DOCS) else DOCS
 
     def rewritten(link: re.Match[str]) -> str:
         words, to = link.groups()
@@ -155,9 +195,9 @@ def at_home(text: str, document: Path) -> str:
         if target.parent == REPOSITORY and target.name in BESIDE:
             # The home page has none of the README's headings.
             anchored = mark + anchor if target.name != "README.md" else ""
-            return f"[{words}]({os.path.relpath(DOCS / BESIDE[target.name], here)}{anchored})"
+            return f"[{words}]({os.path.relpath(DOCS / BESIDE[target.name], folder)}{anchored})"
         if target.is_relative_to(DOCS) and target.is_file() and target.name not in _ONLY_IN_THE_REPOSITORY:
-            return f"[{words}]({os.path.relpath(target, here)}{mark}{anchor})"
+            return f"[{words}]({os.path.relpath(target, folder)}{mark}{anchor})"
         return words
 
     return _LINK.sub(rewritten, text)

@@ -18,23 +18,67 @@ GAMES = 40
 
 def add_arena(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
-    listed = actions.add_parser("list", help="list the games that ship with the package")
-    listed.set_defaults(run=run_list, compiles=False)
-    check = actions.add_parser("check", help="report what is wrong with a game's arena, and draw it")
-    check.add_argument("game", type=known_game, metavar="GAME", help="a .toml or .json file, or the name of a game")
-    pictured = "write a picture of what was found (.png), or the game as the page reads it (.json, a new file)"
-    check.add_argument("--out", type=new_file(".png", ".json"), metavar="FILE", help=pictured)
-    asked = f"play {GAMES} games of each match between rules and agents: who does best here, and where it stops"
-    check.add_argument("--players", action="store_true", help=asked)
+    list_parser = actions.add_parser("list", help="list the games that ship with the package")
+    list_parser.set_defaults(run=run_list, compiles=False)
+    check = actions.add_parser(
+        "check",
+        help="report what is wrong with a game's arena, and draw it",
+    )
+    check.add_argument(
+        "game",
+        type=known_game,
+        metavar="GAME",
+        help="a .toml or .json file, or the name of a game",
+    )
+    picture_help = "write a picture of what was found (.png), or the game as the page reads it (.json, a new file)"
+    check.add_argument("--out", type=new_file(".png", ".json"), metavar="FILE", help=picture_help)
+    players_help = f"play {GAMES} games of each match between rules and agents: who does best here, and where it stops"
+    check.add_argument("--players", action="store_true", help=players_help)
     add_json(check)
     check.set_defaults(run=run_check)
-    draw = actions.add_parser("random", help="write a game in a random arena in which every robot can go everywhere")
-    draw.add_argument("--kind", choices=KINDS, default="discs", help="of obstacles (default: %(default)s)")
-    draw.add_argument("--seed", type=count(SEED), default=0, help="seed of the arena (default: %(default)s)")
-    draw.add_argument("--gap", type=real, default=1.0, help="least width of all passages [m] (default: %(default)s)")
-    draw.add_argument("--size", type=real, nargs=2, default=(10.0, 10.0), metavar=("WIDTH", "HEIGHT"), help="[m]")
-    draw.add_argument("--game", type=known_game, default="paper", help="whose other rules it has (default: paper)")
-    draw.add_argument("--out", type=new_file(*GAME_FILES), required=True, metavar="FILE", help="a .toml or .json file")
+    draw = actions.add_parser(
+        "random",
+        help="write a game in a random arena in which every robot can go everywhere",
+    )
+    draw.add_argument(
+        "--kind",
+        choices=KINDS,
+        default="discs",
+        help="of obstacles (default: %(default)s)",
+    )
+    draw.add_argument(
+        "--seed",
+        type=count(SEED),
+        default=0,
+        help="seed of the arena (default: %(default)s)",
+    )
+    draw.add_argument(
+        "--gap",
+        type=real,
+        default=1.0,
+        help="least width of all passages [m] (default: %(default)s)",
+    )
+    draw.add_argument(
+        "--size",
+        type=real,
+        nargs=2,
+        default=(10.0, 10.0),
+        metavar=("WIDTH", "HEIGHT"),
+        help="[m]",
+    )
+    draw.add_argument(
+        "--game",
+        type=known_game,
+        default="paper",
+        help="whose other rules it has (default: paper)",
+    )
+    draw.add_argument(
+        "--out",
+        type=new_file(*GAME_FILES),
+        required=True,
+        metavar="FILE",
+        help="a .toml or .json file",
+    )
     draw.add_argument("--force", action="store_true", help="overwrite a file that is already there")
     draw.set_defaults(run=run_random)
 
@@ -53,15 +97,20 @@ def run_check(options: argparse.Namespace) -> int:
     from apollonius.arenas.survey import missed_passage, survey
 
     out: Path | None = options.out
-    saved = out is not None and out.suffix == ".json"
-    require(not (saved and options.out.exists()), "--out", out, "a new file; choose another name")
+    writes_game = out is not None and out.suffix == ".json"
+    require(
+        not (writes_game and options.out.exists()),
+        "--out",
+        out,
+        "a new file; choose another name",
+    )
     game = game_in_one_arena(options.game, "arena check")
     options.display.begin("surveying the arena")
-    found = survey(game)
-    notes = [*found.notes, *missed_passage(game)]
-    lines = [*(f"wrong: {line}" for line in found.wrong), *(f"note: {line}" for line in notes)]
-    verdict = [] if found.wrong else [f"{options.game}: nothing is wrong with this arena"]
-    data: dict[str, Any] = {"game": options.game, "wrong": found.wrong, "notes": notes}
+    findings = survey(game)
+    notes = [*findings.notes, *missed_passage(game)]
+    lines = [*(f"wrong: {line}" for line in findings.wrong), *(f"note: {line}" for line in notes)]
+    verdict = [] if findings.wrong else [f"{options.game}: nothing is wrong with this arena"]
+    data: dict[str, Any] = {"game": options.game, "wrong": findings.wrong, "notes": notes}
     if options.players:
         from apollonius.evaluate.tournament import advise
 
@@ -70,17 +119,25 @@ def run_check(options: argparse.Namespace) -> int:
         data["players"] = advice.to_dict()
         verdict.append(advice_table(advice))
     answer(options, data, "\n".join([*lines, *verdict]))
-    if out and saved:
+    if out and writes_game:
         save_game(to_dict(game), out)
         finish(options, out, then=command("play", "--game", out))
     elif out:
         from apollonius.show.arena import save_plan
 
-        save_plan(Path(options.game).stem, game, found, out)
+        save_plan(Path(options.game).stem, game, findings, out)
         again = command("arena", "check", options.game, "--out", out)
-        watch = command("show", "pursuer", "evader", "--game", options.game, "--out", out.with_suffix(".gif"))
-        finish(options, out, then=f"mend it, then {again}" if found.wrong else watch)
-    return 1 if found.wrong else 0
+        watch = command(
+            "show",
+            "pursuer",
+            "evader",
+            "--game",
+            options.game,
+            "--out",
+            out.with_suffix(".gif"),
+        )
+        finish(options, out, then=f"mend it, then {again}" if findings.wrong else watch)
+    return 1 if findings.wrong else 0
 
 
 def run_random(options: argparse.Namespace) -> int:
@@ -91,16 +148,34 @@ def run_random(options: argparse.Namespace) -> int:
 
     cells = [options.out.with_suffix(suffix) for suffix in (".yaml", ".pgm")] if options.kind == "caves" else []
     for path in (options.out, *cells):
-        require(options.force or not path.exists(), "--out", path, "a new file; --force overwrites it")
-    elsewhere = in_random_arena(find_game(options.game), options.kind, options.seed, options.gap, tuple(options.size))
-    record, what = to_dict(elsewhere), f"{len(elsewhere.arena.discs) + len(elsewhere.arena.polygons)} obstacles"
-    if elsewhere.arena.map:
-        save_map(elsewhere.arena.map, cells[0])
+        require(
+            options.force or not path.exists(),
+            "--out",
+            path,
+            "a new file; --force overwrites it",
+        )
+    random_game = in_random_arena(
+        find_game(options.game),
+        options.kind,
+        options.seed,
+        options.gap,
+        tuple(options.size),
+    )
+    record = to_dict(random_game)
+    contents = f"{len(random_game.arena.discs) + len(random_game.arena.polygons)} obstacles"
+    if random_game.arena.map:
+        save_map(random_game.arena.map, cells[0])
         record["arena"]["map"] = cells[0].name
-        what = f"a map of {' x '.join(str(count - 1) for count in reversed(elsewhere.arena.map.field.shape))} cells"
+        contents = (
+            f"a map of {' x '.join(str(count - 1) for count in reversed(random_game.arena.map.field.shape))} cells"
+        )
     save_game(record, options.out)
-    print(f"{options.kind}, {what}, passages of {options.gap:g} m and more")
-    finish(options, options.out, then=command("arena", "check", options.out, "--out", options.out.with_suffix(".png")))
+    print(f"{options.kind}, {contents}, passages of {options.gap:g} m and more")
+    finish(
+        options,
+        options.out,
+        then=command("arena", "check", options.out, "--out", options.out.with_suffix(".png")),
+    )
     return 0
 
 
@@ -130,7 +205,10 @@ def run_players(options: argparse.Namespace) -> int:
     words = {name: about for name, (_, about) in BUILT_IN.items()} | {name: ZOO.get(name, "") for name in zoo_names()}
     lines = []
     for sides in (SIDES[:1], SIDES[1:], SIDES):
-        lines += [f"{' or '.join(sides)}:", *_rows({name: words[name] for name in words if side_of(name) == sides})]
+        lines += [
+            f"{' or '.join(sides)}:",
+            *_rows({name: words[name] for name in words if side_of(name) == sides}),
+        ]
     lines += ["your own:", *_rows(OTHERS), "more about each: docs/reference/agents.md"]
     facts = [{"name": name, "sides": side_of(name), "about": about} for name, about in words.items()]
     answer(options, {"players": facts, "forms": OTHERS}, "\n".join(lines))

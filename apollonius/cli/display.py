@@ -1,4 +1,6 @@
-"""Progress of a command on standard error: a live bar in a terminal, else plain lines, ever farther apart."""
+"""Progress of a command on standard error: a live bar in a terminal, else plain lines, ever farther
+apart.
+"""
 
 import sys
 import threading
@@ -22,7 +24,9 @@ _FIRST_LINE_SECONDS = 1.0
 _LOADING_SECONDS = 10.0
 """The same before the first piece: a refusal, which comes there, is the only line."""
 _LINE_SECONDS = 10.0, 60.0
-"""Least and greatest time between two plain lines of a piece; in between it is a third of the piece's time."""
+"""Least and greatest time between two plain lines of a piece; in between it is a third of the
+piece's time.
+"""
 _LOOK_SECONDS = 0.2
 """Time between two looks at whether a line is due."""
 _SPEED_SECONDS = 600.0
@@ -32,7 +36,9 @@ _MEASURED = 2
 
 
 class Display(Progress):
-    """The progress of a command, as a context manager around all its work; plain lines begin with its name."""
+    """The progress of a command, as a context manager around all its work; plain lines begin with
+    its name.
+    """
 
     def __init__(self, command: str, get_time: Callable[[], float] = time.monotonic) -> None:
         self._command, self._over = command, threading.Event()
@@ -61,7 +67,9 @@ class Display(Progress):
             super().stop()
 
     def begin(self, what: str, share: Callable[[], float] | None = None) -> None:
-        """Begin a piece of work, in words; `share` is asked for the part that is done if nobody reports it."""
+        """Begin a piece of work, in words; `share` is asked for the part that is done if nobody
+        reports it.
+        """
         self._notes, self._share = {}, share
         self._begun = self._asked = self.get_time()
         self._next_line = _FIRST_LINE_SECONDS
@@ -69,16 +77,16 @@ class Display(Progress):
         self.reset(self._task, total=None, description=what)
         self.tasks[0].total = None  # which `reset` leaves as it was
 
-    def report(self, done: int | float, total: int | float) -> None:
+    def report(self, amount: int | float, total: int | float) -> None:
         """Set how much of the piece is done, in any unit."""
         now = self.get_time()
-        if self._reports and done < self._reports[-1][1]:
+        if self._reports and amount < self._reports[-1][1]:
             self._reports.clear()
-        if not self._reports or done > self._reports[-1][1]:
-            self._reports.append((now, done))
+        if not self._reports or amount > self._reports[-1][1]:
+            self._reports.append((now, amount))
         while len(self._reports) > _MEASURED + 1 and now - self._reports[0][0] > _SPEED_SECONDS:
             self._reports.popleft()
-        self.update(self._task, total=total, completed=done)
+        self.update(self._task, total=total, completed=amount)
 
     def note(self, notes: Mapping[str, str]) -> None:
         """Set further facts about the piece, in words by name."""
@@ -86,7 +94,12 @@ class Display(Progress):
 
     def tell(self, line: str) -> None:
         """Print one line that stays, whatever is in it, on standard error."""
-        self.console.print(shown(line, LONGEST_MESSAGE), markup=False, highlight=False, soft_wrap=True)
+        self.console.print(
+            shown(line, LONGEST_MESSAGE),
+            markup=False,
+            highlight=False,
+            soft_wrap=True,
+        )
 
     def state(self) -> str:
         """Return the progress in words."""
@@ -101,11 +114,15 @@ class Display(Progress):
         total, reports = self.tasks[0].total, [*self._reports]
         if total is None or len(reports) <= _MEASURED:
             return None
-        (begun, first), (latest, done) = reports[0], reports[-1]
-        silence, longest = self.get_time() - latest, max(later - time for (time, _), (later, _) in pairwise(reports))
+        (first_time, first_amount), (latest, latest_amount) = reports[0], reports[-1]
+        silence = self.get_time() - latest
+        longest = max(later - time for (time, _), (later, _) in pairwise(reports))
         if silence > max(2 * longest, 1.0):
             return None
-        return max(0.0, (total - done) * (latest - begun) / (done - first) - silence)
+        return max(
+            0.0,
+            (total - latest_amount) * (latest - first_time) / (latest_amount - first_amount) - silence,
+        )
 
     def get_renderables(self) -> Iterable[RenderableType]:
         """Yield the live view."""
@@ -118,12 +135,14 @@ class Display(Progress):
             yield notes
 
     def _words(self) -> str:
-        """Return the share that is done, the time so far and the time left, and the compilation under way if any."""
+        """Return the share that is done, the time so far and the time left, and the compilation
+        under way if any.
+        """
         words = [] if self.tasks[0].total is None else [f"{self.tasks[0].percentage:.1f}%"]
         words.append(_clock(self.get_time() - self._begun))
-        left, compiling = self.seconds_left(), compiling_seconds()
-        if left is not None:
-            words.append(f"{_clock(left)} left")
+        seconds_left, compiling = self.seconds_left(), compiling_seconds()
+        if seconds_left is not None:
+            words.append(f"{_clock(seconds_left)} left")
         if compiling >= 1:
             words.append(f"compiling (once) for {_clock(compiling)}")
         return ", ".join(words)

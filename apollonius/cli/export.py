@@ -1,4 +1,6 @@
-"""`apollonius export` and `replay`: a player as C or ONNX, which need no JAX, and what a robot recorded of one."""
+"""`apollonius export` and `replay`: a player as C or ONNX, which need no JAX, and what a robot
+recorded of one.
+"""
 
 import argparse
 from pathlib import Path
@@ -15,12 +17,34 @@ SHOWN = 10
 
 
 def add_export(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("agent", type=known_agent, metavar="AGENT", help="any player: its name, or a .safetensors file")
+    parser.add_argument(
+        "agent",
+        type=known_agent,
+        metavar="AGENT",
+        help="any player: its name, or a .safetensors file",
+    )
     parser.add_argument("--to", choices=FORMATS, required=True, help="C99, or ONNX")
-    parser.add_argument("--out", type=new_file(*FORMATS.values()), required=True, help="file to write: .c or .onnx")
-    parser.add_argument("--game", type=known_game, help="name or file (default: the one that the agent was made for)")
-    parser.add_argument("--side", choices=SIDES, help="of a player that plays either (default: the agent's own)")
-    parser.add_argument("--constants", action="store_true", help="weights in the C source instead of a file beside it")
+    parser.add_argument(
+        "--out",
+        type=new_file(*FORMATS.values()),
+        required=True,
+        help="file to write: .c or .onnx",
+    )
+    parser.add_argument(
+        "--game",
+        type=known_game,
+        help="name or file (default: the one that the agent was made for)",
+    )
+    parser.add_argument(
+        "--side",
+        choices=SIDES,
+        help="of a player that plays either (default: the agent's own)",
+    )
+    parser.add_argument(
+        "--constants",
+        action="store_true",
+        help="weights in the C source instead of a file beside it",
+    )
     parser.set_defaults(run=run_export)
 
 
@@ -31,10 +55,20 @@ def run_export(options: argparse.Namespace) -> int:
     from apollonius.export.player import find_exportable, home_of, side_of
     from apollonius.export.writing import STATES, write_c, write_onnx
 
-    name, out, suffix = options.agent, options.out, FORMATS[options.to]
-    require(out.suffix == suffix, "--out", out, f"a file that ends in {suffix} for --to {options.to}")
+    name = options.agent
+    out = options.out
+    suffix = FORMATS[options.to]
     require(
-        not options.constants or options.to == "c", "--constants", "given", "left out: a model in ONNX has its weights"
+        out.suffix == suffix,
+        "--out",
+        out,
+        f"a file that ends in {suffix} for --to {options.to}",
+    )
+    require(
+        not options.constants or options.to == "c",
+        "--constants",
+        "given",
+        "left out: a model in ONNX has its weights",
     )
     role = side_of(name, options.side)
     game = game_in_one_arena(options.game, "export") if options.game else home_of(name)
@@ -49,8 +83,19 @@ def run_export(options: argparse.Namespace) -> int:
 
 
 def add_replay(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--bag", type=named, required=True, help="folder of a bag that the ROS 2 node wrote")
-    parser.add_argument("agent", type=known_agent, metavar="AGENT", nargs="?", help="(default: that of the bag)")
+    parser.add_argument(
+        "--bag",
+        type=named,
+        required=True,
+        help="folder of a bag that the ROS 2 node wrote",
+    )
+    parser.add_argument(
+        "agent",
+        type=known_agent,
+        metavar="AGENT",
+        nargs="?",
+        help="(default: that of the bag)",
+    )
     parser.add_argument("--game", type=known_game, help="(default: that of the bag)")
     add_json(parser)
     parser.set_defaults(run=run_replay)
@@ -66,16 +111,16 @@ def run_replay(options: argparse.Namespace) -> int:
     game = game_in_one_arena(options.game, "replay") if options.game else bag.game
     options.display.begin("asking the agent again")
     name = options.agent or bag.player
-    found, asked = ask_again(bag, name, game), len(bag.asked)
-    braked = len(bag.decisions) - asked
+    differences, num_asked = ask_again(bag, name, game), len(bag.asked)
+    braked = len(bag.decisions) - num_asked
     lines = [
-        f"{shown(name)} in the {asked:,} states of {options.bag}, a run of {shown(bag.player)}",
-        f"  acts otherwise in {len(found):,}; {braked:,} more steps braked",
+        f"{shown(name)} in the {num_asked:,} states of {options.bag}, a run of {shown(bag.player)}",
+        f"  acts otherwise in {len(differences):,}; {braked:,} more steps braked",
     ]
     rows = [("  time", "step", "u1, u2 then", "u1, u2 now")]
-    for one in found[:SHOWN]:
-        then, now = ("{:+.2f}, {:+.2f}".format(*one[when]) for when in ("then", "now"))
-        rows.append((f"  {one['time']:.2f} s", str(one["step"]), then, now))
-    facts = {"player": name, "asked": asked, "braked": braked, "differences": found}
-    answer(options, facts, "\n".join([*lines, *(columns(rows) if found else [])]))
+    for difference in differences[:SHOWN]:
+        then, now = ("{:+.2f}, {:+.2f}".format(*difference[when]) for when in ("then", "now"))
+        rows.append((f"  {difference['time']:.2f} s", str(difference["step"]), then, now))
+    facts = {"player": name, "asked": num_asked, "braked": braked, "differences": differences}
+    answer(options, facts, "\n".join([*lines, *(columns(rows) if differences else [])]))
     return 0

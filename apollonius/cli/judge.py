@@ -1,4 +1,6 @@
-"""`apollonius evaluate`, `simulate`, `tournament` and `suite`: games counted, and the cards of the benchmark."""
+"""`apollonius evaluate`, `simulate`, `tournament` and `suite`: games counted, and the cards of the
+benchmark.
+"""
 
 import argparse
 from dataclasses import asdict
@@ -37,7 +39,12 @@ TRACKS = ("full", "lidar", "team")
 
 def add_evaluate(parser: argparse.ArgumentParser) -> None:
     add_match_options(parser)
-    parser.add_argument("--out", type=new_file(".png"), metavar="FILE", help="draw the wins of --vary as .png")
+    parser.add_argument(
+        "--out",
+        type=new_file(".png"),
+        metavar="FILE",
+        help="draw the wins of --vary as .png",
+    )
     parser.set_defaults(run=run_evaluate)
 
 
@@ -57,8 +64,16 @@ def run_evaluate(options: argparse.Namespace) -> int:
     match = requested_match(options, in_one_arena=options.record > 0)  # of which a replay is
     options.display.begin(f"playing {match.games:,} games")
     results = play_games(match, report=options.display.report)
-    result, games = count(match, results), (record_game(match, index) for index in worst_first(results))
-    return answer_with_replays(options, match, result.to_dict(), match_table(match, result), "game", games)
+    result = count(match, results)
+    games = (record_game(match, index) for index in worst_first(results))
+    return answer_with_replays(
+        options,
+        match,
+        result.to_dict(),
+        match_table(match, result),
+        "game",
+        games,
+    )
 
 
 def run_simulate(options: argparse.Namespace) -> int:
@@ -70,7 +85,10 @@ def run_simulate(options: argparse.Namespace) -> int:
 
     drive, display = load_drive(options.drive), options.display
     if options.vary:
-        return answer_varied(options, lambda match, report: count(match, simulate_match(match, drive, report).results))
+        return answer_varied(
+            options,
+            lambda match, report: count(match, simulate_match(match, drive, report).results),
+        )
     match = requested_match(options, in_one_arena=True)
     display.begin("playing with bodies")
     simulated = simulate_match(match, drive, display.report)
@@ -84,10 +102,26 @@ def run_simulate(options: argparse.Namespace) -> int:
 def add_tournament(parser: argparse.ArgumentParser) -> None:
     about = f"{AGENT} (default: all that need no file and fit the game)"
     for side in SIDES:
-        parser.add_argument(f"--{side}s", type=agent_of(side), nargs="+", metavar=side.upper(), help=about)
-    parser.add_argument("--games", type=count(GAMES), default=1000, help="games in each match (default: %(default)s)")
+        parser.add_argument(
+            f"--{side}s",
+            type=agent_of(side),
+            nargs="+",
+            metavar=side.upper(),
+            help=about,
+        )
+    parser.add_argument(
+        "--games",
+        type=count(GAMES),
+        default=1000,
+        help="games in each match (default: %(default)s)",
+    )
     add_game_options(parser)
-    parser.add_argument("--plot", type=new_file(".png"), metavar="FILE", help="draw win rates and ratings as .png")
+    parser.add_argument(
+        "--plot",
+        type=new_file(".png"),
+        metavar="FILE",
+        help="draw win rates and ratings as .png",
+    )
     add_workers(parser, "matches")
     add_json(parser)
     parser.set_defaults(run=run_tournament)
@@ -101,16 +135,21 @@ def run_tournament(options: argparse.Namespace) -> int:
     from apollonius.game.types import ROLES
 
     game = starting(find_game(options.game), options.starts)
-    asked = BySide(options.pursuers, options.evaders)
-    names = ROLES.map(lambda role: asked[role] or player_names(role, game))
+    requested = BySide(options.pursuers, options.evaders)
+    names = ROLES.map(lambda role: requested[role] or player_names(role, game))
     players = ROLES.map(lambda role: [find_player(name, role, game) for name in names[role]])
     warn(options, game, (*players.pursuer, *players.evader))
 
     options.display.begin(f"playing {len(players.pursuer) * len(players.evader)} matches")
-    asked_for = game, players, options.games, options.seed
-    tournament = play_tournament(*asked_for, options.display.report, jobs_run(options))
+    arguments = game, players, options.games, options.seed
+    tournament = play_tournament(*arguments, options.display.report, jobs_run(options))
     starts = game.starts.speed
-    settings = {"game": options.game, "starts": starts, "games": options.games, "seed": options.seed}
+    settings = {
+        "game": options.game,
+        "starts": starts,
+        "games": options.games,
+        "seed": options.seed,
+    }
     answer(options, settings | tournament.to_dict(), tournament_table(tournament, starts))
     if options.plot:
         from apollonius.show.matches import draw_tournament
@@ -124,19 +163,53 @@ def run_tournament(options: argparse.Namespace) -> int:
 
 def add_suite(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
-    judged = actions.add_parser("judge", help="play all games of the benchmark and write a card")
-    judged.add_argument("agent", type=agent_or_model, metavar="AGENT", help=f"{AGENT}; or an .onnx file")
-    judged.add_argument("--side", choices=SIDES, help="of an agent from outside, or that plays either")
-    judged.add_argument("--track", choices=TRACKS, default="full", help="the benchmark's part (default: %(default)s)")
-    judged.add_argument("--out", type=new_file(".json"), default=Path("card.json"), help="default: card.json")
-    add_workers(judged, "rounds")
-    judged.set_defaults(run=run_judge)
-    checked = actions.add_parser("verify", help="replay games of a card, and refuse one that differs")
-    checked.add_argument("card", type=existing_file, metavar="CARD")
-    checked.add_argument("--agent", type=agent_or_model, metavar="FILE", help="of an agent that lies elsewhere")
-    checked.add_argument("--all", action="store_true", help="play all its games (default: half, drawn at random)")
-    checked.set_defaults(run=run_verify)
-    for action in (judged, checked):
+    judge_parser = actions.add_parser(
+        "judge",
+        help="play all games of the benchmark and write a card",
+    )
+    judge_parser.add_argument(
+        "agent",
+        type=agent_or_model,
+        metavar="AGENT",
+        help=f"{AGENT}; or an .onnx file",
+    )
+    judge_parser.add_argument(
+        "--side",
+        choices=SIDES,
+        help="of an agent from outside, or that plays either",
+    )
+    judge_parser.add_argument(
+        "--track",
+        choices=TRACKS,
+        default="full",
+        help="the benchmark's part (default: %(default)s)",
+    )
+    judge_parser.add_argument(
+        "--out",
+        type=new_file(".json"),
+        default=Path("card.json"),
+        help="default: card.json",
+    )
+    add_workers(judge_parser, "rounds")
+    judge_parser.set_defaults(run=run_judge)
+    verify_parser = actions.add_parser(
+        "verify",
+        help="replay games of a card, and refuse one that differs",
+    )
+    verify_parser.add_argument("card", type=existing_file, metavar="CARD")
+    verify_parser.add_argument(
+        "--agent",
+        type=agent_or_model,
+        metavar="FILE",
+        help="of an agent that lies elsewhere",
+    )
+    verify_parser.add_argument(
+        "--all",
+        action="store_true",
+        help="play all its games (default: half, drawn at random)",
+    )
+    verify_parser.set_defaults(run=run_verify)
+    for action in (judge_parser, verify_parser):
         add_json(action)
 
 
@@ -149,10 +222,20 @@ def run_judge(options: argparse.Namespace) -> int:
 
     require(not options.out.exists(), "--out", options.out, "a new file; choose another name")
     outside = options.agent.endswith(ONNX)
-    require(options.side or not outside, "--side", None, "given for an agent from outside: pursuer or evader")
+    require(
+        options.side or not outside,
+        "--side",
+        None,
+        "given for an agent from outside: pursuer or evader",
+    )
     role = Role[options.side.upper()] if outside else side_of(options.agent, options.side)
     options.display.begin("playing the benchmark")
-    card = judge(Benchmark(options.track, role), options.agent, options.display.report, jobs_run(options))
+    card = judge(
+        Benchmark(options.track, role),
+        options.agent,
+        options.display.report,
+        jobs_run(options),
+    )
     write_atomically(options.out, to_json(asdict(card)).encode())
     _answer(options, card)
     finish(options, options.out, then=command("suite", "verify", options.out))
@@ -175,6 +258,11 @@ def _answer(options: argparse.Namespace, card: "SuiteCard", before: str = "") ->
         f"{score.interval[1]:+.3f}] against {score.against}, worst tenth {score.worst_tenth:+.3f}, "
         f"crashes {score.crashes:.1%}, forfeits {score.forfeits:.1%}, {card.decision_us:.4g} us a decision"
     )
-    failures = {one.failure for rounds in card.opponents.values() for one in rounds} - {""}
-    facts = {"agent": card.agent, "side": card.side, "track": card.track, "decision_us": card.decision_us}
+    failures = {game_round.failure for rounds in card.opponents.values() for game_round in rounds} - {""}
+    facts = {
+        "agent": card.agent,
+        "side": card.side,
+        "track": card.track,
+        "decision_us": card.decision_us,
+    }
     answer(options, facts | asdict(score), "\nit failed: ".join([text, *sorted(failures)]))

@@ -26,17 +26,41 @@ _ODD_SETTING = re.compile("for JAX flag|for environment 'JAX")
 """Words with which JAX refuses the value of an environment variable."""
 COMMANDS = {
     "Learn": {
-        "train": (add_train, "train a pursuer and an evader, then judge them", "--preset standard --out runs/mine"),
+        "train": (
+            add_train,
+            "train a pursuer and an evader, then judge them",
+            "--preset standard --out runs/mine",
+        ),
         "resume": (add_resume, "resume training runs that were stopped", "runs/mine"),
-        "track": (add_track, "send a run's metrics to TensorBoard, W&B, MLflow or trackio", "runs/mine --to wandb"),
-        "runs": (add_runs, "list training runs: state, share done, last evaluation, machine", "runs/sweep"),
+        "track": (
+            add_track,
+            "send a run's metrics to TensorBoard, W&B, MLflow or trackio",
+            "runs/mine --to wandb",
+        ),
+        "runs": (
+            add_runs,
+            "list training runs: state, share done, last evaluation, machine",
+            "runs/sweep",
+        ),
     },
     "Judge": {
-        "evaluate": (add_evaluate, "play many games between two agents and count", "pursuer E_scratch --games 1000"),
+        "evaluate": (
+            add_evaluate,
+            "play many games between two agents and count",
+            "pursuer E_scratch --games 1000",
+        ),
         "tournament": (add_tournament, "play every pursuer against every evader", "--games 1000"),
         "exploit": (add_exploit, "attack an agent with opponents that know it", "evader E_scratch"),
-        "suite": (add_suite, "judge an agent by the benchmark, or check a card", "judge pursuer --out pursuer.json"),
-        "simulate": (add_simulate, "play games between robots with bodies, in MuJoCo", "pursuer random --games 300"),
+        "suite": (
+            add_suite,
+            "judge an agent by the benchmark, or check a card",
+            "judge pursuer --out pursuer.json",
+        ),
+        "simulate": (
+            add_simulate,
+            "play games between robots with bodies, in MuJoCo",
+            "pursuer random --games 300",
+        ),
     },
     "Solve": {
         "solve": (add_solve, "solve for optimal play on a grid, and keep the table", "safety"),
@@ -44,22 +68,48 @@ COMMANDS = {
         "pursuers": (add_pursuers, "how many pursuers are enough in an arena", "office"),
     },
     "Watch and play": {
-        "show": (add_show, "a game as a picture or an animation, and as a replay file", "pursuer evader --game office"),
+        "show": (
+            add_show,
+            "a game as a picture or an animation, and as a replay file",
+            "pursuer evader --game office",
+        ),
         "players": (add_players, "list all players and what they do", ""),
         "play": (add_play, "play in a browser against a trained agent", "--as pursuer"),
-        "slice": (add_slice, "an agent's action values and actions over the arena", "P_curriculum --opponent 5 5"),
+        "slice": (
+            add_slice,
+            "an agent's action values and actions over the arena",
+            "P_curriculum --opponent 5 5",
+        ),
         "report": (add_report, "a training run as one HTML page, games included", "runs/mine"),
     },
     "Arenas and robots of your own": {
-        "arena": (add_arena, "list arenas, check one of your own, or draw a random one", "check office --out a.png"),
-        "export": (add_export, "write a player as C or ONNX, which need no JAX", "pursuer --to c --out player.c"),
-        "replay": (add_replay, "compare a robot's recorded actions with its agent's", "--bag bags/pursuer-1"),
+        "arena": (
+            add_arena,
+            "list arenas, check one of your own, or draw a random one",
+            "check office --out a.png",
+        ),
+        "export": (
+            add_export,
+            "write a player as C or ONNX, which need no JAX",
+            "pursuer --to c --out player.c",
+        ),
+        "replay": (
+            add_replay,
+            "compare a robot's recorded actions with its agent's",
+            "--bag bags/pursuer-1",
+        ),
     },
     "The paper": {
-        "reproduce": (add_reproduce, "train, evaluate and draw everything in the paper", "--budget quick"),
+        "reproduce": (
+            add_reproduce,
+            "train, evaluate and draw everything in the paper",
+            "--budget quick",
+        ),
     },
 }
-"""By purpose, in the order of the help: each adds its arguments, says what it does, and has an example."""
+"""By purpose, in the order of the help: each adds its arguments, says what it does, and has an
+example.
+"""
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -68,12 +118,17 @@ class OneLineParser(argparse.ArgumentParser):
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         """Refuse a value that is no choice of an argument, and name the nearest choice."""
         if action.choices is not None and value not in action.choices:
-            known = [*map(str, action.choices)]
+            choices = [*map(str, action.choices)]
             if isinstance(action, argparse._SubParsersAction):  # pyright: ignore[reportPrivateUsage]
-                named, kind, remedy = None, "command", f"see {self.prog} --help"
+                argument = None
+                kind = "command"
+                remedy = f"see {self.prog} --help"
             else:
-                named, kind, remedy = action, "choice", f"choose one of {', '.join(known)}"
-            raise argparse.ArgumentError(named, unknown_name(kind, str(value), remedy, nearest(str(value), known)))
+                argument = action
+                kind = "choice"
+                remedy = f"choose one of {', '.join(choices)}"
+            message = unknown_name(kind, str(value), remedy, nearest(str(value), choices))
+            raise argparse.ArgumentError(argument, message)
 
     def parse_known_args(  # pyright: ignore[reportIncompatibleMethodOverride]
         self, args: Any = None, namespace: Any = None
@@ -85,7 +140,8 @@ class OneLineParser(argparse.ArgumentParser):
         return options, unknown
 
     def error(self, message: str) -> NoReturn:
-        words = message.removeprefix("argument ").replace(": = ", " = ", 1).removesuffix(".")  # `values.unfit` has "= "
+        # `values.unfit` has "= "
+        words = message.removeprefix("argument ").replace(": = ", " = ", 1).removesuffix(".")
         more = "" if words.endswith(("?", "--help")) else f"; see {self.prog} --help"
         print(f"{self.prog}: {shown(words, LONGEST_MESSAGE)}{more}", file=sys.stderr)
         sys.exit(2)
@@ -96,11 +152,11 @@ def main(arguments: list[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):  # and not None, as of a process without them
             stream.reconfigure(errors="replace")  # of signs that a terminal does not have, as ±
-    parser, given = build_parser(), sys.argv[1:] if arguments is None else arguments
-    if not given:
+    parser, words = build_parser(), sys.argv[1:] if arguments is None else arguments
+    if not words:
         parser.print_help()
         return 0
-    options = parser.parse_args(given)
+    options = parser.parse_args(words)
     from apollonius.cli.display import Display  # which draws, and --help need not wait for that
 
     try:
@@ -112,7 +168,8 @@ def main(arguments: list[str] | None = None) -> int:
     except InvalidInput as error:
         message = str(error)
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains once more at its exit
+        # or Python complains once more at its exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except OSError as error:
         where = f" '{shown(error.filename)}'" if error.filename else ""
@@ -148,9 +205,24 @@ def build_parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     groups = []
     for purpose, commands in COMMANDS.items():
-        groups.append("\n".join([f"{purpose}:", *(f"  {name:<12}{does}" for name, (_, does, _) in commands.items())]))
+        groups.append(
+            "\n".join(
+                [
+                    f"{purpose}:",
+                    *(f"  {name:<12}{does}" for name, (_, does, _) in commands.items()),
+                ],
+            ),
+        )
         for name, (add, does, example) in commands.items():
             description = f"{does[0].upper()}{does[1:]}."
-            add(subparsers.add_parser(name, description=description, epilog=f"Example: apollonius {name} {example}"))
-    parser.epilog = "\n\n".join([*groups, "apollonius COMMAND --help says more. To begin with: apollonius play"])
+            add(
+                subparsers.add_parser(
+                    name,
+                    description=description,
+                    epilog=f"Example: apollonius {name} {example}",
+                ),
+            )
+    parser.epilog = "\n\n".join(
+        [*groups, "apollonius COMMAND --help says more. To begin with: apollonius play"],
+    )
     return parser

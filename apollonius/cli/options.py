@@ -10,7 +10,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.cli.terminal import varied_table
-from apollonius.cli.values import agent_of, count, installed, known_game, new_folder, require_writable, varied
+from apollonius.cli.values import (
+    agent_of,
+    count,
+    installed,
+    known_game,
+    new_folder,
+    require_writable,
+    varied,
+)
 from apollonius.io.document import to_json
 from apollonius.io.errors import require, shown
 from apollonius.io.limits import GAME_FILES, GAMES, RECORDS, SEED, Counted
@@ -34,12 +42,25 @@ def add_game(parser: argparse.ArgumentParser) -> None:
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    parser.add_argument(
+        "--json",
+        action="store_true",
+        help="print one JSON object and nothing else",
+    )
 
 
 def add_game_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--seed", type=count(SEED), default=0, help="seed of the starts (default: %(default)s)")
-    parser.add_argument("--starts", choices=("rest", "moving"), help="initial speeds (default: as the game says)")
+    parser.add_argument(
+        "--seed",
+        type=count(SEED),
+        default=0,
+        help="seed of the starts (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--starts",
+        choices=("rest", "moving"),
+        help="initial speeds (default: as the game says)",
+    )
     add_game(parser)
 
 
@@ -49,64 +70,106 @@ def add_workers(parser: argparse.ArgumentParser, of: str, default: str | None = 
 
 
 def jobs_run(options: argparse.Namespace, logs: Path | None = None) -> Run | None:
-    """Return what runs jobs where `--on` says, with a folder for what they print on Slurm; None for here."""
+    """Return what runs jobs where `--on` says, with a folder for what they print on Slurm; None for
+    here.
+    """
     return partial(run_jobs, report=options.display.tell, on=options.on, logs=logs) if options.on else None
 
 
 def chosen_rules(options: argparse.Namespace) -> list[str]:
-    """Return the words that choose the game and its starts in another command, where they are not the defaults."""
-    chosen = {"game": options.game, "starts": getattr(options, "starts", None)}
-    return [word for name, value in chosen.items() if value not in ("paper", None) for word in (f"--{name}", value)]
+    """Return the words that choose the game and its starts in another command, where they are not
+    the defaults.
+    """
+    rules = {"game": options.game, "starts": getattr(options, "starts", None)}
+    return [word for name, value in rules.items() if value not in ("paper", None) for word in (f"--{name}", value)]
 
 
 def add_match_options(parser: argparse.ArgumentParser, games: Counted = GAMES) -> None:
     """Add two players, their games and starts, and the output of their results."""
     parser.add_argument("pursuer", type=agent_of("pursuer"), metavar="PURSUER", help=AGENT)
     parser.add_argument("evader", type=agent_of("evader"), metavar="EVADER", help=AGENT)
-    parser.add_argument("--games", type=count(games), default=1000, help="number of games (default: %(default)s)")
+    parser.add_argument(
+        "--games",
+        type=count(games),
+        default=1000,
+        help="number of games (default: %(default)s)",
+    )
     add_game_options(parser)
     add_json(parser)
     about = "write K games as replays, lost ones first"
     parser.add_argument("--record", type=count(RECORDS), default=0, metavar="K", help=about)
     about = "folder of the replays (default: replays)"
-    parser.add_argument("--replays", type=new_folder, default=Path("replays"), metavar="DIR", help=about)
+    parser.add_argument(
+        "--replays",
+        type=new_folder,
+        default=Path("replays"),
+        metavar="DIR",
+        help=about,
+    )
     about = "play a match for each value of a number of the game, as pursuer.v_max=0.8:1.6:5; twice for pairs"
-    parser.add_argument("--vary", type=varied, action="append", default=[], metavar="FIELD=FROM:TO:COUNT", help=about)
+    parser.add_argument(
+        "--vary",
+        type=varied,
+        action="append",
+        default=[],
+        metavar="FIELD=FROM:TO:COUNT",
+        help=about,
+    )
 
 
 def requested_match(options: argparse.Namespace, in_one_arena: bool) -> "Match":
-    """Return the match that is asked for, and warn of what is odd about it; errors as of `Match.of_names`, for more
-    replays than games, and for a folder of theirs that cannot be written to.
+    """Return the match that is asked for, and warn of what is odd about it; errors as of
+    `Match.of_names`, for more replays than games, and for a folder of theirs that cannot be written
+    to.
     """
     from apollonius.arenas.file import find_game, game_in_one_arena
     from apollonius.evaluate.match import Match
 
-    require(options.record <= options.games, "--record", options.record, f"from 0 to --games = {options.games}")
+    require(
+        options.record <= options.games,
+        "--record",
+        options.record,
+        f"from 0 to --games = {options.games}",
+    )
     if options.record:
         require_writable("--replays", options.replays)
     game = game_in_one_arena(options.game, options.command) if in_one_arena else find_game(options.game)
-    match = Match.of_names(game, options.pursuer, options.evader, options.games, options.seed, options.starts)
+    match = Match.of_names(
+        game,
+        options.pursuer,
+        options.evader,
+        options.games,
+        options.seed,
+        options.starts,
+    )
     warn(options, match.game, match.players)
     return match
 
 
 def answer_varied(options: argparse.Namespace, play: "Callable[..., MatchResult]") -> int:
-    """Play a match for each value of `--vary`, as `play_match` does, and print or draw how often the pursuer wins."""
+    """Play a match for each value of `--vary`, as `play_match` does, and print or draw how often
+    the pursuer wins.
+    """
     from apollonius.arenas.file import game_in_one_arena
     from apollonius.evaluate.vary import Variation, play_varied, varied_matches
     from apollonius.game.types import BySide
 
-    require(options.record == 0, "--record", options.record, "left out with --vary, which keeps no games")
+    require(
+        options.record == 0,
+        "--record",
+        options.record,
+        "left out with --vary, which keeps no games",
+    )
     game, names = game_in_one_arena(options.game, "--vary"), BySide(options.pursuer, options.evader)
-    variations = tuple(Variation(*one) for one in options.vary)
+    variations = tuple(Variation(*variation) for variation in options.vary)
     matches = varied_matches(game, names, variations, options.games, options.seed, options.starts)
     options.display.begin("playing a match for each value")
-    found = play_varied(matches, variations, options.display.report, play)
-    answer(options, match_facts(options, found.match) | found.to_dict(), varied_table(found))
+    results = play_varied(matches, variations, options.display.report, play)
+    answer(options, match_facts(options, results.match) | results.to_dict(), varied_table(results))
     if options.out:
         from apollonius.show.matches import draw_varied
 
-        draw_varied(found, options.out)
+        draw_varied(results, options.out)
         finish(options, options.out)
     return 0
 
@@ -119,21 +182,23 @@ def warn(options: argparse.Namespace, game: "Game", players: "Iterable[Named]" =
     from apollonius.agents.trained import ANY, learned_elsewhere
     from apollonius.game.types import Role
 
-    found = list({player.name: player for player in players}.values())
+    players_by_name = list({player.name: player for player in players}.values())
     for role in Role:
         elsewhere = [
             player.name
-            for player in found
+            for player in players_by_name
             if player.header and player.header.role == role.name.lower() and learned_elsewhere(player, game)
         ]
         if elsewhere:
             has = "has" if len(elsewhere) == 1 else "have"
-            options.display.tell(f"{', '.join(elsewhere)} {has} learned in another arena; {ANY[role]} plays in any")
+            options.display.tell(
+                f"{', '.join(elsewhere)} {has} learned in another arena; {ANY[role]} plays in any",
+            )
     if game.scenario is not None or not options.game or not options.game.lower().endswith(GAME_FILES):
         return
     from apollonius.arenas.survey import map_notes, missed_passage, survey  # which load SciPy
 
-    passages = missed_passage(game) if any(player.policy.charted for player in found) else []
+    passages = missed_passage(game) if any(player.policy.charted for player in players_by_name) else []
     for line in (*survey(game).wrong, *map_notes(game.arena), *passages):
         options.display.tell(f"{options.game}: {line}")
 
@@ -150,8 +215,8 @@ def match_facts(options: argparse.Namespace, match: "Match") -> dict[str, Any]:
 
 
 def finish(options: argparse.Namespace, *written: Path, then: str = "") -> None:
-    """Print on standard error the written files and folders and, unless a program reads, the next sensible step; the
-    display shows no more.
+    """Print on standard error the written files and folders and, unless a program reads, the next
+    sensible step; the display shows no more.
     """
     options.display.stop()
     lines = [f"wrote {shown(path)} ({_size(path)})" for path in written]
@@ -161,20 +226,37 @@ def finish(options: argparse.Namespace, *written: Path, then: str = "") -> None:
 
 
 def answer_with_replays(
-    options: argparse.Namespace, match: "Match", found: dict[str, Any], text: str, kind: str, games: "Iterator[Replay]"
+    options: argparse.Namespace,
+    match: "Match",
+    facts: dict[str, Any],
+    text: str,
+    kind: str,
+    games: "Iterator[Replay]",
 ) -> int:
-    """Print a match's result, once the first `options.record` games are written to files; return the exit status."""
+    """Write the first `options.record` games to files and print a match's result; return the exit
+    status.
+
+    Args:
+        options: The command's options.
+        match: The match.
+        facts: The result as JSON-like data.
+        text: The result in words.
+        kind: Beginning of the files' names.
+        games: The games in the order in which they are written.
+    """
     from apollonius.play.replay import save_replay
 
     if options.record:
         options.display.begin(f"writing {options.record} replays")
-    written = list[Path]()
+    replay_files = list[Path]()
     for replay in islice(games, options.record):
-        written.append(options.replays / f"{kind}-{replay.index}-{replay.outcome.name.lower()}.json")
-        save_replay(replay, written[-1])
-    answer(options, match_facts(options, match) | found, text)
-    if written:
-        then = command("show", written[0], "--out", written[0].with_suffix(".gif"))
+        replay_files.append(
+            options.replays / f"{kind}-{replay.index}-{replay.outcome.name.lower()}.json",
+        )
+        save_replay(replay, replay_files[-1])
+    answer(options, match_facts(options, match) | facts, text)
+    if replay_files:
+        then = command("show", replay_files[0], "--out", replay_files[0].with_suffix(".gif"))
         finish(options, options.replays, then=then)
     return 0
 
@@ -188,4 +270,6 @@ def _size(path: Path) -> str:
     """Return the size of a file, or of all in a folder, in the unit that keeps it short."""
     files = [file for file in (path.rglob("*") if path.is_dir() else [path]) if file.is_file()]
     size = sum(file.stat().st_size for file in files)
-    return f"{size / 10**6:.1f} MB" if size >= 10**6 else f"{size / 1000:.0f} kB" if size >= 1000 else f"{size} bytes"
+    if size >= 10**6:
+        return f"{size / 10**6:.1f} MB"
+    return f"{size / 1000:.0f} kB" if size >= 1000 else f"{size} bytes"

@@ -1,4 +1,6 @@
-"""`apollonius runs`, `track` and `reproduce`: training runs as jobs, how far they are, and the paper's."""
+"""`apollonius runs`, `track` and `reproduce`: training runs as jobs, how far they are, and the
+paper's.
+"""
 
 import argparse
 from collections.abc import Sequence
@@ -17,7 +19,14 @@ from apollonius.io.workers import Job, run_jobs
 
 
 def add_runs(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("folder", type=runs_folder, nargs="?", default="runs", metavar="DIR", help="default: runs")
+    parser.add_argument(
+        "folder",
+        type=runs_folder,
+        nargs="?",
+        default="runs",
+        metavar="DIR",
+        help="default: runs",
+    )
     add_json(parser)
     parser.set_defaults(run=run_runs, compiles=False)
 
@@ -32,9 +41,9 @@ def run_runs(options: argparse.Namespace) -> int:
     from apollonius.learn.progress import progress_of, runs_below
 
     folder: Path = options.folder
-    found = [progress_of(run) for run in runs_below(folder)]
-    facts = [asdict(run) | {"folder": str(run.folder)} for run in found]
-    answer(options, {"runs": facts}, runs_table(found, folder))
+    runs = [progress_of(run) for run in runs_below(folder)]
+    facts = [asdict(run) | {"folder": str(run.folder)} for run in runs]
+    answer(options, {"runs": facts}, runs_table(runs, folder))
     return 0
 
 
@@ -46,25 +55,27 @@ def run_track(options: argparse.Namespace) -> int:
     lines = load_metrics(folder / "metrics.jsonl")
     track = Tracker(options.to, folder, load_config(folder / "config.toml"))
     options.display.begin(f"sending {len(lines)} records")
-    for done, line in enumerate(lines, start=1):
+    for number, line in enumerate(lines, start=1):
         track(line)
-        options.display.report(done, len(lines))
+        options.display.report(number, len(lines))
     track.close()
     finish(options, folder)
     return 0
 
 
 def train_and_judge(folder: Path) -> bool:
-    """Train the run of a folder, from its checkpoint if it has one, and judge it; return False if it was stopped."""
+    """Train the run of a folder, from its checkpoint if it has one, and judge it; return False if
+    it was stopped.
+    """
     from apollonius.evaluate.pairings import evaluate_run
     from apollonius.learn.folder import load_config
     from apollonius.learn.run import train
 
     config = load_config(folder / "config.toml")
-    finished = train(folder)
-    if finished and config.one_side is None:
+    is_finished = train(folder)
+    if is_finished and config.one_side is None:
         evaluate_run(folder, config.game)
-    return finished
+    return is_finished
 
 
 def train_all(runs: Sequence[Path], folder: Path, options: argparse.Namespace) -> int:
@@ -85,10 +96,29 @@ def train_all(runs: Sequence[Path], folder: Path, options: argparse.Namespace) -
 
 
 def add_reproduce(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--budget", choices=LENGTHS, default="quick", help="of each training (default: quick)")
-    parser.add_argument("--seeds", type=count(SEEDS), default=1, help="number of seeds, from 0 (default: %(default)s)")
-    parser.add_argument("--games", type=count(GAMES), default=10_000, help="games in a match (default: %(default)s)")
-    parser.add_argument("--out", type=new_folder, help="folder of the study (default: runs/reproduce-BUDGET)")
+    parser.add_argument(
+        "--budget",
+        choices=LENGTHS,
+        default="quick",
+        help="of each training (default: quick)",
+    )
+    parser.add_argument(
+        "--seeds",
+        type=count(SEEDS),
+        default=1,
+        help="number of seeds, from 0 (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--games",
+        type=count(GAMES),
+        default=10_000,
+        help="games in a match (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--out",
+        type=new_folder,
+        help="folder of the study (default: runs/reproduce-BUDGET)",
+    )
     add_workers(parser, "trainings", "processes")
     parser.add_argument("--resume", action="store_true", help="resume a study that was stopped")
     parser.set_defaults(run=run_reproduce)
@@ -101,8 +131,17 @@ def run_reproduce(options: argparse.Namespace) -> int:
 
     display = options.display
     folder: Path = options.out or Path("runs") / f"reproduce-{options.budget}"
-    asked = ("--budget", options.budget, "--seeds", options.seeds, "--out", folder, "--on", options.on)
-    go_on(f"go on with: {command('reproduce', *asked, '--resume')}")
+    arguments = (
+        "--budget",
+        options.budget,
+        "--seeds",
+        options.seeds,
+        "--out",
+        folder,
+        "--on",
+        options.on,
+    )
+    go_on(f"go on with: {command('reproduce', *arguments, '--resume')}")
 
     def run_all(jobs: Sequence[Job]) -> list[Any]:
         display.begin("training", partial(mean_share, [job.arguments[0] for job in jobs]))

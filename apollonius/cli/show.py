@@ -1,4 +1,6 @@
-"""`apollonius show`, `report`, `slice` and `play`: games and agents as pictures and pages, and in a browser."""
+"""`apollonius show`, `report`, `slice` and `play`: games and agents as pictures and pages, and in a
+browser.
+"""
 
 import argparse
 import tempfile
@@ -18,7 +20,15 @@ from apollonius.cli.options import (
     requested_match,
     warn,
 )
-from apollonius.cli.values import agent_of, count, known_agent, new_file, new_folder, real, run_folder
+from apollonius.cli.values import (
+    agent_of,
+    count,
+    known_agent,
+    new_file,
+    new_folder,
+    real,
+    run_folder,
+)
 from apollonius.io.errors import InvalidInput, require, require_extra
 from apollonius.io.limits import MOVING, PORT, SEED
 
@@ -26,13 +36,23 @@ from apollonius.io.limits import MOVING, PORT, SEED
 def add_show(parser: argparse.ArgumentParser) -> None:
     about = f"{AGENT}; or a replay file alone"
     parser.add_argument("pursuer", type=agent_of("pursuer"), metavar="PURSUER|REPLAY", help=about)
-    parser.add_argument("evader", type=agent_of("evader"), metavar="EVADER", nargs="?", help="the other side's player")
+    parser.add_argument(
+        "evader",
+        type=agent_of("evader"),
+        metavar="EVADER",
+        nargs="?",
+        help="the other side's player",
+    )
     add_game_options(parser)
     parser.add_argument(
         "--out", type=new_file(*MOVING, ".png", ".json", needs={}), default="game.gif",
         help="file to write: .png, .gif, .webp or a replay's .json (default: %(default)s)",
     )  # fmt: skip
-    parser.add_argument("--speed", type=real, help="seconds of the game in one of a moving picture (default: 1)")
+    parser.add_argument(
+        "--speed",
+        type=real,
+        help="seconds of the game in one of a moving picture (default: 1)",
+    )
     parser.set_defaults(run=run_show, games=1, record=0)
 
 
@@ -44,12 +64,18 @@ def run_show(options: argparse.Namespace) -> int:
         moving = f"left out, as only {', '.join(MOVING)} move"
         require(options.out.suffix in MOVING, "--speed", options.speed, moving)
         possible = f"from {animation.SLOWEST:g} to {animation.FASTEST:g} times real time"
-        require(animation.SLOWEST <= options.speed <= animation.FASTEST, "--speed", options.speed, possible)
+        require(
+            animation.SLOWEST <= options.speed <= animation.FASTEST,
+            "--speed",
+            options.speed,
+            possible,
+        )
     display = options.display
     display.begin("playing one game")
     if options.evader is None:
         replay = load_replay(Path(options.pursuer))
-        if (first := replay.first_difference()) is not None:
+        first = replay.first_difference()
+        if first is not None:
             display.tell(f"played again, this game differs from step {first} on")
     else:
         from apollonius.evaluate.match import record_game
@@ -68,14 +94,25 @@ def run_show(options: argparse.Namespace) -> int:
     elif options.evader is None:
         then = command("play")
     else:
-        then = command("evaluate", options.pursuer, options.evader, *chosen_rules(options), "--games", 1000)
+        then = command(
+            "evaluate",
+            options.pursuer,
+            options.evader,
+            *chosen_rules(options),
+            "--games",
+            1000,
+        )
     finish(options, options.out, then=then)
     return 0
 
 
 def add_report(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=run_folder, metavar="RUN", help="folder of a training run")
-    parser.add_argument("--out", type=new_file(".html"), help="file to write, .html (default: RUN/report.html)")
+    parser.add_argument(
+        "--out",
+        type=new_file(".html"),
+        help="file to write, .html (default: RUN/report.html)",
+    )
     parser.set_defaults(run=run_report)
 
 
@@ -92,14 +129,55 @@ def run_report(options: argparse.Namespace) -> int:
 
 
 def add_slice(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("agent", type=known_agent, metavar="AGENT", help="one that values its actions")
-    parser.add_argument("--opponent", type=real, nargs=2, required=True, metavar=("X", "Y"), help="where it is [m]")
-    parser.add_argument("--opponent-speed", type=real, default=0.0, metavar="V", help="[m/s] (default: 0)")
-    parser.add_argument("--opponent-heading", type=real, default=0.0, metavar="DEG", help="from the x axis")
-    parser.add_argument("--speed", type=real, default=0.0, metavar="V", help="of the agent itself [m/s] (default: 0)")
-    parser.add_argument("--heading", type=real, default=0.0, metavar="DEG", help="of the agent itself (default: 0)")
+    parser.add_argument(
+        "agent",
+        type=known_agent,
+        metavar="AGENT",
+        help="one that values its actions",
+    )
+    parser.add_argument(
+        "--opponent",
+        type=real,
+        nargs=2,
+        required=True,
+        metavar=("X", "Y"),
+        help="where it is [m]",
+    )
+    parser.add_argument(
+        "--opponent-speed",
+        type=real,
+        default=0.0,
+        metavar="V",
+        help="[m/s] (default: 0)",
+    )
+    parser.add_argument(
+        "--opponent-heading",
+        type=real,
+        default=0.0,
+        metavar="DEG",
+        help="from the x axis",
+    )
+    parser.add_argument(
+        "--speed",
+        type=real,
+        default=0.0,
+        metavar="V",
+        help="of the agent itself [m/s] (default: 0)",
+    )
+    parser.add_argument(
+        "--heading",
+        type=real,
+        default=0.0,
+        metavar="DEG",
+        help="of the agent itself (default: 0)",
+    )
     add_game(parser)
-    parser.add_argument("--out", type=new_file(".png"), default="slice.png", help="PNG to write (default: %(default)s)")
+    parser.add_argument(
+        "--out",
+        type=new_file(".png"),
+        default="slice.png",
+        help="PNG to write (default: %(default)s)",
+    )
     parser.set_defaults(run=run_slice)
 
 
@@ -120,7 +198,8 @@ def run_slice(options: argparse.Namespace) -> int:
     game = game_in_one_arena(options.game, "slice")
     path = Path(options.agent)
     role = Role[load_solution(path).problem.role.upper()] if is_solution(path) else side_of(options.agent)
-    agent, nine = find_player(options.agent, role, game), "one that values its nine actions, as those trained by DQN do"
+    agent = find_player(options.agent, role, game)
+    nine = "one that values its nine actions, as those trained by DQN do"
     if not isinstance(agent.policy, AbstractActionValuePolicy):
         raise InvalidInput(f"agent = {options.agent} is not possible: it must be {nine}.")
     warn(options, game, [agent])
@@ -128,22 +207,50 @@ def run_slice(options: argparse.Namespace) -> int:
     options.display.begin("asking the agent all over the arena")
     save_slice(agent.policy, role, agent.name, game, own, opponent, options.out)
     players, gif = BySide.of(role, options.agent, "random"), options.out.with_suffix(".gif")
-    finish(options, options.out, then=command("show", *players, *chosen_rules(options), "--out", gif))
+    finish(
+        options,
+        options.out,
+        then=command("show", *players, *chosen_rules(options), "--out", gif),
+    )
     return 0
 
 
 def add_play(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--as", dest="side", choices=SIDES, default="evader", help="your side (default: evader)")
+    parser.add_argument(
+        "--as",
+        dest="side",
+        choices=SIDES,
+        default="evader",
+        help="your side (default: evader)",
+    )
     parser.add_argument(
         "--against", type=known_agent, metavar="AGENT",
         help="your opponent: a rule such as intercept, a zoo agent, a .safetensors file, or a .wasm file of your own; "
         "shielded: may precede it (default: the best there is, a little slow to see)",
     )  # fmt: skip
     add_game(parser)
-    parser.add_argument("--seed", type=count(SEED), default=0, help="seed of the starts (default: %(default)s)")
-    parser.add_argument("--port", type=count(PORT), help="of the page on this machine (default: the first free one)")
-    parser.add_argument("--no-open", action="store_true", help="print the page's address, open no browser")
-    parser.add_argument("--site", type=new_folder, metavar="DIR", help="write the page there, and serve nothing")
+    parser.add_argument(
+        "--seed",
+        type=count(SEED),
+        default=0,
+        help="seed of the starts (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--port",
+        type=count(PORT),
+        help="of the page on this machine (default: the first free one)",
+    )
+    parser.add_argument(
+        "--no-open",
+        action="store_true",
+        help="print the page's address, open no browser",
+    )
+    parser.add_argument(
+        "--site",
+        type=new_folder,
+        metavar="DIR",
+        help="write the page there, and serve nothing",
+    )
     parser.set_defaults(run=run_play)
 
 
@@ -161,7 +268,11 @@ def run_play(options: argparse.Namespace) -> int:
         require(empty, "--site", options.site, "a new or empty folder; choose another")
         with whole_folder(options.site) as folder:
             write_site(folder, choice)
-        finish(options, options.site, then=f"put it on any web host; its page is {options.site / 'index.html'}")
+        finish(
+            options,
+            options.site,
+            then=f"put it on any web host; its page is {options.site / 'index.html'}",
+        )
         return 0
     with tempfile.TemporaryDirectory() as private:
         folder = Path(private) / "site"  # which takes the mode of the page's own folder
@@ -171,6 +282,7 @@ def run_play(options: argparse.Namespace) -> int:
             address = f"http://{server.server_address[0]}:{server.server_port}/"
             print(f"play at {address}  (Ctrl-C ends)", flush=True)
             if not options.no_open:
-                Thread(target=webbrowser.open, args=(address,), daemon=True).start()  # some end with their window
+                # some end with their window
+                Thread(target=webbrowser.open, args=(address,), daemon=True).start()
             server.serve_forever()
     return 0

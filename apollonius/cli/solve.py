@@ -1,4 +1,6 @@
-"""`apollonius solve` and `pursuers`: ground truth by dynamic programming, and how many pursuers are enough."""
+"""`apollonius solve` and `pursuers`: ground truth by dynamic programming, and how many pursuers are
+enough.
+"""
 
 import argparse
 from collections.abc import Sequence
@@ -10,7 +12,15 @@ from typing import TYPE_CHECKING, Any
 from apollonius.agents.names import SIDES
 from apollonius.cli.options import add_game, add_json, answer, finish, warn
 from apollonius.cli.terminal import columns, show_sweep
-from apollonius.cli.values import count, existing_file, known_game, new_file, nodes, real, require_writable
+from apollonius.cli.values import (
+    count,
+    existing_file,
+    known_game,
+    new_file,
+    nodes,
+    real,
+    require_writable,
+)
 from apollonius.io.errors import InvalidInput, require
 from apollonius.io.limits import HOLD
 
@@ -30,7 +40,17 @@ SOLVING = ("solving the game for the pursuer", "solving the game for the evader"
 def solved_game(
     display: "Display", game: "Game", counts: Sequence[int] | None, folder: Path | None
 ) -> "BySide[SaddlePolicy]":
-    """Return the players of both sides by the solved game; arguments and errors as of `cached_tables`."""
+    """Solve a game, or load its tables; return both sides' players.
+
+    Args:
+        display: Display of the progress.
+        game: The game.
+        counts: Nodes of the grid along x, y, v and heading; a coarse grid for None.
+        folder: Folder of the tables; None stores nothing.
+
+    Raises:
+        InvalidInput: As `cached_tables`.
+    """
     from apollonius.solve.solving import cached_tables
 
     def report(role: "Role", sweep: "Sweep") -> None:
@@ -45,8 +65,18 @@ def solved_game(
 def add_table_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that say by which tables to play."""
     solved = parser.add_mutually_exclusive_group()
-    solved.add_argument("--tables", type=existing_file, nargs=2, metavar="FILE", help="the game solved from both sides")
-    solved.add_argument("--grid", type=nodes, help="nodes of the grid to solve it on (default: a coarse one)")
+    solved.add_argument(
+        "--tables",
+        type=existing_file,
+        nargs=2,
+        metavar="FILE",
+        help="the game solved from both sides",
+    )
+    solved.add_argument(
+        "--grid",
+        type=nodes,
+        help="nodes of the grid to solve it on (default: a coarse one)",
+    )
 
 
 def requested_tables(options: argparse.Namespace, game: "Game") -> "BySide[SaddlePolicy]":
@@ -59,7 +89,12 @@ def requested_tables(options: argparse.Namespace, game: "Game") -> "BySide[Saddl
         options.display.begin(SOLVING[0])
         players = [table_player(path, game) for path in options.tables]
         sides = {player.zero_sum_game.role: player for player in players}
-        require(len(sides) == 2, "--tables", " ".join(map(str, options.tables)), "a pursuer's and an evader's")
+        require(
+            len(sides) == 2,
+            "--tables",
+            " ".join(map(str, options.tables)),
+            "a pursuer's and an evader's",
+        )
         return BySide(sides[Role.PURSUER], sides[Role.EVADER])
     counts = options.grid or joint_grid(game, Role.PURSUER, FEW_PAIRS)[0].counts
     return solved_game(options.display, game, counts, cache_folder("tables"))
@@ -72,14 +107,40 @@ def add_solve(parser: argparse.ArgumentParser) -> None:
         "game: the payoff that the grid promises a side against any opponent",
     )  # fmt: skip
     add_game(parser)
-    parser.add_argument("--role", choices=SIDES, help="of safety and game: which side (default: pursuer)")
-    parser.add_argument("--whole-cells", action="store_true", help="of game: robots move by whole cells along x and y")
-    parser.add_argument("--target", type=real, nargs=2, metavar=("X", "Y"), help="of reach: where it stands [m]")
-    parser.add_argument("--grid", type=nodes, help="nodes along x, y, v and heading (default: about 0.2 m apart)")
-    parser.add_argument("--hold", type=count(HOLD), help="steps for which an action is held (default: about 0.5 s)")
+    parser.add_argument(
+        "--role",
+        choices=SIDES,
+        help="of safety and game: which side (default: pursuer)",
+    )
+    parser.add_argument(
+        "--whole-cells",
+        action="store_true",
+        help="of game: robots move by whole cells along x and y",
+    )
+    parser.add_argument(
+        "--target",
+        type=real,
+        nargs=2,
+        metavar=("X", "Y"),
+        help="of reach: where it stands [m]",
+    )
+    parser.add_argument(
+        "--grid",
+        type=nodes,
+        help="nodes along x, y, v and heading (default: about 0.2 m apart)",
+    )
+    parser.add_argument(
+        "--hold",
+        type=count(HOLD),
+        help="steps for which an action is held (default: about 0.5 s)",
+    )
     about = "file of the table; what it holds is not solved again (default: WHAT-GAME.safetensors)"
     parser.add_argument("--out", type=new_file(".safetensors"), help=about)
-    parser.add_argument("--force", action="store_true", help="overwrite a file that holds something else")
+    parser.add_argument(
+        "--force",
+        action="store_true",
+        help="overwrite a file that holds something else",
+    )
     add_json(parser)
     parser.set_defaults(run=run_solve)
 
@@ -99,15 +160,17 @@ def run_solve(options: argparse.Namespace) -> int:
     if not is_new:
         solution = load_solution(path)
         if solution.problem != problem:
-            raise InvalidInput(f"'{path}' holds the solution of another problem: give another --out, or --force.")
+            raise InvalidInput(
+                f"'{path}' holds the solution of another problem: give another --out, or --force.",
+            )
     else:
         display.begin(f"solving {problem.kind} on {'x'.join(map(str, problem.counts))} nodes")
         solution = solve_problem(problem, game, partial(show_sweep, display))
         save_solution(solution, path)
     display.begin("judging the table")
     facts = about(solution, game) | {"file": str(path)}
-    said = {name: f"{value:.4g}" if isinstance(value, float) else value for name, value in facts.items()}
-    answer(options, facts, "\n".join(f"{name:<52} {value}" for name, value in said.items()))
+    texts = {name: f"{value:.4g}" if isinstance(value, float) else value for name, value in facts.items()}
+    answer(options, facts, "\n".join(f"{name:<52} {value}" for name, value in texts.items()))
     if is_new:
         finish(options, path)
     return 0
@@ -121,19 +184,41 @@ def _requested_problem(options: argparse.Namespace, game: "Game") -> "Problem":
     from apollonius.solve.store import Problem
 
     what, target = options.what, options.target
-    require((target is not None) == (what == "reach"), "--target", target, "X Y for reach, and left out otherwise")
-    alone = not (what == "reach" and options.role)
-    require(alone, "--role", options.role, "left out for reach, where the pursuer moves")
+    require(
+        (target is not None) == (what == "reach"),
+        "--target",
+        target,
+        "X Y for reach, and left out otherwise",
+    )
+    has_role = not (what == "reach" and options.role)
+    require(has_role, "--role", options.role, "left out for reach, where the pursuer moves")
     role = Role[(options.role or "pursuer").upper()]
     grid, hold = (joint_grid if what == "game" else reference_grid)(game, role)
     counts, hold = options.grid or grid.counts, options.hold or hold
     make_grid(game.arena, game.body(role), counts)  # refused here, before anything is solved
-    return Problem(what, role.name.lower(), to_dict(game), list(counts), hold, target, options.whole_cells)
+    return Problem(
+        what,
+        role.name.lower(),
+        to_dict(game),
+        list(counts),
+        hold,
+        target,
+        options.whole_cells,
+    )
 
 
 def add_pursuers(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("game", type=known_game, metavar="ARENA", help="the name of a game, or a .toml or .json file")
-    parser.add_argument("--to-see", action="store_true", help="count those that are sure to see a hidden evader")
+    parser.add_argument(
+        "game",
+        type=known_game,
+        metavar="ARENA",
+        help="the name of a game, or a .toml or .json file",
+    )
+    parser.add_argument(
+        "--to-see",
+        action="store_true",
+        help="count those that are sure to see a hidden evader",
+    )
     add_json(parser)
     parser.set_defaults(run=run_pursuers)
 
@@ -156,13 +241,16 @@ def run_pursuers(options: argparse.Namespace) -> int:
 
     enough = how_many_to_see(game, space, report) if options.to_see else how_many(space, report)
     if not enough.readings:
-        raise InvalidInput(f"'{options.game}' has too many obstacles to be solved on a graph; take a part of it.")
+        raise InvalidInput(
+            f"'{options.game}' has too many obstacles to be solved on a graph; take a part of it.",
+        )
     facts = _facts(options.game, enough)
     answer(options, facts, _text(facts, enough.verdict))
     return 0 if enough.agree else 1
 
 
 def _facts(name: str, enough: "Enough") -> dict[str, Any]:
+    places = enough.readings[-1].places
     return {
         "arena": name,
         "pursuers": enough.pursuers,
@@ -181,13 +269,15 @@ def _facts(name: str, enough: "Enough") -> dict[str, Any]:
             }
             for reading in enough.readings
         ],
-        **({} if (places := enough.readings[-1].places) is None else {"strategy": places.round(2).tolist()}),
+        **({} if places is None else {"strategy": places.round(2).tolist()}),
     }
 
 
 def _text(facts: dict[str, Any], verdict: str) -> str:
     graphs = facts["graphs"]
-    cells = [[f"{value:.2f}" if isinstance(value, float) else str(value) for value in one.values()] for one in graphs]
+    cells = [
+        [f"{value:.2f}" if isinstance(value, float) else str(value) for value in graph.values()] for graph in graphs
+    ]
     how = "all moving at once, until the evader is seen" if "strategy" in facts else "turn by turn, seeing each other"
     lines = [
         f"{facts['arena']}: {verdict}",

@@ -65,16 +65,28 @@ _OWN_FAILURES = "hit_obstacle", "out_of_range"
 
 
 def match_table(match: "Match", result: "MatchResult") -> str:
-    """Return a match as lines of text: who wins more, who fails, and a bar for each outcome that occurred."""
+    """Return a match as lines of text: who wins more, who fails, and a bar for each outcome that
+    occurred.
+    """
     pursuer, evader = result.pursuer_win_interval, result.evader_win_interval
-    ahead = "The pursuer" if pursuer[0] > evader[1] else "The evader" if evader[0] > pursuer[1] else "Nobody surely"
-    lines = [f"{ahead} wins more."]
+    winner = "Nobody surely"
+    if pursuer[0] > evader[1]:
+        winner = "The pursuer"
+    elif evader[0] > pursuer[1]:
+        winner = "The evader"
+    lines = [f"{winner} wins more."]
     rates = result.pursuer_win_rate, result.evader_win_rate
-    for side, player, rate, interval in zip(SIDES, match.players, rates, (pursuer, evader), strict=True):
-        failed = sum(result.outcomes[f"{side}_{how}"] for how in _OWN_FAILURES) + result.outcomes["both_failed"]
+    for side, player, rate, interval in zip(
+        SIDES,
+        match.players,
+        rates,
+        (pursuer, evader),
+        strict=True,
+    ):
+        failures = sum(result.outcomes[f"{side}_{how}"] for how in _OWN_FAILURES) + result.outcomes["both_failed"]
         lines.append(f"  {player.name} ({side}) wins {rate:.2%} of games {within(interval)}")
-        if failed:
-            lines[-1] += f", loses {failed / result.games:.2%} by a failure of its own"
+        if failures:
+            lines[-1] += f", loses {failures / result.games:.2%} by a failure of its own"
     lines.append(f"{match.games:,} games, starts: {match.game.starts.speed}")
     shares = _shares(result.outcomes)
     rows = [(f"  {name.replace('_', ' ')}", f"{share:.1%}", f"{result.outcomes[name]:,}") for name, share in shares]
@@ -84,8 +96,11 @@ def match_table(match: "Match", result: "MatchResult") -> str:
         if sight.first_steps is not None:
             lines[-1] += f", first after {sight.first_steps * float(match.game.dt):.1f} s (median)"
         lines[-1] += f", and in {sight.share:.1%} of all steps"
-    if arenas := result.arenas:
-        lines.append(f"  by arenas the pursuer wins {arenas.mean:.2%} {within(arenas.interval)}, a mean of")
+    arenas = result.arenas
+    if arenas:
+        lines.append(
+            f"  by arenas the pursuer wins {arenas.mean:.2%} {within(arenas.interval)}, a mean of",
+        )
         lines[-1] += f" {len(arenas.wins)}; {arenas.worst:.2%} in the worst tenth"
     return "\n".join(lines)
 
@@ -102,7 +117,9 @@ def within(interval: tuple[float, float], form: str = ".2%") -> str:
 
 
 def columns(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return rows as lines of text with aligned cells, the first to the left and the others to the right."""
+    """Return rows as lines of text with aligned cells, the first to the left and the others to the
+    right.
+    """
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return ["  ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]) for row in rows]
 
@@ -112,11 +129,14 @@ _QUARTERS = 0, 25, 50, 75, 100
 
 
 def learning_table(curves: "Sequence[Curve]") -> str:
-    """Return what a training changed as lines of text: a row for each curve, a column for each quarter of its stage."""
+    """Return what a training changed as lines of text: a row for each curve, a column for each
+    quarter of its stage.
+    """
     rows = [("What they learned, by the stage", *[f"{percent} %" for percent in _QUARTERS])]
     for curve in curves:
         shares = [curve.wins.get(percent) for percent in _QUARTERS]
-        rows.append((f"  {curve.about}", *["-" if share is None else f"{share:.1%}" for share in shares]))
+        cells = ["-" if share is None else f"{share:.1%}" for share in shares]
+        rows.append((f"  {curve.about}", *cells))
     return "\n".join(columns(rows))
 
 
@@ -131,7 +151,14 @@ def comparison_table(match: "Match", comparison: "Comparison") -> str:
     ]
     for event, rate in comparison.differences.items():
         low, high = (f"{100 * end:+.1f}" for end in rate.interval)
-        rows.append((f"  {event}", f"{rate.rules:.1%}", f"{rate.bodies:.1%}", f"{low} to {high} points (95 %)"))
+        rows.append(
+            (
+                f"  {event}",
+                f"{rate.rules:.1%}",
+                f"{rate.bodies:.1%}",
+                f"{low} to {high} points (95 %)",
+            )
+        )
     return "\n".join([match_heading(match), *columns(rows)])
 
 
@@ -143,16 +170,31 @@ def tournament_table(tournament: "Tournament", starts: str) -> str:
         table.append([name, *[f"{rate:.1%}" for rate in [*row, row.mean()]]])
     ends = [match.pursuer_win_interval for row in tournament.matches for match in row]
     widest = 50 * max(high - low for low, high in ends)
-    lines = [*columns(table), f"Starts: {starts}. 95 % intervals are within {widest:.1f} points of the rates.", "Elo:"]
-    for side, names, rated in zip(SIDES, (tournament.pursuers, tournament.evaders), tournament.ratings, strict=True):
+    lines = [
+        *columns(table),
+        f"Starts: {starts}. 95 % intervals are within {widest:.1f} points of the rates.",
+        "Elo:",
+    ]
+    for side, names, rated in zip(
+        SIDES,
+        (tournament.pursuers, tournament.evaders),
+        tournament.ratings,
+        strict=True,
+    ):
         ranked = sorted(zip(rated.points, rated.reach, names, strict=True), reverse=True)
-        lines.append(f"  {side}s " + ", ".join(f"{name} {elo:.0f} ± {half:.0f}" for elo, half, name in ranked))
+        lines.append(
+            f"  {side}s " + ", ".join(f"{name} {elo:.0f} ± {half:.0f}" for elo, half, name in ranked),
+        )
     return "\n".join(lines)
 
 
 def advice_table(advice: "Advice") -> str:
-    """Return the pursuers' win rates as lines of text, the best players, and where the pursuer stops."""
-    tournament, best, least = advice.tournament, advice.best, advice.least
+    """Return the pursuers' win rates as lines of text, the best players, and where the pursuer
+    stops.
+    """
+    tournament = advice.tournament
+    best = advice.best
+    least = advice.least
     table = [["pursuer wins", *tournament.evaders]]
     for name, row in zip(tournament.pursuers, tournament.win_rates, strict=True):
         table.append([name, *[f"{rate:.0%}" for rate in row]])
@@ -163,14 +205,18 @@ def advice_table(advice: "Advice") -> str:
     ]
     if advice.stops:
         places = ", ".join(f"({x:g}, {y:g})" for x, y in advice.stops)
-        lines.append(f"places [m] where {best.pursuer} was when a standing evader was not caught in time: {places}")
+        lines.append(
+            f"places [m] where {best.pursuer} was when a standing evader was not caught in time: {places}",
+        )
     return "\n".join(lines)
 
 
 def varied_table(varied: "VariedMatches") -> str:
-    """Return a sweep as lines of text: a row for each value of the first number, a column for each of the second."""
+    """Return a sweep as lines of text: a row for each value of the first number, a column for each
+    of the second.
+    """
     first, *second = varied.variations
-    corner = " \\ ".join(one.field for one in varied.variations)
+    corner = " \\ ".join(variation.field for variation in varied.variations)
     header = [f"{value:g}" for value in second[0].values] if second else ["pursuer wins"]
     cells = [
         f"{100 * result.pursuer_win_rate:.1f} [{100 * low:.0f}, {100 * high:.0f}]"
@@ -201,5 +247,5 @@ def _in_words(outcomes: dict[str, int]) -> str:
 
 def _shares(outcomes: dict[str, int]) -> list[tuple[str, float]]:
     """Return the outcomes that occurred with their shares of all games, the most frequent first."""
-    ranked = sorted(outcomes.items(), key=lambda counted: -counted[1])
+    ranked = sorted(outcomes.items(), key=lambda item: -item[1])
     return [(name, count / sum(outcomes.values())) for name, count in ranked if count]

@@ -34,30 +34,72 @@ STAGES = ("fixed-target", "self-play", "both")
 
 
 def add_train(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--preset", choices=LENGTHS, default="quick", help="length of training (default: quick)")
+    parser.add_argument(
+        "--preset",
+        choices=LENGTHS,
+        default="quick",
+        help="length of training (default: quick)",
+    )
     parser.add_argument("--stage", choices=STAGES, help="which stage to train (default: both)")
-    parser.add_argument("--algorithm", choices=ALGORITHMS, help="dqn: discrete actions (default); sac: continuous ones")
-    parser.add_argument("--profile", choices=PROFILES, help="how DQN learns: fast (default), or paper, as printed")
-    parser.add_argument("--game", type=known_game, help="name of the game, or a .toml or .json file (default: paper)")
+    parser.add_argument(
+        "--algorithm",
+        choices=ALGORITHMS,
+        help="dqn: discrete actions (default); sac: continuous ones",
+    )
+    parser.add_argument(
+        "--profile",
+        choices=PROFILES,
+        help="how DQN learns: fast (default), or paper, as printed",
+    )
+    parser.add_argument(
+        "--game",
+        type=known_game,
+        help="name of the game, or a .toml or .json file (default: paper)",
+    )
     parser.add_argument("--seed", type=count(SEED), help="seed of everything random (default: 0)")
-    parser.add_argument("--seeds", type=seeds, help="a run for each of several seeds, as 0-9 or 0,3,7")
+    parser.add_argument(
+        "--seeds",
+        type=seeds,
+        help="a run for each of several seeds, as 0-9 or 0,3,7",
+    )
     parser.add_argument(
         "--vary", type=varied_field, action="append", default=[], metavar="FIELD=VALUES",
         help="a run for each value of a field of config.toml: dqn.learning_rate=1e-4,3e-4 or FIELD=FROM:TO:COUNT; "
         "several for all combinations",
     )  # fmt: skip
     add_workers(parser, "the runs of a sweep")
-    parser.add_argument("--config", type=existing_file, help="a config.toml to start from instead of a preset")
-    parser.add_argument("--opponents", choices=SCHEMES, help="of both sides in self-play (default: latest, each other)")
-    parser.add_argument("--out", type=new_folder, help="folder of the run or sweep (default: runs/PRESET-STAGE-SEED)")
-    parser.add_argument("--force", action="store_true", help="overwrite a run that is already there")
+    parser.add_argument(
+        "--config",
+        type=existing_file,
+        help="a config.toml to start from instead of a preset",
+    )
+    parser.add_argument(
+        "--opponents",
+        choices=SCHEMES,
+        help="of both sides in self-play (default: latest, each other)",
+    )
+    parser.add_argument(
+        "--out",
+        type=new_folder,
+        help="folder of the run or sweep (default: runs/PRESET-STAGE-SEED)",
+    )
+    parser.add_argument(
+        "--force",
+        action="store_true",
+        help="overwrite a run that is already there",
+    )
     about = "send the metrics of one run to a tracker meanwhile"
     parser.add_argument("--track", type=installed, choices=TRACKERS, help=about)
     parser.set_defaults(run=run_train)
 
 
 def add_resume(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("folder", type=runs_folder, metavar="DIR", help="folder of a run, or of several")
+    parser.add_argument(
+        "folder",
+        type=runs_folder,
+        metavar="DIR",
+        help="folder of a run, or of several",
+    )
     add_workers(parser, "the runs of a sweep")
     parser.set_defaults(run=run_resume, track=None)
 
@@ -71,28 +113,47 @@ def run_train(options: argparse.Namespace) -> int:
     from apollonius.learn.setting import require_players
 
     config = _requested_config(options)
-    require(options.seed is None or not options.seeds, "--seed", options.seed, "left out with --seeds")
+    require(
+        options.seed is None or not options.seeds,
+        "--seed",
+        options.seed,
+        "left out with --seeds",
+    )
     values = dict(options.vary) | ({"seed": options.seeds} if options.seeds else {})
-    varied = [*(field for field, _ in options.vary), *(["seed"] if options.seeds else [])]
-    require(len(varied) == len(values), "--vary", ", ".join(varied), "of different fields")
+    varied_names = [*(field for field, _ in options.vary), *(["seed"] if options.seeds else [])]
+    require(
+        len(varied_names) == len(values),
+        "--vary",
+        ", ".join(varied_names),
+        "of different fields",
+    )
     configs = sweep(config, values) if values else {"": config}
     name = options.config.stem if options.config else options.preset
     folder: Path = options.out or Path("runs") / f"{name}-{config.stages}-{'sweep' if values else config.seed}"
-    for one in configs.values():
-        find_pool(one.evaders, Role.EVADER, one.game)  # refused here, before anything is written
+    for run_config in configs.values():
+        # refused here, before anything is written
+        find_pool(run_config.evaders, Role.EVADER, run_config.game)
         for role in Role:
-            load_first(one, role)
-        if one.one_side is not None:
-            require_players(one.one_side, one.game)
+            load_first(run_config, role)
+        if run_config.one_side is not None:
+            require_players(run_config.one_side, run_config.game)
     if values and folder.exists():
         is_new = options.force or not any(folder.iterdir())
-        require(is_new, "--out", folder, "a new folder, as this one is not empty; choose another or force it")
+        require(
+            is_new,
+            "--out",
+            folder,
+            "a new folder, as this one is not empty; choose another or force it",
+        )
     several = bool(values or options.on)
     require(
-        options.track is None or not several, "--track", options.track, "left out here; apollonius track sends runs"
+        options.track is None or not several,
+        "--track",
+        options.track,
+        "left out here; apollonius track sends runs",
     )
-    for name, one in configs.items():
-        create_run(one, folder / name, force=options.force)
+    for name, run_config in configs.items():
+        create_run(run_config, folder / name, force=options.force)
     if several:
         return train_all([folder / name for name in configs], folder, options)
     return _train_and_judge(config, folder, options)
@@ -131,7 +192,10 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
     config = replace(config, sac=(config.sac or SACConfig()) if algorithm == "sac" else None)
     self_play = config.self_play
     if options.opponents:
-        self_play = replace(self_play, opponents=replace(self_play.opponents, scheme=options.opponents))
+        self_play = replace(
+            self_play,
+            opponents=replace(self_play.opponents, scheme=options.opponents),
+        )
     changes: dict[str, Any] = {
         "self_play": self_play,
         "stages": options.stage,
@@ -152,7 +216,9 @@ def _train_and_judge(config: "RunConfig", folder: Path, options: argparse.Namesp
     from apollonius.learn.run import Run
     from apollonius.learn.teacher import TABLES
 
-    trackers, display, to = list[Tracker](), options.display, options.track
+    trackers = list[Tracker]()
+    display = options.display
+    to = options.track
 
     def report(line: "MetricsLine", share: float) -> None:
         display.report(share, 1.0)
@@ -162,7 +228,9 @@ def _train_and_judge(config: "RunConfig", folder: Path, options: argparse.Namesp
                 track(line)
             except Exception as error:  # of any kind: each library has its own
                 trackers.clear()
-                display.tell(f"{to} takes no more ({error}); apollonius track {folder} --to {to} sends all afterwards")
+                display.tell(
+                    f"{to} takes no more ({error}); apollonius track {folder} --to {to} sends all afterwards",
+                )
 
     def tell(match: "Match", result: "MatchResult") -> None:
         print(match_table(match, result), end="\n\n", flush=True)
@@ -176,11 +244,11 @@ def _train_and_judge(config: "RunConfig", folder: Path, options: argparse.Namesp
     display.begin("training")
     try:
         with asked_to_stop():
-            finished = run.execute()
+            is_finished = run.execute()
     finally:
         for track in trackers:
             track.close()
-    if not finished:
+    if not is_finished:
         raise KeyboardInterrupt
     if config.one_side is not None:
         agent = agent_file(folder, f"{config.one_side.role[0].upper()}_{config.kind}")

@@ -12,7 +12,16 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from apollonius.agents.names import BUILT_IN, FROM_ZOO, LISTED, SEARCHING, SHIELDED, agents_folders, side_of, zoo_names
+from apollonius.agents.names import (
+    BUILT_IN,
+    FROM_ZOO,
+    LISTED,
+    SEARCHING,
+    SHIELDED,
+    agents_folders,
+    side_of,
+    zoo_names,
+)
 from apollonius.arenas.names import game_names, unknown_game
 from apollonius.game.names import TEAM
 from apollonius.io.errors import EXTRAS, TRACKERS, missing, nearest, require, shown, unknown_name
@@ -30,8 +39,12 @@ _NODES = re.compile(r"(\d{1,6})x(\d{1,6})x(\d{1,6})x(\d{1,6})", re.ASCII)
 
 
 def unfit(text: str, bound: str) -> argparse.ArgumentTypeError:
-    """Return the error of a value that is not possible; the parser puts the argument's name before it."""
-    return argparse.ArgumentTypeError(f"= {shown(text) or 'nothing'} is not possible: it must be {bound}.")
+    """Return the error of a value that is not possible; the parser puts the argument's name before
+    it.
+    """
+    return argparse.ArgumentTypeError(
+        f"= {shown(text) or 'nothing'} is not possible: it must be {bound}.",
+    )
 
 
 def _number(text: str) -> float:
@@ -41,13 +54,13 @@ def _number(text: str) -> float:
         return math.nan
 
 
-def count(counted: Counted) -> Callable[[str], int]:
+def count(limits: Counted) -> Callable[[str], int]:
     """Return the reader of a whole number of something that is counted; 1e4 is one, too."""
 
     def read(text: str) -> int:
         number = _number(text)
-        if not number.is_integer() or not counted.least <= number <= counted.limit:
-            raise unfit(text, counted.bound())
+        if not number.is_integer() or not limits.least <= number <= limits.limit:
+            raise unfit(text, limits.bound())
         return int(number)
 
     return read
@@ -55,15 +68,19 @@ def count(counted: Counted) -> Callable[[str], int]:
 
 def real(text: str) -> float:
     """Return a finite number of modest size."""
-    if not abs(number := _number(text)) <= LARGEST:
+    number = _number(text)
+    if not abs(number) <= LARGEST:
         raise unfit(text, f"a number within {LARGEST:g} of 0")
     return number
 
 
 def installed(text: str) -> str:
-    """Return the name of a tracker, or of the place where jobs run, unless what it needs is not installed."""
-    needed = ("track", TRACKERS[text]) if text in TRACKERS else (text,)
-    if needed[0] in EXTRAS and (remedy := missing(*needed)):
+    """Return the name of a tracker, or of the place where jobs run, unless what it needs is not
+    installed.
+    """
+    extra_modules = ("track", TRACKERS[text]) if text in TRACKERS else (text,)
+    remedy = missing(*extra_modules) if extra_modules[0] in EXTRAS else None
+    if remedy:
         raise unfit(text, f"another one where its library is not installed: {remedy}")
     if text == "slurm" and shutil.which("sbatch") is None:
         raise unfit(text, "processes where Slurm's sbatch is not on the PATH")
@@ -72,27 +89,32 @@ def installed(text: str) -> str:
 
 def seeds(text: str) -> tuple[int, ...]:
     """Return the seeds of a sweep, given as `0-9` or `0,3,7`."""
-    found: dict[int, None] = {}
+    all_seeds: dict[int, None] = {}
     for part in text.split(","):
         first, dash, last = part.partition("-")
         low, high = map(count(SEED), (first, last if dash else first))
-        if not low <= high < low + TRAININGS.most - len(found):
+        if not low <= high < low + TRAININGS.most - len(all_seeds):
             raise unfit(text, f"seeds as 0-9 or 0,3,7, at most {TRAININGS.most:,}")
-        found |= dict.fromkeys(range(low, high + 1))
-    return tuple(found)
+        all_seeds |= dict.fromkeys(range(low, high + 1))
+    return tuple(all_seeds)
 
 
 def varied_field(text: str) -> tuple[str, tuple[Any, ...]]:
-    """Return a field of a training's config and its values, listed as `dqn.batch=64,128`, or spaced as by `varied`."""
-    field, equals, listed = text.partition("=")
-    if listed.count(":") == 2:
+    """Return a field of a training's config and its values, listed as `dqn.batch=64,128`, or spaced
+    as by `varied`.
+    """
+    field, equals, values_text = text.partition("=")
+    if values_text.count(":") == 2:
         return field, tuple(int(value) if value.is_integer() else value for value in varied(text)[1])
-    if not (field.strip() and equals and listed):
-        raise unfit(text, "FIELD=VALUE,VALUE or FIELD=FROM:TO:COUNT, as dqn.learning_rate=1e-4,3e-4")
+    if not (field.strip() and equals and values_text):
+        raise unfit(
+            text,
+            "FIELD=VALUE,VALUE or FIELD=FROM:TO:COUNT, as dqn.learning_rate=1e-4,3e-4",
+        )
     try:
-        return field, tuple(tomllib.loads(f"values = [{listed}]")["values"])
+        return field, tuple(tomllib.loads(f"values = [{values_text}]")["values"])
     except (ValueError, RecursionError):  # words without quotation marks
-        return field, tuple(listed.split(","))
+        return field, tuple(values_text.split(","))
 
 
 def varied(text: str) -> tuple[str, tuple[float, ...]]:
@@ -101,18 +123,21 @@ def varied(text: str) -> tuple[str, tuple[float, ...]]:
     ends = numbers.split(":")
     if not (field.strip() and equals and len(ends) == 3):
         raise unfit(text, "FIELD=FROM:TO:COUNT, as pursuer.v_max=0.8:1.6:5")
-    low, high, steps = real(ends[0]), real(ends[1]), count(VALUES)(ends[2]) - 1
+    low = real(ends[0])
+    high = real(ends[1])
+    steps = count(VALUES)(ends[2]) - 1
     if low == high:
         raise unfit(text, "FIELD=FROM:TO:COUNT with different ends")
-    return field, tuple(float(f"{low * (1 - i / steps) + high * i / steps:.12g}") for i in range(steps + 1))
+    values = (low * (1 - i / steps) + high * i / steps for i in range(steps + 1))
+    return field, tuple(float(f"{value:.12g}") for value in values)
 
 
 def nodes(text: str) -> tuple[int, ...]:
     """Return the nodes of a grid along x, y, v and heading, given as `101x101x9x47`."""
-    found = _NODES.fullmatch(text)
-    if not found:
+    match = _NODES.fullmatch(text)
+    if not match:
         raise unfit(text, "the nodes along x, y, v, heading, as 101x101x9x47")
-    return tuple(map(int, found.groups()))
+    return tuple(map(int, match.groups()))
 
 
 def named(text: str) -> str:
@@ -128,25 +153,34 @@ def agent_or_model(text: str) -> str:
 
 
 def agent_of(side: str) -> Callable[[str], str]:
-    """Return the reader of a player of a side, which refuses those of the other one where their names tell."""
+    """Return the reader of a player of a side, which refuses those of the other one where their
+    names tell.
+    """
     return partial(known_agent, side=side)
 
 
 def known_agent(text: str, side: str | None = None) -> str:
-    """Return a player's name or file; one that nobody has is refused here, where JAX is not needed for it."""
+    """Return a player's name or file; one that nobody has is refused here, where JAX is not needed
+    for it.
+    """
     bare = named(text).removeprefix(SHIELDED).removeprefix(SEARCHING)
     if bare.lower().endswith(_FILES):
         existing_file(bare)
-    known = [*BUILT_IN, *zoo_names()]
-    name, in_run = bare.removeprefix(FROM_ZOO), [*agents_in_run(bare), *agents_in_run(bare.rpartition("/")[0])]
-    if name in known and side and side not in side_of(name):
-        raise argparse.ArgumentTypeError(f"'{text}' plays the {side_of(name)[0]}, not the {side}: take another there.")
-    if name in known or bare in in_run or _is(Path(bare).is_file):
+    names = [*BUILT_IN, *zoo_names()]
+    name = bare.removeprefix(FROM_ZOO)
+    in_run = [*agents_in_run(bare), *agents_in_run(bare.rpartition("/")[0])]
+    if name in names and side and side not in side_of(name):
+        raise argparse.ArgumentTypeError(
+            f"'{text}' plays the {side_of(name)[0]}, not the {side}: take another there.",
+        )
+    if name in names or bare in in_run or _is(Path(bare).is_file):
         return text
-    known = [one for one in known if not side or side in side_of(one)]
+    names = [candidate for candidate in names if not side or side in side_of(candidate)]
     files = "a .safetensors file, or RUN/NAME for an agent of a training run"
-    meant = nearest(bare, in_run or known) or next(iter(in_run), None)
-    raise argparse.ArgumentTypeError(unknown_name("agent", bare, f"{LISTED}; or give {files}", meant))
+    suggestion = nearest(bare, in_run or names) or next(iter(in_run), None)
+    raise argparse.ArgumentTypeError(
+        unknown_name("agent", bare, f"{LISTED}; or give {files}", suggestion),
+    )
 
 
 def agents_in_run(run: str) -> list[str]:
@@ -156,7 +190,9 @@ def agents_in_run(run: str) -> list[str]:
 
 
 def known_game(text: str) -> str:
-    """Return a game's name or file; one that nobody has is refused here, where JAX is not needed for it."""
+    """Return a game's name or file; one that nobody has is refused here, where JAX is not needed
+    for it.
+    """
     name = named(text).split("/", 1)[-1] if TEAM.fullmatch(named(text).split("/")[0]) else text
     if name.lower().endswith(GAME_FILES):
         existing_file(name)
@@ -179,11 +215,16 @@ def _path(is_fit: Callable[[Path], bool], kind: str) -> Callable[[str], Path]:
 
 existing_file = _path(Path.is_file, "file")
 run_folder = _path(lambda path: (path / "config.toml").is_file(), "folder of a training run")
-runs_folder = _path(lambda path: path.is_dir() and any(path.rglob("config.toml")), "folder of training runs")
+runs_folder = _path(
+    lambda path: path.is_dir() and any(path.rglob("config.toml")),
+    "folder of training runs",
+)
 
 
 def new_file(*suffixes: str, needs: Mapping[str, str] = _NEEDED) -> Callable[[str], Path]:
-    """Return the reader of a file to write with one of these suffixes; `needs` has the extras that some take."""
+    """Return the reader of a file to write with one of these suffixes; `needs` has the extras that
+    some take.
+    """
 
     def read(text: str) -> Path:
         path = Path(named(text))
@@ -192,9 +233,11 @@ def new_file(*suffixes: str, needs: Mapping[str, str] = _NEEDED) -> Callable[[st
             raise unfit(text, f"a file that ends in {kinds}")
         if _is(path.exists) and not _is(path.is_file):
             raise unfit(text, "a file, and something else has that name; choose another")
-        if reason := _unwritable(path, path.parent):
+        reason = _unwritable(path, path.parent)
+        if reason:
             raise unfit(text, reason)
-        if path.suffix in needs and (remedy := missing(needs[path.suffix])):
+        remedy = missing(needs[path.suffix]) if path.suffix in needs else None
+        if remedy:
             raise unfit(text, f"of another kind where libraries are not installed: {remedy}")
         return path
 
@@ -206,13 +249,16 @@ def new_folder(text: str) -> Path:
     path = Path(named(text))
     if _is(path.exists) and not _is(path.is_dir):
         raise unfit(text, "a folder, and something else has that name; choose another")
-    if reason := _unwritable(path, path):
+    reason = _unwritable(path, path)
+    if reason:
         raise unfit(text, reason)
     return path
 
 
 def require_writable(name: str, path: Path) -> None:
-    """Refuse a folder, new or not, that is an argument's default and cannot be written to; raises InvalidInput."""
+    """Refuse a folder, new or not, that is an argument's default and cannot be written to; raises
+    InvalidInput.
+    """
     reason = _unwritable(path, path)
     require(reason is None, name, path, reason or "")
 
@@ -226,13 +272,17 @@ def _is(question: Callable[[], bool]) -> bool:
 
 
 def _unwritable(path: Path, folder: Path) -> str | None:
-    """Return the bound that a path breaks if its folder, or the nearest one above, takes no files; else None."""
+    """Return the bound that a path breaks if its folder, or the nearest one above, takes no files;
+    else None.
+    """
     try:
         with suppress(FileNotFoundError, NotADirectoryError):
-            path.lstat()  # which says of some paths that they cannot be, as of those that are too long
+            # which says of some paths that they cannot be, as of those that are too long
+            path.lstat()
         while not _is(folder.exists) and folder != folder.parent:
             folder = folder.parent
-        with tempfile.TemporaryFile(dir=folder):  # one that has no name, or none for long: nothing is left behind
+        # one that has no name, or none for long: nothing is left behind
+        with tempfile.TemporaryFile(dir=folder):
             return None
     except OSError as error:
         return f"in a folder that can be written to ('{shown(folder)}': {error.strerror or error}); choose another"

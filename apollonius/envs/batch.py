@@ -1,4 +1,4 @@
-"""Compiled functions that pickle, and many games that one side plays from outside: functions of the games under way."""
+"""Compiled functions that pickle, and many games that one side plays from outside."""
 
 import functools
 import os
@@ -21,16 +21,21 @@ from apollonius.observe.tracking import Track
 from apollonius.play.rollout import Games, Pay, SideState, begin, look_around, of_robots, step_games
 
 SPARE = 4
-"""Starts are drawn beforehand, for this many times the number of games at once."""
+"""Starts are sampled in advance, for this many times the number of games."""
 _TOGETHER = 512
-"""Starts that are drawn together until all fit: with more, more draws would be in vain."""
+"""Starts that are sampled together until all are possible: with more, more samples would be in
+vain.
+"""
 
 
 class Compiled:
-    """A function of a module, compiled with its first arguments as constants; what is pickled compiles for itself."""
+    """A function of a module, compiled with its first arguments as constants; what is pickled
+    compiles for itself.
+    """
 
     def __init__(self, function: Callable[..., Any], *constants: Any) -> None:
-        self._function, self._constants = function, constants
+        self._function = function
+        self._constants = constants
         self._compiled = jax.jit(functools.partial(function, *constants))
 
     def __call__(self, *arguments: Any) -> Any:
@@ -47,7 +52,9 @@ _PROCESS = os.getpid()
 
 
 def require_unforked() -> None:
-    """Refuse, by InvalidInput, to compute in a process that was forked after this module was imported."""
+    """Refuse, by InvalidInput, to compute in a process that was forked after this module was
+    imported.
+    """
     if os.getpid() != _PROCESS:
         raise InvalidInput(
             "JAX cannot compute in a forked process: start it by spawning, as "
@@ -56,7 +63,9 @@ def require_unforked() -> None:
 
 
 class Outside(AbstractPolicy):
-    """A player whose actions come from outside: each is put into its memory, at first any action, before the step."""
+    """A player whose actions come from outside: each is put into its memory, at first any action,
+    before the step.
+    """
 
     first: Action
     reads: AbstractObservation = eqx.field(static=True)
@@ -69,7 +78,12 @@ class Outside(AbstractPolicy):
     def memory(self) -> Memory:
         return self.first
 
-    def __call__(self, seen: Float[Array, " size"], memory: Memory, bits: Bits) -> tuple[Action, Memory]:
+    def __call__(
+        self,
+        seen: Float[Array, " size"],
+        memory: Memory,
+        bits: Bits,
+    ) -> tuple[Action, Memory]:
         return memory, memory
 
 
@@ -78,38 +92,62 @@ def begun(game: Game, players: BySide[Pool], state: GameState) -> Games:
 
 
 def _parts(games: Games, players: BySide[Pool]) -> BySide[tuple[Memory, Track | None, DriveStates]]:
-    def parts(role: Role) -> tuple[Memory, Track | None, DriveStates]:
+    def parts_of_side(role: Role) -> tuple[Memory, Track | None, DriveStates]:
         side = games.sides[role]
-        return () if isinstance(players[role].members, Outside) else side.memory, side.track, side.drives
+        return (
+            () if isinstance(players[role].members, Outside) else side.memory,
+            side.track,
+            side.drives,
+        )
 
-    return ROLES.map(parts)
+    return ROLES.map(parts_of_side)
 
 
 def carried(games: Games, players: BySide[Pool]) -> tuple[Array, ...]:
-    """Return what games carry besides their states: memories of players inside, tracks and drives.
+    """Return the arrays of games besides their states: memories of the package's players, tracks
+    and drives.
 
-    It is flat, as taking a tree apart costs as much as a step.
+    They are a flat tuple, as flattening a tree costs as much as a step.
     """
     return tuple(jax.tree.leaves(_parts(games, players)))
 
 
 def resumed(
-    game: Game, players: BySide[Pool], state: GameState, carried: Sequence[Array], actions: BySide[Any]
+    game: Game,
+    players: BySide[Pool],
+    state: GameState,
+    carried: Sequence[Array],
+    actions: BySide[Any],
 ) -> Games:
-    """Return the games that carry this, in which a side from outside takes these actions, `[games, robots]`."""
+    """Rebuild games from their states and the arrays of `carried`.
+
+    Args:
+        game: The game.
+        players: Both sides' players.
+        state: The state of each game, `[games]`.
+        carried: The arrays that `carried` returned.
+        actions: Actions of a side from outside, `[games, robots]`.
+    """
     games = begun(game, players, state)
     parts = jax.tree.unflatten(jax.tree.structure(_parts(games, players)), carried)
 
     def side(role: Role) -> SideState:
         memory, track, drives = parts[role]
         acts = isinstance(players[role].members, Outside)
-        return replace(games.sides[role], memory=actions[role] if acts else memory, track=track, drives=drives)
+        return replace(
+            games.sides[role],
+            memory=actions[role] if acts else memory,
+            track=track,
+            drives=drives,
+        )
 
     return replace(games, sides=ROLES.map(side))
 
 
 class UnderWay(eqx.Module):
-    """Games under way, the observations of the side from outside, and all else that games carry (`carried`)."""
+    """Games under way, the observations of the side from outside, and all else that games carry
+    (`carried`).
+    """
 
     state: GameState
     seen: Float[Array, "games *robots size"]
@@ -119,7 +157,8 @@ class UnderWay(eqx.Module):
 class Result(eqx.Module):
     """Results of a step of every game, before any new game begins.
 
-    `reward` is the mean of the robots' rewards. In games of teams there is also each robot's own, and its status.
+    `reward` is the mean of the robots' rewards. In games of teams there is also each robot's own,
+    and its status.
     """
 
     seen: Float[Array, "games *robots size"]
@@ -133,8 +172,10 @@ class Result(eqx.Module):
 
 @dataclass(frozen=True)
 class Batch:
-    """Constants of many games: of players that on one side are `Outside`, and whether a game that has ended begins
-    again in the next step, not in the same one; `pay` as of `step_games`.
+    """Constants of many games, in which the player of side `role` is `Outside`.
+
+    With `next_step` a game that has ended begins again in the next step, else in the same one.
+    `pay` is as for `step_games`.
     """
 
     game: Game
@@ -147,36 +188,82 @@ class Batch:
     def sample_starts(self, bits: Bits) -> UnderWay:
         keys = jax.random.split(jax.random.key(bits), SPARE * self.num_envs)
         starts: GameState = jax.lax.map(self.game.reset, keys, batch_size=_TOGETHER)
-        games, drawn = begun(self.game, self.players, starts), jax.random.bits(keys[0], (len(keys),), jnp.uint32)
-        _, seen = look_around(self.game, self.players, games, jnp.stack([drawn, drawn]))
-        observations = of_robots(jnp.split(seen[self.role][1], len(self.game.bodies[self.role])))
+        games = begun(self.game, self.players, starts)
+        first_bits = jax.random.bits(keys[0], (len(keys),), jnp.uint32)
+        _, observations_by_side = look_around(
+            self.game,
+            self.players,
+            games,
+            jnp.stack([first_bits, first_bits]),
+        )
+        observations = of_robots(
+            jnp.split(observations_by_side[self.role][1], len(self.game.bodies[self.role])),
+        )
         return UnderWay(starts, observations, carried(games, self.players))
 
     def step(
-        self, now: UnderWay, ended: Bool[Array, " games"], starts: UnderWay, used: Int[Array, ""],
-        actions: Int[Array, "games *robots"] | Float[Array, "games *robots 2"], bits: Bits,
-    ) -> tuple[UnderWay, Result]:  # fmt: skip
-        """Return every game after a step, and its result; of games that have `ended` a new one begins instead."""
+        self,
+        now: UnderWay,
+        ended: Bool[Array, " games"],
+        starts: UnderWay,
+        used: Int[Array, ""],
+        actions: Int[Array, "games *robots"] | Float[Array, "games *robots 2"],
+        bits: Bits,
+    ) -> tuple[UnderWay, Result]:
+        """Step every game; return the games and their results.
+
+        Args:
+            now: The games.
+            ended: Games that a new one replaces, with `next_step`.
+            starts: Sampled starts of new games.
+            used: Number of starts that were used.
+            actions: Actions of the side from outside.
+            bits: Random bits.
+        """
         several = len(self.game.bodies[self.role]) > 1
-        asked = BySide.of(self.role, actions if several else actions[:, None], None)
-        games = resumed(self.game, self.players, now.state, now.carried, asked)
-        drawn = jax.random.bits(jax.random.key(bits), (self.num_envs,), jnp.uint32)
-        games, made = step_games(self.game, self.players, games, jnp.stack([drawn, drawn]), pay=self.pay)
-        own, status = made.sides[self.role], games.state.status
-        rewards = jnp.unstack(own.reward, axis=1) if several else [own.reward]
+        actions_by_side = BySide.of(self.role, actions if several else actions[:, None], None)
+        games = resumed(self.game, self.players, now.state, now.carried, actions_by_side)
+        step_bits = jax.random.bits(jax.random.key(bits), (self.num_envs,), jnp.uint32)
+        games, transitions = step_games(
+            self.game,
+            self.players,
+            games,
+            jnp.stack([step_bits, step_bits]),
+            pay=self.pay,
+        )
+        own_side = transitions.sides[self.role]
+        status = games.state.status
+        rewards = jnp.unstack(own_side.reward, axis=1) if several else [own_side.reward]
         result = Result(
-            own.next_observation, sum(rewards[1:], rewards[0]) / len(rewards), made.terminated, made.truncated,
-            made.outcome, *(() if status is None else (jnp.stack(rewards, 1), jnp.stack(status[self.role], 1))),
-        )  # fmt: skip
-        after = UnderWay(games.state, result.seen, carried(games, self.players))
+            own_side.next_observation,
+            sum(rewards[1:], rewards[0]) / len(rewards),
+            transitions.terminated,
+            transitions.truncated,
+            transitions.outcome,
+            rewards=None if status is None else jnp.stack(rewards, 1),
+            status=None if status is None else jnp.stack(status[self.role], 1),
+        )
+        new_games = UnderWay(games.state, result.seen, carried(games, self.players))
         if not self.next_step:
-            return renewed(after, starts, used, made.ended), result
+            return renewed(new_games, starts, used, transitions.ended), result
         # Zeros: no reward, no end, an ongoing game, active robots.
-        begun = replace(jax.tree.map(jnp.zeros_like, result), seen=result.seen)
-        return renewed(after, starts, used, ended), jax.vmap(choose)(ended, begun, result)
+        restarted = replace(jax.tree.map(jnp.zeros_like, result), seen=result.seen)
+        return renewed(new_games, starts, used, ended), jax.vmap(choose)(ended, restarted, result)
 
 
-def renewed(now: UnderWay, starts: UnderWay, used: Int[Array, ""], resets: Bool[Array, " games"]) -> UnderWay:
-    """Return games, some restarted from the first unused starts."""
+def renewed(
+    now: UnderWay,
+    starts: UnderWay,
+    used: Int[Array, ""],
+    resets: Bool[Array, " games"],
+) -> UnderWay:
+    """Replace some games by new ones from the first unused starts.
+
+    Args:
+        now: The games.
+        starts: Sampled starts.
+        used: Number of starts that were used.
+        resets: Games to replace.
+    """
     place = jnp.where(resets, used + jnp.cumsum(resets.astype(jnp.int32)) - 1, 0)
     return jax.vmap(choose)(resets, jax.tree.map(lambda leaf: leaf[place], starts), now)

@@ -23,8 +23,9 @@ from apollonius.io.errors import require
 class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
     """A game seen from one side, of one robot; on the other there may be a team.
 
-    Actions are the 9 of Eq. 5, or two numbers in [-1, 1]. The reward is that side's of Eq. 8 or 9. `info["outcome"]` is
-    `ongoing`, or the name of a row of Tables II and III. The options are those of `apollonius.envs.live.LiveGame`.
+    Actions are the 9 of Eq. 5, or two numbers in [-1, 1]. The reward is that side's of Eq. 8 or 9.
+    `info["outcome"]` is `ongoing`, or the name of a row of Tables II and III. The options are those
+    of `apollonius.envs.live.LiveGame`.
 
     Raises InvalidInput for what is unknown, a side of several robots, and in a forked process:
     `gymnasium.vector.AsyncVectorEnv` has those unless it is given `context="spawn"`.
@@ -45,12 +46,22 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
     ) -> None:
         require_known(OneSide, unknown)
         role = as_role(role)
-        self._live = live = LiveGame(game, observation, actions, render_mode, reward, {role.other: opponent})
-        count, sides = len(live.game.bodies[role]), f"{role.name.lower()}s"
-        require(count == 1, sides, count, f"1, who alone acts from outside: of a team play all {sides} by PettingZoo")
+        self._live = live = LiveGame(
+            game,
+            observation,
+            actions,
+            render_mode,
+            reward,
+            {role.other: opponent},
+        )
+        count = len(live.game.bodies[role])
+        sides = f"{role.name.lower()}s"
+        bound = f"1, who alone acts from outside: of a team play all {sides} by PettingZoo"
+        require(count == 1, sides, count, bound)
         self.metadata = type(self).metadata | {"render_fps": live.frames_per_second}
         self.render_mode = render_mode
-        self.observation_space, self.action_space = live.observation_space, live.action_space
+        self.observation_space = live.observation_space
+        self.action_space = live.action_space
         self._robot = live.places.index((role, 0))
 
     def reset(
@@ -62,16 +73,22 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
         self._live.reset(random_bits(self.np_random))
         return self._live.observation(self._robot), {"outcome": self._live.outcome}
 
-    def step(self, action: int | np.integer | np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Let all robots hold their actions for one step; raises ResetNeeded where no game is under way."""
+    def step(
+        self,
+        action: int | np.integer | np.ndarray,
+    ) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """Let all robots hold their actions for one step; raises ResetNeeded where no game is under
+        way.
+        """
         live = self._live
         if not live.is_under_way:
             raise gymnasium.error.ResetNeeded("a game begins with reset()")
         actions: list[Any] = [live.idle] * len(live.places)
         actions[self._robot] = action
         live.step(actions, random_bits(self.np_random))
-        seen, reward = live.observation(self._robot), live.rewards[self._robot]
-        return seen, reward, live.terminated, live.truncated, {"outcome": live.outcome}
+        observation = live.observation(self._robot)
+        reward = live.rewards[self._robot]
+        return observation, reward, live.terminated, live.truncated, {"outcome": live.outcome}
 
     def render(self) -> np.ndarray | None:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Return a picture `[height, width, 3]` in mode `rgb_array`; None otherwise."""
@@ -81,5 +98,8 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
 _MANY = "apollonius.envs.vector:ManyGames"
 for _name, _role in (("Pursuit", "pursuer"), ("Evasion", "evader")):
     gymnasium.register(
-        f"apollonius/{_name}-v0", f"{__name__}:OneSide", vector_entry_point=_MANY, kwargs={"role": _role}
+        f"apollonius/{_name}-v0",
+        f"{__name__}:OneSide",
+        vector_entry_point=_MANY,
+        kwargs={"role": _role},
     )

@@ -31,19 +31,27 @@ from apollonius.play.replay import as_state
 from apollonius.play.rollout import look_around, step_games
 from apollonius.show.canvas import Canvas
 
-_STATUS, _REWARD, _COLUMNS = 4, 5, 6
-"""Columns of a robot's row of numbers, after x, y, v, heading, and how many there are. After the rows of all robots
-come whether the game was terminated, whether it was truncated, and its outcome, then the observations of those from
-outside."""
+# A game is one row of numbers: for each robot x, y, speed, heading, status and reward; whether the
+# game was terminated, whether it was truncated, and its outcome; then the observations of robots
+# from outside.
+_STATUS = 4
+"""Column of a robot's status."""
+_REWARD = 5
+"""Column of its reward."""
+_COLUMNS = 6
+"""Number of columns of a robot."""
 RENDER_MODES = ["rgb_array"]
 _OUTCOMES = [outcome.name.lower() for outcome in Outcome]
 
 
 class LiveGame:
-    """One game, one step at a time, either side's actions from outside or from a player of the package (`inside`).
+    """One game, one step at a time, either side's actions from outside or from a player of the
+    package (`inside`).
 
-    It pickles, before its first reset as well as under way. The numbers of a game, before and after a step, are one
-    array: passing each costs several times the step. Actions are `discrete` or `continuous`, shares of the largest
+    It pickles, before its first reset as well as under way. The numbers of a game, before and after
+        a step, are one
+    array: passing each costs several times the step. Actions are `discrete` or `continuous`, shares
+        of the largest
     acceleration and turn rate in [-1, 1]; the render mode is `rgb_array`, or None.
     """
 
@@ -57,19 +65,26 @@ class LiveGame:
         inside: Mapping[Role, GivenPlayer],
     ) -> None:
         require_unforked()
-        require(render_mode in (None, *RENDER_MODES), "render_mode", render_mode, f"{RENDER_MODES[0]}, or None")
+        require(
+            render_mode in (None, *RENDER_MODES),
+            "render_mode",
+            render_mode,
+            f"{RENDER_MODES[0]}, or None",
+        )
         game = as_game(game)
         game.require_one_arena("an environment of a single game")
         contest = make_contest(game, observation, actions, reward, inside)
         self.game = game = contest.game
-        self.observation_space, self.action_space = observation_space(contest.reads), action_space(actions)
+        self.observation_space = observation_space(contest.reads)
+        self.action_space = action_space(actions)
         self.frames_per_second = max(1, round(1 / float(game.dt)))
         self.places = [(role, number) for role in Role for number in range(len(game.bodies[role]))]
         """Side and number of each robot, in the order of a game's robots."""
         self._end = _COLUMNS * len(self.places)
         sizes = [0 if role in inside else contest.reads.size for role, _ in self.places]
         self._seen = list(starmap(slice, pairwise(accumulate([self._end + 3, *sizes]))))
-        self._kind, space = actions, self.action_space
+        self._kind = actions
+        space = self.action_space
         self.idle = np.zeros(space.shape or (), space.dtype)
         """A placeholder for the action of a robot that is not played from outside."""
         # The game is a constant of both functions.
@@ -91,19 +106,22 @@ class LiveGame:
         self._take(numbers)
 
     def step(self, actions: Sequence[Any], bits: np.uint32) -> None:
-        """Let all robots hold their actions, pursuers first, for one step; those of a side inside are ignored.
+        """Let all robots hold their actions, pursuers first, for one step; those of a side inside
+        are ignored.
 
         Raises InvalidInput for an impossible action. A player inside uses the random bits.
         """
-        checked = [as_actions(action, self._kind) for action in actions]
-        given = np.empty(1 + self.idle.size * len(checked), checked[0].dtype)
-        given[0], given[1:] = self._steps, np.ravel(checked)
-        numbers, self._carried = self._step(self._numbers, given, bits, self._carried)
+        action_arrays = [as_actions(action, self._kind) for action in actions]
+        step_inputs = np.empty(1 + self.idle.size * len(action_arrays), action_arrays[0].dtype)
+        step_inputs[0] = self._steps
+        step_inputs[1:] = np.ravel(action_arrays)
+        numbers, self._carried = self._step(self._numbers, step_inputs, bits, self._carried)
         self._steps += 1
         self._take(numbers)
 
     def _take(self, numbers: Array) -> None:
-        self._numbers, self._read = numbers, np.asarray(numbers)
+        self._numbers = numbers
+        self._read = np.asarray(numbers)
         if self._canvas:
             active = [status == RobotStatus.ACTIVE for status in self.statuses]
             rows = self._read[: self._end].reshape(-1, _COLUMNS)
@@ -141,11 +159,20 @@ class LiveGame:
         return np.array(self._canvas.picture()) if self._canvas else None
 
 
-def _begin(game: Game, players: BySide[Pool], bits: Bits) -> tuple[Float[Array, " _"], tuple[Array, ...]]:
+def _begin(
+    game: Game,
+    players: BySide[Pool],
+    bits: Bits,
+) -> tuple[Float[Array, " _"], tuple[Array, ...]]:
     """Return a game's numbers, and what it carries."""
-    games = begun(game, players, jax.tree.map(lambda leaf: leaf[None], game.reset(jax.random.key(bits))))
-    _, seen = look_around(game, players, games, _bits_of(players, ~bits))
-    observations = [seen[role][1] for role in Role if isinstance(players[role].members, Outside)]
+    games = begun(
+        game,
+        players,
+        jax.tree.map(lambda leaf: leaf[None], game.reset(jax.random.key(bits))),
+    )
+    _, observations_by_side = look_around(game, players, games, _bits_of(players, ~bits))
+    outside = [role for role in Role if isinstance(players[role].members, Outside)]
+    observations = [observations_by_side[role][1] for role in outside]
     rewards = games.sides.map(lambda side: side.episode_return)
     return _packed(games.state, rewards, [jnp.zeros(())] * 3, observations), carried(games, players)
 
@@ -158,32 +185,54 @@ def _bits_of(players: BySide[Pool], bits: Bits) -> UInt32[Array, "2 1"]:
 
 
 def _step(
-    game: Game, players: BySide[Pool], reward: OwnReward | None, shape: tuple[int, ...],
-    numbers: Float[Array, " numbers"], given: Int[Array, " given"] | Float[Array, " given"], bits: Bits,
+    game: Game,
+    players: BySide[Pool],
+    reward: OwnReward | None,
+    shape: tuple[int, ...],
+    numbers: Float[Array, " numbers"],
+    step_inputs: Int[Array, " inputs"] | Float[Array, " inputs"],
+    bits: Bits,
     leaves: Sequence[Array],
-) -> tuple[Float[Array, " numbers"], tuple[Array, ...]]:  # fmt: skip
+) -> tuple[Float[Array, " numbers"], tuple[Array, ...]]:
+    """Step a game; return its numbers and carried arrays.
+
+    `step_inputs` are the number of the step and the actions, each of this shape, of all robots.
+    """
     counts = game.bodies.map(len)
     rows = numbers[: _COLUMNS * sum(counts)].reshape(-1, _COLUMNS)
-    state = as_state(rows[:, :_STATUS].ravel(), given[0].astype(jnp.int32), counts.pursuer)
+    state = as_state(rows[:, :_STATUS].ravel(), step_inputs[0].astype(jnp.int32), counts.pursuer)
     if state.status is not None:
         statuses = tuple(rows[:, _STATUS].astype(jnp.int32))
-        state = replace(state, status=BySide(statuses[: counts.pursuer], statuses[counts.pursuer :]))
-    actions = BySide(*jnp.split(given[1:].reshape(1, sum(counts), *shape), [counts.pursuer], axis=1))
+        state = replace(
+            state,
+            status=BySide(statuses[: counts.pursuer], statuses[counts.pursuer :]),
+        )
+    actions = BySide(
+        *jnp.split(step_inputs[1:].reshape(1, sum(counts), *shape), [counts.pursuer], axis=1),
+    )
     games = resumed(game, players, jax.tree.map(lambda leaf: leaf[None], state), leaves, actions)
-    games, made = step_games(game, players, games, _bits_of(players, bits), pay=reward)
-    seen = [made.sides[role].next_observation for role in Role if isinstance(players[role].members, Outside)]
-    ends = [made.terminated, made.truncated, made.outcome]
-    return _packed(games.state, made.sides.map(lambda side: side.reward), ends, seen), carried(games, players)
+    games, transitions = step_games(game, players, games, _bits_of(players, bits), pay=reward)
+    outside = [role for role in Role if isinstance(players[role].members, Outside)]
+    next_observations = [transitions.sides[role].next_observation for role in outside]
+    ends = [transitions.terminated, transitions.truncated, transitions.outcome]
+    rewards = transitions.sides.map(lambda side: side.reward)
+    return _packed(games.state, rewards, ends, next_observations), carried(games, players)
 
 
 def _packed(
-    state: GameState, rewards: BySide[Array], ends: Sequence[Array], seen: Sequence[Array]
+    state: GameState, rewards: BySide[Array], ends: Sequence[Array], observations: Sequence[Array]
 ) -> Float[Array, " numbers"]:
     statuses = state.status or state.robots.map(lambda side: (jnp.zeros(1),) * len(side))
     robots = [
         number
         for role in Role
-        for parts in zip(state.robots[role], statuses[role], jnp.unstack(rewards[role].ravel()), strict=True)
+        for parts in zip(
+            state.robots[role],
+            statuses[role],
+            jnp.unstack(rewards[role].ravel()),
+            strict=True,
+        )
         for number in jax.tree.leaves(parts)
     ]
-    return jnp.concatenate([jnp.ravel(one).astype(jnp.float32) for one in (*robots, *ends, *seen)])
+    parts = (*robots, *ends, *observations)
+    return jnp.concatenate([jnp.ravel(part).astype(jnp.float32) for part in parts])

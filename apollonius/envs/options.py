@@ -1,4 +1,6 @@
-"""The options of environments, by name or as objects: sides, spaces, players, observations, rewards, actions."""
+"""The options of environments, by name or as objects: sides, spaces, players, observations,
+rewards, actions.
+"""
 
 import inspect
 from collections.abc import Callable, Mapping
@@ -29,8 +31,9 @@ GivenPlayer = str | AbstractPolicy
 GivenObservation = str | AbstractObservation | Callable[[View], Any]
 """An observation as an option: a name, an object, or a function from a view to numbers."""
 GivenReward = Reward | Callable[[GameState, Timestep], Any] | None
-"""Rewards as an option: those of the game, the package's with other weights, or a function of the state before a step
-and of the step, without a batch: it returns the reward of the side that acts from outside, or a `BySide` of both."""
+"""Rewards as an option: those of the game, the package's with other weights, or a function of the
+state before a step and of the step, without a batch: it returns the reward of the side that acts
+from outside, or a `BySide` of both."""
 
 
 @dataclass(frozen=True)
@@ -60,8 +63,8 @@ def _as_array(name: str, value: Any, bound: str) -> Float[Array, "..."]:
 class OwnReward:
     """The rewards of all robots by a function of the state before a step and of the step.
 
-    What it returns is of the side `role`, unless it is a `BySide`; on either side it is one number for all robots, or
-    a tuple of one for each.
+    What it returns is of the side `role`, unless it is a `BySide`; on either side it is one number
+    for all robots, or a tuple of one for each.
     """
 
     function: Callable[[GameState, Timestep], Any]
@@ -76,13 +79,15 @@ class OwnReward:
         sides = value if of_both else BySide.of(self.role or Role.PURSUER, value, 0.0)
 
         def of_each(role: Role) -> tuple[Scalar, ...]:
-            count, given = len(before.robots[role]), sides[role]
-            name, bound = f"reward of the {role.name.lower()}", f"a number, or a tuple of {count}, one a robot"
-            each = given if isinstance(given, tuple | list) else (given,) * count
-            require(len(each) == count, name, given, bound)
-            numbers = tuple(_as_array(name, one, bound) for one in each)
-            for one in numbers:
-                require(one.ndim == 0, name, f"an array of shape {one.shape}", bound)
+            count = len(before.robots[role])
+            value = sides[role]
+            name = f"reward of the {role.name.lower()}"
+            bound = f"a number, or a tuple of {count}, one a robot"
+            values = value if isinstance(value, tuple | list) else (value,) * count
+            require(len(values) == count, name, value, bound)
+            numbers = tuple(_as_array(name, number, bound) for number in values)
+            for number in numbers:
+                require(number.ndim == 0, name, f"an array of shape {number.shape}", bound)
             return numbers
 
         return ROLES.map(of_each)
@@ -90,7 +95,7 @@ class OwnReward:
 
 @dataclass(frozen=True)
 class Contest:
-    """A game with a chart if anybody reads one, who plays it, and what else pays them than the game's own reward."""
+    """A game, with a chart if a player reads one, its players, and a user's reward."""
 
     game: Game
     players: BySide[Pool]
@@ -105,62 +110,87 @@ def make_contest(
     reward: object,
     inside: Mapping[Role, GivenPlayer],
 ) -> Contest:
-    """Return a game and its players: those of the package inside, and `Outside` on the other sides.
+    """Make a game and its players: the package's where `inside` has one, and `Outside` on other
+    sides.
 
-    Raises InvalidInput for options that are unknown or of a wrong kind.
+    Args:
+        game: The game.
+        observation: Observation of the side from outside (`GivenObservation`).
+        actions: `discrete` or `continuous`.
+        reward: Rewards (`GivenReward`).
+        inside: The package's players by side.
+
+    Raises:
+        InvalidInput: For options that are unknown or of a wrong kind.
     """
     outside = [role for role in Role if role not in inside]
     game, own = _rewarded(game, reward, outside[0] if len(outside) == 1 else None)
-    found = {role: find_player(player, role, game).policy for role, player in inside.items()}
+    policies = {role: find_player(player, role, game).policy for role, player in inside.items()}
     reads = _observation(game, observation, outside[0])
     first = jnp.zeros((), jnp.int32) if actions == "discrete" else jnp.zeros(2)
-    players = ROLES.map(lambda role: solo(found[role] if role in found else Outside(first, reads)))
-    return Contest(charted(game, reads.charted or any(one.charted for one in found.values())), players, reads, own)
+    outsider = Outside(first, reads)
+    players = ROLES.map(lambda role: solo(policies.get(role, outsider)))
+    reads_chart = reads.charted or any(policy.charted for policy in policies.values())
+    return Contest(charted(game, reads_chart), players, reads, own)
 
 
-def _observation(game: Game, given: object, role: Role) -> AbstractObservation:
-    """Return an observation; one by a function has the size of what that makes of a view of the game."""
-    if isinstance(given, str | AbstractObservation):
-        return find_observation(given)
+def _observation(game: Game, option: object, role: Role) -> AbstractObservation:
+    """Return an observation; that of a function has the size of its result for a view of the game."""
+    if isinstance(option, str | AbstractObservation):
+        return find_observation(option)
     bound = f"one of {', '.join(OBSERVATIONS)}, an AbstractObservation, or a function of a view"
-    _require_function("observation", given, 1, bound)
-    assert callable(given)
-    numbers = jax.eval_shape(lambda: _numbers(given, look(game, game.reset(jax.random.key(0)), role)))
-    require(numbers.ndim == 1, "observation", f"an array of shape {numbers.shape}", "a row of numbers")
-    return OwnObservation(function=given, size=numbers.size)
+    _require_function("observation", option, 1, bound)
+    assert callable(option)
+    numbers = jax.eval_shape(
+        lambda: _numbers(option, look(game, game.reset(jax.random.key(0)), role)),
+    )
+    require(
+        numbers.ndim == 1,
+        "observation",
+        f"an array of shape {numbers.shape}",
+        "a row of numbers",
+    )
+    return OwnObservation(function=option, size=numbers.size)
 
 
-def _rewarded(game: Game, given: object, role: Role | None) -> tuple[Game, OwnReward | None]:
-    """Return a game with the rewards that are given as such, and those by a function."""
-    if given is None:
+def _rewarded(game: Game, option: object, role: Role | None) -> tuple[Game, OwnReward | None]:
+    """Return a game with other weights of its rewards, and the rewards by a function."""
+    if option is None:
         return game, None
-    if isinstance(given, Reward):
-        return replace(game, reward=given), None
-    _require_function("reward", given, 2, "a Reward, or a function of the state before a step and of the step")
-    assert callable(given)
-    own = OwnReward(given, role)
+    if isinstance(option, Reward):
+        return replace(game, reward=option), None
+    _require_function(
+        "reward",
+        option,
+        2,
+        "a Reward, or a function of the state before a step and of the step",
+    )
+    assert callable(option)
+    own = OwnReward(option, role)
 
-    def paid() -> BySide[tuple[Scalar, ...]]:
+    def example_rewards() -> BySide[tuple[Scalar, ...]]:
         state = game.reset(jax.random.key(0))
         return own(state, game.step(state, *([0] * len(side) for side in game.bodies)))
 
-    jax.eval_shape(paid)
+    jax.eval_shape(example_rewards)
     return game, own
 
 
-def _require_function(name: str, given: object, count: int, bound: str) -> None:
+def _require_function(name: str, option: object, count: int, bound: str) -> None:
     """Refuse what is no function of this number of arguments, such as a class."""
-    if not callable(given) or isinstance(given, type):
-        require(False, name, given, bound)
+    if not callable(option) or isinstance(option, type):
+        require(False, name, option, bound)
         return
     try:
-        inspect.signature(given).bind(*[None] * count)
+        inspect.signature(option).bind(*[None] * count)
     except TypeError as error:
-        require(False, name, getattr(given, "__name__", given), f"{bound}: {error}")
+        require(False, name, getattr(option, "__name__", option), f"{bound}: {error}")
 
 
 def as_role(given: object) -> Role:
-    """Return a side, or that of a name, which an environment's specification in JSON has; raises InvalidInput."""
+    """Return a side, or that of a name, which an environment's specification in JSON has; raises
+    InvalidInput.
+    """
     sides = {str(role).lower(): role for role in Role}
     require(str(given).lower() in sides, "role", given, f"one of {', '.join(sides)}")
     return sides[str(given).lower()]
@@ -170,8 +200,8 @@ def require_known(environment: type, unknown: dict[str, Any]) -> None:
     """Refuse arguments that an environment does not have."""
     names = list(inspect.signature(environment).parameters)[:-1]
     for name in unknown:
-        known = f"the arguments are {', '.join(names)}"
-        raise InvalidInput(unknown_name("argument", name, known, nearest(name, names)))
+        remedy = f"the arguments are {', '.join(names)}"
+        raise InvalidInput(unknown_name("argument", name, remedy, nearest(name, names)))
 
 
 def require_no_options(options: dict[str, Any] | None) -> None:
@@ -180,8 +210,10 @@ def require_no_options(options: dict[str, Any] | None) -> None:
 
 
 def observation_space(reads: AbstractObservation) -> gymnasium.spaces.Box:
-    """Return the space of a robot's observations: for those of the package within 2 of 0, which they are unless a robot
-    goes half an arena beyond the walls in one step, for others all numbers.
+    """Return the space of a robot's observations.
+
+    The package's observations are within 2 of 0, unless a robot goes half an arena beyond the walls
+    in one step; others may have all numbers.
     """
     most = 2.0 if reads in OBSERVATIONS.values() else np.inf
     return gymnasium.spaces.Box(-most, most, (reads.size,), np.float32)
@@ -189,15 +221,23 @@ def observation_space(reads: AbstractObservation) -> gymnasium.spaces.Box:
 
 def action_space(actions: str) -> gymnasium.spaces.Space[Any]:
     """Return the space of a robot's actions of a kind; raises InvalidInput if it is unknown."""
-    require(actions in ("discrete", "continuous"), "actions", actions, "one of discrete, continuous")
+    require(
+        actions in ("discrete", "continuous"),
+        "actions",
+        actions,
+        "one of discrete, continuous",
+    )
     continuous = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
     return continuous if actions == "continuous" else gymnasium.spaces.Discrete(NUM_ACTIONS)
 
 
 def as_actions(given: Any, kind: str, batch: tuple[int, ...] = ()) -> np.ndarray:
-    """Return one action of a kind, or a batch, in its number type; raises InvalidInput for what is not in the space."""
+    """Convert one action of a kind, or a batch, to its number type; raises InvalidInput outside of
+    the space.
+    """
     discrete = kind == "discrete"
-    name, numbers = "actions" if batch else "action", "a whole number" if discrete else "numbers"
+    name = "actions" if batch else "action"
+    numbers = "a whole number" if discrete else "numbers"
     shape = batch if discrete else (*batch, 2)
     least, most = (0, NUM_ACTIONS - 1) if discrete else (-1, 1)
     try:

@@ -15,15 +15,18 @@ from apollonius.io.errors import require
 
 
 class BothSides(ParallelEnv[str, np.ndarray, Any]):
-    """A game between `pursuer_0` and `evader_0`, or all robots of teams up to `pursuer_2` or so, who act together.
+    """A game between `pursuer_0` and `evader_0`, or all robots of teams up to `pursuer_2` or so,
+    who act together.
 
-    Actions are the 9 of Eq. 5, or two numbers in [-1, 1]; rewards are those of Eq. 8 and 9. `terminations`: the rules
-    ended the game; `truncations`: the time limit stopped it. `infos[agent]["outcome"]` is `ongoing`, or the name of a
-    row of Tables II and III. Arguments and errors are those of `apollonius.envs.live.LiveGame`.
+    Actions are the 9 of Eq. 5, or two numbers in [-1, 1]; rewards are those of Eq. 8 and 9.
+    `terminations`: the rules ended the game; `truncations`: the time limit stopped it.
+    `infos[agent]["outcome"]` is `ongoing`, or the name of a row of Tables II and III. Arguments and
+    errors are those of `apollonius.envs.live.LiveGame`.
 
-    In a game of teams a robot that is captured or fails leaves before the others: its termination is true in that step,
-    and from then on it is not among `agents` and has neither action nor observation. `infos[agent]["status"]` is
-    `active`, `captured`, `hit_obstacle`, `out_of_range` or `hit_mate`.
+    In a game of teams a robot that is captured or fails leaves before the others: its termination
+    is true in that step, and from then on it is not among `agents` and has neither action nor
+    observation. `infos[agent]["status"]` is `active`, `captured`, `hit_obstacle`, `out_of_range` or
+    `hit_mate`.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 (as PettingZoo declares it)
@@ -63,7 +66,8 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, dict[str, Any]]]:
-        """Begin a new game from the game's distribution of starts; games after a seeded one are seeded too.
+        """Begin a new game from the game's distribution of starts; games after a seeded one are
+        seeded too.
 
         There are no options; PettingZoo's own test gives some.
         """
@@ -76,26 +80,35 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
     def step(
         self, actions: dict[str, int | np.integer | np.ndarray]
     ) -> tuple[
-        dict[str, np.ndarray], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
-    ]:  # fmt: skip
-        """Let all agents hold their actions for one step; raises ResetNeeded where no game is under way."""
+        dict[str, np.ndarray],
+        dict[str, float],
+        dict[str, bool],
+        dict[str, bool],
+        dict[str, dict[str, Any]],
+    ]:
+        """Let all agents hold their actions for one step; raises ResetNeeded where no game is under
+        way.
+        """
         if not self.agents:
             raise gymnasium.error.ResetNeeded("a game begins with reset()")
         strangers = sorted(actions.keys() - set(self.possible_agents))
-        require(not strangers, "agents", ", ".join(map(str, strangers)), f"among {', '.join(self.possible_agents)}")
-        live, acting = self._live, set(self.agents)
-        given = [actions.get(agent) if agent in acting else live.idle for agent in self.possible_agents]
-        live.step(given, np.uint32(0))
-        stays = {agent: status == RobotStatus.ACTIVE for agent, status in self._each(live.statuses).items()}
-        rest = (
+        bound = f"among {', '.join(self.possible_agents)}"
+        require(not strangers, "agents", ", ".join(map(str, strangers)), bound)
+        live = self._live
+        all_actions = [actions.get(agent) if agent in self.agents else live.idle for agent in self.possible_agents]
+        live.step(all_actions, np.uint32(0))
+        statuses = self._each(live.statuses)
+        is_active = {agent: status == RobotStatus.ACTIVE for agent, status in statuses.items()}
+        results = (
             self._each(live.rewards),
-            {agent: live.terminated or not stays[agent] for agent in self.agents},
-            {agent: live.truncated and stays[agent] for agent in self.agents},
+            {agent: live.terminated or not is_active[agent] for agent in self.agents},
+            {agent: live.truncated and is_active[agent] for agent in self.agents},
             self._infos(),
         )
-        seen = self._observations()
-        self.agents = [agent for agent in self.agents if stays[agent] and not (live.terminated or live.truncated)]
-        return seen, *rest
+        observations = self._observations()
+        is_over = live.terminated or live.truncated
+        self.agents = [agent for agent in self.agents if is_active[agent] and not is_over]
+        return observations, *results
 
     def render(self) -> np.ndarray | None:
         """Return a picture `[height, width, 3]` in mode `rgb_array`; None otherwise."""
@@ -103,17 +116,20 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
 
     def _each(self, values: list[Any]) -> dict[str, Any]:
         """Return the values of the agents in play, by name, from those of all robots."""
-        return {agent: value for agent, value in zip(self.possible_agents, values, strict=True) if agent in self.agents}
+        by_agent = dict(zip(self.possible_agents, values, strict=True))
+        return {agent: by_agent[agent] for agent in self.possible_agents if agent in self.agents}
 
     def _observations(self) -> dict[str, np.ndarray]:
-        return self._each([self._live.observation(robot) for robot in range(len(self.possible_agents))])
+        return self._each(
+            [self._live.observation(robot) for robot in range(len(self.possible_agents))],
+        )
 
     def _infos(self) -> dict[str, dict[str, Any]]:
-        told = {"outcome": self._live.outcome}
+        common_info = {"outcome": self._live.outcome}
         if self._live.game.teams is None:
-            return {agent: dict(told) for agent in self.agents}
+            return {agent: dict(common_info) for agent in self.agents}
         statuses = self._each(self._live.statuses)
-        return {agent: told | {"status": RobotStatus(status).name.lower()} for agent, status in statuses.items()}
+        return {agent: common_info | {"status": RobotStatus(status).name.lower()} for agent, status in statuses.items()}
 
 
 parallel_env = BothSides

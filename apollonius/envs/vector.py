@@ -1,4 +1,6 @@
-"""Gymnasium's vector interface: thousands of games at once in one compiled call, one side from outside."""
+"""Gymnasium's vector interface: thousands of games at once in one compiled call, one side from
+outside.
+"""
 
 from dataclasses import replace
 from typing import Any
@@ -35,26 +37,32 @@ _SYNC = "; vectorization_mode='sync' has it, and is much slower"
 
 
 class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
-    """Many games seen from one side, all stepped together; the other side is a player of the package.
+    """Many games seen from one side, all stepped together; the other side is a player of the
+    package.
 
     What becomes of a game that has ended is Gymnasium's autoreset mode:
 
-    - `SAME_STEP`: it begins again within the same step, and the observation returned is the new game's first. In such
-      a step `infos` has `final_obs`, what the step led to in every game, `[games, size]`; `_final_obs`, which games
-      ended; and `final_info` with `outcome`, how every game then stood.
-    - `NEXT_STEP`: it begins again in the next step, which ignores its action, rewards it with 0, and ends nothing.
+    - `SAME_STEP`: it begins again within the same step, and the observation returned is the new
+        game's first. In such
+      a step `infos` has `final_obs`, what the step led to in every game, `[games, size]`;
+      `_final_obs`, which games ended; and `final_info` with `outcome`, how every game then stood.
+    - `NEXT_STEP`: it begins again in the next step, which ignores its action, rewards it with 0,
+        and ends nothing.
       `infos["outcome"]` says after every step how each game stands.
 
-    Outcomes are numbers of `apollonius.Outcome`. The games pickle, under way as well as before the first reset.
+    Outcomes are numbers of `apollonius.Outcome`. The games pickle, under way as well as before the
+    first reset.
 
-    In games of teams `infos` also has, after every step and before any game begins again, `rewards`, each robot's own,
-    and `status`, how each stands, a number of `apollonius.game.types.RobotStatus`; both `[games, robots]`. A side of
-    one robot has no axis of robots anywhere else; of several, observations are `[games, robots, size]`, actions
-    `[games, robots]` or `[games, robots, 2]`, and a game's reward is the mean of its robots'. Those of a robot that is
-    out of play are ignored, and it is rewarded with 0.
+    In games of teams `infos` also has, after every step and before any game begins again,
+    `rewards`, each robot's own, and `status`, how each stands, a number of
+    `apollonius.game.types.RobotStatus`; both `[games, robots]`. A side of one robot has no axis of
+    robots anywhere else; of several, observations are `[games, robots, size]`, actions `[games,
+    robots]` or `[games, robots, 2]`, and a game's reward is the mean of its robots'. Those of a
+    robot that is out of play are ignored, and it is rewarded with 0.
 
-    Arguments and errors are those of `apollonius.envs.gymnasium.OneSide`, but there is no render mode; the mode can be
-    given by its name, `SameStep` or `NextStep`. After `max_episode_steps`, if given, a game is truncated.
+    Arguments and errors are those of `apollonius.envs.gymnasium.OneSide`, but there is no render
+    mode; the mode can be given by its name, `SameStep` or `NextStep`. After `max_episode_steps`, if
+    given, a game is truncated.
     """
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}  # noqa: RUF012
@@ -78,32 +86,43 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         role = as_role(role)
         PARALLEL_GAMES.require("num_envs", num_envs)
         mode = AutoresetMode(autoreset_mode) if autoreset_mode in _MODES else autoreset_mode
-        require(mode in _MODES.values(), "autoreset_mode", autoreset_mode, f"one of {', '.join(_MODES)}{_SYNC}")
-        require(render_mode is None, "render_mode", render_mode, f"None: there are no pictures of many games{_SYNC}")
+        modes = f"one of {', '.join(_MODES)}{_SYNC}"
+        require(mode in _MODES.values(), "autoreset_mode", autoreset_mode, modes)
+        bound = f"None: there are no pictures of many games{_SYNC}"
+        require(render_mode is None, "render_mode", render_mode, bound)
         contest = make_contest(as_game(game), observation, actions, reward, {role.other: opponent})
         game = _shortened(contest.game, max_episode_steps)
         self.metadata = type(self).metadata | {"autoreset_mode": mode}
         self.num_envs = num_envs
         robots = len(game.bodies[role])
         spaces = observation_space(contest.reads), action_space(actions)
-        several = spaces if robots == 1 else (batch_space(one, robots) for one in spaces)
+        several = spaces if robots == 1 else (batch_space(space, robots) for space in spaces)
         self.single_observation_space, self.single_action_space = several
-        self._kind, self._acting = actions, (num_envs,) if robots == 1 else (num_envs, robots)
+        self._kind = actions
+        self._acting = (num_envs,) if robots == 1 else (num_envs, robots)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._next_step = mode == AutoresetMode.NEXT_STEP
         # The game is a constant of what is compiled.
         batch = Batch(game, role, contest.players, num_envs, self._next_step, contest.reward)
-        self._draw, self._step = Compiled(Batch.sample_starts, batch), Compiled(Batch.step, batch)
+        self._draw = Compiled(Batch.sample_starts, batch)
+        self._step = Compiled(Batch.step, batch)
         self._now: UnderWay | None = None
         self._left = 0
-        """Starts of the pile that have not been used."""
+        """Sampled starts that have not been used."""
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Start new games from the game's distribution of starts; one seed, not a list, is that of all."""
-        require(not isinstance(seed, list), "seed", seed, f"one number or None: it seeds all games{_SYNC}")
+        """Start new games from the game's distribution of starts; one seed, not a list, is that of
+        all.
+        """
+        require(
+            not isinstance(seed, list),
+            "seed",
+            seed,
+            f"one number or None: it seeds all games{_SYNC}",
+        )
         require_no_options(options)
         require_unforked()
         super().reset(seed=seed)  # pyright: ignore[reportArgumentType]
@@ -115,31 +134,40 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return np.array(now.seen), {}
 
     def step(
-        self, actions: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:  # fmt: skip
-        """Step every game by the actions `[games]`, each 0..8, or `[games, 2]`, of a team each robot's; raises
-        InvalidInput for impossible ones, and ResetNeeded before the first `reset`.
+        self,
+        actions: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Step every game by the actions `[games]`, each 0..8, or `[games, 2]`, of a team each
+        robot's; raises InvalidInput for impossible ones, and ResetNeeded before the first `reset`.
         """
         if self._now is None:
             raise gymnasium.error.ResetNeeded("games begin with reset()")
         actions = as_actions(actions, self._kind, self._acting)
         self._provide()
-        used = np.int32(SPARE * self.num_envs - self._left)
-        now, made = self._step(self._now, self._ended, self._starts, used, actions, random_bits(self.np_random))
-        self._now, seen, reward = now, np.array(now.seen), np.array(made.reward)
-        terminated, truncated, outcome = np.array(made.terminated), np.array(made.truncated), np.array(made.outcome)
-        over = terminated | truncated
+        num_used = np.int32(SPARE * self.num_envs - self._left)
+        bits = random_bits(self.np_random)
+        games, result = self._step(self._now, self._ended, self._starts, num_used, actions, bits)
+        self._now = games
+        observations = np.array(games.seen)
+        reward = np.array(result.reward)
+        terminated = np.array(result.terminated)
+        truncated = np.array(result.truncated)
+        outcome = np.array(result.outcome)
+        is_over = terminated | truncated
         if self._next_step:
             self._left -= int(self._ended.sum())
-            self._ended = over
+            self._ended = is_over
             infos = self._of_all(outcome=outcome)
         else:
-            self._left -= int(over.sum())
-            final = {"final_obs": np.array(made.seen), "final_info": {"outcome": outcome, "_outcome": over}}
-            infos = final | {"_final_obs": over, "_final_info": over} if over.any() else {}
-        if made.rewards is not None:
-            infos |= self._of_all(rewards=np.array(made.rewards), status=np.array(made.status))
-        return seen, reward, terminated, truncated, infos
+            self._left -= int(is_over.sum())
+            final = {
+                "final_obs": np.array(result.seen),
+                "final_info": {"outcome": outcome, "_outcome": is_over},
+            }
+            infos = final | {"_final_obs": is_over, "_final_info": is_over} if is_over.any() else {}
+        if result.rewards is not None:
+            infos |= self._of_all(rewards=np.array(result.rewards), status=np.array(result.status))
+        return observations, reward, terminated, truncated, infos
 
     def render(self) -> None:
         """Draw nothing."""
@@ -148,13 +176,16 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return values | {f"_{name}": np.ones(self.num_envs, bool) for name in values}
 
     def _provide(self) -> None:
-        """Draw a new pile of starts where the last might not do; each is used once, from the first on."""
+        """Sample new starts if the last ones might not suffice; each is used once, in their order."""
         if self._left < self.num_envs:
-            self._starts, self._left = self._draw(random_bits(self.np_random)), SPARE * self.num_envs
+            self._starts = self._draw(random_bits(self.np_random))
+            self._left = SPARE * self.num_envs
 
 
 def _shortened(game: Game, max_episode_steps: int | None) -> Game:
-    """Return a game that is truncated after some steps; raises InvalidInput where the evader would win by that."""
+    """Return a game that is truncated after some steps; raises InvalidInput where the evader would
+    win by that.
+    """
     if max_episode_steps is None:
         return game
     Counted(0).require("max_episode_steps", max_episode_steps)

@@ -1,4 +1,6 @@
-"""The benchmark: an agent against a fixed panel in the held-out arenas of a suite, a round being a game in each."""
+"""The benchmark: an agent against a fixed panel in the held-out arenas of a suite, a round being a
+game in each.
+"""
 
 import os
 import re
@@ -46,13 +48,13 @@ _PURSUERS = {
     "team": ("pure-pursuit", "intercept", "pursuer", "shielded:pursuer"),
 }
 PANELS = {track: {"pursuer": pursuers, "evader": _EVADERS} for track, pursuers in _PURSUERS.items()}
-"""By track: the players of either side that an agent of the other one meets; other panels are another benchmark."""
+"""Opponents of each track by side; other panels are another benchmark."""
 SUITE, PART = "suite-v2", "held-out"
 """The arenas that are played in."""
 ROUNDS = 2
 """Games in each arena against each opponent."""
 FORFEIT = int(Outcome.ONGOING)
-"""In the place of an outcome: an agent from outside failed, and its game counts as lost."""
+"""The outcome of a game in which an agent from outside failed; it counts as lost."""
 _COURSE = re.compile("[0-9a-f]{16}")
 _SLOTS = 32
 _FAILED = BySide(PURSUER_FAILS, EVADER_FAILS)
@@ -61,10 +63,11 @@ _CALLS = 10
 
 @dataclass(frozen=True)
 class Round:
-    """A game in each arena, in their order: its outcome, its length [steps], and how many own robots crashed or left.
+    """A game in each arena, in their order: its outcome, its length [steps], and the own robots
+    that crashed or left.
 
-    The seed is that of the match of as many games, `course` a digest of all that was done, `failure` why an agent
-    from outside forfeited games.
+    `seed` is the seed of the match, `course` a digest of all actions and rewards, `failure` the
+    reason why an agent from outside forfeited games.
     """
 
     seed: int
@@ -75,22 +78,28 @@ class Round:
     failure: str = field(compare=False)
 
     def __post_init__(self) -> None:
-        require(set(self.outcomes) <= {*Outcome}, "outcomes", self.outcomes, "0, a forfeit, or how games end, 1 to 7")
-        require(min(self.steps, default=1) >= 1, "steps", min(self.steps, default=1), "1 at least")
-        require(min(self.crashed, default=0) >= 0, "crashed", min(self.crashed, default=0), "0 at least")
+        outcomes_bound = "0, a forfeit, or how games end, 1 to 7"
+        require(set(self.outcomes) <= {*Outcome}, "outcomes", self.outcomes, outcomes_bound)
+        fewest_steps = min(self.steps, default=1)
+        require(fewest_steps >= 1, "steps", fewest_steps, "1 at least")
+        fewest_crashes = min(self.crashed, default=0)
+        require(fewest_crashes >= 0, "crashed", fewest_crashes, "0 at least")
         require(_COURSE.fullmatch(self.course), "course", self.course, "16 hexadecimal digits")
         require_printable("failure", self.failure)
         forfeits = FORFEIT in self.outcomes
-        require(forfeits == bool(self.failure), "failure", self.failure, "given where games are forfeited, only there")
+        failure_bound = "given where games are forfeited, only there"
+        require(forfeits == bool(self.failure), "failure", self.failure, failure_bound)
 
 
 @dataclass(frozen=True)
 class Score:
-    """The numbers of a card: its worth against the opponent that it is worth least against, and shares of all games.
+    """The numbers of a card: the worth against the most difficult opponent, and shares of all
+    games.
 
-    The worth is wins less losses, the time limit being the evader's win: the mean over the arenas with its 95 %
-    interval, and that over their worst tenth. In `crashes` a robot of its own crashed or left, in `forfeits` it failed
-    to act.
+    The worth is the share of wins less the share of losses, where the time limit is the evader's
+    win: the mean over the arenas with its 95 % interval, and the mean over their worst tenth.
+    `crashes` is the share of games in which an own robot crashed or left, `forfeits` the share in
+    which the agent failed to act.
     """
 
     worth: float
@@ -151,7 +160,11 @@ class Benchmark:
         }
 
     def find(self, name: str) -> Named:
-        """Return the player of a name or a file; errors as those of `find_player` and `OnnxProcess`."""
+        """Return the player of a name or a file.
+
+        Raises:
+            InvalidInput: As `find_player` and `OnnxProcess`.
+        """
         if name.endswith(ONNX):
             return Named(Path(name).name, OnnxAgent(OnnxProcess(Path(name))))
         return find_player(name, self.role, self.game)
@@ -160,25 +173,43 @@ class Benchmark:
         """Play a round."""
         match, process = self._round(agent, opponent, seed)
         slots = match.games if process else _SLOTS
-        results = play_out(match.rules, match.pools, *begin(match), slots=slots, watcher=Fingerprint())
-        outcomes, steps, crashed = np.array(results.outcome), np.array(results.steps), self._crashed(results)
+        results = play_out(
+            match.rules,
+            match.pools,
+            *begin(match),
+            slots=slots,
+            watcher=Fingerprint(),
+        )
+        outcomes = np.array(results.outcome)
+        steps = np.array(results.steps)
+        crashes = self._crashed(results)
         if process:
             process.end()
             outcomes[[*process.forfeited]] = FORFEIT
-        words = np.stack([outcomes, steps, crashed, np.asarray(results.watched)]).astype("<u4").tobytes()
-        played, lengths, crashes = (tuple(column.tolist()) for column in (outcomes, steps, crashed))
-        course, failure = sha256(words).hexdigest()[:16], process.reason if process else ""
-        return Round(seed, played, lengths, crashes, course, failure)
+        fingerprints = np.asarray(results.watched)
+        words = np.stack([outcomes, steps, crashes, fingerprints]).astype("<u4").tobytes()
+        return Round(
+            seed,
+            outcomes=tuple(outcomes.tolist()),
+            steps=tuple(steps.tolist()),
+            crashed=tuple(crashes.tolist()),
+            course=sha256(words).hexdigest()[:16],
+            failure=process.reason if process else "",
+        )
 
     def _round(self, agent: Named, opponent: str, seed: int) -> tuple[Match, OnnxProcess | None]:
-        """Return the match of a round, and the process of an agent from outside, which is begun for it."""
-        match = Match(self.game, BySide.of(self.role, agent, self._opponents[opponent]), len(self.arenas), seed)
-        if process := process_of(agent.policy):
+        """Make the match of a round, and start the process of an agent from outside."""
+        players = BySide.of(self.role, agent, self._opponents[opponent])
+        match = Match(self.game, players, len(self.arenas), seed)
+        process = process_of(agent.policy)
+        if process:
             process.begin(match.games)
         return match, process
 
     def microseconds(self, agent: Named) -> float:
-        """Return the time of a decision [us], as one of a round's first ones, all at once."""
+        """Measure the time of a decision [us]: the first step of all games of a round, over its
+        decisions.
+        """
         match, process = self._round(agent, self.panel[0], 0)
         starts, key = begin(match)
         bits = random_bits(key, (2, match.games))
@@ -187,57 +218,73 @@ class Benchmark:
         def decide() -> None:
             jax.block_until_ready(_act(match.rules, match.pools[self.role], games, bits, self.role))
 
-        spent = timeit.repeat(decide, number=1, repeat=_CALLS + 1)  # the first one compiles
+        seconds = timeit.repeat(decide, number=1, repeat=_CALLS + 1)[1:]  # the first call compiles
         if process:
             process.end()
-        return _rounded(1e6 * float(np.median(spent[1:])) / (match.games * len(self.game.bodies[self.role])))
+        decisions = match.games * len(self.game.bodies[self.role])
+        return _rounded(1e6 * float(np.median(seconds)) / decisions)
 
     @cached_property
     def _opponents(self) -> dict[str, Named]:
         return {name: find_player(name, self.role.other, self.game) for name in self.panel}
 
     def _crashed(self, results: Results) -> np.ndarray:
-        """Return how many own robots crashed or left in each game."""
+        """Count the own robots that crashed or left in each game."""
         if results.status is None:
             return np.isin(results.outcome, (Outcome.BOTH_FAILED, *_FAILED[self.role])).astype(int)
         robots = np.stack([np.asarray(status) for status in results.status[self.role]])
         return np.isin(robots, (RobotStatus.HIT_OBSTACLE, RobotStatus.OUT_OF_RANGE)).sum(axis=0)
 
     def score(self, opponents: Mapping[str, Sequence[Round]]) -> Score:
-        """Return the score that follows from rounds against each opponent."""
-        worths = {name: np.mean([self._worths(one) for one in rounds], axis=0) for name, rounds in opponents.items()}
+        """Compute the score from rounds against each opponent."""
+        worths = {
+            name: np.mean([self._worths(game_round) for game_round in rounds], axis=0)
+            for name, rounds in opponents.items()
+        }
         against = min(worths, key=lambda name: float(np.mean(worths[name])))
-        least, every = worths[against], [one for rounds in opponents.values() for one in rounds]
+        least = worths[against]
+        all_rounds = [game_round for rounds in opponents.values() for game_round in rounds]
         low, high = mean_interval(least, -1.0, 1.0)
         return Score(
             worth=_rounded(np.mean(least)),
             interval=(_rounded(low), _rounded(high)),
             against=against,
             worst_tenth=_rounded(worst_mean(least)),
-            crashes=_rounded(np.mean([np.array(one.crashed) > 0 for one in every])),
-            forfeits=_rounded(np.mean([np.array(one.outcomes) == FORFEIT for one in every])),
+            crashes=_rounded(
+                np.mean([np.array(game_round.crashed) > 0 for game_round in all_rounds]),
+            ),
+            forfeits=_rounded(
+                np.mean([np.array(game_round.outcomes) == FORFEIT for game_round in all_rounds]),
+            ),
         )
 
-    def _worths(self, one: Round) -> Float[np.ndarray, " arenas"]:
-        won = np.isin(one.outcomes, PURSUER_WINS).astype(float)
-        lost = np.isin(one.outcomes, evader_winning(time_limit_wins=True)).astype(float)
-        worth = won - lost if self.role == Role.PURSUER else lost - won
-        return np.where(np.array(one.outcomes) == FORFEIT, -1.0, worth)
+    def _worths(self, game_round: Round) -> Float[np.ndarray, " arenas"]:
+        pursuer_wins = np.isin(game_round.outcomes, PURSUER_WINS).astype(float)
+        evader_wins = np.isin(game_round.outcomes, evader_winning(time_limit_wins=True)).astype(
+            float,
+        )
+        wins = BySide(pursuer_wins, evader_wins)
+        worth = wins[self.role] - wins[self.role.other]
+        return np.where(np.array(game_round.outcomes) == FORFEIT, -1.0, worth)
 
 
 @partial(jax.jit, static_argnames="role")
 def _act(game: Game, pool: Any, games: rollout.Games, bits: Array, role: Role) -> Any:
-    return rollout.decide(pool, games.sides[role], perceive(pool.observation, game, games.state, role), bits[role])
+    observations = perceive(pool.observation, game, games.state, role)
+    return rollout.decide(pool, games.sides[role], observations, bits[role])
 
 
 def digest_of(name: str, agent: Named | None = None) -> tuple[str, str]:
-    """Return a player's name and the SHA-256 of its file, an agent's from outside as it was read; of one without a file
-    that of nothing.
+    """Return a player's name and the SHA-256 of its file, or of no bytes where it has none.
+
+    The file of an agent from outside is taken as it was read.
     """
-    if agent and (process := process_of(agent.policy)):
+    process = process_of(agent.policy) if agent else None
+    if process:
         return name, sha256(process.content).hexdigest()
     path = file_of(name.removeprefix(SHIELDED).removeprefix(SEARCHING))
-    return name, sha256(path.read_bytes() if path and os.path.isfile(path) else b"").hexdigest()
+    content = path.read_bytes() if path and os.path.isfile(path) else b""
+    return name, sha256(content).hexdigest()
 
 
 def _rounded(value: Any) -> float:

@@ -8,26 +8,40 @@ import numpy as np
 from apollonius.evaluate.statistics import Prediction, predict
 
 STAGE_1 = 0.96
-"""Share of games captured against an evader that stays, after 200,000 episodes (section IV, Fig. 4)."""
+"""Share of games captured against an evader that stays, after 200,000 episodes (section IV, Fig.
+4).
+"""
 
 _COUNTED = (
-    "captured", "pursuer_hit_obstacle", "evader_hit_obstacle",
-    "pursuer_out_of_range", "evader_out_of_range", "no_result",
-)  # fmt: skip
+    "captured",
+    "pursuer_hit_obstacle",
+    "evader_hit_obstacle",
+    "pursuer_out_of_range",
+    "evader_out_of_range",
+    "no_result",
+)
 
 
 def _counted(*games: int) -> dict[str, int]:
     return dict(zip(_COUNTED, games, strict=True))
 
 
-TABLE_2 = {"P_random": _counted(336, 28, 26, 17, 93, 0), "P_curriculum": _counted(62, 15, 52, 19, 351, 1)}
+TABLE_2 = {
+    "P_random": _counted(336, 28, 26, 17, 93, 0),
+    "P_curriculum": _counted(62, 15, 52, 19, 351, 1),
+}
 """Games of 500 against the random evader, by pursuer."""
-TABLE_3 = {"P_random": _counted(115, 69, 66, 13, 36, 201), "P_curriculum": _counted(188, 62, 135, 22, 30, 63)}
+TABLE_3 = {
+    "P_random": _counted(115, 69, 66, 13, 36, 201),
+    "P_curriculum": _counted(188, 62, 135, 22, 30, 63),
+}
 """Games of 500 against the evader of self-play from scratch, by pursuer."""
 
 
 def paper_shares(pursuer: str, evader: str) -> dict[str, float]:
-    """Return the paper's shares of outcomes for a pairing, in [0, 1]; nothing where it reports none."""
+    """Return the paper's shares of outcomes for a pairing, in [0, 1]; nothing where it reports
+    none.
+    """
     if (pursuer, evader) == ("P_stage1", "still"):
         return {"captured": STAGE_1}
     counts = {"random": TABLE_2, "E_scratch": TABLE_3}.get(evader, {}).get(pursuer, {})
@@ -44,8 +58,8 @@ FEWEST_SEEDS = 3
 class Claim:
     """A statement of the paper, its value there, and a bound that our agents have to reach.
 
-    Values, from `least` to 1, are a row for each training of the pursuer and a column for each of the evader where it
-    is trained.
+    Values, from `least` to 1, are a row for each training of the pursuer and a column for each of
+    the evader where it is trained.
     """
 
     name: str
@@ -61,9 +75,11 @@ class Claim:
         return predict(np.array(self.values), self.least, 1.0)
 
     def verdict(self, is_full: bool = True) -> str:
-        """Return `holds` or `does not hold` where the whole prediction interval says so, else `a draw among draws`.
+        """Return `holds` or `does not hold` where the whole prediction interval says so, else `a
+        draw among draws`.
 
-        `not enough` is said of fewer than three trainings, and of shorter ones than the paper's (`is_full` is False).
+        `not enough` is said of fewer than three trainings, and of shorter ones than the paper's
+        (`is_full` is False).
         """
         if len(self.values) < FEWEST_SEEDS or not is_full:
             return "not enough"
@@ -73,7 +89,13 @@ class Claim:
         return "does not hold" if high < self.bound else "a draw among draws"
 
     def to_dict(self, is_full: bool = True) -> dict[str, Any]:
-        """Return the claim with its mean, prediction, chance to reach the bound and verdict, as JSON-like data."""
-        found = self.prediction
-        derived = {"mean": found.mean, "interval": found.interval, "chance": found.chance(self.bound)}
+        """Return the claim with its mean, prediction, chance to reach the bound and verdict, as
+        JSON-like data.
+        """
+        prediction = self.prediction
+        derived = {
+            "mean": prediction.mean,
+            "interval": prediction.interval,
+            "chance": prediction.chance(self.bound),
+        }
         return asdict(self) | derived | {"verdict": self.verdict(is_full)}

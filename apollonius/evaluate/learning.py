@@ -1,4 +1,6 @@
-"""What a training changed: how often its agents win, from stage to stage and within each, against fixed opponents."""
+"""What a training changed: how often its agents win, from stage to stage and within each, against
+fixed opponents.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +14,9 @@ from apollonius.learn.metrics import load_metrics
 from apollonius.play.playout import Report, silent
 
 OPPONENTS = BySide(pursuer="flee-aware", evader="pure-pursuit")
-"""The rules that a pursuer and an evader of self-play are measured by; no training of theirs meets them."""
+"""The rules that a pursuer and an evader of self-play are measured by; no training of theirs meets
+them.
+"""
 GAMES = 300
 """Games of each match with such a rule."""
 
@@ -27,7 +31,8 @@ class Curve:
 
 
 def learning_curves(run: Path, config: RunConfig, report: Report = silent) -> list[Curve]:
-    """Measure the stages of a finished run: stage 1 by its evaluations, self-play by matches of its snapshots.
+    """Measure the stages of a finished run: stage 1 by its evaluations, self-play by matches of its
+    snapshots.
 
     Self-play begins with the pursuer of stage 1, where there is one.
     """
@@ -59,12 +64,16 @@ def stage1_curve(run: Path, config: RunConfig) -> Curve:
     for line in load_metrics(run / METRICS):
         if line.stage == FIXED_TARGET and line.evaluation is not None:
             outcomes = line.evaluation.outcomes
-            wins[round(100 * line.env_steps / length)] = outcomes["captured"] / sum(outcomes.values())
+            wins[round(100 * line.env_steps / length)] = outcomes["captured"] / sum(
+                outcomes.values(),
+            )
     return Curve(f"stage 1: pursuer catches {', '.join(config.evaders)}", wins)
 
 
 def snapshots(run: Path, config: RunConfig, role: Role) -> dict[int, Path]:
-    """Return the files of one side's agents in self-play by per cent of the stage, from its beginning."""
+    """Return the files of one side's agents in self-play by per cent of the stage, from its
+    beginning.
+    """
     name = f"{role.name[0]}_{config.kind}"
     files: dict[int, Path] = {}
     first = last_agents(run).get(config.stage1_name)

@@ -1,4 +1,4 @@
-"""A match: what is asked for, many games on paired starts, and what the counts say."""
+"""A match: two players, many games on paired starts, and the counts of their outcomes."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -13,7 +13,13 @@ from apollonius.agents.pool import Pool, solo
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
-from apollonius.evaluate.result import MatchResult, count_by_arena, count_by_detour, count_robots, count_sightings
+from apollonius.evaluate.result import (
+    MatchResult,
+    count_by_arena,
+    count_by_detour,
+    count_robots,
+    count_sightings,
+)
 from apollonius.game.game import Game, sample_starts
 from apollonius.game.outcome import PURSUER_WINS, counts_by_name, evader_winning
 from apollonius.game.teams import separation
@@ -27,7 +33,9 @@ from apollonius.play.replay import Replay, as_rows, trace
 
 
 def starting(game: Game, speed: str | None) -> Game:
-    """Return a game with the initial speeds `rest` or `moving`, or its own for None; raises InvalidInput for others."""
+    """Return a game with the initial speeds `rest` or `moving`, or its own for None; raises
+    InvalidInput for others.
+    """
     return game if speed is None else replace(game, starts=replace(game.starts, speed=speed))
 
 
@@ -35,8 +43,8 @@ def starting(game: Game, speed: str | None) -> Game:
 class Match:
     """A match to be played: two players, a game, a number of games and a seed.
 
-    Its starts depend on the game, the number of games, the seed and that alone, so matches of other players with the
-    same ones are paired: they meet the very same starts.
+    Its starts depend on the game, the number of games, the seed and that alone, so matches of other
+    players with the same ones are paired: they meet the very same starts.
     """
 
     game: Game
@@ -50,12 +58,26 @@ class Match:
 
     @classmethod
     def of_names(
-        cls, game: Game | str, pursuer: str, evader: str, games: int, seed: int = 0, starts: str | None = None
+        cls,
+        game: Game | str,
+        pursuer: str,
+        evader: str,
+        games: int,
+        seed: int = 0,
+        starts: str | None = None,
     ) -> "Match":
-        """Return the match of two players in a game, by their names or files; `starts` are as of `starting`.
+        """Make the match of two players in a game.
+
+        Args:
+            game: The game, or its name or file.
+            pursuer: Name or file of the pursuer.
+            evader: Name or file of the evader.
+            games: Number of games, at least 1.
+            seed: Seed of the starts and of everything random, at least 0.
+            starts: Initial speeds, `rest` or `moving`; the game's own for None.
 
         Raises:
-            InvalidInput: as `find_game`, `find_player` and `starting`, for less than one game, and for a seed below 0.
+            InvalidInput: As `find_game`, `find_player` and `starting`, and for other numbers.
         """
         rules = starting(find_game(game) if isinstance(game, str) else game, starts)
         names = BySide(pursuer, evader)
@@ -90,16 +112,28 @@ def play_matches(
     play: Callable[..., MatchResult] = play_match,
     run: Run | None = None,
 ) -> list[MatchResult]:
-    """Play matches one after the other, or each as a job by `run`; `report` has the games of all together.
+    """Play matches one after the other, or each as a job.
 
-    Errors are those of `run_jobs`.
+    Args:
+        matches: The matches.
+        on_match: Called with each match and its result, unless they are jobs.
+        report: Called with the games so far and in all, over all matches.
+        play: Function that plays one match.
+        run: Runs the matches as jobs.
+
+    Raises:
+        InvalidInput: As `run_jobs`.
     """
     if run:
-        return run([Job(" against ".join(one.name for one in match.players), play, (match,)) for match in matches])
-    results, total = list[MatchResult](), sum(match.games for match in matches)
+        names = [" against ".join(player.name for player in match.players) for match in matches]
+        return run([Job(name, play, (match,)) for name, match in zip(names, matches, strict=True)])
+    results = list[MatchResult]()
+    total = sum(match.games for match in matches)
     for match in matches:
         before = sum(result.games for result in results)
-        results.append(play(match, report=lambda done, _, before=before: report(before + done, total)))
+        results.append(
+            play(match, report=lambda games, _, before=before: report(before + games, total)),
+        )
         on_match(match, results[-1])
     return results
 
@@ -110,19 +144,32 @@ def play_games(match: Match, slots: int | None = None, report: Report = silent) 
 
 
 def worst_first(results: Results) -> list[int]:
-    """Return the games' numbers: those that the pursuer lost, then those without a winner, then those it won."""
-    won, lost = (np.isin(results.outcome, kinds) for kinds in (PURSUER_WINS, evader_winning(time_limit_wins=False)))
-    return np.argsort(won.astype(int) - lost.astype(int), kind="stable").tolist()
+    """Order the games: the evader's wins, then games without a winner, then the pursuer's wins."""
+    pursuer_wins = np.isin(results.outcome, PURSUER_WINS)
+    evader_wins = np.isin(results.outcome, evader_winning(time_limit_wins=False))
+    return np.argsort(pursuer_wins.astype(int) - evader_wins.astype(int), kind="stable").tolist()
 
 
 def record_game(match: Match, index: int) -> Replay:
-    """Return one game of a match, numbered from 0, as a replay; raises InvalidInput where there is no such game."""
-    require(0 <= index < match.games, "index", index, f"at least 0 and less than games = {match.games}")
+    """Record one game of a match, numbered from 0; raises InvalidInput for other numbers."""
+    require(
+        0 <= index < match.games,
+        "index",
+        index,
+        f"at least 0 and less than games = {match.games}",
+    )
     course = trace(match.rules, match.pools, *begin(match), index)
     return Replay(
-        match.game, match.players.pursuer.name, match.players.evader.name, match.seed, match.games, index,
-        as_rows(course.states), np.asarray(course.actions), Outcome(int(course.outcome)),
-    )  # fmt: skip
+        match.game,
+        match.players.pursuer.name,
+        match.players.evader.name,
+        match.seed,
+        match.games,
+        index,
+        as_rows(course.states),
+        np.asarray(course.actions),
+        Outcome(int(course.outcome)),
+    )
 
 
 def begin(match: Match) -> tuple[GameState, PRNGKeyArray]:
@@ -132,23 +179,27 @@ def begin(match: Match) -> tuple[GameState, PRNGKeyArray]:
 
 
 def count(match: Match, results: Results) -> MatchResult:
-    """Return the result of the games of a match, played to their ends."""
-    outcome, steps = np.asarray(results.outcome), np.asarray(results.steps)
+    """Count the games of a match that were played to their ends."""
+    outcome = np.asarray(results.outcome)
+    steps = np.asarray(results.steps)
     captured = outcome == Outcome.CAPTURED
+    detours = _detours(match)
     return MatchResult(
         outcomes=counts_by_name(np.bincount(outcome, minlength=len(Outcome))),
         mean_steps=float(np.mean(steps)),
         mean_capture_steps=float(np.mean(steps[captured])) if captured.any() else None,
         time_limit_wins=match.game.reward.time_limit_wins,
         arenas=count_by_arena(match.game.scenario, results) if match.game.scenario else None,
-        detours=None if (found := _detours(match)) is None else count_by_detour(found, results),
+        detours=None if detours is None else count_by_detour(detours, results),
         sight=count_sightings(results),
         robots=count_robots(results.status) if results.status else None,
     )
 
 
 def _detours(match: Match) -> Float[np.ndarray, " games"] | None:
-    """Return the shortest way at each start over the straight line; None but in games of two in arenas with charts."""
+    """Return the shortest path over the straight line at each start; None for teams and without
+    charts.
+    """
     game = match.rules
     if game.teams or game.scenario is None or game.scenario.arenas.chart is None:
         return None
@@ -158,8 +209,10 @@ def _detours(match: Match) -> Float[np.ndarray, " games"] | None:
 @Kept
 def _ways_over_lines(game: Game, starts: GameState) -> Float[Array, " games"]:
     def over_line(start: GameState) -> Scalar:
-        chart, here, there = game.at(start).arena.chart, start.pursuer, start.evader
+        chart = game.at(start).arena.chart
+        pursuer = start.pursuer
+        evader = start.evader
         assert chart is not None, "the game is charted"
-        return chart.way(here.x, here.y, there.x, there.y) / separation(here, there)
+        return chart.way(pursuer.x, pursuer.y, evader.x, evader.y) / separation(pursuer, evader)
 
     return jax.vmap(over_line)(starts)

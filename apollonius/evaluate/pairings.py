@@ -17,13 +17,16 @@ JUDGED_GAMES = 2000
 
 def last_agents(run: Path) -> dict[str, Path]:
     """Return the files of a run's final agents by name, without earlier snapshots."""
-    return {path.stem: path for path in sorted(run.glob("agents/*.safetensors")) if "-" not in path.stem}
+    files = sorted(run.glob("agents/*.safetensors"))
+    return {path.stem: path for path in files if "-" not in path.stem}
 
 
 def pairings(agents: Mapping[str, Path]) -> list[tuple[str, str]]:
-    """Return the names of pursuer and evader in each match of these agents and of players that need no training.
+    """Return the names of pursuer and evader in each match of these agents and of players that need
+    no training.
 
-    The pursuer of stage 1 meets an evader that stays, as in its training; any other the random evader and all evaders.
+    The pursuer of stage 1 meets an evader that stays, as in its training; any other the random
+    evader and all evaders.
     """
     roles = {name: load_header(file).role for name, file in agents.items()}
     evaders = ["random", *[name for name, role in roles.items() if role == "evader"]]
@@ -36,13 +39,23 @@ def pairings(agents: Mapping[str, Path]) -> list[tuple[str, str]]:
 
 
 def last_matches(run: Path, game: Game, games: int, seed: int) -> dict[tuple[str, str], Match]:
-    """Return the matches of a run's last agents, by the names that they have in it."""
+    """Make the matches of a run's last agents, by the names that the agents have in the run.
+
+    Args:
+        run: Folder of the run.
+        game: The game.
+        games: Number of games of each match.
+        seed: Seed of each match.
+    """
     agents = last_agents(run)
 
     def file(name: str) -> str:
         return str(agents.get(name, name))
 
-    return {pair: Match.of_names(game, file(pair[0]), file(pair[1]), games, seed) for pair in pairings(agents)}
+    return {
+        (pursuer, evader): Match.of_names(game, file(pursuer), file(evader), games, seed)
+        for pursuer, evader in pairings(agents)
+    }
 
 
 def evaluate_run(
@@ -51,8 +64,16 @@ def evaluate_run(
     on_match: Callable[[Match, MatchResult], None] = lambda match, result: None,
     report: Report = silent,
 ) -> None:
-    """Play the matches of a run's last agents, and keep what they come to in its `EVALUATION`."""
+    """Play the matches of a run's last agents, and write their results to its `EVALUATION`.
+
+    Args:
+        run: Folder of the run.
+        game: The game.
+        on_match: Called with each match and its result.
+        report: Called with the games so far and in all.
+    """
     matches = last_matches(run, game, JUDGED_GAMES, seed=1)
     results = play_matches([*matches.values()], on_match, report)
-    record = {" against ".join(pair): result.to_dict() for pair, result in zip(matches, results, strict=True)}
+    by_pair = zip(matches, results, strict=True)
+    record = {" against ".join(pair): result.to_dict() for pair, result in by_pair}
     write_atomically(run / EVALUATION, to_json(record, indent=2).encode())

@@ -1,4 +1,4 @@
-"""What a match comes to: counts, rates with their intervals, and lengths of games."""
+"""The result of a match: counts, rates with their intervals, and lengths of games."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
@@ -18,12 +18,17 @@ from apollonius.play.playout import Results
 
 
 def count_robots(statuses: BySide[tuple[Int[Array, " games"], ...]]) -> dict[str, dict[str, int]]:
-    """Count the robots of ended games by side and status; collisions of mates only where there were some."""
+    """Count the robots of ended games by side and status; collisions of mates only where there were
+    some.
+    """
 
     def by_name(side: tuple[Int[Array, " games"], ...]) -> dict[str, int]:
-        counts = np.bincount(np.concatenate([np.asarray(status) for status in side]), minlength=len(RobotStatus))
-        named = {status.name.lower(): int(counts[status]) for status in RobotStatus}
-        return {name: count for name, count in named.items() if name != "hit_mate" or count}
+        statuses = np.concatenate([np.asarray(status) for status in side])
+        histogram = np.bincount(statuses, minlength=len(RobotStatus))
+        counts_by_status = {status.name.lower(): int(histogram[status]) for status in RobotStatus}
+        if not counts_by_status["hit_mate"]:
+            del counts_by_status["hit_mate"]
+        return counts_by_status
 
     return {"pursuers": by_name(statuses.pursuer), "evaders": by_name(statuses.evader)}
 
@@ -33,7 +38,7 @@ WORST = 0.1
 
 
 def worst_mean(values: Sequence[float] | Float[np.ndarray, " arenas"]) -> float:
-    """Return the mean of the tenth of the values that are least; of one at least."""
+    """Return the mean of the least tenth of the values, at least of one."""
     return float(np.mean(sorted(values)[: max(1, round(WORST * len(values)))]))
 
 
@@ -47,7 +52,7 @@ class ByArena:
     @property
     def rates(self) -> list[float]:
         """The share of wins in each arena."""
-        return [won / played for won, played in zip(self.wins, self.games, strict=True)]
+        return [wins / games for wins, games in zip(self.wins, self.games, strict=True)]
 
     @property
     def mean(self) -> float:
@@ -61,7 +66,7 @@ class ByArena:
 
     @property
     def worst(self) -> float:
-        """The mean of the rates in the tenth of the arenas where they are least; of one at least."""
+        """The mean of the rates in the worst tenth of the arenas, at least of one."""
         return worst_mean(self.rates)
 
 
@@ -70,25 +75,35 @@ def count_by_arena(scenario: Scenario, results: Results) -> ByArena:
     outcome = np.asarray(results.outcome)
     arena = np.asarray(scenario.place_of(np.arange(len(outcome)))) % scenario.count
     games = np.bincount(arena, minlength=scenario.count)
-    won = np.bincount(arena[np.isin(outcome, PURSUER_WINS)], minlength=scenario.count)
-    played = games > 0
-    return ByArena(tuple(won[played].tolist()), tuple(games[played].tolist()))
+    wins = np.bincount(arena[np.isin(outcome, PURSUER_WINS)], minlength=scenario.count)
+    is_played = games > 0
+    return ByArena(tuple(wins[is_played].tolist()), tuple(games[is_played].tolist()))
 
 
 DETOURS = {"below 1.5": (0.0, 1.5), "1.5 to 2.5": (1.5, 2.5), "above 2.5": (2.5, np.inf)}
 """Classes of starts, by the shortest way between the robots over the straight line."""
 
 
-def count_by_detour(detours: Float[np.ndarray, " games"], results: Results) -> dict[str, tuple[int, int]]:
-    """Count the pursuer's wins and the games of each class of starts; starts without a way are in none."""
-    won = np.isin(np.asarray(results.outcome), PURSUER_WINS)
-    within = {name: (detours >= least) & (detours < most) for name, (least, most) in DETOURS.items()}
-    return {name: (int(np.sum(won & some)), int(np.sum(some))) for name, some in within.items()}
+def count_by_detour(
+    detours: Float[np.ndarray, " games"],
+    results: Results,
+) -> dict[str, tuple[int, int]]:
+    """Count the pursuer's wins and the games of each class of starts; starts without a path are in
+    no class.
+    """
+    is_win = np.isin(np.asarray(results.outcome), PURSUER_WINS)
+    counts = dict[str, tuple[int, int]]()
+    for name, (least, most) in DETOURS.items():
+        in_class = (detours >= least) & (detours < most)
+        counts[name] = int(np.sum(is_win & in_class)), int(np.sum(in_class))
+    return counts
 
 
 @dataclass(frozen=True)
 class SightingCounts:
-    """Games in which a side with sensors saw an opponent, the median of steps until then, and the share of steps."""
+    """Games in which a side with sensors saw an opponent, the median of steps until then, and the
+    share of steps.
+    """
 
     games: int
     first_steps: float | None
@@ -100,8 +115,10 @@ def count_sightings(results: Results) -> dict[str, SightingCounts] | None:
 
     def of_side(sightings: Sightings) -> SightingCounts:
         first = np.asarray(sightings.first)
-        seen, steps = first[first >= 0], np.sum(sightings.steps) / np.sum(results.steps)
-        return SightingCounts(len(seen), float(np.median(seen)) if len(seen) else None, float(steps))
+        first = first[first >= 0]
+        median = float(np.median(first)) if len(first) else None
+        share = float(np.sum(sightings.steps) / np.sum(results.steps))
+        return SightingCounts(len(first), median, share)
 
     sides = zip(Role, results.sightings or (), strict=False)
     return {role.name.lower(): of_side(sightings) for role, sightings in sides if sightings} or None
@@ -109,7 +126,9 @@ def count_sightings(results: Results) -> dict[str, SightingCounts] | None:
 
 @dataclass(frozen=True)
 class MatchResult:
-    """The results of a match: counts of outcomes, rates in [0, 1] with Wilson 95 % intervals, mean lengths."""
+    """The results of a match: counts of outcomes, rates in [0, 1] with Wilson 95 % intervals, mean
+    lengths.
+    """
 
     outcomes: dict[str, int]
     """Games by outcome: the rows of Tables II and III, plus `both_failed`."""
@@ -121,7 +140,8 @@ class MatchResult:
     arenas: ByArena | None = None
     """The same match by arenas, where there are several."""
     detours: dict[str, tuple[int, int]] | None = None
-    """The pursuer's wins and the games of each class of `DETOURS`, in several arenas with charts."""
+    """The pursuer's wins and the games of each class of `DETOURS`, in several arenas with charts.
+    """
     sight: dict[str, SightingCounts] | None = None
     """Sightings by each side with sensors."""
     robots: dict[str, dict[str, int]] | None = None
@@ -139,8 +159,11 @@ class MatchResult:
 
     @property
     def evader_wins(self) -> int:
-        """Games that ended by a failure of the pursuer alone, or at the time limit where the rules count that."""
-        return sum(self.outcomes.get(name, 0) for name in names_of(evader_winning(self.time_limit_wins)))
+        """Games that ended by a failure of the pursuer alone, or at the time limit where the rules
+        count that.
+        """
+        names = names_of(evader_winning(self.time_limit_wins))
+        return sum(self.outcomes.get(name, 0) for name in names)
 
     @property
     def pursuer_win_rate(self) -> float:
@@ -168,9 +191,11 @@ class MatchResult:
         return (self.games - self.pursuer_wins - self.outcomes["both_failed"]) / self.games
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result as JSON-like data, without what only games in several arenas, with sensors, or of teams
-        have."""
-        data = {"games": self.games} | asdict(self) | {name: getattr(self, name) for name in _DERIVED}
+        """Return the result as JSON-like data, without the fields of several arenas, sensors and
+        teams where they are None.
+        """
+        derived = {name: getattr(self, name) for name in _DERIVED}
+        data = {"games": self.games} | asdict(self) | derived
         return {
             name: value
             for name, value in data.items()
@@ -179,13 +204,19 @@ class MatchResult:
 
 
 _DERIVED = (
-    "pursuer_win_rate", "pursuer_win_interval", "evader_win_rate", "evader_win_interval", "evader_undefeated_rate",
-)  # fmt: skip
+    "pursuer_win_rate",
+    "pursuer_win_interval",
+    "evader_win_rate",
+    "evader_win_interval",
+    "evader_undefeated_rate",
+)
 """What follows from the counts, and is written beside them for other programs."""
 
 
 def read_result(data: Any, source: str) -> MatchResult:
-    """Return the result of a match from what `MatchResult.to_dict` wrote; raises InvalidInput for anything else."""
+    """Return the result of a match from what `MatchResult.to_dict` wrote; raises InvalidInput for
+    anything else.
+    """
     require(isinstance(data, dict), source, data, "the result of a match")
     own = {field.name: data[field.name] for field in fields(MatchResult) if field.name in data}
     result = from_dict(MatchResult, own, source)

@@ -25,16 +25,18 @@ STARTS = 20_000
 
 
 def about(solution: Solution, game: Game) -> dict[str, Any]:
-    """Return a solution in numbers by their names: how well it was solved, and its values at the game's starts."""
+    """Return a solution in numbers by their names: how well it was solved, and its values at the
+    game's starts.
+    """
     problem = solution.problem
-    how = {
+    solving = {
         "grid": "x".join(map(str, problem.counts)),
         "hold [s]": round(problem.hold * float(game.dt), 6),
         "sweeps": solution.sweeps,
         "residual": solution.residual,
     }
     kinds = {"safety": _about_safety, "reach": _about_reach, "game": _about_game}
-    return how | kinds[problem.kind](solution, game, Role[problem.role.upper()])
+    return solving | kinds[problem.kind](solution, game, Role[problem.role.upper()])
 
 
 def _about_safety(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
@@ -61,14 +63,16 @@ def _about_reach(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
 
 
 def _about_game(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
-    """Return what the table promises the side at the game's starts, most of which are between nodes."""
+    """Return what the table promises the side at the game's starts, most of which are between
+    nodes.
+    """
     player = SaddlePolicy(zero_sum_game_of(solution.problem, game), solution.table)
     starts = sample_starts(game, jax.random.key(0), STARTS)
-    promised = np.asarray(player.best_value(starts))
+    values = np.asarray(player.best_value(starts))
     return {
-        f"promised to the {role.name.lower()}, on average over starts": float(np.mean(promised)),
-        "at the best start": float(np.max(promised)),
-        "at the worst": float(np.min(promised)),
+        f"promised to the {role.name.lower()}, on average over starts": float(np.mean(values)),
+        "at the best start": float(np.max(values)),
+        "at the worst": float(np.min(values)),
     }
 
 
@@ -76,8 +80,8 @@ def _about_game(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
 class Card:
     """An agent against the table's player of the other side, beside the solved game.
 
-    Rates are in [0, 1], with Wilson 95 % intervals; payoffs are its side's, discounted by the time they take, with 95 %
-    intervals of their mean (Student's t).
+    Rates are in [0, 1], with Wilson 95 % intervals; payoffs are its side's, discounted by the time
+    they take, with 95 % intervals of their mean (Student's t).
     """
 
     role: str
@@ -97,32 +101,47 @@ class Card:
     gap_interval: tuple[float, float]
 
 
-def measure_card(match: Match, own: SaddlePolicy, other: SaddlePolicy, report: Report = silent) -> Card:
-    """Measure an agent's regret: play it against the solved game's best opponent, and compare its results with the
-    value that the solved game promises its side.
+def measure_card(
+    match: Match,
+    own: SaddlePolicy,
+    other: SaddlePolicy,
+    report: Report = silent,
+) -> Card:
+    """Measure an agent's regret: its payoff against the solved game's best opponent beside the
+    value of its own table.
 
-    `own` and `other` are the players by the tables of the agent's side and of the opponent's. Between the nodes of the
-    grid the promise is no bound: it errs either way. Errors are those of `play_match`.
+    Between the nodes of the grid the value is an estimate, no bound.
+
+    Args:
+        match: The agent against `other`.
+        own: The player by the table of the agent's side.
+        other: The player by the table of the opponent's side.
+        report: Called with the games so far and in all.
     """
-    zero_sum_game, games = own.zero_sum_game, match.games
+    zero_sum_game = own.zero_sum_game
+    games = match.games
     starts, _ = begin(match)
     results = play_games(match, report=report)
     seconds = results.steps.astype(jnp.float32) * match.game.dt
     payoffs = np.asarray(payoff_of(zero_sum_game.role, results.outcome, seconds))
-    promised = np.asarray(own.best_value(starts))
-    gaps = promised - payoffs
-    counts = BySide(pursuer_wins(results.outcome), evader_wins(results.outcome, time_limit_wins=False))
-    won, lost = (int(np.sum(counts[role])) for role in (zero_sum_game.role, zero_sum_game.role.other))
+    values = np.asarray(own.best_value(starts))
+    gaps = values - payoffs
+    counts = BySide(
+        pursuer_wins(results.outcome),
+        evader_wins(results.outcome, time_limit_wins=False),
+    )
+    wins = int(np.sum(counts[zero_sum_game.role]))
+    losses = int(np.sum(counts[zero_sum_game.role.other]))
     return Card(
         role=zero_sum_game.role.name.lower(),
         games=games,
-        won=won / games,
-        won_interval=wilson_interval(won, games),
-        lost=lost / games,
-        lost_interval=wilson_interval(lost, games),
+        won=wins / games,
+        won_interval=wilson_interval(wins, games),
+        lost=losses / games,
+        lost_interval=wilson_interval(losses, games),
         payoff=float(np.mean(payoffs)),
         payoff_interval=mean_interval(payoffs, -1.0, 1.0),
-        promised=float(np.mean(promised)),
+        promised=float(np.mean(values)),
         at_most=-float(np.mean(np.asarray(other.best_value(starts)))),
         gap=float(np.mean(gaps)),
         gap_interval=mean_interval(gaps, -2.0, 2.0),

@@ -1,4 +1,4 @@
-"""How sure a rate is."""
+"""Intervals of rates and means."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +13,11 @@ Z = NormalDist().inv_cdf(0.975)
 
 
 def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
-    """Return Wilson's 95 % score interval of a rate, within [0, 1]; raises ValueError for counts that cannot be."""
+    """Return Wilson's 95 % score interval of a rate, within [0, 1].
+
+    Raises:
+        ValueError: For impossible counts.
+    """
     if not 0 <= successes <= trials or trials < 1:
         raise ValueError(f"{successes} successes in {trials} trials")
     rate, z = successes / trials, Z
@@ -26,13 +30,16 @@ def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
 def paired_difference_interval(
     first: Bool[np.ndarray, " trials"], second: Bool[np.ndarray, " trials"]
 ) -> tuple[float, float]:
-    """Return the 95 % interval of the difference of two rates, `first - second`, over paired trials.
+    """Return the 95 % interval of the difference of two rates, `first - second`, over paired
+    trials.
 
-    Bonett and Price's adjusted Wald interval ("Adjusted Wald confidence interval for a difference of binomial
-    proportions based on paired data", 2012): of the pairs that differ, with one added to either kind.
+    Bonett and Price's adjusted Wald interval ("Adjusted Wald confidence interval for a difference
+    of binomial proportions based on paired data", 2012): of the pairs that differ, with one added
+    to either kind.
     """
     trials = len(first) + 2
-    more, less = ((int(np.sum(one & ~other)) + 1) / trials for one, other in ((first, second), (second, first)))
+    more = (int(np.sum(first & ~second)) + 1) / trials
+    less = (int(np.sum(second & ~first)) + 1) / trials
     reach = Z * sqrt((more + less - (more - less) ** 2) / trials)
     return max(more - less - reach, -1.0), min(more - less + reach, 1.0)
 
@@ -42,7 +49,7 @@ def mean_interval(
 ) -> tuple[float, float]:
     """Return the 95 % interval of a mean over independent seeds, arenas or games by Student's t.
 
-    Values are within `least` and `most`, and one alone says no more than that.
+    Values are within `least` and `most`; the interval of a single value is that range.
     """
     if len(values) == 1:
         return least, most
@@ -52,10 +59,10 @@ def mean_interval(
 
 @dataclass(frozen=True)
 class Prediction:
-    """The value that another training, or another pair of trainings, would show, by Student's t.
+    """The value of a new training, or of a new pair of trainings, by Student's t.
 
-    The spread, with `freedom` degrees of freedom, is the standard deviation of a new value's distance from the mean,
-    infinite where it is unknown; values are within `least` and `most`.
+    `spread`, with `freedom` degrees of freedom, is the standard deviation of a new value's distance
+    from the mean, infinite where it is unknown. Values are within `least` and `most`.
     """
 
     mean: float
@@ -73,7 +80,9 @@ class Prediction:
         return max(self.mean - reach, self.least), min(self.mean + reach, self.most)
 
     def chance(self, bound: float) -> float | None:
-        """Return the probability that a new value reaches a bound; None where the spread is unknown."""
+        """Return the probability that a new value reaches a bound; None where the spread is
+        unknown.
+        """
         if isinf(self.spread):
             return None
         if self.spread == 0:
@@ -82,34 +91,45 @@ class Prediction:
 
 
 def predict(values: Float[np.ndarray, "rows columns"], least: float, most: float) -> Prediction:
-    """Return what a pair of a new row and a new column would show.
+    """Predict the value of a new row and a new column by two-way random effects.
 
-    Rows and columns are trainings of the two sides, drawn at random, every pair of which was measured; a single column
-    is an opponent that is not trained. The variances of rows, of columns and of the rest are those of the analysis of
-    variance (Searle, Casella and McCulloch, "Variance Components", 1992); the degrees of freedom are the fewer of the
-    two sides', on the safe side. One training of a side says nothing of another.
+    Rows and columns are independent trainings of the two sides, and every pair was measured. A
+    single column is an opponent that is not trained. The variances of rows, columns and residuals
+    are those of the analysis of variance (Searle, Casella and McCulloch, "Variance Components",
+    1992). The degrees of freedom are the fewer of the two sides', on the safe side. A single row
+    predicts nothing.
     """
-    (rows, columns), mean = values.shape, float(values.mean())
+    rows, columns = values.shape
+    mean = float(values.mean())
     if rows == 1:
         return Prediction(mean, inf, 0, least, most)
-    by_row, by_column = values.mean(axis=1), values.mean(axis=0)
+    by_row = values.mean(axis=1)
+    by_column = values.mean(axis=0)
     if columns == 1:
-        return Prediction(mean, float(by_row.std(ddof=1)) * sqrt(1 + 1 / rows), rows - 1, least, most)
-    rest = np.sum((values - by_row[:, None] - by_column[None, :] + mean) ** 2) / ((rows - 1) * (columns - 1))
+        deviation = float(by_row.std(ddof=1)) * sqrt(1 + 1 / rows)
+        return Prediction(mean, deviation, rows - 1, least, most)
+    residuals = values - by_row[:, None] - by_column[None, :] + mean
+    residual = np.sum(residuals**2) / ((rows - 1) * (columns - 1))
     of_rows, of_columns = (
-        max(means.var(ddof=1) - rest / others, 0.0) * (1 + 1 / len(means))
-        for means, others in ((by_row, columns), (by_column, rows))
+        max(means.var(ddof=1) - residual / group_size, 0.0) * (1 + 1 / len(means))
+        for means, group_size in ((by_row, columns), (by_column, rows))
     )
-    spread = sqrt(of_rows + of_columns + rest * (1 + 1 / (rows * columns)))
-    return Prediction(mean, spread, min(rows, columns) - 1, least, most)
+    deviation = sqrt(of_rows + of_columns + residual * (1 + 1 / (rows * columns)))
+    return Prediction(mean, deviation, min(rows, columns) - 1, least, most)
 
 
-def mean_band(curves: Float[np.ndarray, "seeds points"]) -> tuple[Float[np.ndarray, " points"], ...]:
-    """Return the lower and the upper end of the 95 % interval of a mean curve over seeds, by Student's t; raises
-    ValueError for fewer than two seeds.
+def mean_band(
+    curves: Float[np.ndarray, "seeds points"],
+) -> tuple[Float[np.ndarray, " points"], ...]:
+    """Return the lower and the upper end of the 95 % interval of a mean curve over seeds, by
+    Student's t.
 
-    Wide with few seeds, as it should be (of three: 2.5 standard deviations either way), where a percentile bootstrap's
-    would stay within their range and hold the mean in 3 of 4 studies. It takes seeds to be normally distributed.
+    The interval assumes normally distributed seeds. It is wide for few seeds, 2.5 standard
+    deviations either way for three; a percentile bootstrap would stay within their range and cover
+    the mean in only 3 of 4 studies.
+
+    Raises:
+        ValueError: For fewer than two seeds.
     """
     seeds = len(curves)
     if seeds < 2:

@@ -1,7 +1,7 @@
 """The card of an agent: its score in the benchmark, and everything needed to play its games again.
 
-The outcomes of all games are in it, and a digest of every action and reward in them, so that a round that is played
-again comes out bit for bit or is refused.
+The outcomes of all games are in it, and a digest of every action and reward in them, so that a
+round that is played again comes out bit for bit or is refused.
 """
 
 import secrets
@@ -55,76 +55,159 @@ class SuiteCard:
         return Benchmark(self.track, Role[self.side.upper()])
 
 
-def judge(benchmark: Benchmark, name: str, report: Report = silent, run: Run | None = None) -> SuiteCard:
-    """Play all rounds of an agent, by its name or its file, here or as jobs, and return its card; errors as of
-    `Benchmark.find`, and where jobs failed.
+def judge(
+    benchmark: Benchmark,
+    name: str,
+    report: Report = silent,
+    run: Run | None = None,
+) -> SuiteCard:
+    """Play all rounds of an agent and return its card.
+
+    Args:
+        benchmark: The benchmark.
+        name: Name or file of the agent.
+        report: Called with the rounds so far and in all.
+        run: Runs the rounds as jobs; None plays them in this process.
+
+    Raises:
+        InvalidInput: As `Benchmark.find`, and where jobs failed.
     """
-    agent, side = benchmark.find(name), "pursuer" if benchmark.role == Role.PURSUER else "evader"
+    agent = benchmark.find(name)
+    side = "pursuer" if benchmark.role == Role.PURSUER else "evader"
     rounds: dict[str, tuple[Round, ...]] = dict.fromkeys(benchmark.panel, ())
-    for opponent, played in _play(benchmark, agent, product(benchmark.panel, range(ROUNDS)), report, run):
-        rounds[opponent] += (played,)
+    for opponent, game_round in _play(
+        benchmark,
+        agent,
+        product(benchmark.panel, range(ROUNDS)),
+        report,
+        run,
+    ):
+        rounds[opponent] += (game_round,)
     return SuiteCard(
-        agent.name, digest_of(name, agent)[1], side, benchmark.track, benchmark.score(rounds),
-        benchmark.microseconds(agent), environment(), benchmark.digests, rounds, FORMAT,
-    )  # fmt: skip
+        agent.name,
+        digest_of(name, agent)[1],
+        side,
+        benchmark.track,
+        benchmark.score(rounds),
+        benchmark.microseconds(agent),
+        environment(),
+        benchmark.digests,
+        rounds,
+        FORMAT,
+    )
 
 
 def _play(
-    benchmark: Benchmark, agent: Named, pairs: Iterable[tuple[str, int]], report: Report, run: Run | None = None
+    benchmark: Benchmark,
+    agent: Named,
+    pairs: Iterable[tuple[str, int]],
+    report: Report,
+    run: Run | None = None,
 ) -> Iterator[tuple[str, Round]]:
-    """Yield each opponent with the round of each seed that it is paired with."""
+    """Yield each opponent and the round of each pair of an opponent and a seed."""
     rounds = list(pairs)
-    alone = replace(benchmark)  # without the games and players that it has found
-    jobs = [Job(f"seed {pair[1]} against {pair[0]}", Benchmark.play, (alone, agent, *pair)) for pair in rounds]
-    played = run(jobs) if run else (benchmark.play(agent, *pair) for pair in rounds)
-    for number, ((opponent, _), one) in enumerate(zip(rounds, played, strict=True), start=1):
-        yield opponent, one
+    bare_benchmark = replace(benchmark)  # without its cached game and players
+    jobs = [
+        Job(
+            f"seed {seed} against {opponent}",
+            Benchmark.play,
+            (bare_benchmark, agent, opponent, seed),
+        )
+        for opponent, seed in rounds
+    ]
+    results = run(jobs) if run else (benchmark.play(agent, *pair) for pair in rounds)
+    by_pair = zip(rounds, results, strict=True)
+    for number, ((opponent, _), game_round) in enumerate(by_pair, start=1):
+        yield opponent, game_round
         report(number, len(rounds))
 
 
 def load_card(path: Path) -> SuiteCard:
-    """Return the card of a file; raises InvalidInput for another file, and for a card of other arenas, rules or
-    opponents than this version's, with games that cannot be, or whose score does not follow from its games.
+    """Load the card of a file.
+
+    Raises:
+        InvalidInput: If the file is no card; if the card is of other arenas, rules or opponents
+            than this version's; if its games are impossible; if its score does not follow from its
+            games.
     """
     about = f"'{path}' is no card of the benchmark; judge the agent again"
-    card = from_dict(SuiteCard, parse_json(read_bytes(path, "a card", "check the path"), about), f"'{path}'")
-    benchmark, games = card.benchmark, len(card.benchmark.arenas)
-    names, panel = ", ".join(card.opponents), benchmark.panel
-    require(tuple(card.opponents) == panel, f"'{path}': opponents", names, f"the panel: {', '.join(panel)}")
-    for name, rounds in card.opponents.items():
-        sizes = [(one.seed, len(one.outcomes), len(one.steps), len(one.crashed)) for one in rounds]
-        whole = [(seed, games, games, games) for seed in range(ROUNDS)]
-        require(sizes == whole, f"'{path}': rounds against '{name}'", "some", f"{ROUNDS} of {games} games")
+    data = parse_json(read_bytes(path, "a card", "check the path"), about)
+    card = from_dict(SuiteCard, data, f"'{path}'")
+    _require_all_games(card, path)
+    benchmark = card.benchmark
     digests = benchmark.digests
-    for what in digests | card.digests:
+    for part in digests | card.digests:
         bound = "that of this version; judge the agent again"
-        digest = card.digests.get(what)
-        require(digest == digests.get(what), f"'{path}': digest of the {what}", digest, bound)
-    longest, robots = int(benchmark.game.max_steps), len(benchmark.game.bodies[benchmark.role])
-    for name, one in [(name, one) for name, rounds in card.opponents.items() for one in rounds]:
-        about = f"'{path}': seed {one.seed} against '{name}'"
-        require(max(one.steps) <= longest, f"{about}: steps", max(one.steps), f"{longest} at most")
-        require(max(one.crashed) <= robots, f"{about}: crashed", max(one.crashed), f"{robots} at most")
+        digest = card.digests.get(part)
+        require(digest == digests.get(part), f"'{path}': digest of the {part}", digest, bound)
+    _require_possible_games(card, path)
     score = benchmark.score(card.opponents)
-    require(card.score == score, f"'{path}': score", asdict(card.score), f"{asdict(score)}, as its games say")
+    score_bound = f"{asdict(score)}, as its games say"
+    require(card.score == score, f"'{path}': score", asdict(card.score), score_bound)
     return card
 
 
+def _require_all_games(card: SuiteCard, path: Path) -> None:
+    """Require a round of each seed against each opponent, with a game in each arena."""
+    panel = card.benchmark.panel
+    names = ", ".join(card.opponents)
+    panel_bound = f"the panel: {', '.join(panel)}"
+    require(tuple(card.opponents) == panel, f"'{path}': opponents", names, panel_bound)
+    games = len(card.benchmark.arenas)
+    for name, rounds in card.opponents.items():
+        is_whole = [game_round.seed for game_round in rounds] == [*range(ROUNDS)]
+        for game_round in rounds:
+            for column in (game_round.outcomes, game_round.steps, game_round.crashed):
+                is_whole = is_whole and len(column) == games
+        bound = f"{ROUNDS} of {games} games"
+        require(is_whole, f"'{path}': rounds against '{name}'", "some", bound)
+
+
+def _require_possible_games(card: SuiteCard, path: Path) -> None:
+    """Require games within the time limit, in which no more robots crashed than there are."""
+    game = card.benchmark.game
+    most_steps = int(game.max_steps)
+    robots = len(game.bodies[card.benchmark.role])
+    for name, rounds in card.opponents.items():
+        for game_round in rounds:
+            about = f"'{path}': seed {game_round.seed} against '{name}'"
+            steps = max(game_round.steps)
+            crashed = max(game_round.crashed)
+            require(steps <= most_steps, f"{about}: steps", steps, f"{most_steps} at most")
+            require(crashed <= robots, f"{about}: crashed", crashed, f"{robots} at most")
+
+
 def verify(path: Path, file: str | None, every: bool, report: Report = silent) -> SuiteCard:
-    """Play rounds of a card again, every one or one against each opponent, of a seed that is drawn for it; raises
-    InvalidInput as `load_card`, for another agent than the card's, and where a game does not come out.
+    """Play rounds of a card again and compare them with the card.
+
+    Args:
+        path: File of the card.
+        file: Name or file of the agent; the name on the card for None.
+        every: Whether every round is played; otherwise one of a random seed against each opponent.
+        report: Called with the rounds so far and in all.
+
+    Raises:
+        InvalidInput: As `load_card`; if the agent is not the card's; if a round comes out
+        otherwise.
     """
     card = load_card(path)
-    benchmark, name = card.benchmark, file or card.agent
+    benchmark = card.benchmark
+    name = file or card.agent
     agent = benchmark.find(name)
+    sha256 = digest_of(name, agent)[1]
     require(
-        digest_of(name, agent)[1] == card.sha256, f"'{path}': SHA-256 of the agent", card.sha256, f"that of '{name}'"
+        sha256 == card.sha256,
+        f"'{path}': SHA-256 of the agent",
+        card.sha256,
+        f"that of '{name}'",
     )
-    drawn = ((opponent, secrets.randbelow(ROUNDS)) for opponent in benchmark.panel)
-    pairs = product(benchmark.panel, range(ROUNDS)) if every else drawn
-    for opponent, again in _play(benchmark, agent, pairs, report):
-        said = card.opponents[opponent][again.seed]
-        made = "" if card.made_with == environment() else f"; the card was made with {card.made_with}"
-        bound = f"as it comes out, played again{made}"
-        require(said == again, f"'{path}': seed {again.seed} against '{opponent}'", "as the card says", bound)
+    sample = ((opponent, secrets.randbelow(ROUNDS)) for opponent in benchmark.panel)
+    pairs = product(benchmark.panel, range(ROUNDS)) if every else sample
+    for opponent, replayed in _play(benchmark, agent, pairs, report):
+        recorded = card.opponents[opponent][replayed.seed]
+        about = f"'{path}': seed {replayed.seed} against '{opponent}'"
+        bound = "as it comes out, played again"
+        if card.made_with != environment():
+            bound += f"; the card was made with {card.made_with}"
+        require(recorded == replayed, about, "as the card says", bound)
     return card

@@ -1,4 +1,6 @@
-"""Tournaments: every pursuer against every evader on the same starts, Elo ratings, and advice for a game."""
+"""Tournaments: every pursuer against every evader on the same starts, Elo ratings, and advice for a
+game.
+"""
 
 import itertools
 from collections.abc import Sequence
@@ -28,8 +30,8 @@ SCALE = 400 / log(10)
 MEAN = 1500.0
 """Mean rating of all players of a tournament; only differences mean anything."""
 _PRIOR = 0.5
-"""Wins and losses that are added to every match, or a player who wins every game would have no rating (Haldane and
-Anscombe's correction of log-odds)."""
+"""Wins and losses that are added to every match, so that a player who wins every game has a rating
+(Haldane and Anscombe's correction of log-odds)."""
 _NEWTON_STEPS = 30
 STANDING = "still"
 """The evader that should always be caught."""
@@ -39,38 +41,50 @@ _SHOWN = 8
 
 @dataclass(frozen=True)
 class Ratings:
-    """Elo ratings of the players of one side, each with half the width of its 95 % interval (`reach`)."""
+    """Elo ratings of the players of one side, each with half the width of its 95 % interval
+    (`reach`).
+    """
 
     points: Float[np.ndarray, " players"]
     reach: Float[np.ndarray, " players"]
 
 
 def rate(wins: Float[np.ndarray, "pursuers evaders"], games: int) -> BySide[Ratings]:
-    """Return the most likely ratings where pursuer i beats evader j with the odds exp((r_i - s_j) / SCALE).
+    """Fit ratings such that pursuer i beats evader j with the odds exp((r_i - s_j) / SCALE).
 
-    The model of Bradley and Terry, "Rank analysis of incomplete block designs" (1952), of two sides that never meet
-    their own; the evader wins what the pursuer does not. Intervals are Wald's, from the curvature of the likelihood: of
-    the games' chance alone, as if players did not beat each other in circles.
+    The model of Bradley and Terry, "Rank analysis of incomplete block designs" (1952), for two
+    sides, where every game that the pursuer does not win is the evader's win. Intervals are Wald's,
+    from the curvature of the likelihood: they contain the chance of the games, but not that players
+    may beat each other in circles.
     """
     pursuers, evaders = wins.shape
     trials = games + 2 * _PRIOR
-    design = np.concatenate(
-        [np.repeat(np.eye(pursuers), evaders, axis=0), -np.tile(np.eye(evaders), (pursuers, 1))], axis=1
-    )
-    won, strength, covariance = wins.ravel() + _PRIOR, np.zeros(pursuers + evaders), np.zeros(0)
+    of_pursuers = np.repeat(np.eye(pursuers), evaders, axis=0)
+    of_evaders = np.tile(np.eye(evaders), (pursuers, 1))
+    design = np.concatenate([of_pursuers, -of_evaders], axis=1)
+    wins_with_prior = wins.ravel() + _PRIOR
+    strength = np.zeros(pursuers + evaders)
+    covariance = np.zeros(0)
     for _ in range(_NEWTON_STEPS):  # on the log-likelihood, which is concave
-        expected = scipy.special.expit(design @ strength)
-        curvature = trials * design.T @ (design * (expected * (1 - expected))[:, None])
-        # The pseudo-inverse leaves out the one direction that means nothing, all players stronger together.
+        win_probability = scipy.special.expit(design @ strength)
+        variance = win_probability * (1 - win_probability)
+        curvature = trials * design.T @ (design * variance[:, None])
+        # The pseudo-inverse leaves out the direction without meaning, all players stronger.
         covariance = scipy.linalg.pinvh(curvature)
-        strength = strength + covariance @ design.T @ (won - trials * expected)
-    rating, reach = MEAN + SCALE * (strength - strength.mean()), Z * SCALE * np.sqrt(np.diag(covariance))
-    return BySide(Ratings(rating[:pursuers], reach[:pursuers]), Ratings(rating[pursuers:], reach[pursuers:]))
+        strength = strength + covariance @ design.T @ (wins_with_prior - trials * win_probability)
+    rating = MEAN + SCALE * (strength - strength.mean())
+    reach = Z * SCALE * np.sqrt(np.diag(covariance))
+    return BySide(
+        pursuer=Ratings(rating[:pursuers], reach[:pursuers]),
+        evader=Ratings(rating[pursuers:], reach[pursuers:]),
+    )
 
 
 @dataclass(frozen=True)
 class Tournament:
-    """The names of the players of both sides and, in a row for each pursuer, its match with each evader."""
+    """The names of the players of both sides and, in a row for each pursuer, its match with each
+    evader.
+    """
 
     pursuers: tuple[str, ...]
     evaders: tuple[str, ...]
@@ -92,7 +106,10 @@ class Tournament:
 
         def rated(names: tuple[str, ...], ratings: Ratings) -> dict[str, dict[str, float]]:
             columns = zip(names, ratings.points.tolist(), ratings.reach.tolist(), strict=True)
-            return {name: {"elo": elo, "low": elo - half, "high": elo + half} for name, elo, half in columns}
+            return {
+                name: {"elo": elo, "low": elo - half_width, "high": elo + half_width}
+                for name, elo, half_width in columns
+            }
 
         return {
             "pursuers": self.pursuers,
@@ -117,25 +134,38 @@ def play_tournament(
     report: Report = silent,
     run: Run | None = None,
 ) -> Tournament:
-    """Play a match of every pursuer with every evader on the same starts; raises InvalidInput as `play_matches`, and
-    unless there is a player on either side, no name twice.
+    """Play a match of every pursuer with every evader on the same starts.
+
+    Args:
+        game: The game.
+        players: The players of either side, at least one each, with different names.
+        games: Number of games of each match.
+        seed: Seed of every match.
+        report: Called with the games so far and in all.
+        run: Runs the matches as jobs.
+
+    Raises:
+        InvalidInput: As `play_matches`, and for a side without players or with a name twice.
     """
     names = players.map(lambda side: tuple(player.name for player in side))
-    for side, named in zip(("pursuers", "evaders"), names, strict=True):
-        require(named and len({*named}) == len(named), side, ", ".join(named) or "none", "one at least, each once")
+    for side, side_names in zip(("pursuers", "evaders"), names, strict=True):
+        are_distinct = len({*side_names}) == len(side_names)
+        text = ", ".join(side_names) or "none"
+        require(side_names and are_distinct, side, text, "one at least, each once")
     matches = [Match(game, BySide(*pair), games, seed) for pair in itertools.product(*players)]
     results = iter(play_matches(matches, report=report, run=run))
-    return Tournament(
-        names.pursuer, names.evader, tuple(tuple(next(results) for _ in names.evader) for _ in names.pursuer)
-    )
+    rows = tuple(tuple(next(results) for _ in names.evader) for _ in names.pursuer)
+    return Tournament(names.pursuer, names.evader, rows)
 
 
 @dataclass(frozen=True)
 class Advice:
-    """The players of the benchmark's panels that do `best` in a game against the opponent that is worst for them.
+    """The players of the benchmark's panels with the best result against their most difficult
+    opponent.
 
-    There they won, or were not beaten in, the shares `least` of games. The `stops` are places [m] where the pursuer was
-    when the time to catch a standing evader ran out.
+    `best` are their names; `least` are the pursuer's share of wins in that match and the evader's
+    share of games without a loss. `stops` are the pursuer's positions [m] when the time to catch a
+    standing evader ran out.
     """
 
     tournament: Tournament
@@ -145,16 +175,31 @@ class Advice:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the advice as JSON-like data."""
-        sides = {role.name.lower(): {"name": self.best[role], "least": self.least[role]} for role in ROLES}
-        return sides | {"stops": self.stops, "matches": self.tournament.to_dict()["matches"]}
+        sides = ROLES.map(lambda role: {"name": self.best[role], "least": self.least[role]})
+        return {
+            "pursuer": sides.pursuer,
+            "evader": sides.evader,
+            "stops": self.stops,
+            "matches": self.tournament.to_dict()["matches"],
+        }
 
 
 def advise(game: Game, games: int, seed: int = 0, report: Report = silent) -> Advice:
     """Play every pursuer of the panel that fits a game against every evader.
 
-    Rules that move are behind a shield, without which they crash. Raises InvalidInput as `play_tournament` does.
+    Rules that move are behind a shield, without which they crash.
+
+    Args:
+        game: The game.
+        games: Number of games of each match.
+        seed: Seed of every match.
+        report: Called with the games so far and in all.
+
+    Raises:
+        InvalidInput: As `play_tournament`.
     """
-    panel = PANELS["team" if game.teams else "lidar" if game.sensors else "full"]
+    track_of_two = "lidar" if game.sensors else "full"
+    panel = PANELS["team" if game.teams else track_of_two]
 
     def player(name: str, role: Role) -> Named:
         moves = name in BUILT_IN and name != STANDING
@@ -164,11 +209,13 @@ def advise(game: Game, games: int, seed: int = 0, report: Report = silent) -> Ad
     tournament = play_tournament(game, players, games, seed, report=report)
     rates = tournament.win_rates
     least = BySide(rates.min(axis=1), 1 - rates.max(axis=0))
-    first = least.map(lambda each: int(np.argmax(each)))
+    first = least.map(lambda rates_by_player: int(np.argmax(rates_by_player)))
     best = ROLES.map(lambda role: players[role][first[role]])
-    standing = Match(game, BySide(best.pursuer, find_player(STANDING, ROLES.evader, game)), games, seed)
-    missed = np.flatnonzero(np.asarray(play_games(standing).outcome) == Outcome.NO_RESULT)[:_SHOWN]
-    ends = [record_game(standing, index).states[-1] for index in missed.tolist()]
+    still_evader = find_player(STANDING, ROLES.evader, game)
+    still_match = Match(game, BySide(best.pursuer, still_evader), games, seed)
+    outcomes = np.asarray(play_games(still_match).outcome)
+    escapes = np.flatnonzero(outcomes == Outcome.NO_RESULT)[:_SHOWN]
+    ends = [record_game(still_match, index).states[-1] for index in escapes.tolist()]
     return Advice(
         tournament,
         best.map(lambda player: player.name),

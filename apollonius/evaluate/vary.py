@@ -1,4 +1,6 @@
-"""A sweep over numbers of a game: a match for each value, all with one seed; numbers are data to the compiled code."""
+"""A sweep over numbers of a game: a match for each value, all with one seed; numbers are data to
+the compiled code.
+"""
 
 import difflib
 import itertools
@@ -23,7 +25,9 @@ from apollonius.play.playout import Report, silent
 
 @dataclass(frozen=True)
 class Variation:
-    """A number of a game, by its dotted path as `arena.discs.0.radius`, and its values in their order."""
+    """A number of a game, by its dotted path as `arena.discs.0.radius`, and its values in their
+    order.
+    """
 
     field: str
     values: tuple[float, ...]
@@ -31,7 +35,9 @@ class Variation:
 
 @dataclass(frozen=True)
 class VariedMatches:
-    """Results of two players' matches over the values of one number of a game or two; `match` is the first one."""
+    """Results of two players' matches over the values of one number of a game or two; `match` is
+    the first one.
+    """
 
     match: Match
     variations: tuple[Variation, ...]
@@ -41,14 +47,18 @@ class VariedMatches:
     def win_rates(self) -> Float[np.ndarray, "..."]:
         """The pursuer's share of wins, an axis for each varied number."""
         rates = np.array([result.pursuer_win_rate for result in self.results])
-        return rates.reshape([len(one.values) for one in self.variations])
+        return rates.reshape([len(variation.values) for variation in self.variations])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the results as JSON-like data, each beside the values that it is of."""
-        fields = [one.field for one in self.variations]
-        values = itertools.product(*(one.values for one in self.variations))
-        rows = zip(values, self.results, strict=True)
-        return {"vary": fields, "matches": [dict(zip(fields, at, strict=True)) | found.to_dict() for at, found in rows]}
+        fields = [variation.field for variation in self.variations]
+        values = itertools.product(*(variation.values for variation in self.variations))
+
+        matches = [
+            dict(zip(fields, numbers, strict=True)) | result.to_dict()
+            for numbers, result in zip(values, self.results, strict=True)
+        ]
+        return {"vary": fields, "matches": matches}
 
 
 def numbers_of(game: Game) -> dict[str, float]:
@@ -57,22 +67,25 @@ def numbers_of(game: Game) -> dict[str, float]:
 
 
 def with_numbers(game: Game, numbers: dict[str, float]) -> Game:
-    """Return a game with other numbers at some dotted paths; raises InvalidInput for impossible paths and values."""
-    known = numbers_of(game)
+    """Return a game with other numbers at some dotted paths; raises InvalidInput for impossible
+    paths and values.
+    """
+    numbers_by_path = numbers_of(game)
     for field in numbers:
-        if field not in known:
-            near = difflib.get_close_matches(field, known, n=1, cutoff=0.0)[0]
+        if field not in numbers_by_path:
+            near = difflib.get_close_matches(field, numbers_by_path, n=1, cutoff=0.0)[0]
             raise InvalidInput(f"the game has no number '{field}'; did you mean '{near}'?")
 
     leaves = _leaves(game)
     for name, number in numbers.items():
-        leaves[name] = int(number) if isinstance(leaves[name], int) and number.is_integer() else number
+        is_count = isinstance(leaves[name], int) and number.is_integer()
+        leaves[name] = int(number) if is_count else number
     varied = jax.tree.unflatten(jax.tree.structure(game), leaves.values())
     try:
         varied.check()
     except InvalidInput as error:
-        at = ", ".join(f"{name} = {number:g}" for name, number in numbers.items())
-        raise InvalidInput(f"with {at}: {error}") from error
+        assignments = ", ".join(f"{name} = {number:g}" for name, number in numbers.items())
+        raise InvalidInput(f"with {assignments}: {error}") from error
     return varied
 
 
@@ -88,14 +101,27 @@ def varied_matches(
     seed: int = 0,
     starts: str | None = None,
 ) -> list[Match]:
-    """Return a match of two players for each value of a number of the game, or each pair of values of two numbers;
-    errors as of `with_numbers` and `Match.of_names`.
+    """Make a match of two players for each value of a number of the game, or each pair of values of
+    two numbers.
+
+    Args:
+        game: The game.
+        names: Names or files of the two players.
+        variations: The one or two numbers that are varied.
+        games: Number of games of each match.
+        seed: Seed of every match.
+        starts: Initial speeds, `rest` or `moving`; the game's own for None.
+
+    Raises:
+        InvalidInput: As `with_numbers` and `Match.of_names`.
     """
-    fields = [one.field for one in variations]
-    require(1 <= len(set(fields)) == len(fields) <= 2, "varied numbers", ", ".join(fields), "one or two different ones")
-    grid = itertools.product(*(one.values for one in variations))
-    rules = [with_numbers(game, dict(zip(fields, values, strict=True))) for values in grid]
-    return [Match.of_names(one, names.pursuer, names.evader, games, seed, starts) for one in rules]
+    fields = [variation.field for variation in variations]
+    is_possible = 1 <= len(set(fields)) == len(fields) <= 2
+    require(is_possible, "varied numbers", ", ".join(fields), "one or two different ones")
+    grid = itertools.product(*(variation.values for variation in variations))
+    varied = [with_numbers(game, dict(zip(fields, values, strict=True))) for values in grid]
+    pair = (names.pursuer, names.evader)
+    return [Match.of_names(rules, *pair, games, seed, starts) for rules in varied]
 
 
 def play_varied(
@@ -104,37 +130,61 @@ def play_varied(
     report: Report = silent,
     play: Callable[..., MatchResult] = play_match,
 ) -> VariedMatches:
-    """Play `varied_matches`; arguments and errors are those of `play_matches`."""
-    policies = zip(*ROLES.map(lambda role: alike([match.players[role].policy for match in matches])), strict=True)
-    matches = [
-        replace(match, players=BySide(*map(lambda one, policy: replace(one, policy=policy), match.players, both)))
-        for match, both in zip(matches, policies, strict=True)
-    ]
+    """Play `varied_matches`.
+
+    Args:
+        matches: The matches, in the order of the values.
+        variations: The numbers that are varied.
+        report: Called with the games so far and in all.
+        play: Function that plays one match.
+
+    Raises:
+        InvalidInput: As `play_matches`.
+    """
+    policies = ROLES.map(lambda role: alike([match.players[role].policy for match in matches]))
+
+    def with_policies(match: Match, pursuer: AbstractPolicy, evader: AbstractPolicy) -> Match:
+        players = BySide(
+            replace(match.players.pursuer, policy=pursuer),
+            replace(match.players.evader, policy=evader),
+        )
+        return replace(match, players=players)
+
+    matches = [*map(with_policies, matches, policies.pursuer, policies.evader)]
     results = play_matches(matches, report=report, play=play)
     return VariedMatches(matches[0], tuple(variations), tuple(results))
 
 
 def alike(policies: Sequence[AbstractPolicy]) -> list[AbstractPolicy]:
-    """Return players of one side whose shields all brake for as many steps and look at as many edges as any shield.
+    """Return players of one side whose shields have arrays of one size: the most steps and edges of
+    any shield.
 
-    No shield decides otherwise: a robot that has come to rest stays there, and the edges that are added are far from
-    everywhere. Players without a shield are left as they are.
+    Their decisions stay the same: a robot that has come to rest stays there, and the added edges
+    are far from everywhere. Players without a shield are not changed.
     """
     backups = [policy.backup for policy in policies if isinstance(policy, Shielded)]
     if not backups:
         return list(policies)
     steps = max(backup.steps for backup in backups)
-    edges = max(one.within.shape[-1] if (one := backup.surroundings) else 0 for backup in backups)
-    return [
-        replace(policy, backup=_enlarged(policy.backup, steps, edges)) if isinstance(policy, Shielded) else policy
-        for policy in policies
-    ]
+    surroundings = [backup.surroundings for backup in backups if backup.surroundings]
+    edges = max((edges_of.within.shape[-1] for edges_of in surroundings), default=0)
+
+    def enlarge(policy: AbstractPolicy) -> AbstractPolicy:
+        if not isinstance(policy, Shielded):
+            return policy
+        return replace(policy, backup=_enlarged(policy.backup, steps, edges))
+
+    return [enlarge(policy) for policy in policies]
 
 
 def _enlarged(backup: Backup, steps: int, edges: int) -> Backup:
-    """Return manoeuvres of a number of steps; the surroundings' last edge, far from everywhere, fills up each cell."""
-    if (around := backup.surroundings) is None:
+    """Return a backup of a number of steps; the surroundings' last edge, far from everywhere, fills
+    up each cell.
+    """
+    surroundings = backup.surroundings
+    if surroundings is None:
         return replace(backup, steps=steps)
-    missing, far = edges - around.within.shape[-1], around.edges.x.shape[0] - 1
-    within = jnp.pad(around.within, ((0, 0), (0, 0), (0, missing)), constant_values=far)
-    return replace(backup, steps=steps, surroundings=replace(around, within=within))
+    padding = edges - surroundings.within.shape[-1]
+    far_edge = surroundings.edges.x.shape[0] - 1
+    within = jnp.pad(surroundings.within, ((0, 0), (0, 0), (0, padding)), constant_values=far_edge)
+    return replace(backup, steps=steps, surroundings=replace(surroundings, within=within))

@@ -52,7 +52,9 @@ class Decision:
 
 @dataclass(frozen=True)
 class Bag:
-    """The player of a bag that the ROS 2 node recorded, its side, the record of its game, and what was decided."""
+    """The player of a bag that the ROS 2 node recorded, its side, the record of its game, and what
+    was decided.
+    """
 
     player: str
     side: Role
@@ -62,7 +64,7 @@ class Bag:
     @property
     def asked(self) -> list[Decision]:
         """The decisions of the player; in the other steps the node braked."""
-        return [one for one in self.decisions if not one.trouble]
+        return [decision for decision in self.decisions if not decision.trouble]
 
     @property
     def game(self) -> Game:
@@ -71,17 +73,19 @@ class Bag:
 
 
 def load_bag(folder: Path) -> Bag:
-    """Read a bag; raises InvalidInput where `rosbags` is not installed, and for a folder that is no bag of the node."""
+    """Read a bag; raises InvalidInput where `rosbags` is not installed, and for a folder that is no
+    bag of the node.
+    """
     require_extra("bag", "reading a bag")
     from rosbags.highlevel import AnyReader  # pyright: ignore[reportMissingImports]
 
     about = f"'{folder}' is no bag of the ROS 2 node"
     texts: dict[str, list[bytes]] = {"export": [], "decisions": []}
     try:
-        strange = [path.name for path in folder.iterdir() if not path.is_file()]
-        require(not strange, "content", strange, "files alone")
+        other_entries = [path.name for path in folder.iterdir() if not path.is_file()]
+        require(not other_entries, "content", other_entries, "files alone")
         with AnyReader([folder]) as reader:
-            connections = [one for one in reader.connections if one.topic in texts]
+            connections = [own for own in reader.connections if own.topic in texts]
             for connection, _, raw in reader.messages(connections):
                 message = reader.deserialize(raw, connection.msgtype)
                 texts[connection.topic].append(message.data.encode())
@@ -99,12 +103,13 @@ def bag_of(texts: Mapping[str, Sequence[bytes]], about: str) -> Bag:
     decisions = [parse_json(text, about) for text in texts["decisions"]]
     is_whole = len(exports) == 1 and {"player", "side", "game"} <= exports[0].keys() and decisions
     require(is_whole, f"{about}: topics", "others", "one export, and decisions")
-    export, names = exports[0], Decision.__dataclass_fields__.keys()
+    export = exports[0]
+    names = Decision.__dataclass_fields__.keys()
     data = {
         "player": export["player"],
         "side": export["side"],
         "record": export["game"],
-        "decisions": [{name: one[name] for name in names & one.keys()} for one in decisions],
+        "decisions": [{name: decision[name] for name in names & decision.keys()} for decision in decisions],
     }
     return read_record(Bag, data, about, {Role: _side})
 
@@ -115,22 +120,48 @@ def _side(name: object) -> Role:
 
 
 def ask_again(bag: Bag, name: str, game: Game) -> list[dict[str, Any]]:
-    """Return where an agent, with its memory since the game began, acts otherwise than was recorded; errors as of
-    `find_exportable`, and for a game of other numbers of robots.
+    """Compare an agent's decisions, with its memory since the game began, with the recorded ones.
 
-    That is the `time` since the first step [s], the `step`, and the controls `then` and `now`: u1 [m/s^2], u2 [rad/s].
+    Returns:
+        Each difference: the `time` since the first step [s], the `step`, and the controls `then`
+        and `now`, u1 [m/s^2] and u2 [rad/s].
+
+    Raises:
+        InvalidInput: As `find_exportable`, and for a game of other numbers of robots.
     """
     player = find_exportable(name, bag.side, game)
-    decide, memory, differences = jax.jit(player.decide), player.memory, list[dict[str, Any]]()
-    for one in bag.asked:
-        robots = len(one.states)
-        require(robots == player.robots, "robots in the bag", robots, f"{player.robots}, as in {game.size}")
-        states = jnp.asarray(one.states, jnp.float32)
-        memory = player.memory if one.step == 0 else memory
-        active = jnp.asarray(one.active) if player.robots > 2 else None
-        answer = decide(player.policy, player.game, states, active, memory, jnp.uint32(one.bits))
-        memory, now = answer["memory"], np.asarray(answer["controls"])
-        if (np.abs(now - np.array(one.controls)) > TOLERANCE * player.largest).any():
-            since = one.time - bag.decisions[0].time
-            differences.append({"time": since, "step": one.step, "then": list(one.controls), "now": now.tolist()})
+    decide = jax.jit(player.decide)
+    memory = player.memory
+    differences = list[dict[str, Any]]()
+    for decision in bag.asked:
+        robots = len(decision.states)
+        require(
+            robots == player.robots,
+            "robots in the bag",
+            robots,
+            f"{player.robots}, as in {game.size}",
+        )
+        states = jnp.asarray(decision.states, jnp.float32)
+        memory = player.memory if decision.step == 0 else memory
+        active = jnp.asarray(decision.active) if player.robots > 2 else None
+        answer = decide(
+            player.policy,
+            player.game,
+            states,
+            active,
+            memory,
+            jnp.uint32(decision.bits),
+        )
+        memory = answer["memory"]
+        controls = np.asarray(answer["controls"])
+        if (np.abs(controls - np.array(decision.controls)) > TOLERANCE * player.largest).any():
+            since = decision.time - bag.decisions[0].time
+            differences.append(
+                {
+                    "time": since,
+                    "step": decision.step,
+                    "then": list(decision.controls),
+                    "now": controls.tolist(),
+                }
+            )
     return differences

@@ -19,7 +19,9 @@ _LET = re.compile(r" *const \w+ (_s\d+) =")
 
 @dataclass(frozen=True)
 class Place:
-    """Part of an array in C: its name, the index of the part's first element, and how far neighbours along axes are."""
+    """Part of an array in C: its name, the index of the part's first element, and how far
+    neighbours along axes are.
+    """
 
     buffer: str
     offset: str
@@ -30,7 +32,8 @@ class Place:
 class Value:
     """An array that can be read: from an index to the element there, in C.
 
-    Its kind is the name of its NumPy type; the elements of a `pending` one are computed as they are read.
+    Its kind is the name of its NumPy type; the elements of a `pending` one are computed as they are
+    read.
     """
 
     kind: str
@@ -54,14 +57,28 @@ def _contiguous(shape: Shape) -> tuple[int, ...]:
     return tuple(0 if length == 1 else prod(shape[axis + 1 :]) for axis, length in enumerate(shape))
 
 
-def placed(kind: str, shape: Shape, buffer: str, offset: str = "0", strides: Shape | None = None) -> Value:
-    """Return the value that lies in an array in C, row by row unless said otherwise."""
-    lies = Place(buffer, offset, _contiguous(shape) if strides is None else strides)
+def placed(
+    kind: str,
+    shape: Shape,
+    buffer: str,
+    offset: str = "0",
+    strides: Shape | None = None,
+) -> Value:
+    """Make the value of an array in C.
+
+    Args:
+        kind: Name of its NumPy type.
+        shape: Its shape.
+        buffer: Name of the array in C.
+        offset: Index of the first element in `buffer`, in C.
+        strides: Distance of neighbours along each axis; row by row for None.
+    """
+    place = Place(buffer, offset, _contiguous(shape) if strides is None else strides)
 
     def read(index: Index) -> str:
-        return f"{buffer}[{functools.reduce(plus, map(times, index, lies.strides), offset)}]"
+        return f"{buffer}[{functools.reduce(plus, map(times, index, place.strides), offset)}]"
 
-    return Value(kind, shape, read, lies)
+    return Value(kind, shape, read, place)
 
 
 def buffer_of(value: Value) -> str:
@@ -81,16 +98,22 @@ def moved(
     starts: Sequence[str] | None = None,
     steps: Sequence[int] | None = None,
 ) -> Value:
-    """Return a value seen through other axes: for each of its own the new one that runs along it, or None.
+    """Make a view of a value along other axes.
 
-    Along each the new index 0 stands for a start, 0 unless given, which grows by steps of 1 unless given.
+    Args:
+        value: The value.
+        shape: Shape of the view.
+        axes: For each axis of the value the axis of the view that runs along it, or None.
+        starts: Index in the value, in C, at index 0 of the view, for each axis; 0 for None.
+        steps: Step in the value for a step in the view, for each axis; 1 for None.
     """
-    starts, steps = starts or ["0"] * len(axes), steps or [1] * len(axes)
+    starts = starts or ["0"] * len(axes)
+    steps = steps or [1] * len(axes)
 
     def read(index: Index) -> str:
-        ways = zip(axes, starts, steps, strict=True)
+        axis_maps = zip(axes, starts, steps, strict=True)
         return value.read(
-            tuple(start if axis is None else plus(start, times(index[axis], step)) for axis, start, step in ways)
+            tuple(start if axis is None else plus(start, times(index[axis], step)) for axis, start, step in axis_maps)
         )
 
     if value.place is None:
@@ -105,24 +128,38 @@ def moved(
 
 def row_along(value: Value, step: str) -> Value:
     """Return one row of an array along its first axis."""
-    rest = len(value.shape) - 1
-    return moved(value, value.shape[1:], [None, *range(rest)], [step, *["0"] * rest])
+    remaining_axes = len(value.shape) - 1
+    return moved(
+        value,
+        value.shape[1:],
+        [None, *range(remaining_axes)],
+        [step, *["0"] * remaining_axes],
+    )
+
+
+def _defined(line: str) -> str:
+    """Return the name of the constant that a statement defines; empty for other statements."""
+    definition = _LET.match(line)
+    return definition[1] if definition else ""
 
 
 class Block:
     """The statements of a function, and names for what they define."""
 
     def __init__(self) -> None:
-        self._lines, self._depth, self._names = list[str](), 1, Counter[str]()
+        self._lines = list[str]()
+        self._depth = 1
+        self._names = Counter[str]()
 
     def printed(self) -> str:
         """Return the statements in braces, without constants that nothing reads."""
         while True:
             uses = Counter(word for line in self._lines for word in _NAME.findall(line))
-            kept = [line for line in self._lines if not ((let := _LET.match(line)) and uses[let[1]] == 1)]
-            if len(kept) == len(self._lines):
-                return "\n".join(["{", *kept, "}"])
-            self._lines = kept
+            unread = {name for name, count in uses.items() if count == 1}
+            lines = [line for line in self._lines if _defined(line) not in unread]
+            if len(lines) == len(self._lines):
+                return "\n".join(["{", *lines, "}"])
+            self._lines = lines
 
     def put(self, statement: str) -> None:
         self._lines.append("    " * self._depth + statement)
@@ -163,7 +200,8 @@ class Block:
             index = tuple("0" if length == 1 else self.name("_i") for length in shape)
             for step, length in zip(index, shape, strict=True):
                 if length != 1:
-                    nest.enter_context(self.braces(f"for (int32_t {step} = 0; {step} < {length}; {step}++)"))
+                    heading = f"for (int32_t {step} = 0; {step} < {length}; {step}++)"
+                    nest.enter_context(self.braces(heading))
             yield index
 
     def copy(self, value: Value, target: Value) -> None:
@@ -179,8 +217,9 @@ class Block:
 
     def copied(self, value: Value) -> Value:
         """Return a new array that holds a value; of one element a constant."""
-        lone = value.size == 1
-        return scalar(value.kind, self.let(value.kind, value.first), value.shape) if lone else self.filled(value)
+        if value.size == 1:
+            return scalar(value.kind, self.let(value.kind, value.first), value.shape)
+        return self.filled(value)
 
     def stored(self, value: Value) -> Value:
         """Return the value, its elements computed here unless they are known."""
@@ -188,5 +227,6 @@ class Block:
 
     def whole(self, value: Value) -> Value:
         """Return the value as one that lies in an array in C row by row; a number as it is."""
-        lies = value.size == 1 or (value.place and value.place.strides == _contiguous(value.shape))
-        return value if lies else self.copied(value)
+        strides = value.place.strides if value.place else None
+        is_whole = value.size == 1 or strides == _contiguous(value.shape)
+        return value if is_whole else self.copied(value)

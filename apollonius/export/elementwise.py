@@ -1,4 +1,6 @@
-"""Primitives of JAX whose results are computed as they are read: operations on numbers, and other views of an array."""
+"""Primitives of JAX whose results are computed as they are read: operations on numbers, and other
+views of an array.
+"""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -10,7 +12,9 @@ from apollonius.export.scalars import OPERATIONS, apply, bits_of, converted, num
 
 Params = Mapping[str, Any]
 Rule = Callable[[Block, list[Value], Params, Any], Value]
-"""From the block to write in, the operands, the parameters and the type of the result to that result."""
+"""From the block to write in, the operands, the parameters and the type of the result to that
+result.
+"""
 
 
 def along(value: Value, index: Index) -> str:
@@ -23,11 +27,18 @@ def elementwise(operation: str) -> Rule:
     """Return the rule of an operation on numbers."""
 
     def rule(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
-        kind, of = str(out.dtype), operands[0].kind
-        apply(operation, kind, of, *[""] * len(operands))  # which refuses kinds here, where the line is known
+        kind = str(out.dtype)
+        operand_kind = operands[0].kind
+        # Kinds are refused here, where the line is known.
+        apply(operation, kind, operand_kind, *[""] * len(operands))
 
         def read(index: Index) -> str:
-            return apply(operation, kind, of, *(along(one, index) for one in operands))
+            return apply(
+                operation,
+                kind,
+                operand_kind,
+                *(along(operand, index) for operand in operands),
+            )
 
         return Value(kind, out.shape, read, pending=True)
 
@@ -43,11 +54,16 @@ def _as(change: Callable[[str, str, str], str]) -> Rule:
     """Return the rule of a change of kind."""
 
     def rule(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
-        (value,), kind = operands, str(out.dtype)
+        (value,) = operands
+        kind = str(out.dtype)
         if value.kind == kind:
             return value
-        change("", value.kind, kind)  # which refuses kinds here, where the line is known
-        return Value(kind, out.shape, lambda index: change(value.read(index), value.kind, kind), pending=True)
+        change("", value.kind, kind)  # refuses kinds here, where the line is known
+
+        def read(index: Index) -> str:
+            return change(value.read(index), value.kind, kind)
+
+        return Value(kind, out.shape, read, pending=True)
 
     return rule
 
@@ -58,11 +74,14 @@ def _power(block: Block, operands: list[Value], params: Params, out: Any) -> Val
     kind = value.kind
 
     def read(index: Index) -> str:
-        product, factor, left = "", value.read(index), abs(exponent)
-        while left:
-            if left % 2:
+        product = ""
+        factor = value.read(index)
+        remaining_exponent = abs(exponent)
+        while remaining_exponent:
+            if remaining_exponent % 2:
                 product = apply("mul", kind, kind, product, factor) if product else factor
-            factor, left = apply("mul", kind, kind, factor, factor), left // 2
+            factor = apply("mul", kind, kind, factor, factor)
+            remaining_exponent //= 2
         product = product or number(1, kind)
         return product if exponent >= 0 else apply("div", kind, kind, number(1, kind), product)
 
@@ -78,10 +97,12 @@ def _select(block: Block, operands: list[Value], params: Params, out: Any) -> Va
     which, *cases = operands
 
     def read(index: Index) -> str:
-        chosen, asked = along(cases[-1], index), along(which, index)
+        expression = along(cases[-1], index)
+        case_text = along(which, index)
         for case in range(len(cases) - 2, -1, -1):
-            chosen = f"({is_at_most(asked, which.kind, case)} ? {along(cases[case], index)} : {chosen})"
-        return chosen
+            test = is_at_most(case_text, which.kind, case)
+            expression = f"({test} ? {along(cases[case], index)} : {expression})"
+        return expression
 
     return Value(str(out.dtype), out.shape, read, pending=True)
 
@@ -99,14 +120,17 @@ def _iota(block: Block, operands: list[Value], params: Params, out: Any) -> Valu
 
 def _broadcast(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
     (value,) = operands
-    both = zip(params["broadcast_dimensions"], value.shape, strict=True)
-    return moved(value, out.shape, [None if length == 1 else int(axis) for axis, length in both])
+    axes = zip(params["broadcast_dimensions"], value.shape, strict=True)
+    return moved(value, out.shape, [None if length == 1 else int(axis) for axis, length in axes])
 
 
 def _squeeze(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
     (value,) = operands
-    gone, kept = {axis % len(value.shape) for axis in params["dimensions"]}, iter(range(len(out.shape)))
-    return moved(value, out.shape, [None if axis in gone else next(kept) for axis in range(len(value.shape))])
+    num_axes = len(value.shape)
+    squeezed = {axis % num_axes for axis in params["dimensions"]}
+    output_axes = iter(range(len(out.shape)))
+    axes = [None if axis in squeezed else next(output_axes) for axis in range(num_axes)]
+    return moved(value, out.shape, axes)
 
 
 def _transpose(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
@@ -115,14 +139,16 @@ def _transpose(block: Block, operands: list[Value], params: Params, out: Any) ->
 
 
 def _slice(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
-    starts, steps = params["start_indices"], params["strides"] or [1] * len(out.shape)
-    return moved(operands[0], out.shape, range(len(starts)), list(map(str, starts)), list(map(int, steps)))
+    starts = [str(start) for start in params["start_indices"]]
+    steps = [int(step) for step in params["strides"] or [1] * len(out.shape)]
+    return moved(operands[0], out.shape, range(len(starts)), starts, steps)
 
 
 def _reverse(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
-    turned = [axis in params["dimensions"] for axis in range(len(out.shape))]
-    starts = [str(length - 1 if turn else 0) for length, turn in zip(out.shape, turned, strict=True)]
-    return moved(operands[0], out.shape, range(len(turned)), starts, [-1 if turn else 1 for turn in turned])
+    is_reversed = [axis in params["dimensions"] for axis in range(len(out.shape))]
+    starts = [str(length - 1 if reverse else 0) for length, reverse in zip(out.shape, is_reversed, strict=True)]
+    steps = [-1 if reverse else 1 for reverse in is_reversed]
+    return moved(operands[0], out.shape, range(len(is_reversed)), starts, steps)
 
 
 def _reshape(block: Block, operands: list[Value], params: Params, out: Any) -> Value:

@@ -18,14 +18,14 @@ def part(value: Value, shape: tuple[int, ...], starts: Sequence[str]) -> Value:
 
 
 def _whole(block: Block, text: str, kind: str) -> str:
-    """Return an index as an int32: one beyond its range as the largest."""
+    """Convert an index to int32; one beyond the range becomes the largest."""
     if kind == "uint32":
         text = apply("min", kind, kind, block.let(kind, text), number(np.iinfo("int32").max, kind))
     return block.let("int32", converted(text, kind, "int32"))
 
 
 def _within(block: Block, text: str, kind: str, most: int) -> str:
-    """Return a start index between 0 and the last one with room behind it."""
+    """Clip a start index to be between 0 and `most`."""
     if most <= 0:
         return "0"
     if text.isdigit():
@@ -34,9 +34,14 @@ def _within(block: Block, text: str, kind: str, most: int) -> str:
     return block.let("int32", f"{start} < 0 ? 0 : {start} > {most} ? {most} : {start}")
 
 
-def _starts(block: Block, starts: Sequence[Value], shape: Sequence[int], sizes: Sequence[int]) -> list[str]:
-    three = zip(starts, shape, sizes, strict=True)
-    return [_within(block, start.first, start.kind, length - size) for start, length, size in three]
+def _starts(
+    block: Block,
+    starts: Sequence[Value],
+    shape: Sequence[int],
+    sizes: Sequence[int],
+) -> list[str]:
+    sizes_by_axis = zip(starts, shape, sizes, strict=True)
+    return [_within(block, start.first, start.kind, length - size) for start, length, size in sizes_by_axis]
 
 
 def _dynamic_slice(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
@@ -47,32 +52,46 @@ def _dynamic_slice(block: Block, operands: list[Value], params: Params, out: Any
 def _dynamic_update_slice(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
     value, update, *starts = operands
     target = block.filled(value)
-    block.copy(update, part(target, update.shape, _starts(block, starts, value.shape, update.shape)))
+    block.copy(
+        update,
+        part(target, update.shape, _starts(block, starts, value.shape, update.shape)),
+    )
     return target
 
 
 def _indexed(
-    block: Block, indices: Value, index: Index, axes: tuple[Sequence[Any], ...], lengths: Sequence[tuple[int, int]]
+    block: Block,
+    indices: Value,
+    index: Index,
+    axes: tuple[Sequence[Any], ...],
+    lengths: Sequence[tuple[int, int]],
 ) -> tuple[tuple[str, ...], str]:
-    """Return the place of an array that an element of a gather or a scatter is of, and a test of whether it is there.
+    """Locate an element of a gather or a scatter in the array; return its index and a test, in C,
+    of its bounds.
 
-    The axes are, as the dimension numbers name them, those of the window in the element's `index`, those of the array
-    that the window does not have, those that indices are along, and those of the array and of the indices that are
-    batched; the lengths those of each axis of the array and of the window.
+    Args:
+        block: Block to write in.
+        indices: The indices of the gather or scatter.
+        index: Index of the element in the result or the updates.
+        axes: In the terms of the dimension numbers: the window's axes in `index`; the array's axes
+            that the window lacks; the array's axes along the last axis of the indices; the batch
+            axes of the array; the batch axes of the indices.
+        lengths: Length of the array and of the window along each axis of the array.
     """
-    window, gone, along, batched, batches = axes
+    window, missing_axes, along, batch_axes, index_batch_axes = axes
     batch = [step for axis, step in enumerate(index) if axis not in window]
     offsets = iter([index[axis] for axis in window])
-    there = ["0" if axis in (*gone, *batched) else next(offsets) for axis in range(len(lengths))]
-    for axis, place in zip(batched, batches, strict=True):
-        there[axis] = batch[place]
-    known = list[str]()
+    without_window = {*missing_axes, *batch_axes}
+    location = ["0" if axis in without_window else next(offsets) for axis in range(len(lengths))]
+    for axis, index_axis in zip(batch_axes, index_batch_axes, strict=True):
+        location[axis] = batch[index_axis]
+    bounds = list[str]()
     for component, axis in enumerate(along):
         most = lengths[axis][0] - lengths[axis][1]
         start = _whole(block, indices.read((*batch, str(component))), indices.kind)
-        known.append(f"{start} >= 0 && {start} <= {most}")
-        there[axis] = plus(there[axis], _within(block, start, "int32", most))
-    return tuple(there), " && ".join(known)
+        bounds.append(f"{start} >= 0 && {start} <= {most}")
+        location[axis] = plus(location[axis], _within(block, start, "int32", most))
+    return tuple(location), " && ".join(bounds)
 
 
 def _gather(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
@@ -83,34 +102,38 @@ def _gather(block: Block, operands: list[Value], params: Params, out: Any) -> Va
     target = block.array(str(out.dtype), out.shape)
     with block.loops(out.shape) as index:
         lengths = [*zip(value.shape, params["slice_sizes"], strict=True)]
-        there, known = _indexed(block, indices, index, axes, lengths)
-        element = value.read(there)
+        place, is_inside = _indexed(block, indices, index, axes, lengths)
+        element = value.read(place)
         if params["mode"] == jax.lax.GatherScatterMode.FILL_OR_DROP:
             filler = number(np.asarray(params["fill_value"]).astype(value.kind).item(), value.kind)
-            element = f"({known} ? {element} : {filler})"
+            element = f"({is_inside} ? {element} : {filler})"
         block.put(f"{target.read(index)} = {element};")
     return target
 
 
 def _scatter(operation: str | None) -> Rule:
-    """Return the rule of a scatter: updates replace elements, or an operation takes both."""
+    """Return the rule of a scatter, where updates replace elements, or an operation combines both."""
 
     def rule(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
-        value, indices, updates = operands[0], *map(block.stored, operands[1:])
+        value = operands[0]
+        indices, updates = map(block.stored, operands[1:])
         numbers = params["dimension_numbers"]
-        window, gone = numbers.update_window_dims, (*numbers.inserted_window_dims, *numbers.operand_batching_dims)
+        window = numbers.update_window_dims
+        inserted = {*numbers.inserted_window_dims, *numbers.operand_batching_dims}
         axes = window, numbers.inserted_window_dims, numbers.scatter_dims_to_operand_dims
         axes += numbers.operand_batching_dims, numbers.scatter_indices_batching_dims
         sizes = iter([updates.shape[axis] for axis in window])
-        lengths = [(length, 1 if axis in gone else next(sizes)) for axis, length in enumerate(value.shape)]
+        window_shape = [1 if axis in inserted else next(sizes) for axis in range(len(value.shape))]
+        lengths = [*zip(value.shape, window_shape, strict=True)]
         target = block.filled(value)
         drops = params["mode"] == jax.lax.GatherScatterMode.FILL_OR_DROP
         with block.loops(updates.shape) as index:
-            there, known = _indexed(block, indices, index, axes, lengths)
-            place, new = target.read(there), updates.read(index)
-            made = apply(operation, value.kind, value.kind, place, new) if operation else new
-            with block.braces(f"if ({known})") if drops else nullcontext():
-                block.put(f"{place} = {made};")
+            element_index, is_inside = _indexed(block, indices, index, axes, lengths)
+            place = target.read(element_index)
+            update = updates.read(index)
+            result = apply(operation, value.kind, value.kind, place, update) if operation else update
+            with block.braces(f"if ({is_inside})") if drops else nullcontext():
+                block.put(f"{place} = {result};")
         return target
 
     return rule

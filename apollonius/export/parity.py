@@ -1,4 +1,6 @@
-"""Whether a program in C does what its JAX function does, and an exported policy what the package's player does."""
+"""Whether a program in C does what its JAX function does, and an exported policy what the package's
+player does.
+"""
 
 import functools
 import timeit
@@ -27,24 +29,28 @@ from apollonius.observe.view import look
 from apollonius.play.rollout import Games, SideState, begin, collect
 
 BREADTH = 1e-5
-"""How far around a state [m, m/s, rad] the package's player may do what an exported one does in it: single precision
-rounds as much, and what is seen of a chart, or a shield's consent, can jump there."""
+"""Distance from a state [m, m/s, rad] within which a decision of the package's player counts as the
+same: single precision rounds as much, and a chart's values or a shield's consent can jump there."""
 TOLERANCE = 1e-4
-"""By how much of its largest value a control may differ from the package's. Single precision makes 7e-6 of it."""
+"""Greatest difference of a control from the package's, as a share of its largest value; single
+precision causes 7e-6."""
 _GAMES = 100
 _SPACING = 5
-"""Steps between two states that are kept: the ones between are much like them."""
+"""Steps between two compared states: those in between are similar."""
 _CHUNK = 500
 _AROUND = 64
-_NEAR, _NEARBY = (0.1, 0.01), 3
-"""How far from its arguments a program is tried: in shares of a number, or of the least; and how often."""
+_NEAR = (0.1, 0.01)
+"""Distance from its arguments at which a program is tried: a share of a number, and its least size.
+"""
+_NEARBY = 3
+"""Arguments near the first ones with which a program is tried."""
 
 Decide = Callable[[Float32[np.ndarray, "robots 4"], Any, Any, Any], tuple[np.ndarray, np.ndarray]]
 """From state, who is in play, memory and random bits to action and controls, as `Player.decide`."""
 
 
 class Cases(NamedTuple):
-    """What a player is asked, leaves `[cases]`; see `Player.decide`."""
+    """Inputs of decisions, leaves `[cases]`; see `Player.decide`."""
 
     states: Float32[np.ndarray, "*cases robots 4"]
     active: Bool[np.ndarray, "*cases robots"] | None
@@ -58,10 +64,12 @@ class Cases(NamedTuple):
 
 @dataclass(frozen=True)
 class Parity:
-    """In how many of some states an exported policy did what the package's player did not.
+    """Numbers of states in which the decisions of an exported policy and of the package's player
+    differ.
 
-    Ties are within rounding: an action of the same value, or what the player does within `BREADTH` of the state; all
-    others are errors. The largest difference of a control is `away`, in shares of its largest value.
+    Ties differ within rounding: an action of the same value, or the player's decision within
+    `BREADTH` of the state; all other differences are errors. `away` is the largest difference of a
+    control, as a share of its largest value.
     """
 
     states: int
@@ -71,15 +79,20 @@ class Parity:
 
 
 def cases_of(player: Player, count: int, seed: int = 0) -> Cases:
-    """Return states of games against a random opponent, 100 at a time; a game that ends begins again."""
+    """Return states of games against a random opponent, 100 at a time; a game that ends begins
+    again.
+    """
     policy, role = solo(player.package), player.role
     states, side, bits = _play(player.game, policy, role, jax.random.key(seed), -(-count // _GAMES))
-    known, seen = side.track, states
-    if known is not None:
-        seen, known = as_given(player.game, known, states, role, bits), replace(known, sightings=None)
-    track, drive = jax.tree.map(lambda leaf: leaf[:, None], (known, side.drives[0]))
+    own_track = side.track
+    seen_states = states
+    if own_track is not None:
+        seen_states = as_given(player.game, own_track, states, role, bits)
+        own_track = replace(own_track, sightings=None)
+    track, drive = jax.tree.map(lambda leaf: leaf[:, None], (own_track, side.drives[0]))
     memory = remembered(track, drive, side.memory)
-    rows = [np.stack(jax.tree.leaves(robot), axis=-1) for side in (role, role.other) for robot in seen.robots[side]]
+    robots = (*seen_states.robots[role], *seen_states.robots[role.other])
+    rows = [np.stack(jax.tree.leaves(robot), axis=-1) for robot in robots]
     active = None
     if states.status is not None:
         active = np.stack([*states.active[role], *states.active[role.other]], axis=-1)[:count]
@@ -88,19 +101,35 @@ def cases_of(player: Player, count: int, seed: int = 0) -> Cases:
 
 
 @functools.partial(jax.jit, static_argnames="role")
-def as_given(game: Game, tracks: Track, states: GameState, role: Role, bits: UInt32[Array, " cases"]) -> GameState:
-    """Return the states as a robot with sensors is given them: opponents that it does not see now are far away."""
+def as_given(
+    game: Game,
+    tracks: Track,
+    states: GameState,
+    role: Role,
+    bits: UInt32[Array, " cases"],
+) -> GameState:
+    """Return the states as inputs of a robot with sensors: opponents out of its sight are far away.
 
-    def given(track: Track, state: GameState, bits: Bits) -> GameState:
+    Args:
+        game: The game.
+        tracks: The robot's track of its opponents in each case.
+        states: The true states.
+        role: The robot's side.
+        bits: Random bits of each case.
+    """
+
+    def as_sensed(track: Track, state: GameState, bits: Bits) -> GameState:
         sensors = game.sensors and game.sensors[role]
         assert sensors is not None, "it tracks by them"
-        now = sense(sensors, game.arena, state, role, bits)
-        _, past = delayed(sensors, track.late, now)
+        percept = sense(sensors, game.arena, state, role, bits)
+        _, past = delayed(sensors, track.late, percept)
         far = jax.tree.map(lambda number: jnp.full_like(number, 2 * LARGEST), state.robots[role][0])
-        opponents = tuple(choose(seen, opponent, far) for opponent, seen in zip(past.opponents, past.seen, strict=True))
-        return replace(state, robots=BySide.of(role, now.own, opponents))
+        opponents = tuple(
+            choose(is_seen, opponent, far) for opponent, is_seen in zip(past.opponents, past.seen, strict=True)
+        )
+        return replace(state, robots=BySide.of(role, percept.own, opponents))
 
-    return jax.vmap(given)(tracks, states, bits)
+    return jax.vmap(as_sensed)(tracks, states, bits)
 
 
 @functools.partial(jax.jit, static_argnames=("role", "rows"))
@@ -109,7 +138,8 @@ def _play(
 ) -> tuple[GameState, SideState, UInt32[Array, " cases"]]:
     start_key, word_key, play_key, bits_key = jax.random.split(key, 4)
     players = ROLES.map(lambda side: player if side == role else solo(Uniform()))
-    starts = jax.tree.map(lambda leaf: leaf.reshape(rows, _GAMES), reset_batch(game, start_key, rows * _GAMES))
+    all_starts = reset_batch(game, start_key, rows * _GAMES)
+    starts = jax.tree.map(lambda leaf: leaf.reshape(rows, _GAMES), all_starts)
     first = jax.tree.map(lambda leaf: leaf[0], starts)
     games = begin(game, first, players, jax.random.bits(word_key, (2, _GAMES), jnp.uint32))
 
@@ -118,19 +148,21 @@ def _play(
         after, _ = collect(game, players, games, fresh, jax.random.fold_in(play_key, row), _SPACING)
         return after, (games.state, games.sides[role])
 
-    kept = jax.lax.scan(step, games, jnp.arange(rows))[1]
-    states, side = jax.tree.map(lambda leaf: leaf.reshape(rows * _GAMES, *leaf.shape[2:]), kept)
+    visited = jax.lax.scan(step, games, jnp.arange(rows))[1]
+    states, side = jax.tree.map(lambda leaf: leaf.reshape(rows * _GAMES, *leaf.shape[2:]), visited)
     return states, side, jax.random.bits(bits_key, (rows * _GAMES,), jnp.uint32)
 
 
 def reference(player: Player, cases: Cases) -> tuple[np.ndarray, Float32[np.ndarray, "cases 2"]]:
     """Return the actions and the controls of the package's player."""
-    decide, found = _batched(player.decide), []
+    decide = _batched(player.decide)
+    batches = []
     for first in range(0, len(cases.states), _CHUNK):
-        index = np.minimum(np.arange(first, first + _CHUNK), len(cases.states) - 1)  # one compilation serves all
-        made = decide(player.policy, player.game, *cases.at(index))
-        found.append(jax.device_get((made["action"], made["controls"])))
-    actions, controls = (np.concatenate(parts)[: len(cases.states)] for parts in zip(*found, strict=True))
+        # Chunks of one size need one compilation only.
+        index = np.minimum(np.arange(first, first + _CHUNK), len(cases.states) - 1)
+        decisions = decide(player.policy, player.game, *cases.at(index))
+        batches.append(jax.device_get((decisions["action"], decisions["controls"])))
+    actions, controls = (np.concatenate(parts)[: len(cases.states)] for parts in zip(*batches, strict=True))
     return actions, controls
 
 
@@ -140,35 +172,55 @@ def _batched(decide: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def compare(decide: Decide, player: Player, cases: Cases) -> Parity:
-    """Return in how many cases an exported policy differs from the package's player."""
+    """Count the cases in which an exported policy differs from the package's player."""
     actions, controls = reference(player, cases)
-    body, largest = player.game.bodies[player.role][0], player.largest
-    said, driven = zip(*(decide(*cases.at(place)) for place in range(len(cases.states))), strict=True)
-    away = np.abs(np.array(driven) - controls) / largest
-    differ = ~(away <= TOLERANCE).all(axis=1)  # also where one is NaN
+    body = player.game.bodies[player.role][0]
+    largest = player.largest
+    decisions = [decide(*cases.at(place)) for place in range(len(cases.states))]
+    actions_of_export, controls_of_export = zip(*decisions, strict=True)
+    deviation = np.abs(np.array(controls_of_export) - controls) / largest
+    differ = ~(deviation <= TOLERANCE).all(axis=1)  # also where one is NaN
     if not player.policy.continuous:
-        differ |= np.array(said).reshape(actions.shape) != actions
+        differ |= np.array(actions_of_export).reshape(actions.shape) != actions
     ties = 0
     for place in map(int, np.flatnonzero(differ)):
-        alike = False
-        if not player.policy.continuous and int(said[place]) != int(actions[place]):
-            held = np.array(body.controls(jnp.int32(said[place])))
-            alike = bool((np.abs(driven[place] - held) <= TOLERANCE * largest).all())
-            alike = alike and _is_as_good(player, cases, place, int(said[place]), int(actions[place]))
-        ties += alike or _is_tie(player, cases, place, np.array(driven[place]))
-    return Parity(len(actions), ties, int(differ.sum()) - ties, float(away[~differ].max(initial=0)))
+        is_tie = False
+        exported_controls = np.array(controls_of_export[place])
+        if not player.policy.continuous:
+            action = int(actions_of_export[place])
+            own_action = int(actions[place])
+            action_controls = np.array(body.controls(jnp.int32(action)))
+            errors = np.abs(exported_controls - action_controls)
+            is_tie = (
+                action != own_action
+                and bool((errors <= TOLERANCE * largest).all())
+                and _is_as_good(player, cases, place, action, own_action)
+            )
+        ties += is_tie or _is_tie(player, cases, place, exported_controls)
+    largest_deviation = float(deviation[~differ].max(initial=0))
+    return Parity(len(actions), ties, int(differ.sum()) - ties, largest_deviation)
 
 
 def _is_as_good(player: Player, cases: Cases, place: int, action: int, own: int) -> bool:
-    """Return whether a player values this action as its own, to `TOLERANCE`, and its shield allows it."""
-    policy, (state, active, memory, bits) = player.package, cases.at(place)
+    """Test whether a player values this action like its own, to `TOLERANCE`, and its shield allows
+    it.
+    """
+    policy = player.package
+    state, active, memory, bits = cases.at(place)
     sides = player.game.bodies.map(len)
     in_play = None if active is None else jnp.asarray(active)
-    known, _, _, memory = known_state(player.game, player.role, sides, jnp.asarray(state), in_play, memory)
-    view = look(player.game, known, player.role)
+    known_game_state, _, _, memory = known_state(
+        player.game,
+        player.role,
+        sides,
+        jnp.asarray(state),
+        in_play,
+        memory,
+    )
+    view = look(player.game, known_game_state, player.role)
     if isinstance(policy, Shielded):
-        left = policy.backup.of(view).clearance_after(view.own, jnp.int32(action))
-        if left <= MARGIN - BREADTH:
+        clearance = policy.backup.of(view).clearance_after(view.own, jnp.int32(action))
+        if clearance <= MARGIN - BREADTH:
             return False
         policy = policy.policy
     if not isinstance(policy, AbstractActionValuePolicy):
@@ -178,52 +230,78 @@ def _is_as_good(player: Player, cases: Cases, place: int, action: int, own: int)
 
 
 def _is_tie(player: Player, cases: Cases, place: int, driven: np.ndarray) -> bool:
-    """Return whether the package's player drives so around a state; if continuous, whether this is in its range."""
-    state, *rest = cases.at(place)
-    moved = np.random.default_rng(0).uniform(-BREADTH, BREADTH, (_AROUND, *state.shape)).astype(np.float32)
-    many = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (_AROUND, *np.shape(leaf))), tuple(rest))
-    _, controls = reference(player, Cases(state + moved, *many))
+    """Test whether the package's player has these controls near a state; if continuous, in its
+    range.
+    """
+    state, *inputs = cases.at(place)
+    rng = np.random.default_rng(0)
+    offsets = rng.uniform(-BREADTH, BREADTH, (_AROUND, *state.shape)).astype(np.float32)
+
+    def repeat(leaf: Any) -> np.ndarray:
+        return np.broadcast_to(leaf, (_AROUND, *np.shape(leaf)))
+
+    _, controls = reference(player, Cases(state + offsets, *jax.tree.map(repeat, tuple(inputs))))
     if player.policy.continuous:
         controls = np.clip(driven, controls.min(axis=0), controls.max(axis=0))[None]
     return bool((np.abs(controls - driven) <= TOLERANCE * player.largest).all(axis=1).any())
 
 
 def require_same(program: Program, function: Callable[..., Any], arguments: Sequence[Any]) -> None:
-    """Refuse, by InvalidInput, a program in C whose results are not those of its JAX function, for the arguments and
-    some near them: between what JAX says around those, to `TOLERANCE` of the largest number.
+    """Require that a program in C has the results of its JAX function, for the arguments and some
+    near them.
+
+    A result must be between the results of JAX near the arguments, to `TOLERANCE` of the largest
+    number.
+
+    Raises:
+        InvalidInput: If the results differ.
     """
-    closed, in_c = jax.make_jaxpr(function)(*arguments), Compiled(program)
-    in_jax, rng = jax.jit(jaxpr_as_fun(closed)), np.random.default_rng(0)
+    closed_jaxpr = jax.make_jaxpr(function)(*arguments)
+    in_c = Compiled(program)
+    in_jax = jax.jit(jaxpr_as_fun(closed_jaxpr))
+    rng = np.random.default_rng(0)
     leaves, shape = jax.tree.flatten(tuple(arguments))
-    first = [
-        np.ones(aval.shape, aval.dtype) if isinstance(leaf, jax.ShapeDtypeStruct) else np.asarray(leaf, aval.dtype)
-        for leaf, aval in zip(leaves, closed.in_avals, strict=True)
-    ]
 
-    def near(given: list[np.ndarray], breadth: float, least: float) -> list[np.ndarray]:
-        """Return numbers of which the real ones are moved, in shares of themselves or of the least."""
-        sizes = [breadth * np.maximum(abs(one), least) * (one.dtype == np.float32) for one in given]
-        return [
-            np.where(np.isfinite(one), one + size * rng.uniform(-1, 1, one.shape), one).astype(one.dtype)
-            for one, size in zip(given, sizes, strict=True)
-        ]
+    def example(leaf: Any, aval: Any) -> np.ndarray:
+        if isinstance(leaf, jax.ShapeDtypeStruct):
+            return np.ones(aval.shape, aval.dtype)
+        return np.asarray(leaf, aval.dtype)
 
-    for given in (first, *(near(first, *_NEAR) for _ in range(_NEARBY))):
-        results = in_c(*jax.tree.unflatten(shape, given))
-        answers = [in_jax(*given)]
+    first = [*map(example, leaves, closed_jaxpr.in_avals)]
+
+    def near(numbers: list[np.ndarray], breadth: float, least: float) -> list[np.ndarray]:
+        """Return the numbers with random offsets of real ones, in shares of their size, at least of
+        `least`.
+        """
+        sizes = [breadth * np.maximum(abs(array), least) * (array.dtype == np.float32) for array in numbers]
+
+        def offset(array: np.ndarray, size: np.ndarray) -> np.ndarray:
+            sample = array + size * rng.uniform(-1, 1, array.shape)
+            return np.where(np.isfinite(array), sample, array).astype(array.dtype)
+
+        return [*map(offset, numbers, sizes)]
+
+    for numbers in (first, *(near(first, *_NEAR) for _ in range(_NEARBY))):
+        results = in_c(*jax.tree.unflatten(shape, numbers))
+        answers = [in_jax(*numbers)]
         if not _is_among(results, answers):
-            answers += [in_jax(*near(given, BREADTH, 1.0)) for _ in range(_AROUND)]
+            answers += [in_jax(*near(numbers, BREADTH, 1.0)) for _ in range(_AROUND)]
         if not _is_among(results, answers):
-            raise InvalidInput(f"the program {program.name} in C differs from JAX: report this as an error.")
+            title = f"the program {program.name} in C"
+            raise InvalidInput(f"{title} differs from JAX: report this as an error.")
 
 
 def _is_among(results: Sequence[np.ndarray], answers: Sequence[Sequence[Any]]) -> bool:
-    """Return whether all numbers are between those of the answers, or are NaN where one is."""
+    """Test whether all numbers are between those of the answers, or are NaN where an answer is."""
     for result, *several in zip(results, *answers, strict=True):
         rows = np.array(several, float)
-        slack = TOLERANCE * abs(rows[np.isfinite(rows)]).max(initial=1e-3) * (result.dtype == np.float32)
-        between = (np.fmin.reduce(rows) - slack <= result) & (result <= np.fmax.reduce(rows) + slack)
-        if not (between | (np.isnan(rows).any(axis=0) & np.isnan(result))).all():
+        largest = abs(rows[np.isfinite(rows)]).max(initial=1e-3)
+        slack = TOLERANCE * largest * (result.dtype == np.float32)
+        low = np.fmin.reduce(rows) - slack
+        high = np.fmax.reduce(rows) + slack
+        is_between = (low <= result) & (result <= high)
+        is_nan = np.isnan(rows).any(axis=0) & np.isnan(result)
+        if not (is_between | is_nan).all():
             return False
     return True
 

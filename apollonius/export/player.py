@@ -31,7 +31,7 @@ from apollonius.observe.tracking import begin as known_first
 from apollonius.observe.view import look
 
 LARGEST = 1e6
-"""No number of a state is beyond this. Compared is the sum of their squares: one test, and a NaN fails it too."""
+"""Largest number of a state; the sum of squares is compared, one test that a NaN fails too."""
 _FALLBACK = -1.0, 0.0
 """Full braking straight ahead, as shares of the largest controls."""
 
@@ -69,24 +69,35 @@ class Player:
 
     @property
     def memory(self) -> Memory:
-        """The memory with which every game begins: the policy's; with sensors what is known of opponents before it, and
-        with a drive that is at rest.
+        """The memory at the beginning of a game: the policy's; with sensors the track of opponents;
+        with a drive its state at rest.
         """
-        state = GameState.at_start(self.game.bodies.map(lambda side: (RobotState(*jnp.zeros(4)),) * len(side)))
-        track = known_first(self.game, state, self.role)
+        robots = self.game.bodies.map(lambda side: (RobotState(*jnp.zeros(4)),) * len(side))
+        track = known_first(self.game, GameState.at_start(robots), self.role)
+        if track is not None:
+            track = replace(track, sightings=None)
         drive = drive_of(self.game.drives, self.role).begin()
-        return remembered(None if track is None else replace(track, sightings=None), drive, self.policy.memory)
+        return remembered(track, drive, self.policy.memory)
 
     @property
     def decide(self) -> Callable[..., dict[str, Any]]:
-        """Return the function that plays.
+        """Return the function that decides in one step.
 
-        Its arguments are the player and the game; x [m], y [m], speed [m/s] and heading [rad] of every robot, its own
-        first, then its mates', then its opponents'; in teams whether each is in play; the memory that it returned last,
-        or `self.memory` where a game begins; and 32 random bits. It returns the action (`types.Action`), the controls
-        u1 [m/s^2] and u2 [rad/s], and the memory. A state with a NaN, or a number beyond `LARGEST`, and an action
-        that is not finite are answered by full braking, straight ahead; with sensors an opponent of such a state is not
-        seen now.
+        Args:
+            player: `self.policy`.
+            game: `self.game`.
+            state: x [m], y [m], speed [m/s] and heading [rad] of every robot: its own, then its
+                mates', then its
+                opponents', `[robots, 4]`.
+            active: Whether each robot is in play, `[robots]`; None for two robots.
+            memory: The memory of the last step, or `self.memory` where a game begins.
+            bits: 32 random bits.
+
+        Returns:
+            A dict of the `action` (`types.Action`), the `controls` u1 [m/s^2] and u2 [rad/s], and
+            the `memory`. For a state with a NaN or a number beyond `LARGEST`, and for an action
+            that is not finite, it is full braking straight ahead; with sensors an opponent of such
+            a state is out of sight.
         """
         return _decide(self.role, self.game.bodies.map(len))
 
@@ -102,110 +113,191 @@ def _decide(role: Role, sides: BySide[int]) -> Callable[..., dict[str, Any]]:
         bits: Bits,
     ) -> dict[str, Any]:
         policy = transposed(player)
-        known, track, drive, own = known_state(game, role, sides, state, active, memory)
-        action, own = policy(policy.observation(look(game, known, role)), own, bits)
-        given = state if track is None else state[: sides[role]]
-        sane = jnp.sum(given * given) <= LARGEST**2
+        known_game_state, track, drive_state, own_memory = known_state(
+            game,
+            role,
+            sides,
+            state,
+            active,
+            memory,
+        )
+        observation = policy.observation(look(game, known_game_state, role))
+        action, own_memory = policy(observation, own_memory, bits)
+        own_rows = state if track is None else state[: sides[role]]
+        is_sane = jnp.sum(own_rows * own_rows) <= LARGEST**2
         if policy.continuous:
-            sane &= jnp.isfinite(action).all()
+            is_sane &= jnp.isfinite(action).all()
         brake = jnp.array(_FALLBACK) if policy.continuous else jnp.int32(BRAKE_STRAIGHT)
-        action = jnp.where(sane, action, brake)
+        action = jnp.where(is_sane, action, brake)
         body = game.bodies[role][0]
-        controls, (_, drive) = body.controls(action), drive_of(game.drives, role).respond(drive, body, action, game.dt)
-        return {"action": action, "controls": jnp.stack(controls), "memory": remembered(track, drive, own)}
+        controls = body.controls(action)
+        drive = drive_of(game.drives, role)
+        _, drive_state = drive.respond(drive_state, body, action, game.dt)
+        memory = remembered(track, drive_state, own_memory)
+        return {"action": action, "controls": jnp.stack(controls), "memory": memory}
 
     return decide
 
 
 def remembered(track: Track | None, drive: DriveState, own: Memory) -> Memory:
-    """Return an exported player's memory: its policy's, alone where there is nothing else to remember."""
+    """Return an exported player's memory, which is its policy's if the others are empty."""
     return (track, drive, own) if jax.tree.leaves((track, drive)) else own
 
 
 def known_state(
     game: Game, role: Role, sides: BySide[int], state: Array, active: Array | None, memory: Memory
 ) -> tuple[GameState, Track | None, DriveState, Memory]:
-    """Return the state as a side knows it, by what it is given in this step and its memory, and that memory's parts.
+    """Return the state as a side knows it in this step, and the parts of its memory: track, drive,
+    policy's memory.
 
-    The robot's own drive is in the state that its commands lead to; those of its mates are not known.
+    The robot's own drive is in the state that its commands lead to; those of its mates are taken to
+    be at rest.
+
+    Args:
+        game: The game.
+        role: The robot's side.
+        sides: Numbers of robots.
+        state: State of every robot, `[robots, 4]`, as in `Player.decide`.
+        active: Whether each robot is in play, `[robots]`; None for two robots.
+        memory: The memory of the last step.
     """
-    sensors, drive = game.sensors and game.sensors[role], drive_of(game.drives, role)
-    track, driven, own_memory = memory if sensors or jax.tree.leaves(drive) else (None, drive.begin(), memory)
-    drives = (driven, *[drive.begin()] * (sides[role] - 1))
+    sensors = game.sensors and game.sensors[role]
+    drive = drive_of(game.drives, role)
+    if sensors or jax.tree.leaves(drive):
+        track, drive_state, own_memory = memory
+    else:
+        track = None
+        drive_state = drive.begin()
+        own_memory = memory
+    drives = (drive_state, *[drive.begin()] * (sides[role] - 1))
     if sensors is None or track is None:
-        return replace(state_of(state, active, role, sides), drives=drives), None, driven, own_memory
-    seen = jnp.sum(state * state, axis=1) <= LARGEST**2
-    now = state_of(jnp.where(seen[:, None], state, 0.0), active, role, sides)
-    own, opponents = now.robots[role], now.robots[role.other]
-    percept = Percept(own, opponents, tuple(seen[len(own) :]), jnp.ones((), bool))
-    late, past = delayed(sensors, track.late, percept)  # what is seen of opponents comes late already
-    after = learn(game, replace(track, own=own, late=late), replace(percept, own=past.own), now, role)
-    return replace(believed(game, after, now, role), drives=drives), after, driven, own_memory
+        full_state = replace(state_of(state, active, role, sides), drives=drives)
+        return full_state, None, drive_state, own_memory
+    is_seen = jnp.sum(state * state, axis=1) <= LARGEST**2
+    current = state_of(jnp.where(is_seen[:, None], state, 0.0), active, role, sides)
+    own = current.robots[role]
+    percept = Percept(
+        own,
+        current.robots[role.other],
+        tuple(is_seen[len(own) :]),
+        jnp.ones((), bool),
+    )
+    pending, past = delayed(sensors, track.late, percept)  # sightings are late already
+    track = replace(track, own=own, late=pending)
+    track = learn(game, track, replace(percept, own=past.own), current, role)
+    known = replace(believed(game, track, current, role), drives=drives)
+    return known, track, drive_state, own_memory
 
 
 def side_of(name: str, given: str | None = None) -> Role:
-    """Return the side that a player plays, or the given one of a player of either; raises InvalidInput otherwise."""
-    bare = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
-    sides = PLAYERS[bare][1] if bare in PLAYERS else (Role[find_trained(bare)[0].header.role.upper()],)
-    named = [side.name.lower() for side in sides]
-    require(given is None or given in named, "side", given, f"{' or '.join(named)}, which '{name}' plays")
-    require(given or len(sides) == 1, "side", "missing", f"{' or '.join(named)}, as '{name}' plays either")
+    """Return the side that a player plays, or `given` for a player of either side.
+
+    Raises:
+        InvalidInput: For a side that the player does not play, and if a player of either side gets
+            None.
+    """
+    bare_name = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
+    sides = PLAYERS[bare_name][1] if bare_name in PLAYERS else (_trained_side(bare_name),)
+    side_names = [side.name.lower() for side in sides]
+    choices = " or ".join(side_names)
+    is_possible = given is None or given in side_names
+    require(is_possible, "side", given, f"{choices}, which '{name}' plays")
+    require(given or len(sides) == 1, "side", "missing", f"{choices}, as '{name}' plays either")
     return Role[given.upper()] if given else sides[0]
 
 
+def _trained_side(name: str) -> Role:
+    """Return the side of a trained agent."""
+    return Role[find_trained(name)[0].header.role.upper()]
+
+
 def home_of(name: str) -> Game:
-    """Return the game that a player was made for, `paper` for none; raises InvalidInput for one of any arena."""
-    bare = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
-    if bare in PLAYERS:
+    """Return the game that a player was trained in, `paper` for rules.
+
+    Raises:
+        InvalidInput: For a player of any arena.
+    """
+    bare_name = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
+    if bare_name in PLAYERS:
         return make_game("paper")
-    header = find_trained(bare)[0].header
-    require(header.game, "game", "missing", f"one arena, since '{name}' does not say what it was made for")
-    in_one = header.game.get("scenario") is None and not find_observation(header.observation).charted
-    require(in_one, "game", "missing", f"one arena, as office, since '{name}' plays in any")
+    header = find_trained(bare_name)[0].header
+    bound = f"one arena, since '{name}' does not say what it was made for"
+    require(header.game, "game", "missing", bound)
+    has_one_arena = header.game.get("scenario") is None
+    reads_chart = find_observation(header.observation).charted
+    bound = f"one arena, as office, since '{name}' plays in any"
+    require(has_one_arena and not reads_chart, "game", "missing", bound)
     return from_dict(Game, header.game, f"'{name}'")
 
 
 def find_exportable(name: str, role: Role, game: Game) -> Player:
-    """Return the player of this name, to be exported.
+    """Find a player to be exported, with the parts of the game that it reads.
 
-    Raises InvalidInput as `find_player`, for games in several arenas, for networks with numbers that are none, and for
-    a robot whose braking, the answer to a broken state, does not end at rest.
+    Raises:
+        InvalidInput: As `find_player`; for games in several arenas; for networks with weights that
+            are not finite; for
+            a robot that does not come to rest by braking, the answer to a broken state.
     """
     game.require_one_arena("an exported policy")
     policy = find_player(name, role, game).policy
-    finite = all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(eqx.filter(policy, eqx.is_inexact_array)))
-    require(finite, "weights", "NaN or infinite", "finite; train the agent again")
+    weights = jax.tree.leaves(eqx.filter(policy, eqx.is_inexact_array))
+    is_finite = all(np.isfinite(leaf).all() for leaf in weights)
+    require(is_finite, "weights", "NaN or infinite", "finite; train the agent again")
     body = game.bodies[role][0]
+    stops = body.v_min == 0 and body.u1_max > 0
+    limits = float(body.v_min), float(body.u1_max)
     bound = "0 m/s and more than 0 m/s^2, so that braking, the answer to a broken state, ends at rest"
-    require(body.v_min == 0 and body.u1_max > 0, "v_min, u1_max", (float(body.v_min), float(body.u1_max)), bound)
-    seeing = game.sensors and game.sensors[role]
-    driven, own = game.drives and game.drives[role], role.name.lower()
-    sensors, drives = (Sensing(**{own: seeing}) if seeing else None), (Drives(**{own: driven}) if driven else None)
+    require(stops, "v_min, u1_max", limits, bound)
+    side = role.name.lower()
+    own_sensors = game.sensors and game.sensors[role]
+    own_drive = game.drives and game.drives[role]
+    sensors = Sensing(**{side: own_sensors}) if own_sensors else None
+    drives = Drives(**{side: own_drive}) if own_drive else None
     rules = charted(game) if policy.charted else game
-    known = replace(rules, sensors=sensors, drives=drives)
-    if known.arena.chart is not None and sensors is None:
-        known = replace(known, arena=replace(known.arena, chart=replace(known.arena.chart, links=None)))
-    return Player(name, role, known, policy, transposed(policy))
+    own_game = replace(rules, sensors=sensors, drives=drives)
+    arena = own_game.arena
+    if arena.chart is not None and sensors is None:
+        own_game = replace(own_game, arena=replace(arena, chart=replace(arena.chart, links=None)))
+    return Player(name, role, own_game, policy, transposed(policy))
 
 
 def state_of(
-    state: Float[Array, "robots 4"], active: Bool[Array, " robots"] | None, role: Role, sides: BySide[int]
+    state: Float[Array, "robots 4"],
+    active: Bool[Array, " robots"] | None,
+    role: Role,
+    sides: BySide[int],
 ) -> GameState:
-    """Return the state of a game from the robots' numbers, one side's first."""
-    ours, robots = sides[role], [RobotState(*row) for row in state]
-    both = BySide.of(role, tuple(robots[:ours]), tuple(robots[ours:]))
-    begun = GameState.at_start(both)
+    """Make the state of a game from the robots' numbers.
+
+    Args:
+        state: x [m], y [m], speed [m/s] and heading [rad] of every robot, those of `role` first,
+            `[robots, 4]`.
+        active: Whether each robot is in play, `[robots]`; None for two robots.
+        role: The side of the first robots.
+        sides: Numbers of robots.
+    """
+    num_own = sides[role]
+    robots = [RobotState(*row) for row in state]
+    robots_by_side = BySide.of(role, tuple(robots[:num_own]), tuple(robots[num_own:]))
+    start = GameState.at_start(robots_by_side)
     if active is None:
-        return begun
-    status = [jnp.where(one, RobotStatus.ACTIVE, RobotStatus.HIT_OBSTACLE).astype(jnp.int32) for one in active]
-    return replace(begun, status=BySide.of(role, tuple(status[:ours]), tuple(status[ours:])))
+        return start
+
+    def status_of(is_active: Array) -> Array:
+        code = jnp.where(is_active, RobotStatus.ACTIVE, RobotStatus.HIT_OBSTACLE)
+        return code.astype(jnp.int32)
+
+    status = [status_of(is_active) for is_active in active]
+    return replace(start, status=BySide.of(role, tuple(status[:num_own]), tuple(status[num_own:])))
 
 
 def transposed(tree: Any) -> Any:
-    """Return a pytree with all layers' weights transposed: the inner loop of a product then reads them in a row."""
+    """Return a pytree with all layers' weights transposed: the inner loop of a product then reads
+    them in a row.
+    """
 
-    def turned(part: Any) -> Any:
+    def transpose_layer(part: Any) -> Any:
         is_layer = isinstance(part, eqx.nn.Linear)
         return eqx.tree_at(lambda layer: layer.weight, part, part.weight.T) if is_layer else part
 
-    return jax.tree.map(turned, tree, is_leaf=lambda part: isinstance(part, eqx.nn.Linear))
+    return jax.tree.map(transpose_layer, tree, is_leaf=lambda part: isinstance(part, eqx.nn.Linear))

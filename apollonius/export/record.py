@@ -16,7 +16,9 @@ from apollonius.io.errors import require
 
 @dataclass(frozen=True)
 class Leaf:
-    """An array of an argument or of the result: its name by its place in the pytree, its NumPy type, its shape."""
+    """An array of an argument or of the result: its name by its place in the pytree, its NumPy
+    type, its shape.
+    """
 
     name: str
     kind: str
@@ -30,7 +32,8 @@ class Leaf:
 
 @dataclass(frozen=True)
 class Record:
-    """An argument, or the result, as one block of memory: its leaves in order, each aligned to its kind, as C does.
+    """An argument, or the result, as one block of memory: its leaves in order, each aligned to its
+    kind, as C does.
 
     A lone array is one leaf without a name.
     """
@@ -47,7 +50,10 @@ class Record:
     def layout(self) -> np.dtype[Any]:
         """Return the block's type, with a field for each leaf by its place."""
         formats = [(leaf.kind, leaf.shape) for leaf in self.leaves]
-        return np.dtype({"names": [str(leaf.place) for leaf in self.leaves], "formats": formats}, align=True)
+        return np.dtype(
+            {"names": [str(leaf.place) for leaf in self.leaves], "formats": formats},
+            align=True,
+        )
 
     @property
     def offsets(self) -> tuple[int, ...]:
@@ -88,8 +94,18 @@ def record_of(name: str, tree: Any) -> Record:
         alternatives = (f"{words}_{number}" for number in itertools.count(2))
         unique = next(word for word in itertools.chain([words], alternatives) if word not in leaves)
         kind, shape = str(_kind(leaf)), tuple(np.shape(leaf))
-        require(kind in TYPES, f"the kind of {name}", kind, f"one of {', '.join(TYPES)}: convert it")
-        require(0 not in shape, f"the shape of {name}", shape, "of at least one element: leave the array out")
+        require(
+            kind in TYPES,
+            f"the kind of {name}",
+            kind,
+            f"one of {', '.join(TYPES)}: convert it",
+        )
+        require(
+            0 not in shape,
+            f"the shape of {name}",
+            shape,
+            "of at least one element: leave the array out",
+        )
         leaves[unique] = Leaf(unique, kind, shape, place)
     return Record(name, tuple(leaves.values()))
 

@@ -104,7 +104,9 @@ _WHOLE = {
     "shift_right_logical": "(({kind})op_right(({unsigned}){0}, (uint32_t){1}))",
     "shift_right_arithmetic": "(({kind})op_arithmetic(({signed}){0}, (uint32_t){1}))",
 }
-"""Of whole numbers, as JAX defines them: sums go around, and nothing that C leaves undefined is asked of it."""
+"""Of whole numbers, as JAX defines them: sums go around, and nothing that C leaves undefined is
+asked of it.
+"""
 OPERATIONS = (*_FLOATS, *_WHOLE)
 """Operations of `apply`: names of JAX's primitives, apart from the two roundings."""
 
@@ -112,7 +114,8 @@ OPERATIONS = (*_FLOATS, *_WHOLE)
 def number(value: float | int | bool, kind: str) -> str:
     """Return a literal, exactly, in brackets if it is negative."""
     if kind == "float32" and not np.isfinite(value):
-        text = "NAN" if np.isnan(value) else "INFINITY" if value > 0 else "-INFINITY"
+        infinity = "INFINITY" if value > 0 else "-INFINITY"
+        text = "NAN" if np.isnan(value) else infinity
     elif kind == "float32":
         text = f"{np.float32(value)!s}f"
     elif value == np.iinfo("int32").min and kind == "int32":
@@ -122,24 +125,38 @@ def number(value: float | int | bool, kind: str) -> str:
     return f"({text})" if text.startswith("-") else text
 
 
-def apply(operation: str, kind: str, of: str, *given: str) -> str:
-    """Return an operation on operands, the first `of` one kind, whose result is of a kind, in brackets where that could
-    matter; raises NotImplementedError for an operation that C does not have for such numbers.
+def apply(operation: str, kind: str, operand_kind: str, *operands: str) -> str:
+    """Write an operation in C, in brackets where that could matter.
+
+    Args:
+        operation: Name of the operation, one of `OPERATIONS`.
+        kind: Kind of the result.
+        operand_kind: Kind of the first operand.
+        operands: The operands, in C.
+
+    Raises:
+        NotImplementedError: If C has no such operation for such numbers.
     """
     if operation == "not" and kind == "bool":
-        return f"(!{given[0]})"
-    known = _FLOATS if of == "float32" else _WHOLE
-    if operation not in known:
-        raise NotImplementedError(f"{operation} of {of}")
-    if of in ("bool", "float32"):
-        return known[operation].format(*given, kind=TYPES[kind])
-    bits = np.iinfo(of).bits
+        return f"(!{operands[0]})"
+    templates = _FLOATS if operand_kind == "float32" else _WHOLE
+    if operation not in templates:
+        raise NotImplementedError(f"{operation} of {operand_kind}")
+    if operand_kind in ("bool", "float32"):
+        return templates[operation].format(*operands, kind=TYPES[kind])
+    bits = np.iinfo(operand_kind).bits
     types = {"kind": TYPES[kind], "signed": f"int{bits}_t", "unsigned": f"uint{bits}_t"}
-    return known[operation].format(*given, **types, u="u" if of.startswith("u") else "")
+    return templates[operation].format(
+        *operands,
+        **types,
+        u="u" if operand_kind.startswith("u") else "",
+    )
 
 
 def bits_of(text: str, of: str, kind: str) -> str:
-    """Return the number of a kind that has the bits of another; raises NotImplementedError for kinds of other sizes."""
+    """Return the number of a kind that has the bits of another; raises NotImplementedError for
+    kinds of other sizes.
+    """
     if np.dtype(of).itemsize != np.dtype(kind).itemsize:
         raise NotImplementedError(f"{of} to {kind}")
     if of == kind:
@@ -162,13 +179,17 @@ def converted(text: str, of: str, kind: str) -> str:
     return f"(({TYPES[kind]})op_to_int32(op_least(op_largest({text}, {least}), {most})))"
 
 
-def plus(one: str, other: str) -> str:
-    if one.isdigit() and other.isdigit():
-        return str(int(one) + int(other))
-    return other if one == "0" else one if other == "0" else f"({one} + {other})"
+def plus(first: str, second: str) -> str:
+    if first.isdigit() and second.isdigit():
+        return str(int(first) + int(second))
+    if first == "0":
+        return second
+    return first if second == "0" else f"({first} + {second})"
 
 
 def times(index: str, factor: int) -> str:
     if index.isdigit() and factor >= 0:
         return str(int(index) * factor)
-    return "0" if factor == 0 else index if factor == 1 else f"({index} * {factor})"
+    if factor == 0:
+        return "0"
+    return index if factor == 1 else f"({index} * {factor})"

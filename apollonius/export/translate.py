@@ -1,8 +1,9 @@
 """A JAX function as a program in C.
 
-The function is traced once, for arguments of certain shapes. Functions that it calls through `jit` stay functions if
-they are of some size, and loops stay loops. Numbers become variables; what is computed for each element of an array is
-computed where it is read if one primitive reads it, and stored otherwise.
+The function is traced once, for arguments of certain shapes. Functions that it calls through `jit`
+stay functions if they are of some size, and loops stay loops. Numbers become variables; what is
+computed for each element of an array is computed where it is read if one primitive reads it, and
+stored otherwise.
 """
 
 import inspect
@@ -29,75 +30,108 @@ from apollonius.io.errors import InvalidInput, require
 
 CALLED = {
     **{"jit": "jaxpr", "remat2": "jaxpr", "closed_call": "call_jaxpr"},
-    **{"custom_jvp_call": "call_jaxpr", "custom_vjp_call": "call_jaxpr", "custom_vmap_call": "call"},
+    **{
+        "custom_jvp_call": "call_jaxpr",
+        "custom_vjp_call": "call_jaxpr",
+        "custom_vmap_call": "call",
+    },
 }
 """Primitives that call a function, and the parameter that is this function."""
 RULES = COMPUTED | VIEWS | FOLDS | OTHERS | INDEXED
 """All others with one result, by name."""
 _READS_ONCE = {*COMPUTED, *FOLDS, "squeeze", "transpose"}
-"""Those that read each element of an operand once, if it is of their result's size or they fold it."""
+"""Primitives that read each element of an operand once, if it has their result's size or they fold
+it.
+"""
 _STAYS = 24
-"""Equations that a called function must have at least to stay one."""
+"""Fewest equations of a called function that stays a function."""
 _LARGEST_CONSTANT = 1_000_000
 """Numbers of an array in the source, which takes 15 bytes for each."""
 _LIBRARIES = f"{Path(jax.__file__).parents[1]}/"
 """The folder of JAX and of other libraries."""
 
 
-def translated(function: Callable[..., Any], *arguments: Any, name: str = "program", whole: bool = False) -> Program:
-    """Return a JAX function as a program; raises InvalidInput for a primitive or a number type that cannot be
-    translated, with the line that it comes from.
+def translated(
+    function: Callable[..., Any],
+    *arguments: Any,
+    name: str = "program",
+    whole: bool = False,
+) -> Program:
+    """Translate a JAX function to a program.
 
-    Arguments become records of the leaves that the program reads; those that have a result of their name, in a dict of
-    results, are whole, so that what comes out as `next_...` can be put in again. All are where `whole` is given, so
-    that programs with the same arguments can share them.
+    Arguments become records of the leaves that the program reads. Arguments that have a result of
+    their name, in a dict of results, are whole, so that the result `next_...` can be the next
+    call's argument.
+
+    Args:
+        function: The function.
+        arguments: Example arguments, pytrees of arrays or numbers.
+        name: Name of the program.
+        whole: Whether all arguments are whole, so that programs with the same arguments can share
+            them.
+
+    Raises:
+        InvalidInput: For a primitive or a number type that cannot be translated, with its line.
     """
     require_name("the program's name", name, is_public=True)
     names = _named(function, len(arguments))
-    given = [record_of(name, one) for name, one in zip(names, arguments, strict=True)]
-    closed, shape = jax.make_jaxpr(function, return_shape=True)(*arguments)
-    translator, block = _Translator(), Block()
-    values = translator.run(
-        block, closed.jaxpr, closed.consts, [_of_leaf(one, leaf) for one in given for leaf in one.leaves]
-    )
+    records = [record_of(name, argument) for name, argument in zip(names, arguments, strict=True)]
+    closed_jaxpr, shape = jax.make_jaxpr(function, return_shape=True)(*arguments)
+    translator = _Translator()
+    block = Block()
+    inputs = [_of_leaf(record, leaf) for record in records for leaf in record.leaves]
+    values = translator.run(block, closed_jaxpr.jaxpr, closed_jaxpr.consts, inputs)
     shapes = shape if isinstance(shape, dict) else {"result": shape}
-    results = [record_of(f"next_{key}" if key in names else str(key), shapes[key]) for key in sorted(shapes)]
-    _require_names(name, given, results)
+    result_names = {key: f"next_{key}" if key in names else str(key) for key in sorted(shapes)}
+    results = [record_of(title, shapes[key]) for key, title in result_names.items()]
+    _require_names(name, records, results)
     targets = [_of_leaf(record, leaf, "*") for record in results for leaf in record.leaves]
     for value, target in zip(values, targets, strict=True):
         block.copy(value, target)
-    body, comes_back = block.printed(), {record.name.removeprefix("next_") for record in results}
-    kept = [record if whole or record.name in comes_back else record.only(words(body)) for record in given]
-    called = translator.functions.items()
-    functions = tuple(f"static void {title}({signature})\n{text}" for (signature, text), title in called)
-    everything = words("".join([body, *functions]))
-    constants = tuple(one for one in translator.constants.values() if one[0] in everything)
-    return Program(name, functions, body, constants, tuple(kept), tuple(results))
+    body = block.printed()
+    returned_names = {record.name.removeprefix("next_") for record in results}
+    body_words = words(body)
+    arguments_read = [
+        record if whole or record.name in returned_names else record.only(body_words) for record in records
+    ]
+    functions_by_text = translator.functions.items()
+    functions = tuple(f"static void {title}({signature})\n{text}" for (signature, text), title in functions_by_text)
+    used_words = words("".join([body, *functions]))
+    named_arrays = translator.constants.values()
+    constants = tuple((title, array) for title, array in named_arrays if title in used_words)
+    return Program(name, functions, body, constants, tuple(arguments_read), tuple(results))
 
 
 def _named(function: Callable[..., Any], count: int) -> list[str]:
-    """Return the names of a function's arguments; raises InvalidInput where there are fewer than are given."""
+    """Return the names of a function's arguments; raises InvalidInput where there are fewer than
+    are given.
+    """
     parameters = inspect.signature(function).parameters.values()
-    names = [one.name for one in parameters if one.kind in (one.POSITIONAL_ONLY, one.POSITIONAL_OR_KEYWORD)]
+    positional = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD
+    names = [parameter.name for parameter in parameters if parameter.kind in positional]
     bound = f"at most {len(names)}, those that the function has a name for, since they have one in C"
     require(count <= len(names), "the number of arguments", count, bound)
     return names[:count]
 
 
-def _require_names(name: str, given: Sequence[Record], results: Sequence[Record]) -> None:
-    """Refuse, by InvalidInput, arguments and results that C cannot name so, beside each other and the structs."""
-    uses = Counter(record.name for record in (*given, *results))
-    for kind, records in (("an argument", given), ("a result", results)):
+def _require_names(name: str, arguments: Sequence[Record], results: Sequence[Record]) -> None:
+    """Refuse, by InvalidInput, arguments and results that C cannot name so, beside each other and
+    the structs.
+    """
+    uses = Counter(record.name for record in (*arguments, *results))
+    for kind, records in (("an argument", arguments), ("a result", results)):
         for record in records:
             require_name(f"the name of {kind}", record.name)
-            require(uses[record.name] == 1, f"the name of {kind}", record.name, "the name of no other: choose another")
+            about = f"the name of {kind}"
+            bound = "the name of no other: choose another"
+            require(uses[record.name] == 1, about, record.name, bound)
             bound = f"one that does not begin with {name}_, as the names of structs do: choose another"
-            require(not record.name.startswith(f"{name}_"), f"the name of {kind}", record.name, bound)
+            require(not record.name.startswith(f"{name}_"), about, record.name, bound)
             require_name("the name of a struct", f"{name}_{record.name}", is_public=True)
 
 
 class _Translator:
-    """Functions and constants found so far."""
+    """The functions and constants of a program under translation."""
 
     def __init__(self) -> None:
         self.line = "line unknown"
@@ -105,25 +139,42 @@ class _Translator:
         self.names = Counter[str]()
         self.constants: dict[tuple[Any, ...], tuple[str, np.ndarray]] = {}
 
-    def run(self, block: Block, jaxpr: Jaxpr, consts: Sequence[Any], given: Sequence[Value]) -> list[Value]:
-        """Return the results of a function's equations, written to a block."""
+    def run(
+        self,
+        block: Block,
+        jaxpr: Jaxpr,
+        consts: Sequence[Any],
+        arguments: Sequence[Value],
+    ) -> list[Value]:
+        """Write a function's equations to a block; return their results.
+
+        Args:
+            block: Block to write in.
+            jaxpr: The function.
+            consts: Its constants.
+            arguments: Its arguments.
+        """
         jaxpr, _ = dce_jaxpr(jaxpr, [True] * len(jaxpr.outvars), instantiate=True)
-        known: dict[Var, Value] = dict(zip(jaxpr.invars, given, strict=True))
-        known |= {var: self.constant(const) for var, const in zip(jaxpr.constvars, consts, strict=True)}
+        values: dict[Var, Value] = dict(zip(jaxpr.invars, arguments, strict=True))
+        values |= {var: self.constant(const) for var, const in zip(jaxpr.constvars, consts, strict=True)}
 
-        def value_of(one: Var | Literal) -> Value:
-            return self.constant(one.val) if isinstance(one, Literal) else known[one]
+        def value_of(variable: Var | Literal) -> Value:
+            return self.constant(variable.val) if isinstance(variable, Literal) else values[variable]
 
-        waits = _waiting(jaxpr)
+        unstored = _waiting(jaxpr)
         for equation in jaxpr.eqns:
             try:
-                results = self.equation(block, equation, [value_of(one) for one in equation.invars])
+                results = self.equation(
+                    block,
+                    equation,
+                    [value_of(variable) for variable in equation.invars],
+                )
                 for var, value in zip(equation.outvars, results, strict=True):
-                    known[var] = value if var in waits else block.stored(value)
+                    values[var] = value if var in unstored else block.stored(value)
             except NotImplementedError as reason:
                 message = f"'{equation.primitive.name}' cannot be translated: {reason} ({self.line})."
                 raise InvalidInput(message) from reason
-        return [value_of(one) for one in jaxpr.outvars]
+        return [value_of(variable) for variable in jaxpr.outvars]
 
     def constant(self, value: Any) -> Value:
         """Return a literal, or an array that the function closes over."""
@@ -138,54 +189,96 @@ class _Translator:
         name, _ = self.constants.setdefault(key, (f"op_k{len(self.constants) + 1}", array))
         return placed(kind, shape, name)
 
-    def equation(self, block: Block, equation: JaxprEqn, given: list[Value]) -> list[Value]:
-        """Return the results of one equation; raises InvalidInput for a primitive that is not known."""
-        primitive, params = equation.primitive.name, equation.params
+    def equation(self, block: Block, equation: JaxprEqn, operands: list[Value]) -> list[Value]:
+        """Write one equation; return its results.
+
+        Raises:
+            InvalidInput: For a primitive without a rule.
+        """
+        primitive = equation.primitive.name
+        params = equation.params
         self.line = _line_of(equation) or self.line
-        if kinds := {str(getattr(var.aval, "dtype", "?")) for var in equation.outvars} - {*TYPES}:
-            raise InvalidInput(f"numbers of the kind '{min(kinds)}' cannot be translated ({self.line}).")
+        kinds = {str(getattr(var.aval, "dtype", "?")) for var in equation.outvars}
+        other_kinds = kinds - {*TYPES}
+        if other_kinds:
+            kind = min(other_kinds)
+            raise InvalidInput(f"numbers of the kind '{kind}' cannot be translated ({self.line}).")
         outs: list[Any] = [var.aval for var in equation.outvars]
         if all(out.size == 0 for out in outs):
             return [scalar(str(out.dtype), "0", out.shape) for out in outs]
         if primitive in CALLED:
-            return self.call(block, params[CALLED[primitive]], given, str(params.get("name", primitive)))
+            name = str(params.get("name", primitive))
+            return self.call(block, params[CALLED[primitive]], operands, name)
         if primitive in CONTROL:
-            return CONTROL[primitive](self.run, block, given, params)
+            return CONTROL[primitive](self.run, block, operands, params)
         if primitive in RULES:
-            return [RULES[primitive](block, given, params, equation.outvars[0].aval)]
+            return [RULES[primitive](block, operands, params, equation.outvars[0].aval)]
         raise InvalidInput(f"the primitive '{primitive}' cannot be translated ({self.line}).")
 
-    def call(self, block: Block, called: ClosedJaxpr | Jaxpr, given: Sequence[Value], name: str) -> list[Value]:
-        """Return the results of a called function, which stays one if it is of some size."""
-        jaxpr, consts = (called.jaxpr, called.consts) if isinstance(called, ClosedJaxpr) else (called, [])
+    def call(
+        self,
+        block: Block,
+        function: ClosedJaxpr | Jaxpr,
+        operands: Sequence[Value],
+        name: str,
+    ) -> list[Value]:
+        """Write a call, or the equations of a short function in its place; return the results.
+
+        Args:
+            block: Block to write in.
+            function: The called function.
+            operands: Its arguments.
+            name: Its name in JAX.
+        """
+        is_closed = isinstance(function, ClosedJaxpr)
+        jaxpr = function.jaxpr if is_closed else function
+        consts = function.consts if is_closed else []
         if _length(jaxpr) < _STAYS:
-            return self.run(block, jaxpr, consts, given)
-        inside, inner, handed = Block(), list[Value](), dict[str, tuple[str, str]]()
-        for number_in, value in enumerate(given, start=1):
+            return self.run(block, jaxpr, consts, operands)
+        function_block = Block()
+        function_inputs = list[Value]()
+        parameters = dict[str, tuple[str, str]]()
+        for number_in, value in enumerate(operands, start=1):
             title, kind = f"_p{number_in}", TYPES[value.kind]
             if value.size == 1:
-                inner.append(scalar(value.kind, title, value.shape))
-                handed[title] = f"{kind} {title}", value.first
+                function_inputs.append(scalar(value.kind, title, value.shape))
+                parameters[title] = f"{kind} {title}", value.first
                 continue
-            place = value.place if value.place and min(value.place.strides) >= 0 else block.copied(value).place
+            place = value.place
+            if place is None or min(place.strides) < 0:
+                place = block.copied(value).place
             assert place is not None, "an array of several elements lies somewhere"
-            inner.append(placed(value.kind, value.shape, title, strides=place.strides))
+            function_inputs.append(placed(value.kind, value.shape, title, strides=place.strides))
             start = "" if place.offset == "0" else f" + {place.offset}"
-            handed[title] = f"const {kind} *{title}", f"{place.buffer}{start}"
-        made = list[Value]()
-        for number_out, value in enumerate(self.run(inside, jaxpr, consts, inner), start=1):
-            made.append(block.array(value.kind, value.shape))
-            inside.copy(value, placed(value.kind, value.shape, f"_r{number_out}"))
-            handed[f"_r{number_out}"] = f"{TYPES[value.kind]} *restrict _r{number_out}", buffer_of(made[-1])
-        text = inside.printed()
-        kept = [both for word, both in handed.items() if word in words(text)]
-        key = ", ".join(parameter for parameter, _ in kept), text
+            parameters[title] = f"const {kind} *{title}", f"{place.buffer}{start}"
+        results = list[Value]()
+        values = self.run(function_block, jaxpr, consts, function_inputs)
+        for number_out, value in enumerate(values, start=1):
+            title = f"_r{number_out}"
+            results.append(block.array(value.kind, value.shape))
+            function_block.copy(value, placed(value.kind, value.shape, title))
+            parameters[title] = f"{TYPES[value.kind]} *restrict {title}", buffer_of(results[-1])
+        name_in_c, arguments = self._function(function_block.printed(), parameters, name)
+        block.put(f"{name_in_c}({', '.join(arguments)});")
+        return results
+
+    def _function(
+        self,
+        text: str,
+        parameters: dict[str, tuple[str, str]],
+        name: str,
+    ) -> tuple[str, list[str]]:
+        """Return the name in C of a function of this text, and the arguments of its call.
+
+        `parameters` are the declaration and the argument of each parameter by its name in C.
+        """
+        used_parameters = [pair for word, pair in parameters.items() if word in words(text)]
+        key = ", ".join(parameter for parameter, _ in used_parameters), text
         if key not in self.functions:
             word = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_").lower() or "function"
             self.names[word] += 1
             self.functions[key] = f"op_{word}_{self.names[word]}"
-        block.put(f"{self.functions[key]}({', '.join(argument for _, argument in kept)});")
-        return made
+        return self.functions[key], [argument for _, argument in used_parameters]
 
 
 def _of_leaf(record: Record, leaf: Leaf, pointer: str = "") -> Value:
@@ -196,16 +289,21 @@ def _of_leaf(record: Record, leaf: Leaf, pointer: str = "") -> Value:
 
 
 def _waiting(jaxpr: Jaxpr) -> set[Var]:
-    """Return the arrays that need not be stored: one equation reads them, each element once."""
+    """Find the arrays that need not be stored, because one equation reads each of their elements
+    once.
+    """
     uses = Counter(var for equation in jaxpr.eqns for var in equation.invars if isinstance(var, Var))
     uses.update(var for var in jaxpr.outvars if isinstance(var, Var))
-    wait = set()
+    unstored = set()
     for equation in jaxpr.eqns:
         name = equation.primitive.name
         for var in equation.invars:
-            if isinstance(var, Var) and uses[var] == 1 and name in _READS_ONCE and _size(var) > 1:
-                wait |= {var} if name in FOLDS or _size(var) == _size(equation.outvars[0]) else set()
-    return wait
+            if not isinstance(var, Var) or uses[var] > 1 or _size(var) <= 1:
+                continue
+            is_whole = name in FOLDS or _size(var) == _size(equation.outvars[0])
+            if name in _READS_ONCE and is_whole:
+                unstored.add(var)
+    return unstored
 
 
 def _size(var: Any) -> int:
@@ -218,7 +316,9 @@ def _length(jaxpr: Jaxpr) -> int:
 
 
 def _line_of(equation: JaxprEqn) -> str | None:
-    """Return the line of Python that an equation comes from, outside of libraries; None if it is of one."""
+    """Return the line of Python that an equation comes from, outside of libraries; None if it is of
+    one.
+    """
     traceback = equation.source_info.traceback
     for frame in traceback.frames if traceback else ():
         if not frame.file_name.startswith(_LIBRARIES):

@@ -19,22 +19,29 @@ from apollonius.io.document import to_json, write_atomically
 from apollonius.io.errors import InvalidInput, require, require_extra
 
 ABOUT = ".robot.json"
-"""Ending of the file that tells a robot's program about an exported player; `ros2/` has one that reads it."""
+"""Ending of the file that tells a robot's program about an exported player; `ros2/` has one that
+reads it.
+"""
 STATES = 10_000
 """Decisions of real games that an exported player is compared on."""
 
 
 Written = tuple[list[Path], list[str]]
-"""The files of a player that was written, and what it is and what checking it came to, a line each."""
+"""The files of an exported player, and lines that describe it and the results of its check."""
 
 
-def translate(function: Callable[..., Any], *arguments: Any, name: str = "program") -> dict[str, str]:
-    """Return a JAX function as a program in C99 that needs no JAX: the texts of a source and its header, by name.
+def translate(
+    function: Callable[..., Any],
+    *arguments: Any,
+    name: str = "program",
+) -> dict[str, str]:
+    """Return a JAX function as a program in C99 that needs no JAX: the texts of a source and its
+    header, by name.
 
-    The arguments are pytrees of arrays or numbers, of the shapes that the program shall take. Where gcc is installed,
-    the program is compared with JAX for these arguments and some near them. Raises InvalidInput for a primitive or a
-    number type that cannot be translated, with the line that it comes from, for names that C cannot have, and for a
-    program that differs from JAX.
+    The arguments are pytrees of arrays or numbers, of the shapes that the program shall take. Where
+    gcc is installed, the program is compared with JAX for these arguments and some near them.
+    Raises InvalidInput for a primitive or a number type that cannot be translated, with the line
+    that it comes from, for names that C cannot have, and for a program that differs from JAX.
     """
     program = translated(function, *arguments, name=name)
     if has_compiler():
@@ -43,31 +50,43 @@ def translate(function: Callable[..., Any], *arguments: Any, name: str = "progra
 
 
 def write_c(player: Player, out: Path, constants: bool = False, states: int = STATES) -> Written:
-    """Write a player as C99: a source, its header, and files of what it reads. Nothing is written unless it decides as
-    the package's player does.
+    """Write a player as C99: a source, its header, and files of its data.
 
-    The source's name is free in C and ends in `.c`; the other files lie beside it. With `constants` the player's
-    numbers are in the source. Raises InvalidInput for another name, a player that cannot be translated, and one that
-    decides otherwise in some of the states.
+    Nothing is written unless the program decides as the package's player does.
+
+    Args:
+        player: The player.
+        out: File of the source, with a name that is free in C and ends in `.c`; the other files are
+            beside it.
+        constants: Whether the player's numbers are in the source instead of a file.
+        states: Number of states in which decisions are compared.
+
+    Raises:
+        InvalidInput: For another name, a player that cannot be translated, and one that decides
+            otherwise in some of
+            the states.
     """
-    given = player.arguments[1:] if constants else player.arguments
+    arguments = player.arguments[1:] if constants else player.arguments
     decide = partial(player.decide, player.policy) if constants else player.decide
-    program = translated(decide, *given, name=out.stem)
-    checked = _check(program, player, given[:-4], states)
-    kept = {out: source(program).encode(), out.with_suffix(".h"): header(program, _about(program, player)).encode()}
-    for record, argument in zip(program.arguments, given, strict=False):
+    program = translated(decide, *arguments, name=out.stem)
+    report_lines = _check(program, player, arguments[:-4], states)
+    contents = {
+        out: source(program).encode(),
+        out.with_suffix(".h"): header(program, _about(program, player)).encode(),
+    }
+    for record, argument in zip(program.arguments, arguments, strict=False):
         if record.name in ("player", "game", "memory") and record.leaves:
-            kept[out.with_suffix(f".{record.name}")] = record.pack(argument)
-    kept[out.with_suffix(ABOUT)] = to_json(_facts(program, player, kept)).encode()
-    for file, content in kept.items():
+            contents[out.with_suffix(f".{record.name}")] = record.pack(argument)
+    contents[out.with_suffix(ABOUT)] = to_json(_facts(program, player, contents)).encode()
+    for file, content in contents.items():
         write_atomically(file, content)
-    return list(kept), [f"The {player.role.name.lower()} {player.name}", *checked]
+    return list(contents), [f"The {player.role.name.lower()} {player.name}", *report_lines]
 
 
 def write_onnx(player: Player, out: Path) -> Written:
-    """Write a player as an ONNX model, by jax2onnx over the function that plays. Nothing is written unless it decides
-    as the package's player does; raises InvalidInput there, for a player behind a shield or that jax2onnx cannot take,
-    and where the libraries are not installed.
+    """Write a player as an ONNX model, by jax2onnx over the function that plays. Nothing is written
+    unless it decides as the package's player does; raises InvalidInput there, for a player behind a
+    shield or that jax2onnx cannot take, and where the libraries are not installed.
     """
     bound = "one without a shield: jax2onnx takes a remainder of known numbers for 0, and braking turns; C takes it"
     require(not player.name.startswith(SHIELDED), "player", player.name, bound)
@@ -75,44 +94,60 @@ def write_onnx(player: Player, out: Path) -> Written:
     from apollonius.export.onnx import load, model_of
 
     model = model_of(player)
-    decide, again = load(model)
+    decide, repeat_call = load(model)
     lines = check(decide, player, STATES)
     write_atomically(out, model)
-    timed = f"one decision in onnxruntime, median of 10,000: {microseconds(again):.1f} us"
-    return [out], [f"The {player.role.name.lower()} {player.name}", *lines, timed]
+    time_line = f"one decision in onnxruntime, median of 10,000: {microseconds(repeat_call):.1f} us"
+    return [out], [f"The {player.role.name.lower()} {player.name}", *lines, time_line]
 
 
 def _check(program: Program, player: Player, fixed: tuple[Any, ...], states: int) -> list[str]:
-    """Return what `check` says of the program, whose first arguments are `fixed`, and how quick it is."""
+    """Return what `check` says of the program, whose first arguments are `fixed`, and how quick it
+    is.
+    """
     if not has_compiler():
         return ["not checked: there is no gcc here; install it, and export again"]
-    compiled = Compiled(program)
+    compiled_program = Compiled(program)
 
-    def decide(state: np.ndarray, active: Any, memory: Any, bits: np.uint32) -> tuple[np.ndarray, np.ndarray]:
-        action, controls = compiled(*fixed, state, active, memory, bits)[:2]
+    def decide(
+        state: np.ndarray,
+        active: Any,
+        memory: Any,
+        bits: np.uint32,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        action, controls = compiled_program(*fixed, state, active, memory, bits)[:2]
         return action, controls
 
     lines = check(decide, player, states)
-    return [*lines, f"one decision, median of 10,000: {microseconds(compiled.again):.1f} us"]
+    return [
+        *lines,
+        f"one decision, median of 10,000: {microseconds(compiled_program.again):.1f} us",
+    ]
 
 
 def check(decide: Decide, player: Player, states: int) -> list[str]:
-    """Return what comparing a player with the package's came to; raises InvalidInput where it decides otherwise."""
+    """Return what comparing a player with the package's came to; raises InvalidInput where it
+    decides otherwise.
+    """
     parity = compare(decide, player, cases_of(player, states))
     if parity.errors:
         raise InvalidInput(
             f"{parity.errors:,} of {states:,} decisions differ from the package's: report this as an error."
         )
     ties = f", {parity.ties} of them within rounding of another" if parity.ties else ""
-    return [f"checked in {states:,} states of games: the package's decisions{ties}; controls within {parity.away:.0e}"]
+    return [
+        f"checked in {states:,} states of games: the package's decisions{ties}; controls within {parity.away:.0e}",
+    ]
 
 
 def _facts(program: Program, player: Player, files: Mapping[Path, bytes]) -> dict[str, Any]:
-    """Return what a program has to know to call the function, and to keep a robot within the limits of its game.
+    """Return what a program has to know to call the function, and to keep a robot within the limits
+    of its game.
 
     An argument that is a file's content has the file's SHA-256; one that is a number has its type.
     """
-    game, (body, *mates) = player.game, player.game.bodies[player.role]
+    game = player.game
+    body, *mates = game.bodies[player.role]
     rules = to_dict(game)
     if game.arena.map is not None:  # without its folder, which is this machine's
         rules["arena"]["map"]["file"] = Path(game.arena.map.file).name
@@ -121,7 +156,12 @@ def _facts(program: Program, player: Player, files: Mapping[Path, bytes]) -> dic
     def fact(record: Record) -> dict[str, Any]:
         number = record.leaves[0].kind if record.lone and record.leaves[0].size == 1 else None
         digest = digests.get(record.name)
-        return {"name": record.name, "bytes": record.layout.itemsize, "number": number, "sha256": digest}
+        return {
+            "name": record.name,
+            "bytes": record.layout.itemsize,
+            "number": number,
+            "sha256": digest,
+        }
 
     return {
         "name": program.name,
@@ -132,7 +172,7 @@ def _facts(program: Program, player: Player, files: Mapping[Path, bytes]) -> dic
         "dt": float(game.dt),
         "max_steps": int(game.max_steps),
         "v_max": float(body.v_max),
-        "fastest": max(abs(float(v)) for side in game.bodies for one in side for v in (one.v_min, one.v_max)),
+        "fastest": max(abs(float(v)) for side in game.bodies for robot in side for v in (robot.v_min, robot.v_max)),
         "u1_max": float(body.u1_max),
         "u2_max": float(body.u2_max),
         "arguments": [fact(record) for record in program.arguments if record.leaves],
@@ -142,15 +182,20 @@ def _facts(program: Program, player: Player, files: Mapping[Path, bytes]) -> dic
 
 
 def _about(program: Program, player: Player) -> list[str]:
-    game, role, names = player.game, player.role, {record.name for record in program.records}
-    (body, *mates), opponents = game.bodies[role], game.bodies[role.other]
-    others = f"its {len(mates)} mates', then its {len(opponents)} opponents'" if player.robots > 2 else "its opponent's"
+    game = player.game
+    role = player.role
+    names = {record.name for record in program.records}
+    body, *mates = game.bodies[role]
+    opponents = game.bodies[role.other]
+    opponents_text = "its opponent's"
+    if player.robots > 2:
+        opponents_text = f"its {len(mates)} mates', then its {len(opponents)} opponents'"
     files = " and ".join(f"{program.name}.{name}" for name in ("player", "game", "memory") if name in names)
     levels = "shares of the largest controls, in [-1, 1]"
     nine = "3 * (level of u1) + (level of u2), a level being 0, 1, 2 for -max, 0, +max"
-    said = {
+    field_notes = {
         files: "the structs below as a little-endian machine has them: read them into memory",
-        "state": f"x [m], y [m], speed [m/s], heading [rad] of {player.robots} robots: its own, then {others}",
+        "state": f"x [m], y [m], speed [m/s], heading [rad] of {player.robots} robots: its own, then {opponents_text}",
         "active": "of the same robots, whether each is in play",
         "memory": "where a game begins that of the file, later what the last call returned",
         "bits": "32 random bits, fresh for every call",
@@ -164,7 +209,7 @@ def _about(program: Program, player: Player) -> list[str]:
         f"The {role.name.lower()} {player.name} of a pursuit-evasion game, {game.size}.",
         f"Its robot: {limits}, radius {body.radius:g} m.",
         "",
-        *(f"{name}: {words}." for name, words in said.items() if name == files != "" or name in names),
+        *(f"{name}: {words}." for name, words in field_notes.items() if name == files != "" or name in names),
         "",
         f"A state with a NaN, an infinity or a number beyond {LARGEST:,.0f} gets full braking, straight ahead"
         + (", but for an opponent's: that is not seen now." if game.sensors else "."),

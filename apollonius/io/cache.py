@@ -1,6 +1,6 @@
-"""One cache: a file is named after the digest of all that it was made from, and is whole or not there.
+"""One cache: a file is named after the digest of everything it depends on, and is whole or absent.
 
-Beyond a bound for each folder of the user's cache the least recently used files in it are deleted.
+Each folder of the user's cache has a bound, above which the least recently used files are deleted.
 """
 
 import functools
@@ -22,11 +22,15 @@ T = TypeVar("T")
 VARIABLE = "APOLLONIUS_CACHE"
 """Environment variable: `off`, or another folder than the platform's."""
 LARGEST = {"compilations": 1 << 30, "tables": 4 << 30}
-"""Folders of the cache, and the size [bytes] above which the least recently used files in one are deleted."""
+"""Folders of the cache, and the size [bytes] above which the least recently used files in one are
+deleted.
+"""
 
 
 def cache_folder(kind: str) -> Path | None:
-    """Return the user's folder for one of `LARGEST`; None where the user has switched the cache off."""
+    """Return the user's folder for one of `LARGEST`; None where the user has switched the cache
+    off.
+    """
     wish = os.environ.get(VARIABLE, "")
     if wish.lower() in ("off", "0", "no", "false"):
         return None
@@ -37,31 +41,45 @@ def cache_folder(kind: str) -> Path | None:
     return user_cache_path("apollonius") / kind
 
 
-def cached(path: Path | None, make: Callable[[], T], save: Callable[[T, Path], None], load: Callable[[Path], T]) -> T:
-    """Return what a file holds, or make it and write the file; for a path of None make it.
+def cached(
+    path: Path | None,
+    make: Callable[[], T],
+    save: Callable[[T, Path], None],
+    load: Callable[[Path], T],
+) -> T:
+    """Load a value from its file, or make it and write the file.
 
-    A file that `load` refuses, by InvalidInput or OSError, is made again. Raises OSError when it cannot be written,
-    unless it is in the user's cache, which is only a convenience.
+    Args:
+        path: The file; None makes the value without a file.
+        make: Makes the value.
+        save: Writes the value to a file.
+        load: Reads it; a file that it refuses, by InvalidInput or OSError, is made anew.
+
+    Raises:
+        OSError: If the file cannot be written, unless it is in the user's cache.
     """
     if path is None:
         return make()
-    bound = next((most for kind, most in LARGEST.items() if path.parent == cache_folder(kind)), None)
+    bounds = (most for kind, most in LARGEST.items() if path.parent == cache_folder(kind))
+    bound = next(bounds, None)
     if path.is_file():
         with suppress(InvalidInput, OSError):
-            found = load(path)
+            value = load(path)
             if bound:
                 _mark_used(path)
-            return found
-    made = make()
+            return value
+    value = make()
     with suppress(*[OSError] if bound else []):
-        save(made, path)
+        save(value, path)
         if bound:
             make_room(path.parent, bound)
-    return made
+    return value
 
 
 def entry(folder: Path, name: str, key: Any) -> Path:
-    """Return the file of what depends on this version and a key, JSON-like data: `a-0123456789abcdef.json`."""
+    """Name the file of a value that depends on this version and a key, as
+    `a-0123456789abcdef.json`.
+    """
     stem, dot, suffix = name.replace("/", "-").replace(":", "-").rpartition(".")
     return folder / f"{stem}-{digest([__version__, key])[:16]}{dot}{suffix}"
 
@@ -77,10 +95,10 @@ def content(tree: Any) -> str:
     import numpy as np
 
     leaves, structure = jax.tree.flatten(tree)
-    found = sha256(str(structure).encode())
+    hasher = sha256(str(structure).encode())
     for leaf in map(np.asarray, leaves):
-        found.update(f"{leaf.dtype}{leaf.shape}".encode() + leaf.tobytes())
-    return found.hexdigest()
+        hasher.update(f"{leaf.dtype}{leaf.shape}".encode() + leaf.tobytes())
+    return hasher.hexdigest()
 
 
 def _mark_used(path: Path) -> None:
@@ -89,22 +107,30 @@ def _mark_used(path: Path) -> None:
 
 
 def make_room(folder: Path, largest: int) -> int:
-    """Delete files below a folder, those larger than the bound first, then the least recently used ones, until at most
-    `largest` bytes are left; return those.
+    """Delete files below a folder until at most `largest` bytes remain; return their number.
+
+    Files larger than the bound are first, then the least recently used ones.
     """
     files: list[tuple[bool, float, int, Path]] = []
     for path in folder.rglob("*"):
         with suppress(FileNotFoundError):  # another process was quicker
-            about = path.stat()
+            file_status = path.stat()
             if path.is_file():
-                files.append((about.st_size <= largest, about.st_mtime, about.st_size, path))
-    left = sum(size for _, _, size, _ in files)
+                files.append(
+                    (
+                        file_status.st_size <= largest,
+                        file_status.st_mtime,
+                        file_status.st_size,
+                        path,
+                    )
+                )
+    size_left = sum(size for _, _, size, _ in files)
     for _, _, size, path in sorted(files):
-        if left <= largest:
+        if size_left <= largest:
             break
         path.unlink(missing_ok=True)
-        left -= size
-    return left
+        size_left -= size
+    return size_left
 
 
 class Memory(Generic[T]):
@@ -126,16 +152,25 @@ class Memory(Generic[T]):
 _kept: "Entries | None" = None
 _CHECKSUM_BYTES = 4
 _CAPABILITIES = {
-    "vendor_id", "cpu family", "model", "flags", "CPU implementer", "CPU architecture", "CPU variant", "CPU part",
+    "vendor_id",
+    "cpu family",
+    "model",
+    "flags",
+    "CPU implementer",
+    "CPU architecture",
+    "CPU variant",
+    "CPU part",
     "Features",
-}  # fmt: skip
+}
 """The lines of `/proc/cpuinfo` that say what a processor can do."""
 
 
 def keep_compilations() -> None:
-    """Let JAX store its compilations and look there first; to be called before the process compiles.
+    """Let JAX store its compilations and look there first; to be called before the process
+    compiles.
 
-    Does nothing where the user has switched the cache off or set a folder for JAX, or where no folder can be written.
+    Does nothing where the user has switched the cache off or set a folder for JAX, or where no
+    folder can be written.
     """
     cache = cache_folder("compilations")
     if cache is None:
@@ -145,8 +180,9 @@ def keep_compilations() -> None:
     if jax.config.values["jax_compilation_cache_dir"] is not None:
         return
     try:
-        # The only way in. JAX's own store of bounded size takes a lock and 4 ms to read an entry among 1,500 (here 0.1)
-        # and 56 to write one (0.3), and after a kill in between it serves half an entry and never writes again.
+        # JAX has no other way to set a store. Its own of bounded size takes a lock and 4 ms to read
+        # one of 1,500 entries (this one 0.1) and 56 ms to write one (0.3); after a kill in between
+        # it serves half an entry and never writes again.
         from jax._src import compilation_cache
 
         assert callable(compilation_cache.get_file_cache)
@@ -179,15 +215,23 @@ def environment() -> str:
 def processor() -> str:
     """Return the processor's capabilities as the system names them, or else this machine's name."""
     try:
-        first = Path("/proc/cpuinfo").read_text(encoding="utf-8").split("\n\n")[0].splitlines()
+        first_lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").split("\n\n")[0].splitlines()
     except OSError:
-        first = []
-    named = [line for line in first if line.split(":")[0].strip() in _CAPABILITIES]
-    return "\n".join([platform.system(), platform.machine(), *(named or [platform.processor(), platform.node()])])
+        first_lines = []
+    capability_lines = [line for line in first_lines if line.split(":")[0].strip() in _CAPABILITIES]
+    return "\n".join(
+        [
+            platform.system(),
+            platform.machine(),
+            *(capability_lines or [platform.processor(), platform.node()]),
+        ]
+    )
 
 
 class Entries:
-    """The compilations of one environment, with the methods that JAX calls; `largest` bounds those of all [bytes]."""
+    """The compilations of one environment, with the methods that JAX calls; `largest` bounds those
+    of all [bytes].
+    """
 
     def __init__(self, folder: Path, largest: int = LARGEST["compilations"]) -> None:
         self._path = folder
@@ -199,11 +243,12 @@ class Entries:
         self.latest.key = key
         path = self._path / key
         try:
-            found = path.read_bytes()
+            data = path.read_bytes()
             _mark_used(path)
         except OSError:
             return None
-        checksum, value = found[:_CHECKSUM_BYTES], found[_CHECKSUM_BYTES:]
+        checksum = data[:_CHECKSUM_BYTES]
+        value = data[_CHECKSUM_BYTES:]
         return value if checksum == _checksum(value) else None
 
     def put(self, key: str, value: bytes) -> None:

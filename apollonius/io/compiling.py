@@ -4,15 +4,17 @@ import functools
 import threading
 import time
 
-_LOWERED, _COMPILED = "/jax/core/compile/jaxpr_to_mlir_module_duration", "/jax/core/compile/backend_compile_duration"
-"""What JAX records when XLA begins to compile a program, and when that is over."""
+_LOWERED = "/jax/core/compile/jaxpr_to_mlir_module_duration"
+"""JAX's event when XLA begins to compile a program."""
+_COMPILED = "/jax/core/compile/backend_compile_duration"
+"""JAX's event when it has compiled it."""
 _begun: dict[int, float] = {}
-"""When each thread that compiles began to."""
+"""Start of the compilation of each thread that compiles [s]."""
 
 
 @functools.cache
 def watch_compilations() -> None:
-    """Let JAX, which this imports, tell of each compilation from now on."""
+    """Import JAX, and record its compilations from now on."""
     from jax import monitoring
 
     monitoring.register_event_duration_secs_listener(_record)
@@ -27,4 +29,4 @@ def _record(event: str, duration_secs: float, **kwargs: str | int) -> None:
 
 def compiling_seconds() -> float:
     """Return the age of the oldest compilation that is under way [s]; 0 without one."""
-    return max((time.monotonic() - begun for begun in list(_begun.values())), default=0.0)
+    return max((time.monotonic() - start for start in list(_begun.values())), default=0.0)

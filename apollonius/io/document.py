@@ -1,4 +1,4 @@
-"""Files read so that none can do harm, whatever is in them, and written so that none is ever half there."""
+"""Reading files safely, whatever is in them, and writing files atomically."""
 
 import codecs
 import json
@@ -20,34 +20,54 @@ _DEEPEST = 100
 """Deepest nesting of lists and tables."""
 
 
-def read_bytes(path: Path, kind: str, remedy: str, most: int = MOST_BYTES, within: Path | None = None) -> bytes:
-    """Return the content of a regular file of `most` bytes at most; its kind, "a game's TOML file", is for messages.
+def read_bytes(
+    path: Path,
+    kind: str,
+    remedy: str,
+    most: int = MOST_BYTES,
+    within: Path | None = None,
+) -> bytes:
+    """Read a regular file.
 
-    Raises InvalidInput for any other path, for a file that is too large, and for one that is not `within` a folder,
-    wherever links and `..` lead; OSError when it cannot be read.
+    Args:
+        path: The file.
+        kind: Its kind for messages, as "a game's TOML file".
+        remedy: What to do about a wrong path, for messages.
+        most: Its largest size [bytes].
+        within: Folder that must contain it, wherever links and `..` lead.
+
+    Raises:
+        InvalidInput: For any other path, a larger file, and one outside of `within`.
+        OSError: If it cannot be read.
     """
     try:
-        is_file, outside = path.is_file(), within and not path.resolve().is_relative_to(within.resolve())
-    except (OSError, ValueError, RuntimeError):  # a path that cannot be, a link to itself
-        is_file, outside = False, False
-    if outside:
-        raise InvalidInput(f"'{shown(path)}' is outside the folder '{within}', and must be {kind} in it: {remedy}.")
+        is_file = path.is_file()
+        is_outside = within and not path.resolve().is_relative_to(within.resolve())
+    except (OSError, ValueError, RuntimeError):  # an impossible path, a link to itself
+        is_file = False
+        is_outside = False
+    if is_outside:
+        bound = f"is outside the folder '{within}', and must be {kind} in it"
+        raise InvalidInput(f"'{shown(path)}' {bound}: {remedy}.")
     if not is_file:
         raise InvalidInput(f"'{shown(path)}' is no file, and must be {kind}: {remedy}.")
     with open(path, "rb") as file:
         content = file.read(most + 1)
     if len(content) > most:
-        raise InvalidInput(f"'{path}' has {path.stat().st_size:,} bytes, and {kind} has {most:,} at most: {remedy}.")
+        sizes = f"{path.stat().st_size:,} bytes, and {kind} has {most:,} at most"
+        raise InvalidInput(f"'{path}' has {sizes}: {remedy}.")
     return content
 
 
 def write_atomically(path: Path, content: bytes, synced: bool = True) -> None:
-    """Write a file, and its folder if need be, so that at every moment it is whole: the old one or the new.
+    """Write a file, and its folder if need be, so that it is always whole: the old one or the new
+    one.
 
-    A `synced` one survives a loss of power. Raises OSError when the disk is full or read-only.
+    With `synced` it survives a loss of power. Raises OSError when the disk is full or read-only.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f"{path.name}.{secrets.token_hex(4)}.tmp")  # others may be writing this file too
+    # others may be writing this file too
+    temporary = path.with_name(f"{path.name}.{secrets.token_hex(4)}.tmp")
     try:
         with open(temporary, "xb") as file:
             file.write(content)
@@ -64,14 +84,18 @@ def write_atomically(path: Path, content: bytes, synced: bool = True) -> None:
 
 @contextmanager
 def whole_folder(folder: Path) -> Generator[Path, None, None]:
-    """Yield a folder to write to, which in the end is renamed to this new or empty one: it is whole, or not there."""
+    """Yield a temporary folder to write to, which is renamed to this new or empty one at the end."""
     folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", suffix=".tmp", dir=folder.parent) as beside:
-        filled = Path(beside) / "folder"
-        yield filled
+    with tempfile.TemporaryDirectory(
+        prefix=f".{folder.name}.",
+        suffix=".tmp",
+        dir=folder.parent,
+    ) as parent:
+        temporary = Path(parent) / "folder"
+        yield temporary
         if folder.exists():
             folder.rmdir()
-        os.replace(filled, folder)
+        os.replace(temporary, folder)
 
 
 def to_json(data: Any, indent: int | None = None, sort_keys: bool = False) -> str:
@@ -80,12 +104,20 @@ def to_json(data: Any, indent: int | None = None, sort_keys: bool = False) -> st
 
 
 def parse_json(content: str | bytes, about: str) -> dict[str, Any]:
-    """Return the object of a JSON text; raises InvalidInput when the text is no JSON object, is nested too deeply, or
-    has a number that is not finite: what this is `about`, and the reason.
+    """Parse a JSON object.
+
+    Args:
+        content: The text.
+        about: Beginning of the message.
+
+    Raises:
+        InvalidInput: If the text is no JSON object, is nested too deeply, or has a number that is
+            not finite.
     """
     try:
         data = json.loads(content)
-    except (ValueError, RecursionError) as error:  # also integers of thousands of digits, and what is no Unicode
+    # also integers of thousands of digits, and what is no Unicode
+    except (ValueError, RecursionError) as error:
         raise InvalidInput(f"{about} ({str(error) or 'nested too deeply'}).") from error
     if not isinstance(data, dict):
         raise InvalidInput(f"{about} (no JSON object).")
@@ -94,7 +126,7 @@ def parse_json(content: str | bytes, about: str) -> dict[str, Any]:
 
 
 def parse_toml(content: bytes, path: Path) -> dict[str, Any]:
-    """Return the tables of a TOML file, of which the path is for the message; errors as those of `parse_json`."""
+    """Parse a TOML file, whose path is for the message; raises InvalidInput as `parse_json`."""
     about = f"'{path}' is no TOML file; correct it"
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         raise InvalidInput(f"{about} (it is UTF-16: save it as UTF-8).")
@@ -107,13 +139,14 @@ def parse_toml(content: bytes, path: Path) -> dict[str, Any]:
 
 
 def _check(data: Any, about: str) -> None:
-    """Refuse numbers that are not finite, and nesting so deep that no recursive function could walk through it."""
+    """Refuse numbers that are not finite, and nesting too deep for a recursive function."""
     level: list[tuple[str, Any]] = [("", data)]
     for _ in range(_DEEPEST):
-        inner = [found for name, outer in level for found in _named(name, outer)]
+        inner = [item for name, outer in level for item in _named(name, outer)]
         for name, value in inner:
             if isinstance(value, float) and not math.isfinite(value):
-                raise InvalidInput(f"{about} ({name} = {value} is not possible: it must be a finite number).")
+                bound = f"{name} = {value} is not possible: it must be a finite number"
+                raise InvalidInput(f"{about} ({bound}).")
         level = [(name, value) for name, value in inner if isinstance(value, dict | list)]
         if not level:
             return

@@ -1,9 +1,11 @@
-"""Ctrl-C and SIGTERM: a program ends within two seconds, whatever it is doing, and says how to go on.
+"""Ctrl-C and SIGTERM: a program ends within two seconds, whatever it is doing, and says how to
+resume.
 
-Python tells a program of a signal between two of its own instructions, and a compilation is a single one that may last
-half a minute. So a thread listens beside it: where the program has not answered in time, the thread ends it. All that
-matters is written atomically, so nothing is lost but what was done since. A program that was interrupted never goes
-through the interpreter's own end, where the threads of XLA that are still at work crash it.
+Python handles a signal between two of its own instructions, and a compilation is a single
+instruction that may take half a minute. So a second thread waits for signals and ends the program
+if it does not answer in time. Results are written atomically, so only the work since the last write
+is lost. An interrupted program skips the interpreter's finalisation, where threads of XLA that are
+still at work would crash it.
 """
 
 import os
@@ -40,7 +42,9 @@ def go_on(how: str) -> None:
 
 
 def before_leaving(*take_down: Callable[[], None]) -> None:
-    """Set the functions that are called before the last line is printed, as to take down a live view."""
+    """Set the functions that are called before the last line is printed, as to take down a live
+    view.
+    """
     _shown[:] = take_down
 
 
@@ -56,8 +60,12 @@ def status() -> int | None:
 
 @contextmanager
 def asked_to_stop(again: bool = True, parent: int | None = None) -> Generator[None, None, None]:
-    """Let the block ask whether it is `asked` to stop, instead of interrupting it, so that it can save its work first:
-    at a second signal all the same, if it may come `again`, and without its `parent`, a process.
+    """Within the block, let a signal set `asked` instead of interrupting, so that work can be saved
+    first.
+
+    Args:
+        again: Whether a second signal interrupts.
+        parent: Process whose end also sets `asked`.
     """
     global _parent
 
@@ -77,25 +85,30 @@ def asked_to_stop(again: bool = True, parent: int | None = None) -> Generator[No
 
 
 def asked() -> bool:
-    """Return whether to stop, within a block of `asked_to_stop`; elsewhere a signal interrupts at once."""
+    """Return whether to stop, within a block of `asked_to_stop`; elsewhere a signal interrupts at
+    once.
+    """
     if _asked:
         _answered.set()  # so that the listening thread lets the program save its work
     return bool(_asked) or _parent not in (None, os.getppid())
 
 
 def listen(says: bool = True) -> None:
-    """End the process where a signal stays unanswered; it `says` a last line. To be called once, in the main thread."""
-    ears, mouth = socket.socketpair()
-    mouth.setblocking(False)
-    signal.set_wakeup_fd(mouth.fileno(), warn_on_full_buffer=False)
+    """End the process where a signal stays unanswered; it `says` a last line. To be called once, in
+    the main thread.
+    """
+    read_end, write_end = socket.socketpair()
+    write_end.setblocking(False)
+    signal.set_wakeup_fd(write_end.fileno(), warn_on_full_buffer=False)
 
     def wait() -> None:
-        while (number := ears.recv(1)[0]) not in SIGNALS:
-            pass
+        number = read_end.recv(1)[0]
+        while number not in SIGNALS:
+            number = read_end.recv(1)[0]
         _heard.append(number)
         if not _answered.wait(PATIENCE):
             leave(128 + number, stopped() if says else "")
-        mouth.fileno()  # whose life is that of this thread
+        write_end.fileno()  # keeps the socket alive as long as this thread
 
     def hear(number: int, frame: FrameType | None) -> NoReturn:
         _heard.append(number)
@@ -109,8 +122,10 @@ def listen(says: bool = True) -> None:
 
 
 def _is_unfit(frame: FrameType | None) -> bool:
-    """Return whether an exception would pass through a module that is being loaded, which crashes when half loaded, or
-    through a function that is called as memory is freed, whose exceptions Python drops.
+    """Test whether an exception would be unsafe or lost at this point of the program.
+
+    It is unsafe while a module is loaded, which crashes if half loaded, and lost in functions that
+    run as memory is freed, whose exceptions Python drops.
     """
     while frame and not frame.f_code.co_filename.startswith("<frozen importlib"):
         if frame.f_code.co_name in ("_xla_gc_callback", "__del__"):
@@ -132,5 +147,5 @@ def leave(status: int, words: str = "") -> NoReturn:
         sys.stderr.flush()
         sys.stdout.flush()
     except (OSError, ValueError):
-        pass  # whoever read it is gone
+        pass  # the reader of the output is gone
     os._exit(status)

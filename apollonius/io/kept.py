@@ -1,8 +1,9 @@
 """Compiled functions that a later process neither traces nor lowers.
 
-JAX finds a compilation by its program, which each process has to trace, and that can take longer than the call. Here it
-is found by the sources, JAX's settings, and the arguments: their types and all that is static. Only what surrounds the
-compilation is stored; the compilation itself is JAX's entry in the same cache.
+JAX finds a compilation by its program, which each process has to trace, and that can take longer
+than the call. Here it is found by the sources, JAX's settings, and the arguments: their types and
+all that is static. Only what surrounds the compilation is stored; the compilation itself is JAX's
+entry in the same cache.
 """
 
 import functools
@@ -29,7 +30,9 @@ _KNOWN = {"apollonius", "builtins", "collections", "equinox", "functools", "jax"
 
 
 class Kept(Generic[R]):
-    """A function under `jax.jit`, without keywords; kept on one CPU where `keep_compilations` was called."""
+    """A function under `jax.jit`, without keywords; kept on one CPU where `keep_compilations` was
+    called.
+    """
 
     def __init__(self, function: Callable[..., R]) -> None:
         functools.update_wrapper(self, function)
@@ -51,25 +54,38 @@ class Kept(Generic[R]):
     def _cache_size(self) -> int:
         return len(self.found) + self._jitted._cache_size()
 
-    def _find(self, entries: Entries, args: Any, structure: Any, types: tuple[Any, ...]) -> Callable[..., Any]:
-        settings = sorted(jax.config.values.items()), os.environ.get("XLA_FLAGS"), eqx.__version__, _sources()
-        asked = repr((self.name, types, settings)).encode()
+    def _find(
+        self,
+        entries: Entries,
+        args: Any,
+        structure: Any,
+        types: tuple[Any, ...],
+    ) -> Callable[..., Any]:
+        settings = (
+            sorted(jax.config.values.items()),
+            os.environ.get("XLA_FLAGS"),
+            eqx.__version__,
+            _sources(),
+        )
+        call_identity = repr((self.name, types, settings)).encode()
         try:
             static = BytesIO()
             _Static(static).dump(jax.tree.unflatten(structure, range(len(types))))
-            name = f"kept_{self.name}-{sha256(asked + static.getvalue()).hexdigest()}"
-        except (pickle.PicklingError, AttributeError, TypeError):  # of a function without a name, or another's class
+            name = f"kept_{self.name}-{sha256(call_identity + static.getvalue()).hexdigest()}"
+        # of a function without a name, or another's class
+        except (pickle.PicklingError, AttributeError, TypeError):
             return self._jitted
         # JAX promises nothing of its insides, and a compilation may have been deleted.
         with suppress(Exception):
-            if found := entries.get(name):
-                return _load(found, entries, structure)
+            stored_call = entries.get(name)
+            if stored_call:
+                return _load(stored_call, entries, structure)
         lowered = self._jitted.lower(*args)
-        entries.latest.key = None  # which it stays where this process has compiled the same before
-        compiled = lowered.compile()
+        entries.latest.key = None  # it stays None where this process has compiled the same before
+        compilation = lowered.compile()
         with suppress(Exception):
-            entries.put(name, _dump(compiled, entries.latest.key))
-        return compiled
+            entries.put(name, _dump(compilation, entries.latest.key))
+        return compilation
 
 
 class _Static(pickle.Pickler):
@@ -82,7 +98,7 @@ class _Static(pickle.Pickler):
 
 
 class _Around(getattr(stored, "_JaxPjrtPickler", pickle.Pickler)):  # pyright: ignore[reportGeneralTypeIssues, reportUntypedBaseClass]
-    """Names a compilation, which JAX has stored, in place of what it is."""
+    """Writes the name of a compilation that JAX has stored instead of its content."""
 
     entry: str
 
@@ -100,32 +116,38 @@ class _Whole(getattr(stored, "_JaxPjrtUnpickler", pickle.Unpickler)):  # pyright
         if pid[0] == "exec":
             from jax._src import compilation_cache
 
-            found = compilation_cache.decompress_executable(self.entries.get(pid[1]) or b"")
-            pid = "exec", compilation_cache.extract_executable_and_time(found)[0]
+            data = compilation_cache.decompress_executable(self.entries.get(pid[1]) or b"")
+            pid = "exec", compilation_cache.extract_executable_and_time(data)[0]
         return super().persistent_load(pid)
 
 
-def _dump(compiled: Any, entry: str | None) -> bytes:
-    """Return what surrounds a compilation, JAX's entry of this name."""
+def _dump(compilation: Any, entry: str | None) -> bytes:
+    """Serialise a compiled function without its compilation, which is JAX's entry of this name."""
     assert entry
-    assert not compiled._params.const_args, "they would have to be handed over"
+    assert not compilation._params.const_args, "they would have to be handed over"
     file = BytesIO()
     pickler = _Around(file)
     pickler.entry = entry
-    types, made = jax.tree.leaves(compiled.args_info), compiled.out_tree.unflatten(range(compiled.out_tree.num_leaves))
-    pickler.dump((compiled._executable._unloaded_executable, types, compiled._no_kwargs, made))
+    types = jax.tree.leaves(compilation.args_info)
+    output_structure = compilation.out_tree.unflatten(range(compilation.out_tree.num_leaves))
+    unloaded = compilation._executable._unloaded_executable
+    pickler.dump((unloaded, types, compilation._no_kwargs, output_structure))
     return file.getvalue()
 
 
-def _load(found: bytes, entries: Entries, structure: Any) -> Callable[..., Any]:
-    reader = _Whole(BytesIO(found), jax.devices()[0].client)
+def _load(data: bytes, entries: Entries, structure: Any) -> Callable[..., Any]:
+    reader = _Whole(BytesIO(data), jax.devices()[0].client)
     reader.entries = entries
-    unloaded, types, no_kwargs, made = reader.load()
-    info = jax.tree.unflatten(jax.tree.structure((jax.tree.unflatten(structure, types), {})), types)
-    return jax.stages.Compiled(unloaded.load(), [], info, jax.tree.structure(made), no_kwargs=no_kwargs)
+    unloaded, types, no_kwargs, output_structure = reader.load()
+    arguments = jax.tree.unflatten(structure, types)
+    info = jax.tree.unflatten(jax.tree.structure((arguments, {})), types)
+    outputs = jax.tree.structure(output_structure)
+    return jax.stages.Compiled(unloaded.load(), [], info, outputs, no_kwargs=no_kwargs)
 
 
 @functools.cache
 def _sources() -> str:
     """Return the digest of the package's files."""
-    return sha256(b"".join(path.read_bytes() for path in sorted(_SOURCES.rglob("*.py")))).hexdigest()
+    return sha256(
+        b"".join(path.read_bytes() for path in sorted(_SOURCES.rglob("*.py"))),
+    ).hexdigest()

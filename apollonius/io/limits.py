@@ -1,4 +1,4 @@
-"""Upper bounds for the counts that a user can ask for, by memory, as measured, and by the size of counters."""
+"""Upper bounds of counts, by measured memory and by the size of counters."""
 
 import os
 from contextlib import suppress
@@ -36,7 +36,7 @@ def available_memory() -> int:
 
 @dataclass(frozen=True)
 class Counted:
-    """The bounds of a count: the memory for one [bytes], and the most and the least, however large the memory is."""
+    """The bounds of a count: by the memory for one [bytes], and `least` and `most` for any memory."""
 
     bytes_each: int
     most: int = MOST_COUNTED
@@ -45,7 +45,9 @@ class Counted:
     @property
     def limit(self) -> int:
         """The upper bound on this machine."""
-        return min(self.most, available_memory() // self.bytes_each) if self.bytes_each else self.most
+        if not self.bytes_each:
+            return self.most
+        return min(self.most, available_memory() // self.bytes_each)
 
     def bound(self) -> str:
         """Return the bounds in words."""
@@ -55,16 +57,25 @@ class Counted:
 
     def require(self, name: str, count: object) -> None:
         """Refuse, by InvalidInput, a count that is no whole number within the bounds."""
-        number = count.__index__() if isinstance(count, SupportsIndex) and not isinstance(count, bool) else None
-        require(number is not None and self.least <= number <= self.limit, name, count, self.bound())
+        is_within = False
+        if isinstance(count, SupportsIndex) and not isinstance(count, bool):
+            is_within = self.least <= count.__index__() <= self.limit
+        require(is_within, name, count, self.bound())
 
 
-def require_memory(name: str, value: object, needed: int, remedy: str) -> None:
-    """Refuse a value, by InvalidInput, that needs more memory [bytes] than this machine has."""
+def require_memory(name: str, value: object, needed_bytes: int, remedy: str) -> None:
+    """Raise InvalidInput for a value that needs more memory than this machine has.
+
+    Args:
+        name: Name of the value.
+        value: The value.
+        needed_bytes: Memory that it needs [bytes].
+        remedy: What to do instead, for the message.
+    """
     available = available_memory()
-    if needed > available:
+    if needed_bytes > available:
         raise InvalidInput(
-            f"{name} = {value} needs {needed / 2**30:,.1f} GiB of memory and this machine has "
+            f"{name} = {value} needs {needed_bytes / 2**30:,.1f} GiB of memory and this machine has "
             f"{available / 2**30:,.1f} GiB: {remedy}."
         )
 
@@ -80,9 +91,13 @@ PARALLEL_GAMES = Counted(2_500)
 TRANSITIONS = Counted(100)
 """Transitions of one side in a replay buffer or a batch."""
 HOLD = Counted(500_000)
-"""Control steps for which an action is held: the paths of all nine actions from every node of a usual grid."""
+"""Control steps for which an action is held: the paths of all nine actions from every node of a
+usual grid.
+"""
 JOINT_HOLD = Counted(0, most=127)
-"""Control steps for which an action is held where both robots move: those until a capture have seven bits."""
+"""Control steps for which an action is held where both robots move: those until a capture have
+seven bits.
+"""
 SEEDS = Counted(5_000_000)
 """Seeds of a study: the games of some twenty matches of each."""
 STUDY_GAMES = Counted(500)

@@ -19,27 +19,48 @@ _PLURAL = {bool: "true and false", int: "whole numbers", float: "numbers", str: 
 
 
 def write_record(value: Any, hooks: Hooks, derived: tuple[str, ...] = ()) -> Any:
-    """Return a dataclass as nested dictionaries, lists and numbers, without None and without `derived` fields."""
+    """Return a dataclass as nested dictionaries, lists and numbers, without None and without
+    `derived` fields.
+    """
     if type(value) in hooks:
         return hooks[type(value)](value)
     if is_dataclass(value):
-        value = {field.name: getattr(value, field.name) for field in fields(value) if field.name not in derived}
+        names = [field.name for field in fields(value) if field.name not in derived]
+        value = {name: getattr(value, name) for name in names}
     if isinstance(value, dict):
-        return {key: write_record(item, hooks, derived) for key, item in value.items() if item is not None}
+        items = {key: item for key, item in value.items() if item is not None}
+        return {key: write_record(item, hooks, derived) for key, item in items.items()}
     if isinstance(value, (list, tuple)):
         return [write_record(item, hooks, derived) for item in value]
     return value
 
 
-def read_record(kind: type[T], data: dict[str, Any], source: str, hooks: Hooks, named: tuple[type, ...] = ()) -> T:
-    """Return a dataclass from nested dictionaries of some source; missing values have their defaults.
+def read_record(
+    kind: type[T],
+    data: dict[str, Any],
+    source: str,
+    hooks: Hooks,
+    named: tuple[type, ...] = (),
+) -> T:
+    """Make a dataclass from nested dictionaries; missing values have their defaults.
 
-    Of classes that are `named` a record holds no fields, but a name. Raises InvalidInput for an unknown key, a value of
-    the wrong kind, or an impossible one.
+    Args:
+        kind: The dataclass.
+        data: The dictionaries.
+        source: Where they are from, for messages.
+        hooks: Functions by class, for values in another form.
+        named: Classes that are represented by a name instead of their fields.
+
+    Raises:
+        InvalidInput: For an unknown key, a value of the wrong kind, or an impossible one.
     """
     try:
         _require_lists(kind, data)
-        config = dacite.Config(strict=True, cast=[tuple], type_hooks={float: _real, int: _whole} | dict(hooks))
+        config = dacite.Config(
+            strict=True,
+            cast=[tuple],
+            type_hooks={float: _real, int: _whole} | dict(hooks),
+        )
         return dacite.from_dict(kind, data, config)
     except dacite.UnexpectedDataError as error:
         unknown = sorted(error.keys)[0]
@@ -52,11 +73,15 @@ def read_record(kind: type[T], data: dict[str, Any], source: str, hooks: Hooks, 
         raise InvalidInput(f"{source}: {error}") from error
     except (TypeError, ValueError, ArithmeticError, AttributeError, RecursionError) as error:
         # A number in the place of a list, a table in the place of several.
-        raise InvalidInput(f"{source}: a value is of the wrong kind ({error}); correct it.") from error
+        raise InvalidInput(
+            f"{source}: a value is of the wrong kind ({error}); correct it.",
+        ) from error
 
 
 def _real(value: Any) -> Any:
-    """Accept a whole number for a real one, as people write 1 for 1.0; leave the rest for the type check."""
+    """Accept a whole number for a real one, as people write 1 for 1.0; leave the rest for the type
+    check.
+    """
     return float(value) if type(value) is int and abs(value) < _LARGEST_WHOLE else value
 
 
@@ -69,14 +94,16 @@ def _whole(value: Any) -> Any:
 
 def _kinds(kind: Any) -> list[Any]:
     """Return the types that a value may have, without None."""
-    return [one for one in (get_args(kind) if isinstance(kind, UnionType) else (kind,)) if one is not NoneType]
+    members = get_args(kind) if isinstance(kind, UnionType) else (kind,)
+    return [member for member in members if member is not NoneType]
 
 
 def _require_lists(kind: Any, data: dict[str, Any], within: str = "") -> None:
     """Refuse anything but lists for tuples: dacite takes text for a list of letters."""
     for name in kind.__dataclass_fields__.keys() & data.keys():
-        value, kinds = data[name], _kinds(kind.__dataclass_fields__[name].type)
-        if all(get_origin(one) is tuple for one in kinds) and value is not None:
+        value = data[name]
+        kinds = _kinds(kind.__dataclass_fields__[name].type)
+        if all(get_origin(alternative) is tuple for alternative in kinds) and value is not None:
             require(isinstance(value, list | tuple), within + name, value, "a list")
         for inner in kinds:
             if is_dataclass(inner) and isinstance(value, dict):
@@ -85,10 +112,11 @@ def _require_lists(kind: Any, data: dict[str, Any], within: str = "") -> None:
 
 def _wrong_kind(error: dacite.WrongTypeError, data: Any) -> str:
     """Return the complaint about a value of a wrong type."""
-    given = data
+    value = data
     for part in str(error.field_path).split("."):
-        given = given.get(part, error.value) if isinstance(given, dict) else error.value
-    return f"{error.field_path} = {shown(given)} is not possible: it must be {_in_words(error.field_type)}."
+        value = value.get(part, error.value) if isinstance(value, dict) else error.value
+    bound = _in_words(error.field_type)
+    return f"{error.field_path} = {shown(value)} is not possible: it must be {bound}."
 
 
 def _in_words(kind: Any) -> str:
@@ -104,19 +132,22 @@ def _in_words(kind: Any) -> str:
 def _unknown_key(key: str, kind: Any, named: tuple[type, ...]) -> str:
     """Return the complaint about a key in a wrong table, or misspelt."""
     tables = _tables(kind, named)
-    if homes := [f"[{table}]" if table else "the top, before all tables" for table in tables.get(key, [])]:
-        return f"'{key}' is in another table than its own: move it to {' or '.join(homes[:3])}."
+    homes = [f"[{table}]" if table else "the top, before all tables" for table in tables.get(key, [])]
+    if homes:
+        places = " or ".join(homes[:3])
+        return f"'{key}' is in another table than its own: move it to {places}."
     near = nearest(key, tables)
     return f"unknown key '{key}'; " + (f"did you mean '{near}'?" if near else "remove it.")
 
 
 def _tables(kind: Any, named: tuple[type, ...], within: str = "") -> dict[str, list[str]]:
     """Return the tables that have each field of a nested dataclass; the outermost is empty."""
-    found: dict[str, list[str]] = {}
+    tables_by_field: dict[str, list[str]] = {}
     for name, field in kind.__dataclass_fields__.items():
-        found.setdefault(name, []).append(within)
+        tables_by_field.setdefault(name, []).append(within)
         for inner in (field.type, *get_args(field.type)):
             if is_dataclass(inner) and inner not in named:
-                for deeper, tables in _tables(inner, named, f"{within}.{name}" if within else name).items():
-                    found.setdefault(deeper, []).extend(tables)
-    return found
+                inner_name = f"{within}.{name}" if within else name
+                for deeper, tables in _tables(inner, named, inner_name).items():
+                    tables_by_field.setdefault(deeper, []).extend(tables)
+    return tables_by_field

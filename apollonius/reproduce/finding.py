@@ -33,7 +33,9 @@ Shares = dict[str, list[float]]
 
 
 def outcome_table(columns: Sequence[tuple[str, Shares]]) -> str:
-    """Return mean shares of outcomes as a Markdown table in the paper's order, with half of their 95 % intervals."""
+    """Return mean shares of outcomes as a Markdown table in the paper's order, with half of their
+    95 % intervals.
+    """
     rows = [
         [outcome.replace("_", " "), *(mean_share(shares.get(outcome, [])) for _, shares in columns)]
         for outcome in columns[0][1]
@@ -42,7 +44,9 @@ def outcome_table(columns: Sequence[tuple[str, Shares]]) -> str:
 
 
 def mean_share(shares: Sequence[float]) -> str:
-    """Return a mean over seeds with half of its 95 % interval's width (Student's t); "-" without values."""
+    """Return a mean over seeds with half of its 95 % interval's width (Student's t); "-" without
+    values.
+    """
     if not shares:
         return "-"
     percents = [100 * share for share in shares]
@@ -60,8 +64,10 @@ Rates = tuple[tuple[float, ...], ...]
 """A value of each of such matches."""
 
 
-won, undefeated = attrgetter("pursuer_win_rate"), attrgetter("evader_undefeated_rate")
-"""Shares of a match's games."""
+won = attrgetter("pursuer_win_rate")
+"""Share of a match's games that the pursuer won."""
+undefeated = attrgetter("evader_undefeated_rate")
+"""Share of a match's games in which the evader was not beaten."""
 
 
 def rates(matches: Matches, share: Callable[[MatchResult], float]) -> Rates:
@@ -77,7 +83,7 @@ def differences(first: Rates, second: Rates) -> Rates:
 def outcome_shares(matches: Matches) -> Shares:
     """Return the share of each outcome with each training of the pursuer, over those of the evader."""
     return {
-        outcome: [float(np.mean([one.outcomes[outcome] / one.games for one in row])) for row in matches]
+        outcome: [float(np.mean([match.outcomes[outcome] / match.games for match in row])) for row in matches]
         for outcome in matches[0][0].outcomes
     }
 
@@ -87,7 +93,9 @@ def beside_the_paper(results: dict[str, Matches], paper: dict[str, dict[str, int
     columns = [(name, outcome_shares(matches)) for name, matches in results.items()]
     for name, counts in paper.items():
         games = sum(counts.values())
-        columns.append((f"{name}, paper", {outcome: [count / games] for outcome, count in counts.items()}))
+        columns.append(
+            (f"{name}, paper", {outcome: [count / games] for outcome, count in counts.items()}),
+        )
     return outcome_table(columns)
 
 
@@ -97,14 +105,19 @@ def as_data(results: dict[str, Matches]) -> dict[str, list[list[dict[str, Any]]]
 
 def write_report(study: Study, findings: Sequence[Finding]) -> None:
     """Write both files into the study's folder, atomically."""
-    claims, is_full = [claim for finding in findings for claim in finding.claims], study.budget == FULL_BUDGET
+    claims = [claim for finding in findings for claim in finding.claims]
+    is_full = study.budget == FULL_BUDGET
     results = {
         "budget": study.budget,
         "seeds": list(study.seeds),
         "games": study.games,
         "claims": [claim.to_dict(is_full) for claim in claims],
         "findings": {
-            finding.title: {"text": finding.text, "pictures": finding.pictures, "data": finding.data}
+            finding.title: {
+                "text": finding.text,
+                "pictures": finding.pictures,
+                "data": finding.data,
+            }
             for finding in findings
         },
     }
@@ -128,16 +141,41 @@ _MOST_LISTED = 9
 
 
 def claim_table(claims: Sequence[Claim], is_full: bool) -> str:
-    """Return all claims with the paper's value, ours, the prediction and the verdict as a Markdown table."""
-    head = ["claim", "source", "paper", "to reach", "here", "95 % prediction", "chance", "by training", "verdict"]
+    """Return all claims with the paper's value, ours, the prediction and the verdict as a Markdown
+    table.
+    """
+    head = [
+        "claim",
+        "source",
+        "paper",
+        "to reach",
+        "here",
+        "95 % prediction",
+        "chance",
+        "by training",
+        "verdict",
+    ]
     rows: list[list[str]] = []
     for claim in claims:
-        found, chance = claim.prediction, claim.prediction.chance(claim.bound)
-        numbers = [f"{rate:.1%}" for rate in (claim.paper, claim.bound, found.mean)]
-        prediction = ["{:.1%} to {:.1%}".format(*found.interval), "-" if chance is None else f"{chance:.0%}"]
+        prediction = claim.prediction
+        chance = prediction.chance(claim.bound)
+        numbers = [f"{rate:.1%}" for rate in (claim.paper, claim.bound, prediction.mean)]
+        prediction_cells = [
+            "{:.1%} to {:.1%}".format(*prediction.interval),
+            "-" if chance is None else f"{chance:.0%}",
+        ]
         values = np.array(claim.values)
         trainings = f"{values.min():.1%} to {values.max():.1%}"
         if values.size <= _MOST_LISTED:
             trainings = "; ".join(", ".join(f"{value:.1%}" for value in row) for row in claim.values)
-        rows.append([claim.name, claim.source, *numbers, *prediction, trainings, claim.verdict(is_full)])
+        rows.append(
+            [
+                claim.name,
+                claim.source,
+                *numbers,
+                *prediction_cells,
+                trainings,
+                claim.verdict(is_full),
+            ]
+        )
     return markdown_table(head, rows)

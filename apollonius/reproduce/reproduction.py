@@ -1,4 +1,6 @@
-"""The figures 4 to 8 of the paper, its Tables II and III, and the whole evaluation: from trainings to a report."""
+"""The figures 4 to 8 of the paper, its Tables II and III, and the whole evaluation: from trainings
+to a report.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -49,14 +51,25 @@ def figure_4(study: Study) -> Finding:
         success = [100 * evaluation.outcomes["captured"] / games for evaluation in evaluations]
         successes.append(([evaluation.episodes for evaluation in evaluations], success))
         rewards.append(_rewards(study, "curriculum", seed, "fixed-target"))
-    with style.picture(study.folder / "figure4.png", columns=2) as (left, right):
-        draw_seeds(left, successes, palette.PURSUER, "greedy")
-        left.axhline(100 * STAGE_1, color=palette.INK, linewidth=0.8, ls=":", label="the paper, 200,000 episodes")
-        left.set(title="success rate in stage 1", xlabel="episodes", ylabel="captured [%]", ylim=(0, 102))
-        left.legend(loc="lower right")
-        draw_seeds(right, rewards, palette.PURSUER, "exploring")
-        right.set(title="average reward of an episode", xlabel="episodes", ylabel="reward")
-        right.legend(loc="lower right")
+    with style.picture(study.folder / "figure4.png", columns=2) as (success_axes, reward_axes):
+        draw_seeds(success_axes, successes, palette.PURSUER, "greedy")
+        success_axes.axhline(
+            100 * STAGE_1,
+            color=palette.INK,
+            linewidth=0.8,
+            ls=":",
+            label="the paper, 200,000 episodes",
+        )
+        success_axes.set(
+            title="success rate in stage 1",
+            xlabel="episodes",
+            ylabel="captured [%]",
+            ylim=(0, 102),
+        )
+        success_axes.legend(loc="lower right")
+        draw_seeds(reward_axes, rewards, palette.PURSUER, "exploring")
+        reward_axes.set(title="average reward of an episode", xlabel="episodes", ylabel="reward")
+        reward_axes.legend(loc="lower right")
     episodes = ", ".join(f"{x[-1]:,}" for x, _ in successes)
     text = f"Left: greedy games from fixed starts. Right: the games of training. Episodes in all, by seed: {episodes}."
     matches = study.matches("P_stage1", "still")
@@ -70,20 +83,32 @@ def stage_1(matches: Matches) -> Claim:
 
 
 def _rewards(study: Study, name: str, seed: int, stage: str) -> Curve:
-    """Return the episodes of a stage, and the running mean of the exploring pursuer's reward in an episode."""
-    played = [line for line in study.metrics(name, seed, stage) if line.games]
-    return [line.episodes for line in played], smooth([line.pursuer_return for line in played], _WINDOW)
+    """Return the episodes of a stage, and the running mean of the exploring pursuer's reward in an
+    episode.
+    """
+    lines = [line for line in study.metrics(name, seed, stage) if line.games]
+    return [line.episodes for line in lines], smooth(
+        [line.pursuer_return for line in lines],
+        _WINDOW,
+    )
 
 
 def figure_5(study: Study) -> Finding:
-    """Draw the first game of the match between both sides of the first seed, as they were at each moment."""
+    """Draw the first game of the match between both sides of the first seed, as they were at each
+    moment.
+    """
     seed, games = study.seeds[0], {}
     for percent in MOMENTS:
         match = study.pairing("P_curriculum", "E_curriculum", (seed, seed), percent)
         games[f"after {percent} % of self-play"] = record_game(match, index=0)
     ends = _draw_games(games, study.folder / "figure5.png")
     moments = "; ".join(f"{percent} %: {end}" for percent, end in zip(MOMENTS, ends, strict=True))
-    return Finding("Fig. 5: one start in the course of self-play", f"{moments}.", ("figure5.png",), data={"ends": ends})
+    return Finding(
+        "Fig. 5: one start in the course of self-play",
+        f"{moments}.",
+        ("figure5.png",),
+        data={"ends": ends},
+    )
 
 
 def _draw_games(games: dict[str, Replay], path: Path) -> list[str]:
@@ -97,19 +122,38 @@ def _draw_games(games: dict[str, Replay], path: Path) -> list[str]:
 
 
 def figure_6(study: Study) -> Finding:
-    """Draw how often pursuers of the curriculum win, and its evaders stay undefeated, against agents from scratch."""
-    chasing, fleeing = study.matches("P_curriculum", "E_scratch"), study.matches("P_scratch", "E_curriculum")
+    """Draw how often pursuers of the curriculum win, and its evaders stay undefeated, against
+    agents from scratch.
+    """
+    chasing = study.matches("P_curriculum", "E_scratch")
+    fleeing = study.matches("P_scratch", "E_curriculum")
     claims = (
         Claim("P_curriculum beats E_scratch", "Fig. 6", 0.70, 0.70, rates(chasing, won)),
-        Claim("E_curriculum undefeated by P_scratch", "Fig. 6", 0.70, 0.70, rates(fleeing, undefeated)),
+        Claim(
+            "E_curriculum undefeated by P_scratch",
+            "Fig. 6",
+            0.70,
+            0.70,
+            rates(fleeing, undefeated),
+        ),
     )
     names = ["P_curriculum wins\nagainst E_scratch", "E_curriculum undefeated\nby P_scratch"]
-    ours = claims[0].values, [*zip(*claims[1].values, strict=True)]  # a row for each training of the curriculum
+    # a row for each training of the curriculum
+    ours = claims[0].values, [*zip(*claims[1].values, strict=True)]
     with style.picture(study.folder / "figure6.png") as (axes,):
-        draw_strips(axes, names, ours, [claim.prediction.interval for claim in claims], palette.SIDES)
+        draw_strips(
+            axes,
+            names,
+            ours,
+            [claim.prediction.interval for claim in claims],
+            palette.SIDES,
+        )
         axes.axhline(70, color=palette.INK, linewidth=0.8, linestyle=":")
         axes.set_title("against agents from scratch (dotted: the paper's 70 %)")
-    text = beside_the_paper({"P_curriculum v E_scratch": chasing, "P_scratch v E_curriculum": fleeing}, paper={})
+    text = beside_the_paper(
+        {"P_curriculum v E_scratch": chasing, "P_scratch v E_curriculum": fleeing},
+        paper={},
+    )
     text += (
         "\n\nEach coloured line is one training of the curriculum, from its worst to its best against the trainings "
         "from scratch, with a dot at its mean. The black line is where another pair would lie with 95 %."
@@ -119,13 +163,19 @@ def figure_6(study: Study) -> Finding:
 
 
 def figure_7(study: Study) -> Finding:
-    """Draw the pursuer's reward over all episodes: the curriculum's, and against the random evader throughout."""
+    """Draw the pursuer's reward over all episodes: the curriculum's, and against the random evader
+    throughout.
+    """
     curriculum = [_both_stages(study, seed) for seed in study.seeds]
     random = [_rewards(study, "random", seed, "fixed-target") for seed in study.seeds]
     with style.picture(study.folder / "figure7.png", width=6.0) as (axes,):
         draw_seeds(axes, curriculum, palette.PURSUER, "curriculum")
         draw_seeds(axes, random, palette.OTHER, "trained on a random evader")
-        axes.set(title="average reward of the pursuer in training", xlabel="episodes", ylabel="reward of an episode")
+        axes.set(
+            title="average reward of the pursuer in training",
+            xlabel="episodes",
+            ylabel="reward of an episode",
+        )
         axes.legend()
     text = (
         "Exploring players, as in training. Self-play weighs progress with another c than stage 1 and than training "
@@ -136,28 +186,42 @@ def figure_7(study: Study) -> Finding:
 
 
 def _both_stages(study: Study, seed: int) -> Curve:
-    """Return the rewards of the curriculum; self-play's episodes are counted on from those of stage 1."""
+    """Return the rewards of the curriculum; self-play's episodes are counted on from those of stage
+    1.
+    """
     episodes, rewards = _rewards(study, "curriculum", seed, "fixed-target")
     later, more = _rewards(study, "curriculum", seed, "self-play")
     return [*episodes, *(episodes[-1] + episode for episode in later)], [*rewards, *more]
 
 
 def figure_8(study: Study) -> Finding:
-    """Draw the first game in which P_random crashes and P_curriculum wins, or else the first that it loses."""
+    """Draw the first game in which P_random crashes and P_curriculum wins, or else the first that
+    it loses.
+    """
     seed = study.seeds[0]
-    ours, theirs = (study.play(name, "E_scratch", (seed, seed)).outcome for name in ("P_curriculum", "P_random"))
-    wanted = pursuer_wins(ours) & (theirs == Outcome.PURSUER_HIT_OBSTACLE)
-    if not wanted.any():
-        wanted = theirs != Outcome.CAPTURED
-    index, pursuers = int(jnp.argmax(wanted)), ("P_random", "P_curriculum")
+    curriculum_outcome, random_outcome = (
+        study.play(name, "E_scratch", (seed, seed)).outcome for name in ("P_curriculum", "P_random")
+    )
+    is_example = pursuer_wins(curriculum_outcome) & (random_outcome == Outcome.PURSUER_HIT_OBSTACLE)
+    if not is_example.any():
+        is_example = random_outcome != Outcome.CAPTURED
+    index, pursuers = int(jnp.argmax(is_example)), ("P_random", "P_curriculum")
     games = {
-        f"{name} against E_scratch": record_game(study.pairing(name, "E_scratch", (seed, seed)), index)
+        f"{name} against E_scratch": record_game(
+            study.pairing(name, "E_scratch", (seed, seed)),
+            index,
+        )
         for name in pursuers
     }
-    found = _draw_games(games, study.folder / "figure8.png")
-    ends = [f"{name}: {end}" for name, end in zip(pursuers, found, strict=True)]
+    endings = _draw_games(games, study.folder / "figure8.png")
+    ends = [f"{name}: {end}" for name, end in zip(pursuers, endings, strict=True)]
     text = f"Game {index} of the match. {'; '.join(ends)}."
-    return Finding("Fig. 8: the same start", text, ("figure8.png",), data={"game": index, "ends": ends})
+    return Finding(
+        "Fig. 8: the same start",
+        text,
+        ("figure8.png",),
+        data={"game": index, "ends": ends},
+    )
 
 
 def table_2(study: Study) -> Finding:
@@ -174,7 +238,12 @@ def table_2(study: Study) -> Finding:
         ),
     )  # fmt: skip
     text = beside_the_paper(results, TABLE_2)
-    return Finding("Table II: against the random evader", text, claims=claims, data=as_data(results))
+    return Finding(
+        "Table II: against the random evader",
+        text,
+        claims=claims,
+        data=as_data(results),
+    )
 
 
 def table_3(study: Study) -> Finding:
@@ -204,18 +273,34 @@ def reproduce(
     begin: Callable[[str], None] = lambda what: None,
     progress: Report = silent,
 ) -> None:
-    """Train the agents of seeds from 0 by a preset, make every section and write the report; raises InvalidInput for
-    impossible numbers, and a folder that is not empty unless `resume` is given.
+    """Train the agents, make every section and write the report.
 
-    A line is reported at the end of each section; `begin` gets each section's name when its turn comes, and `progress`
-    the number of its games that are over.
+    Args:
+        folder: Folder of the study.
+        budget: Preset of the trainings.
+        seeds: Number of seeds, from 0.
+        resume: Whether the folder may hold a study that was stopped.
+        games: Games of a match.
+        report: Called with a line at the end of each section.
+        run: Runs the trainings as jobs.
+        begin: Called with the name of each section at its beginning.
+        progress: Called with the finished games of a section and all its games.
+
+    Raises:
+        InvalidInput: For impossible numbers, and for a folder that is not empty unless `resume` is
+            set.
     """
     require(budget in PRESETS, "budget", budget, f"one of {', '.join(PRESETS)}")
     SEEDS.require("seeds", seeds)
     STUDY_GAMES.require("games", games)
     STUDY_GAMES.require("games x seeds", games * seeds)
     is_new = not folder.exists() or not any(folder.iterdir())
-    require(resume or is_new, "folder", folder, "a new one, as this one is not empty; choose another or resume it")
+    require(
+        resume or is_new,
+        "folder",
+        folder,
+        "a new one, as this one is not empty; choose another or resume it",
+    )
     folder.mkdir(parents=True, exist_ok=True)
     study = Study(folder, budget, tuple(range(seeds)), games, progress)
     _train_missing(study, report, run)
@@ -228,17 +313,25 @@ def reproduce(
 
 
 def _train_missing(study: Study, report: Callable[[str], None], run: Run) -> None:
-    """Train the runs that are not finished, or resume them; raises InvalidInput where a folder holds another training,
-    before anything is trained, or a training fails, after the others.
+    """Train the runs that are not finished, or resume them.
+
+    Raises:
+        InvalidInput: If a folder holds another training, before anything is trained; if a training
+            fails, after the
+            others.
     """
-    missing: list[Path] = []
+    unfinished: list[Path] = []
     for folder, (config, agents) in study.trainings().items():
         if not (folder / "config.toml").is_file():
             create_run(config, folder)
         elif load_config(folder / "config.toml") != config:
-            raise InvalidInput(f"'{folder}' holds another training than this one: choose another folder.")
+            raise InvalidInput(
+                f"'{folder}' holds another training than this one: choose another folder.",
+            )
         if not all(agent_file(folder, agent).is_file() for agent in agents):
-            missing.append(folder)
-    report(f"{len(missing)} of {len(study.trainings())} trainings to do")
-    if missing:
-        run([Job(f"the training in '{one}'", train, (one.absolute(),)) for one in missing])
+            unfinished.append(folder)
+    report(f"{len(unfinished)} of {len(study.trainings())} trainings to do")
+    if unfinished:
+        run(
+            [Job(f"the training in '{folder}'", train, (folder.absolute(),)) for folder in unfinished],
+        )

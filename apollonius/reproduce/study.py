@@ -25,15 +25,20 @@ MATCH_SEED = 0
 def run_configs(preset: RunConfig, seed: int) -> dict[str, RunConfig]:
     """Return the three trainings of one seed, by name.
 
-    `curriculum`: stage 1, then self-play. `scratch`: self-play of the same length, both sides from random weights
-    (section V-A). `random`: a pursuer against a random evader (section V-B), for half the env steps of both stages:
-    its games are so much shorter that this is more episodes than those of both stages.
+    `curriculum`: stage 1, then self-play. `scratch`: self-play of the same length, both sides from
+    random weights (section V-A). `random`: a pursuer against a random evader (section V-B), for
+    half the env steps of both stages: its games are so much shorter that this is more episodes than
+    those of both stages.
     """
     preset = replace(preset, seed=seed)
     half = (preset.fixed_target.env_steps + preset.self_play.env_steps) // 2
     return {
         "curriculum": preset,
-        "scratch": replace(preset, stages="self-play", self_play=replace(preset.self_play, pursuer_epsilon=1.0)),
+        "scratch": replace(
+            preset,
+            stages="self-play",
+            self_play=replace(preset.self_play, pursuer_epsilon=1.0),
+        ),
         "random": replace(
             preset,
             stages="fixed-target",
@@ -60,34 +65,76 @@ class Study:
         return self.folder / f"seed-{seed}" / name
 
     def agent(self, name: str, role: Role, seed: int, percent: int = 100) -> Named:
-        """Return an agent of a seed, `random` or `still`; of self-play's, as it was at a percentage of it."""
+        """Find an agent.
+
+        Args:
+            name: One of `RUN_OF`, or a player such as `random` or `still`.
+            role: The agent's side.
+            seed: Seed of its training.
+            percent: Part of self-play after which it is taken [%].
+        """
         player = str(agent_file(self.run(RUN_OF[name], seed), name, percent)) if name in RUN_OF else name
         return replace(find_player(player, role, PRESETS[self.budget].game), name=name)
 
-    def pairing(self, pursuer: str, evader: str, seeds: tuple[int, int], percent: int = 100) -> Match:
-        """Return the match between two agents of these seeds, as `agent` finds them."""
+    def pairing(
+        self,
+        pursuer: str,
+        evader: str,
+        seeds: tuple[int, int],
+        percent: int = 100,
+    ) -> Match:
+        """Make the match between two agents, as `agent` finds them.
+
+        Args:
+            pursuer: Name of the pursuer.
+            evader: Name of the evader.
+            seeds: Seeds of their trainings.
+            percent: Part of self-play after which they are taken [%].
+        """
         chasing = self.agent(pursuer, Role.PURSUER, seeds[0], percent)
         fleeing = self.agent(evader, Role.EVADER, seeds[1], percent)
         return Match(PRESETS[self.budget].game, BySide(chasing, fleeing), self.games, MATCH_SEED)
 
-    def play(self, pursuer: str, evader: str, seeds: tuple[int, int], report: Report | None = None) -> Results:
-        named = (pursuer, evader, *seeds)
-        if named not in self._played:
-            self._played[named] = play_games(self.pairing(pursuer, evader, seeds), report=report or self.progress)
-        return self._played[named]
+    def play(
+        self,
+        pursuer: str,
+        evader: str,
+        seeds: tuple[int, int],
+        report: Report | None = None,
+    ) -> Results:
+        """Play the match between two agents once; return its results.
+
+        Args:
+            pursuer: Name of the pursuer.
+            evader: Name of the evader.
+            seeds: Seeds of their trainings.
+            report: Called with the finished games and all games; `progress` for None.
+        """
+        key = (pursuer, evader, *seeds)
+        if key not in self._played:
+            self._played[key] = play_games(
+                self.pairing(pursuer, evader, seeds),
+                report=report or self.progress,
+            )
+        return self._played[key]
 
     def matches(self, pursuer: str, evader: str) -> list[list[MatchResult]]:
-        """Return the matches of every training of the pursuer with every one of the evader, where that is trained."""
+        """Return the matches of every training of the pursuer with every one of the evader, where
+        that is trained.
+        """
         evaders = self.seeds if evader in RUN_OF else self.seeds[:1]
 
         def result(row: int, column: int) -> MatchResult:
             before = self.games * (row * len(evaders) + column)
 
-            def report(done: int, total: int) -> None:
-                self.progress(before + done, self.games * len(self.seeds) * len(evaders))
+            def report(games: int, total: int) -> None:
+                self.progress(before + games, self.games * len(self.seeds) * len(evaders))
 
             seeds = self.seeds[row], evaders[column]
-            return count(self.pairing(pursuer, evader, seeds), self.play(pursuer, evader, seeds, report))
+            return count(
+                self.pairing(pursuer, evader, seeds),
+                self.play(pursuer, evader, seeds, report),
+            )
 
         return [[result(row, column) for column in range(len(evaders))] for row in range(len(self.seeds))]
 

@@ -46,19 +46,26 @@ def _side_name(game: Game, role: Role) -> str:
     return name if count == 1 else f"{count} {name}s"
 
 
-def _standing(game: Game, robots: Float32[np.ndarray, " numbers"], active: Bool[np.ndarray, " robots"]) -> str:
-    """Return the least distance of a pursuer and an evader; for teams also the numbers of robots in play."""
+def _standing(
+    game: Game,
+    robots: Float32[np.ndarray, " numbers"],
+    active: Bool[np.ndarray, " robots"],
+) -> str:
+    """Return the least distance of a pursuer and an evader; for teams also the numbers of robots in
+    play.
+    """
     count, places = len(game.bodies.pursuer), robots.reshape(-1, 4)[:, :2]
     pursuers, evaders = places[:count][active[:count]], places[count:][active[count:]]
-    apart = cdist(pursuers, evaders)
-    distance = f"distance {apart.min():.2f} m" if apart.size else ""
+    distances = cdist(pursuers, evaders)
+    distance = f"distance {distances.min():.2f} m" if distances.size else ""
     if game.teams is None:
         return distance
     return f"{len(pursuers)} v {len(evaders)} in play{distance and ', '}{distance}"
 
 
 def fog(replay: Replay) -> tuple[Role, Bool[np.ndarray, "states rows columns"]] | None:
-    """Return a side and the coarse cells of the chart in which its robots could be in each state, as the other knew.
+    """Return a side and the coarse cells of the chart in which its robots could be in each state,
+    as the other knew.
 
     The other side is the pursuer's or, if that sees everything, the evader's; None if both do.
     """
@@ -73,19 +80,26 @@ def fog(replay: Replay) -> tuple[Role, Bool[np.ndarray, "states rows columns"]] 
 
 @functools.partial(jax.jit, static_argnames="role")
 def _beliefs(game: Game, states: GameState, bits: UInt32[Array, " states"], role: Role) -> Array:
-    def one(track: Any, now: tuple[GameState, UInt32[Array, ""]]) -> tuple[Any, Any]:
-        state, own_bits = now
-        track, known = tracking.update(game, role, track, state, own_bits)
-        return track, known.sight and known.sight.belief
+    def observe_step(
+        track: Any,
+        step_inputs: tuple[GameState, UInt32[Array, ""]],
+    ) -> tuple[Any, Any]:
+        state, own_bits = step_inputs
+        track, known_state = tracking.update(game, role, track, state, own_bits)
+        return track, known_state.sight and known_state.sight.belief
 
     first = tracking.begin(game, jax.tree.map(lambda leaf: leaf[0], states), role)
-    return jax.lax.scan(one, first, (states, bits))[1]
+    return jax.lax.scan(observe_step, first, (states, bits))[1]
 
 
-SLOWEST, FASTEST = 0.05, 100.0
-"""Seconds of the game that may be shown in one."""
+SLOWEST = 0.05
+"""Fewest seconds of the game in a second of a moving picture."""
+FASTEST = 100.0
+"""Most seconds of the game in a second of a moving picture."""
 _SHORTEST = 0.02
-"""Least time that a picture is shown [s]: browsers take what is less for a mistake, and show it for 0.1 s."""
+"""Least time that a picture is shown [s]: browsers take what is less for a mistake, and show it for
+0.1 s.
+"""
 _LAST_SECONDS = 2.0
 """How long the end is shown."""
 _COLOURS = 64
@@ -93,15 +107,25 @@ _COLOURS = 64
 
 
 def save_animation(replay: Replay, path: Path, speed: float = 1.0) -> None:
-    """Write a game as a moving picture, or its end as a PNG; raises InvalidInput for another format or an impossible
-    speed.
+    """Write a game as a moving picture, or its end as a PNG; raises InvalidInput for another format
+    or an impossible speed.
 
-    The speed is seconds of the game in one of the picture. Where that asks for too many frames, some steps are left
-    out; the last one never is.
+    The speed is seconds of the game in one of the picture. Where that asks for too many frames,
+    some steps are left out; the last one never is.
     """
     formats = (*MOVING, ".png")
-    require(path.suffix in formats, "path", path, f"a file that ends in one of {', '.join(formats)}")
-    require(SLOWEST <= speed <= FASTEST, "speed", speed, f"from {SLOWEST:g} to {FASTEST:g} times real time")
+    require(
+        path.suffix in formats,
+        "path",
+        path,
+        f"a file that ends in one of {', '.join(formats)}",
+    )
+    require(
+        SLOWEST <= speed <= FASTEST,
+        "speed",
+        speed,
+        f"from {SLOWEST:g} to {FASTEST:g} times real time",
+    )
     if path.suffix == ".png":
         write_atomically(path, _encoded(last_frame(replay), "png"))
         return
@@ -111,7 +135,10 @@ def save_animation(replay: Replay, path: Path, speed: float = 1.0) -> None:
     # Rounded to what the format knows, in such a way that nothing adds up.
     tick, shortest = 10 if path.suffix == ".gif" else 1, round(1000 * _SHORTEST)
     ends = [tick * round(1000 * pace * step / tick) for step in steps]
-    durations = [*(max(after - before, shortest) for before, after in pairwise(ends)), round(1000 * _LAST_SECONDS)]
+    durations = [
+        *(max(after - before, shortest) for before, after in pairwise(ends)),
+        round(1000 * _LAST_SECONDS),
+    ]
     if path.suffix == ".gif":
         palette = pictures[-1].quantize(_COLOURS, Image.Quantize.MAXCOVERAGE)
         pictures = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
@@ -126,53 +153,69 @@ def _encoded(picture: Image.Image, kind: str, **options: Any) -> bytes:
     return content.getvalue()
 
 
-def frames(replay: Replay, steps: list[int] | None = None, speed: float = 1.0) -> Iterator[Image.Image]:
-    """Yield a picture for each of these steps of a game, or for every one; those in between leave their trail. Above
-    the arena are names and legend, below it the clock and at the end the outcome.
+def frames(
+    replay: Replay,
+    steps: list[int] | None = None,
+    speed: float = 1.0,
+) -> Iterator[Image.Image]:
+    """Yield a picture for each of these steps of a game, or for every one; those in between leave
+    their trail. Above the arena are names and legend, below it the clock and at the end the
+    outcome.
     """
-    game, last, in_play, hidden = replay.game, len(replay.actions), replay.in_play(), fog(replay)
-    canvas, shown = Canvas(game), set(range(last + 1) if steps is None else steps)
+    game = replay.game
+    last = len(replay.actions)
+    in_play = replay.in_play()
+    hidden = fog(replay)
+    canvas = Canvas(game)
+    shown_steps = set(range(last + 1) if steps is None else steps)
     page = _page(replay, canvas.picture().size, hidden and hidden[0])
     pace = "" if speed == 1 else f", {speed:g} x real time"
-    font, below = ImageFont.load_default(LETTERS), page.height - (LINE + MARGIN) // 2
+    font = ImageFont.load_default(LETTERS)
+    baseline = page.height - (LINE + MARGIN) // 2
     for step in range(last + 1):
         robots, active = replay.states[step], in_play[step]
         canvas.move(robots.tolist(), active.tolist())
-        if step not in shown:
+        if step not in shown_steps:
             continue
         picture, arena = page.copy(), canvas.picture(hidden and (hidden[1][step], hidden[0]))
         picture.paste(arena, ((page.width - arena.width) // 2, MARGIN + 2 * LINE))
         write = functools.partial(ImageDraw.Draw(picture).text, fill=INK, font=font)
         clock = replay.ending() if step == last else f"{step * float(game.dt):.1f} s"
-        write((MARGIN, below), f"{clock}{pace}", anchor="lm")
-        write((page.width - MARGIN, below), _standing(game, robots, active), anchor="rm")
+        write((MARGIN, baseline), f"{clock}{pace}", anchor="lm")
+        write((page.width - MARGIN, baseline), _standing(game, robots, active), anchor="rm")
         yield picture
 
 
 def _page(replay: Replay, arena: tuple[int, int], hidden: Role | None) -> Image.Image:
-    """Return the page around an arena of a size [pixels]: the signs of both robots with their players' names, the reach
-    of a capture, and which side is hidden in fog.
+    """Return the page around an arena of a size [pixels]: the signs of both robots with their
+    players' names, the reach of a capture, and which side is hidden in fog.
     """
     game, font = replay.game, ImageFont.load_default(LETTERS)
-    page = Image.new("RGB", (max(arena[0], LEAST_WIDTH) + 2 * MARGIN, arena[1] + 3 * LINE + 2 * MARGIN), PAPER)
-    draw, right = ImageDraw.Draw(page), page.width - MARGIN
+    width = max(arena[0], LEAST_WIDTH) + 2 * MARGIN
+    height = arena[1] + 3 * LINE + 2 * MARGIN
+    page = Image.new("RGB", (width, height), PAPER)
+    draw = ImageDraw.Draw(page)
+    right = page.width - MARGIN
     write = functools.partial(draw.text, font=font)
     first, second = (MARGIN + LINE // 2 + LINE * line for line in range(2))
     reach = f"capture within {float(game.capture_distance):g} m"
     write((right, first), reach, PURSUER, anchor="rm")
-    left = right - font.getlength(reach) - 6 - _SIGN
-    draw.circle((left + _SIGN / 2, first), _SIGN / 2, outline=PURSUER)
+    sign_left = right - font.getlength(reach) - 6 - _SIGN
+    draw.circle((sign_left + _SIGN / 2, first), _SIGN / 2, outline=PURSUER)
     if hidden is not None:
         shade = f"shaded: where the {_side_name(game, hidden)} can be"
         write((right, second), shade, SIDES[hidden], anchor="rm")
         right -= font.getlength(shade) + 6
-    names, rows, ends = (replay.pursuer, replay.evader), (first, second), (left, right)
+    names = (replay.pursuer, replay.evader)
+    rows = (first, second)
+    ends = (sign_left, right)
     for role, name, colour, row, end in zip(Role, names, SIDES, rows, ends, strict=True):
         draw_robot(draw, (MARGIN + _SIGN / 2, float(row)), _SIGN / 2, role)
-        begins, text = MARGIN + _SIGN + 10, f"{_side_name(game, role)} {name}"
-        while text and font.getlength(text) > end - begins - MARGIN:
+        text_left = MARGIN + _SIGN + 10
+        text = f"{_side_name(game, role)} {name}"
+        while text and font.getlength(text) > end - text_left - MARGIN:
             text = text[:-1]
-        write((begins, row), text, colour, anchor="lm")
+        write((text_left, row), text, colour, anchor="lm")
     return page
 
 

@@ -18,15 +18,34 @@ from apollonius.show.canvas import shapes
 def draw_arena(axes: Axes, arena: Arena) -> None:
     """Draw walls and obstacles to scale, with axes in metres."""
     if arena.map:
-        ends = (float(arena.map.x), float(arena.map.x_max), float(arena.map.y), float(arena.map.y_max))
+        ends = (
+            float(arena.map.x),
+            float(arena.map.x_max),
+            float(arena.map.y),
+            float(arena.map.y_max),
+        )
         cells, colours = arena.map.occupied(), ListedColormap(["none", palette.OBSTACLE])
-        axes.imshow(cells, cmap=colours, vmin=0, vmax=1, extent=ends, origin="lower", interpolation="nearest")
-    for corners, colour, filled in shapes(arena):
-        axes.add_patch(Polygon(corners, color=colour, fill=filled, linewidth=0 if filled else 1.4))
+        axes.imshow(
+            cells,
+            cmap=colours,
+            vmin=0,
+            vmax=1,
+            extent=ends,
+            origin="lower",
+            interpolation="nearest",
+        )
+    for corners, colour, is_filled in shapes(arena):
+        axes.add_patch(
+            Polygon(corners, color=colour, fill=is_filled, linewidth=0 if is_filled else 1.4),
+        )
     x, y = float(arena.x_min), float(arena.y_min)
     width, height = float(arena.x_max) - x, float(arena.y_max) - y
     margin = 0.03 * max(width, height)
-    axes.set(xlim=(x - margin, x + width + margin), ylim=(y - margin, y + height + margin), aspect="equal")
+    axes.set(
+        xlim=(x - margin, x + width + margin),
+        ylim=(y - margin, y + height + margin),
+        aspect="equal",
+    )
     axes.set(xlabel="x [m]", ylabel="y [m]")
     axes.grid(False)
 
@@ -57,7 +76,14 @@ def kinds_of_places(survey: Survey) -> Int[np.ndarray, "rows columns"]:
 
 
 def save_plan(name: str, game: Game, survey: Survey, path: Path) -> None:
-    """Write the plan of a named game as PNG: axes in metres, a key of what occurs, and how many things are wrong."""
+    """Write the plan of a game as PNG: axes in metres, a legend, and the number of faults.
+
+    Args:
+        name: Name of the game, for the title.
+        game: The game.
+        survey: The survey of its arena.
+        path: File to write.
+    """
     arena, kinds = game.arena, kinds_of_places(survey)
     ends = (float(arena.x_min), float(arena.x_max), float(arena.y_min), float(arena.y_max))
     width, height = ends[1] - ends[0], ends[3] - ends[2]
@@ -65,8 +91,17 @@ def save_plan(name: str, game: Game, survey: Survey, path: Path) -> None:
     with style.picture(path, width=max(inches * width, 4.6), height=inches * height + 1.6) as (axes,):
         norm = BoundaryNorm(np.arange(len(KINDS) + 1) - 0.5, len(KINDS))
         # Obstacles are drawn with the arena, sharper than places can show them.
-        colours = ListedColormap(["none" if colour == palette.OBSTACLE else colour for colour in KINDS.values()])
-        axes.imshow(kinds, cmap=colours, norm=norm, extent=ends, origin="lower", interpolation="nearest")
+        colours = ListedColormap(
+            ["none" if colour == palette.OBSTACLE else colour for colour in KINDS.values()],
+        )
+        axes.imshow(
+            kinds,
+            cmap=colours,
+            norm=norm,
+            extent=ends,
+            origin="lower",
+            interpolation="nearest",
+        )
         draw_arena(axes, arena)
         body = "a robot's" if game.pursuer.radius == game.evader.radius else "the pursuer's"
         keys = [
@@ -78,7 +113,12 @@ def save_plan(name: str, game: Game, survey: Survey, path: Path) -> None:
             for kind, (what, colour) in enumerate(KINDS.items())
             if (kinds == kind).any()
         ]
-        axes.legend(handles=keys, loc="upper left", bbox_to_anchor=(0, -0.1 * _LONGER / (inches * height)), ncols=2)
+        axes.legend(
+            handles=keys,
+            loc="upper left",
+            bbox_to_anchor=(0, -0.1 * _LONGER / (inches * height)),
+            ncols=2,
+        )
         count = len(survey.wrong)
         verdict = f"{count} {'thing is' if count == 1 else 'things are'} wrong" if count else "nothing is wrong"
         axes.set_title(f"{name}, {width:g} x {height:g} m: {verdict}")

@@ -19,7 +19,9 @@ _POINTS = 300
 
 
 def learning_pictures(lines: Sequence[MetricsLine], against: Sequence[str]) -> list[Markup]:
-    """Return curves of greedy games, rewards and losses of a stage as `<svg>` elements, if they were measured."""
+    """Return curves of greedy games, rewards and losses of a stage as `<svg>` elements, if they
+    were measured.
+    """
     stage = lines[0].stage
     evaluations = [line.evaluation for line in lines if line.evaluation]
     pictures = []
@@ -28,13 +30,20 @@ def learning_pictures(lines: Sequence[MetricsLine], against: Sequence[str]) -> l
         label = "How greedy games end, in per cent, over env steps"
         pictures.append(inline_svg(lambda axes: _draw_greedy(axes, evaluations, fixed), label))
 
-    def draw(measured: list[MetricsLine], value: Callable[[MetricsLine, str], float], **about: str) -> None:
-        if len(measured) > 1:
-            curves = {side: _curve(measured, [value(line, side) for line in measured]) for side in lines[-1].losses}
+    def draw(
+        metric_lines: list[MetricsLine],
+        value: Callable[[MetricsLine, str], float],
+        **about: str,
+    ) -> None:
+        if len(metric_lines) > 1:
+            curves = {
+                side: _curve(metric_lines, [value(line, side) for line in metric_lines]) for side in lines[-1].losses
+            }
             label = f"{about['ylabel'].capitalize()} over env steps"
             pictures.append(inline_svg(lambda axes: _draw_sides(axes, curves, **about), label))
 
-    games, updates = [line for line in lines if line.games], [line for line in lines if line.updates]
+    games = [line for line in lines if line.games]
+    updates = [line for line in lines if line.updates]
     rewards = {"title": "reward in training", "ylabel": "mean reward of a game"}
     draw(games, lambda line, side: getattr(line, f"{side}_return"), **rewards)
     losses = {"title": "loss in training", "ylabel": "mean loss of an update", "yscale": "log"}
@@ -59,7 +68,13 @@ def _draw_greedy(axes: Axes, evaluations: Sequence[Evaluation], fixed: bool) -> 
 
     if fixed:
         draw([Outcome.CAPTURED], palette.PURSUER, "captured")
-        axes.axhline(100 * STAGE_1, color=palette.INK, linewidth=0.8, linestyle=":", label="the paper, at its end")
+        axes.axhline(
+            100 * STAGE_1,
+            color=palette.INK,
+            linewidth=0.8,
+            linestyle=":",
+            label="the paper, at its end",
+        )
     else:
         draw(PURSUER_WINS, palette.PURSUER, "pursuer wins")
         draw(PURSUER_FAILS, palette.EVADER, "pursuer fails")

@@ -24,13 +24,27 @@ def _draw_win_rates(axes: Axes, tournament: Tournament) -> None:
     """Draw the pursuers' win rates [%], a row each, as colours and figures."""
     rates = 100 * tournament.win_rates
     colours = axes.imshow(rates, cmap="RdBu_r", vmin=0, vmax=100, aspect="auto")
-    axes.set_xticks(range(len(tournament.evaders)), tournament.evaders, rotation=45, ha="right", fontsize=7)
+    axes.set_xticks(
+        range(len(tournament.evaders)),
+        tournament.evaders,
+        rotation=45,
+        ha="right",
+        fontsize=7,
+    )
     axes.set_yticks(range(len(tournament.pursuers)), tournament.pursuers, fontsize=7)
     axes.grid(visible=False)
     if rates.size <= 200:
         for (row, column), value in np.ndenumerate(rates):
             colour = "white" if abs(value - 50) > 35 else palette.INK
-            axes.text(column, row, f"{value:.0f}", ha="center", va="center", fontsize=6, color=colour)
+            axes.text(
+                column,
+                row,
+                f"{value:.0f}",
+                ha="center",
+                va="center",
+                fontsize=6,
+                color=colour,
+            )
     axes.set(title="who beats whom", xlabel="evader", ylabel="pursuer")
     label = "the pursuer wins [% of games]"
     axes.figure.colorbar(colours, ax=axes, location="bottom", label=label, fraction=0.05, aspect=30)
@@ -43,7 +57,15 @@ def _draw_ratings(axes: Axes, tournament: Tournament) -> None:
         (tournament.ratings.evader, len(tournament.pursuers), palette.EVADER, "evaders", "D"),
     ):
         lines = first + np.arange(len(rated.points))
-        axes.errorbar(rated.points, lines, xerr=rated.reach, fmt=sign, color=colour, markersize=4, label=label)
+        axes.errorbar(
+            rated.points,
+            lines,
+            xerr=rated.reach,
+            fmt=sign,
+            color=colour,
+            markersize=4,
+            label=label,
+        )
     names = [*tournament.pursuers, *tournament.evaders]
     axes.set_yticks(range(len(names)), names, fontsize=7)
     axes.invert_yaxis()
@@ -51,7 +73,10 @@ def _draw_ratings(axes: Axes, tournament: Tournament) -> None:
     axes.set(title="how strong everyone is", xlabel="Elo [points], with 95 % intervals")
 
 
-WHO_WINS = LinearSegmentedColormap.from_list("who wins", [palette.EVADER, palette.LIGHT["panel"], palette.PURSUER])
+WHO_WINS = LinearSegmentedColormap.from_list(
+    "who wins",
+    [palette.EVADER, palette.LIGHT["panel"], palette.PURSUER],
+)
 """From values with which the pursuer wins no game to those with which it wins all."""
 
 
@@ -65,8 +90,18 @@ def draw_varied(varied: VariedMatches, path: Path) -> None:
     label = f"the pursuer wins [% of {varied.match.games:,} games]"
     with style.picture(path, width=5.4, height=4.2) as (axes,):
         if second:
-            rates, across, up = 100 * varied.win_rates.T, first.values, second[0].values
-            mesh = axes.pcolormesh(across, up, rates, cmap=WHO_WINS, vmin=0, vmax=100, shading="nearest")
+            rates = 100 * varied.win_rates.T
+            across = first.values
+            up = second[0].values
+            mesh = axes.pcolormesh(
+                across,
+                up,
+                rates,
+                cmap=WHO_WINS,
+                vmin=0,
+                vmax=100,
+                shading="nearest",
+            )
             if min(rates.shape) > 1 and rates.min() < 50 < rates.max():
                 axes.contour(across, up, rates, levels=[50.0], colors=palette.INK)
             axes.figure.colorbar(mesh, ax=axes, label=label)

@@ -21,7 +21,9 @@ LIGHT = {
     "quiet": "#5d5d58",
     "panel": "#f6f6f3",
 }
-"""The colours of a page by name; `quiet` is for words of less weight, `panel` for what lies on the paper."""
+"""The colours of a page by name; `quiet` is for words of less weight, `panel` for what lies on the
+paper.
+"""
 
 DARK = {
     "pursuer": "#ff8d76",

@@ -1,4 +1,6 @@
-"""The report of a training run, one HTML file: how its agents learned, how good they are, and games that they play."""
+"""The report of a training run, one HTML file: how its agents learned, how good they are, and games
+that they play.
+"""
 
 import re
 from collections.abc import Mapping
@@ -46,7 +48,8 @@ _HERE = Path(__file__).parent
 def for_page(replay: Replay) -> dict[str, Any]:
     """Return a game as the page's script reads it: a replay without actions, its states rounded.
 
-    Of a game of teams `until` says for each robot the first step at which it is out of play, or None.
+    Of a game of teams `until` says for each robot the first step at which it is out of play, or
+    None.
     """
     data = as_data(replay) | {"states": replay.states.astype(float).round(_DIGITS).tolist()}
     del data["actions"]
@@ -57,11 +60,16 @@ def for_page(replay: Replay) -> dict[str, Any]:
 
 
 def games_to_show(match: Match) -> list[tuple[Replay, int]]:
-    """Return one game for each outcome of a match, in the order of `worst_first`, and how many games ended in this way;
-    raises InvalidInput if they are too long.
+    """Return one game for each outcome of a match, in the order of `worst_first`, and how many
+    games ended in this way; raises InvalidInput if they are too long.
     """
     bound = f"at most {LONGEST:,}, or no page could hold them"
-    require(match.game.max_steps <= LONGEST, "steps of a game that a report shows", match.game.max_steps, bound)
+    require(
+        match.game.max_steps <= LONGEST,
+        "steps of a game that a report shows",
+        match.game.max_steps,
+        bound,
+    )
     results = play_games(match)
     outcomes = np.asarray(results.outcome)
     first: dict[int, int] = {}
@@ -72,7 +80,9 @@ def games_to_show(match: Match) -> list[tuple[Replay, int]]:
 
 @dataclass(frozen=True)
 class Judged:
-    """The result of a match between two agents, and the paper's shares of outcomes, as far as it reports them."""
+    """The result of a match between two agents, and the paper's shares of outcomes, as far as it
+    reports them.
+    """
 
     pursuer: str
     evader: str
@@ -86,37 +96,45 @@ class Judged:
 
 
 def load_matches(path: Path) -> list[Judged]:
-    """Return the matches of an `evaluation.json`, or nothing without one; raises InvalidInput for another file."""
+    """Return the matches of an `evaluation.json`, or nothing without one; raises InvalidInput for
+    another file.
+    """
     if not path.exists():
         return []
     remedy, run = "remove it, or train again", path.parent.resolve().name
     content = read_bytes(path, "what training wrote", remedy, within=path.parent)
-    judged = []
+    matches = []
     for name, data in parse_json(content, f"'{path}' has no results of matches; {remedy}").items():
         pair = name.split(" against ")
         require(len(pair) == 2, f"'{path}': match", name, f"NAME against NAME; {remedy}")
-        ours = [name if name in PLAYERS else f"{run}/{name}" for name in pair]
-        judged.append(Judged(ours[0], ours[1], read_result(data, f"'{path}'"), paper_shares(*pair)))
-    return judged
+        names = [name if name in PLAYERS else f"{run}/{name}" for name in pair]
+        matches.append(
+            Judged(names[0], names[1], read_result(data, f"'{path}'"), paper_shares(*pair)),
+        )
+    return matches
 
 
 def report_of(folder: Path) -> dict[str, Any]:
-    """Return all that the report of a training run shows, finished or not, by the names in `report.html`."""
-    config, lines = load_config(folder / "config.toml", folder), load_metrics(folder / "metrics.jsonl", within=folder)
+    """Return all that the report of a training run shows, finished or not, by the names in
+    `report.html`.
+    """
+    config = load_config(folder / "config.toml", folder)
+    lines = load_metrics(folder / "metrics.jsonl", within=folder)
     stages = {name: plan.stage for name, plan in config.plans.items() if name in (FIXED_TARGET, SELF_PLAY)}
     by_stage = {name: [line for line in lines if line.stage == name] for name in stages}
-    done = {name: found[-1].env_steps if found else 0 for name, found in by_stage.items()}
+    env_steps = {name: lines[-1].env_steps if lines else 0 for name, lines in by_stage.items()}
     matches = load_matches(folder / "evaluation.json")
-    asked = last_matches(folder, config.game, GAMES, SEED).values()
-    games = [shown for match in asked for shown in games_to_show(match)]
-    warnings = [
-        f"Not finished: {name} stands at {done[name]:,} of {plan.env_steps:,} env steps. Go on with: apollonius resume "
-        f"{folder}"
-        for name, plan in stages.items()
-        if done[name] < plan.env_steps
-    ]
+    matches_to_play = last_matches(folder, config.game, GAMES, SEED).values()
+    games = [game for match in matches_to_play for game in games_to_show(match)]
+    warnings = list[str]()
+    for name, stage in stages.items():
+        if env_steps[name] < stage.env_steps:
+            share = f"{name} stands at {env_steps[name]:,} of {stage.env_steps:,} env steps"
+            warnings.append(f"Not finished: {share}. Go on with: apollonius resume {folder}")
     if not matches:
-        warnings += ["Not judged: the run has no evaluation.json, which apollonius train writes when it has finished."]
+        warnings += [
+            "Not judged: the run has no evaluation.json, which apollonius train writes when it has finished.",
+        ]
     if not games:
         warnings += ["No games to show: no stage has ended, so there are no agents yet."]
     return {
@@ -126,7 +144,11 @@ def report_of(folder: Path) -> dict[str, Any]:
         "warnings": warnings,
         "matches": matches,
         "stages": {name: (plan, by_stage[name]) for name, plan in stages.items()},
-        "pictures": {name: learning_pictures(found, config.evaders) for name, found in by_stage.items() if found},
+        "pictures": {
+            name: learning_pictures(stage_lines, config.evaders)
+            for name, stage_lines in by_stage.items()
+            if stage_lines
+        },
         "games": games,
         "config": (folder / "config.toml").read_text(encoding="utf-8"),
     }
@@ -143,7 +165,9 @@ def _described(game: Game) -> str:
 
 
 def save_report(report: Mapping[str, Any], path: Path) -> None:
-    """Write a report as one HTML file, atomically; raises InvalidInput where it is larger than `MAX_BYTES`."""
+    """Write a report as one HTML file, atomically; raises InvalidInput where it is larger than
+    `MAX_BYTES`.
+    """
     html = render(report).encode(errors="replace")
     bound = f"at most {MAX_BYTES:,}; make the figures in the folder smaller"
     require(len(html) <= MAX_BYTES, "size of the report [bytes]", f"{len(html):,}", bound)
@@ -152,7 +176,12 @@ def save_report(report: Mapping[str, Any], path: Path) -> None:
 
 def render(report: Mapping[str, Any]) -> str:
     """Return a report as HTML, with everything from files escaped."""
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment = Environment(
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
     environment.policies["json.dumps_kwargs"]["allow_nan"] = False
     return environment.from_string((_HERE / "report.html").read_text(encoding="utf-8")).render(
         **report,
@@ -172,22 +201,23 @@ _COMMENT = re.compile(r"^ *(?://[^\n]*|/\*\*.*?\*/)\n", re.MULTILINE | re.DOTALL
 
 
 def bundled(entry: Path) -> str:
-    """Return a module after all that it imports, each as an object of its exports, without comments.
+    """Return a module after all that it imports, each as an object of its exports, without
+    comments.
 
     Imports name files relative to it, and form no circle.
     """
     objects: dict[Path, str] = {}
 
     def text_of(path: Path) -> str:
-        def imported(found: re.Match[str]) -> str:
-            source = (path.parent / found[2]).resolve()
+        def imported(statement: re.Match[str]) -> str:
+            source = (path.parent / statement[2]).resolve()
             name = f"{source.stem}Module"
             if source not in objects:
                 text = text_of(source)
                 exports = ", ".join(_EXPORT.findall(text))
                 inner = re.sub("^export ", "", text, flags=re.MULTILINE)
                 objects[source] = f"const {name} = (() => {{\n{inner}return {{ {exports} }};\n}})();\n"
-            return f"const {{{found[1].replace(' as ', ': ')}}} = {name};\n"
+            return f"const {{{statement[1].replace(' as ', ': ')}}} = {name};\n"
 
         return _IMPORT.sub(imported, _COMMENT.sub("", path.read_text(encoding="utf-8")))
 

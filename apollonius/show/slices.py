@@ -1,6 +1,8 @@
-"""What an agent or a solved game says of every place in the arena: the value of the best action, and which it is.
+"""What an agent or a solved game says of every place in the arena: the value of the best action,
+and which it is.
 
-Everything but its own position is held fixed, so the pictures are slices of a function of eight numbers.
+Everything but its own position is held fixed, so the pictures are slices of a function of eight
+numbers.
 """
 
 from pathlib import Path
@@ -35,10 +37,14 @@ _LEVELS = {"brake": "_", "hold": ".", "speed up": "+"}
 """Signs of the three accelerations, by action level."""
 
 
-Slice = tuple[Float[np.ndarray, " columns"], Float[np.ndarray, " rows"], Float[np.ndarray, "rows columns 9"]]
-"""x and y of cells' centres [m], and the values of the nine actions there: a network's discounted reward to come, in
-the units of its training, or a solved game's discounted payoff; NaN where the robot's body touches an obstacle or a
-wall by more than a cell."""
+Slice = tuple[
+    Float[np.ndarray, " columns"],
+    Float[np.ndarray, " rows"],
+    Float[np.ndarray, "rows columns 9"],
+]
+"""x and y of cells' centres [m], and the values of the nine actions there: a network's discounted
+reward to come, in the units of its training, or a solved game's discounted payoff; NaN where the
+robot's body touches an obstacle or a wall by more than a cell."""
 
 
 def slice_values(
@@ -49,7 +55,16 @@ def slice_values(
     opponent: RobotState,
     cells: int,
 ) -> Slice:
-    """Return the values of all actions over the arena, at the player's own speed [m/s] and heading [rad]."""
+    """Evaluate all actions over the arena.
+
+    Args:
+        player: The player.
+        game: The game.
+        role: The player's side.
+        own: The player's speed [m/s] and heading [rad].
+        opponent: State of its opponent.
+        cells: Cells along each side of the arena.
+    """
     arena = game.arena
     x, y = (
         float(low) + float(high - low) * (np.arange(cells, dtype=np.float32) + 0.5) / cells
@@ -80,41 +95,61 @@ def save_slice(
     opponent: RobotState,
     path: Path,
 ) -> None:
-    """Save two maps of the arena as PNG: the value of a player's best action, and that action; raises InvalidInput for
-    an opponent outside the walls or inside a disc, or speeds that the robots cannot have.
+    """Save two maps of the arena as PNG: the value of a player's best action, and that action.
 
-    Of a solved game the first one shows the barrier too: the line where the payoff that it promises its side is
-    neither a win nor a loss. The player's `own` speed [m/s] and heading [rad] are given.
+    For a solved game the first map also shows the barrier, the line on which its value is 0.
+
+    Args:
+        player: The player.
+        role: The player's side.
+        name: The player's name, for the titles.
+        game: The game.
+        own: The player's speed [m/s] and heading [rad].
+        opponent: State of its opponent.
+        path: File to write.
+
+    Raises:
+        InvalidInput: For an opponent outside the walls or inside a disc, and for impossible speeds.
     """
-    other = ("opponent's speed", float(opponent.v), game.body(role.other))
-    for what, speed, body in (("speed", own[0], game.body(role)), other):
-        slowest, fastest = np.float32(body.v_min), np.float32(body.v_max)  # as precise as the speeds themselves
-        require(slowest <= speed <= fastest, what, f"{speed:g}", f"from {slowest:g} to {fastest:g} m/s")
+    own_speed = ("speed", own[0], game.body(role))
+    opponent_speed = ("opponent's speed", float(opponent.v), game.body(role.other))
+    for what, speed, body in (own_speed, opponent_speed):
+        # as precise as the speeds themselves
+        slowest, fastest = np.float32(body.v_min), np.float32(body.v_max)
+        require(
+            slowest <= speed <= fastest,
+            what,
+            f"{speed:g}",
+            f"from {slowest:g} to {fastest:g} m/s",
+        )
     place = (float(opponent.x), float(opponent.y))
     require(
         game.arena.clearance(opponent.x, opponent.y) > game.body(role.other).radius, "opponent", place,
         "a place [m] inside the walls and outside the discs",
     )  # fmt: skip
-    found = slice_values(player, game, role, own, opponent, CELLS)
-    with style.picture(path, columns=2, width=4.6, height=5.0) as (left, right):
-        _draw_values(left, found, solved=isinstance(player, SaddlePolicy))
-        _draw_actions(right, found)
-        for axes in (left, right):
+    values = slice_values(player, game, role, own, opponent, CELLS)
+    with style.picture(path, columns=2, width=4.6, height=5.0) as (values_axes, actions_axes):
+        _draw_values(values_axes, values, solved=isinstance(player, SaddlePolicy))
+        _draw_actions(actions_axes, values)
+        for axes in (values_axes, actions_axes):
             draw_arena(axes, game.arena)
             _draw_opponent(axes, role, opponent, game)
-        left.set_title(f"{name}: value of its best action\nat {_motion(*own)}")
+        values_axes.set_title(f"{name}: value of its best action\nat {_motion(*own)}")
         motion = _motion(float(opponent.v), float(opponent.heading))
-        other = role.other.name.lower()
-        right.set_title(f"{name}: its best action\n{other} at ({place[0]:g}, {place[1]:g}) m, {motion}")
+        side = role.other.name.lower()
+        situation = f"{side} at ({place[0]:g}, {place[1]:g}) m, {motion}"
+        actions_axes.set_title(f"{name}: its best action\n{situation}")
 
 
 def _motion(speed: float, heading: float) -> str:
     return f"{speed:.3g} m/s, heading {np.degrees(heading):.0f}°"
 
 
-def _draw_values(axes: Axes, found: Slice, solved: bool) -> None:
-    """Draw the highest value of each cell, on a perceptually uniform scale that grows lighter throughout."""
-    x, y, values = found
+def _draw_values(axes: Axes, values_slice: Slice, solved: bool) -> None:
+    """Draw the highest value of each cell, on a perceptually uniform scale that grows lighter
+    throughout.
+    """
+    x, y, values = values_slice
     best = values.max(axis=-1)
     mesh = axes.pcolormesh(x, y, best, cmap="viridis", rasterized=True)
     label = "promised payoff [discounted]" if solved else "value [discounted reward to come]"
@@ -125,30 +160,66 @@ def _draw_values(axes: Axes, found: Slice, solved: bool) -> None:
         axes.clabel(barrier, fmt="barrier", fontsize="small")
 
 
-def _draw_actions(axes: Axes, found: Slice) -> None:
+def _draw_actions(axes: Axes, values_slice: Slice) -> None:
     """Draw turns as colours, accelerations as signs."""
-    x, y, values = found
+    x, y, values = values_slice
     free = ~np.isnan(values[..., 0])
     action = np.where(free, np.argmax(np.nan_to_num(values, nan=-np.inf), axis=-1), 0)
     turn = np.ma.masked_where(~free, action % 3)
-    axes.pcolormesh(x, y, turn, cmap=ListedColormap(list(_TURNS.values())), norm=BoundaryNorm([0, 1, 2, 3], 3))
+    axes.pcolormesh(
+        x,
+        y,
+        turn,
+        cmap=ListedColormap(list(_TURNS.values())),
+        norm=BoundaryNorm([0, 1, 2, 3], 3),
+    )
     every = max(1, len(x) // _SIGNS)
-    chosen = slice(every // 2, None, every)
-    columns, rows = np.meshgrid(x[chosen], y[chosen])
+    every_nth = slice(every // 2, None, every)
+    columns, rows = np.meshgrid(x[every_nth], y[every_nth])
     for level, sign in enumerate(_LEVELS.values()):
-        here = (action[chosen, chosen] // 3 == level) & free[chosen, chosen]
-        axes.plot(columns[here], rows[here], sign, color=palette.INK, markersize=4, markeredgewidth=0.9)
+        has_level = (action[every_nth, every_nth] // 3 == level) & free[every_nth, every_nth]
+        axes.plot(
+            columns[has_level],
+            rows[has_level],
+            sign,
+            color=palette.INK,
+            markersize=4,
+            markeredgewidth=0.9,
+        )
     keys = [Patch(facecolor=colour, edgecolor=palette.OBSTACLE, label=name) for name, colour in _TURNS.items()]
     keys += [Line2D([], [], color=palette.INK, marker=sign, ls="none", label=name) for name, sign in _LEVELS.items()]
-    axes.legend(handles=keys, loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2, title="turn and acceleration")
+    axes.legend(
+        handles=keys,
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.13),
+        ncols=2,
+        title="turn and acceleration",
+    )
 
 
 def _draw_opponent(axes: Axes, role: Role, opponent: RobotState, game: Game) -> None:
     """Draw the opponent with its heading, and how near the robots must come for a capture."""
-    colour, reach = palette.SIDES[role.other], float(game.capture_distance)
-    x, y, heading = float(opponent.x), float(opponent.y), float(opponent.heading)
-    axes.add_patch(Circle((x, y), reach, fill=False, edgecolor=colour, linewidth=1.2, linestyle="--"))
-    length = _ARROW * float(max(game.arena.x_max - game.arena.x_min, game.arena.y_max - game.arena.y_min))
-    dx, dy, width = length * np.cos(heading), length * np.sin(heading), length / 14
-    axes.arrow(x, y, dx, dy, width=width, head_width=4 * width, length_includes_head=True, color=colour)
+    colour = palette.SIDES[role.other]
+    reach = float(game.capture_distance)
+    x = float(opponent.x)
+    y = float(opponent.y)
+    heading = float(opponent.heading)
+    axes.add_patch(
+        Circle((x, y), reach, fill=False, edgecolor=colour, linewidth=1.2, linestyle="--"),
+    )
+    arena = game.arena
+    length = _ARROW * float(max(arena.x_max - arena.x_min, arena.y_max - arena.y_min))
+    dx = length * np.cos(heading)
+    dy = length * np.sin(heading)
+    width = length / 14
+    axes.arrow(
+        x,
+        y,
+        dx,
+        dy,
+        width=width,
+        head_width=4 * width,
+        length_includes_head=True,
+        color=colour,
+    )
     axes.plot(x, y, "o", color=colour, markersize=6, markeredgecolor=palette.PAPER)

@@ -42,8 +42,20 @@ _SETTINGS: dict[Any, Any] = {
 
 
 @contextmanager
-def picture(path: Path, columns: int = 1, width: float = 4.6, height: float = 3.0) -> Generator[list[Axes], None, None]:
-    """Open a figure of panels side by side [inches], which is saved as PNG when the block ends."""
+def picture(
+    path: Path,
+    columns: int = 1,
+    width: float = 4.6,
+    height: float = 3.0,
+) -> Generator[list[Axes], None, None]:
+    """Open a figure of panels side by side, which is saved as PNG when the block ends.
+
+    Args:
+        path: File to write.
+        columns: Number of panels.
+        width: Width of a panel [inches].
+        height: Height of the figure [inches].
+    """
     with mpl.rc_context(_SETTINGS):
         figure = Figure(figsize=(columns * width, height), layout="constrained")
         yield list(figure.subplots(1, columns, squeeze=False).flat)
@@ -53,9 +65,11 @@ def picture(path: Path, columns: int = 1, width: float = 4.6, height: float = 3.
 
 
 def inline_svg(draw: Callable[[Axes], None], label: str) -> str:
-    """Return a figure of one panel as an `<svg>` for a page that defines the palette's colours as CSS variables.
+    """Return a figure of one panel as an `<svg>` for a page that defines the palette's colours as
+    CSS variables.
 
-    The same figure serves light and dark pages. Letters stay text; the label is plain text for who does not see it.
+    The same figure serves light and dark pages. Letters stay text; the label is plain text for who
+    does not see it.
     """
     settings: dict[Any, Any] = _SETTINGS | {"svg.fonttype": "none", "svg.hashsalt": label}
     with mpl.rc_context(settings):
@@ -64,9 +78,14 @@ def inline_svg(draw: Callable[[Axes], None], label: str) -> str:
         file = io.StringIO()
         nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
         figure.savefig(file, format="svg", transparent=True, metadata=nothing)
-    drawn = re.search(r"<svg.*</svg>", file.getvalue(), re.DOTALL)
-    assert drawn, "matplotlib writes one svg element"
-    svg = re.sub(r'<metadata>.*?</metadata>|xmlns(:\w+)?="[^"]*"', "", drawn.group(), flags=re.DOTALL)
+    svg_element = re.search(r"<svg.*</svg>", file.getvalue(), re.DOTALL)
+    assert svg_element, "matplotlib writes one svg element"
+    svg = re.sub(
+        r'<metadata>.*?</metadata>|xmlns(:\w+)?="[^"]*"',
+        "",
+        svg_element.group(),
+        flags=re.DOTALL,
+    )
     for name, colour in LIGHT.items():
         svg = svg.replace(colour, f"var(--{name})")
     return svg.replace("<svg", f'<svg role="img" aria-label="{label}"', 1)
@@ -77,9 +96,14 @@ Curve = tuple[Sequence[float | int], Sequence[float | int]]
 
 
 def draw_seeds(axes: Axes, curves: Sequence[Curve], colour: str, label: str) -> None:
-    """Draw the curve of a lone seed; of several, thin curves, and the mean over their common range with its 95 % band.
+    """Draw the curve of one seed, or the curves of several with their mean and its 95 % band
+    (Student's t).
 
-    The band is Student's t interval.
+    Args:
+        axes: The panel.
+        curves: A curve for each seed.
+        colour: Colour of all curves.
+        label: Words for the legend.
     """
     axes.xaxis.set_major_formatter(EngFormatter(sep=""))  # 50k, not 50000
     if len(curves) == 1:
@@ -93,14 +117,35 @@ def draw_seeds(axes: Axes, curves: Sequence[Curve], colour: str, label: str) -> 
     seeds = np.stack([np.interp(grid, x, y) for x, y in curves])
     low, high = mean_band(seeds)
     axes.fill_between(grid, low, high, color=colour, alpha=0.15, linewidth=0)
-    axes.plot(grid, seeds.mean(axis=0), color=colour, label=f"{label}: mean of {len(curves)} seeds, 95 % band")
+    axes.plot(
+        grid,
+        seeds.mean(axis=0),
+        color=colour,
+        label=f"{label}: mean of {len(curves)} seeds, 95 % band",
+    )
 
 
 def draw_rate(
-    axes: Axes, x: Sequence[float | int], times: Sequence[int], games: Sequence[int], colour: str, label: str
+    axes: Axes,
+    x: Sequence[float | int],
+    times: Sequence[int],
+    games: Sequence[int],
+    colour: str,
+    label: str,
 ) -> None:
-    """Draw a rate [%] along x, with Wilson's 95 % intervals over games as a band."""
-    low, high = 100 * np.transpose([wilson_interval(*counts) for counts in zip(times, games, strict=True)])
+    """Draw a rate [%] along x, with Wilson's 95 % intervals over games as a band.
+
+    Args:
+        axes: The panel.
+        x: The points.
+        times: Games that count, at each point.
+        games: All games, at each point.
+        colour: Colour of the curve.
+        label: Words for the legend.
+    """
+    low, high = 100 * np.transpose(
+        [wilson_interval(*counts) for counts in zip(times, games, strict=True)],
+    )
     axes.fill_between(x, low, high, color=colour, alpha=0.18, linewidth=0)
     axes.plot(x, 100 * np.asarray(times) / np.asarray(games), color=colour, label=label)
 
@@ -117,15 +162,31 @@ def draw_strips(
     intervals: Sequence[tuple[float, float]],
     colours: Sequence[str],
 ) -> None:
-    """Draw the rates [%] of trainings against those of the other side, a strip for each name.
+    """Draw the rates of trainings against those of the other side, a strip for each name.
 
-    Each row of rates, those of one training, is a line from the least to the largest with a dot at the mean; rows are
-    sorted by their means. Beside each strip is the interval in which another pair lies.
+    Each training is a line from its least to its largest rate with a dot at the mean; trainings are
+    sorted by their means. Beside each strip is the prediction interval of another pair.
+
+    Args:
+        axes: The panel.
+        names: Name of each strip.
+        rates: Rates in [0, 1] of each strip, a row for each training.
+        intervals: Prediction interval of each strip, in [0, 1].
+        colours: Colour of each strip.
     """
-    for index, (rows, (low, high), colour) in enumerate(zip(rates, intervals, colours, strict=True)):
+    for index, (rows, (low, high), colour) in enumerate(
+        zip(rates, intervals, colours, strict=True),
+    ):
         percents = 100 * np.asarray(sorted(rows, key=np.mean))
         places = index + (np.linspace(-0.3, 0.2, len(rows)) if len(rows) > 1 else np.zeros(1))
-        axes.vlines(places, percents.min(axis=1), percents.max(axis=1), color=colour, alpha=0.4, linewidth=3)
+        axes.vlines(
+            places,
+            percents.min(axis=1),
+            percents.max(axis=1),
+            color=colour,
+            alpha=0.4,
+            linewidth=3,
+        )
         axes.plot(places, percents.mean(axis=1), "o", color=colour, markersize=4)
         axes.vlines(index + 0.35, 100 * low, 100 * high, color=INK, linewidth=2)
     axes.set_xticks(range(len(names)), names)

@@ -1,4 +1,6 @@
-"""A differential drive: what it weighs and measures, and how its controller follows a policy's controls."""
+"""A differential drive: what it weighs and measures, and how its controller follows a policy's
+controls.
+"""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,9 +23,11 @@ _BOUNDS = {
 
 @dataclass(frozen=True)
 class Drive:
-    """A robot of about the size of a Pioneer 3-DX; `examples/pioneer.toml` says which numbers have a source.
+    """A robot of about the size of a Pioneer 3-DX; `examples/pioneer.toml` says which numbers have
+    a source.
 
-    Two driven wheels stand left and right of the point that the game calls the robot's position; a ball caster behind.
+    Two driven wheels stand left and right of the point that the game calls the robot's position; a
+    ball caster behind.
     """
 
     mass: float = 9.0
@@ -43,7 +47,9 @@ class Drive:
     friction: float = 0.8
     """Coulomb coefficient between tyre and floor."""
     inertia: float = 0.01
-    """Of a motor's rotor at the wheel, behind the gearbox [kg m^2]; without it a stiff controller rings."""
+    """Of a motor's rotor at the wheel, behind the gearbox [kg m^2]; without it a stiff controller
+    rings.
+    """
     resistance: float = 0.05
     """Torque that turning a wheel takes at any speed: rolling resistance and gearbox [N m]."""
     torque: float = 3.0
@@ -53,7 +59,9 @@ class Drive:
     lag: float = 0.05
     """Time constant with which the wheel-speed controller takes up a reference [s]."""
     latency: float = 0.05
-    """From the measurement of a state until the controls chosen in it take effect [s]; at most one step of the game."""
+    """From the measurement of a state until the controls chosen in it take effect [s]; at most one
+    step of the game.
+    """
     turn_acceleration: float = 1.745
     """The drive changes its turn rate no faster than this [rad/s^2]."""
 
@@ -65,22 +73,35 @@ class Drive:
         bound = f"less than caster = {self.caster} m, or the robot falls over backwards"
         require(self.mass_behind < self.caster, "mass_behind", self.mass_behind, bound)
 
-    def wheel_speeds(self, v: Float[np.ndarray, "*robots"], turn_rate: Float[np.ndarray, "*robots"]) -> np.ndarray:
-        """Return the speeds of left and right wheels [rad/s] at a speed [m/s] and a turn rate [rad/s]."""
+    def wheel_speeds(
+        self,
+        v: Float[np.ndarray, "*robots"],
+        turn_rate: Float[np.ndarray, "*robots"],
+    ) -> np.ndarray:
+        """Return the speeds of left and right wheels [rad/s] at a speed [m/s] and a turn rate
+        [rad/s].
+        """
         half = turn_rate * self.track / 2
         return np.stack([v - half, v + half], axis=-1) / self.wheel_radius
 
 
 def load_drive(path: Path | None) -> Drive:
-    """Return the drive of a .toml file with what is other about a robot, or the usual one; raises InvalidInput."""
+    """Return the drive of a .toml file with what is other about a robot, or the usual one; raises
+    InvalidInput.
+    """
     if path is None:
         return Drive()
-    return from_dict(Drive, parse_toml(read_bytes(path, "a drive's .toml file", "check the path"), path), f"'{path}'")
+    return from_dict(
+        Drive,
+        parse_toml(read_bytes(path, "a drive's .toml file", "check the path"), path),
+        f"'{path}'",
+    )
 
 
 @dataclass
 class References:
-    """The speeds [m/s], turn rates [rad/s] and controls that the drives of a batch of robots follow now.
+    """The speeds [m/s], turn rates [rad/s] and controls that the drives of a batch of robots follow
+    now.
 
     It changes as they go; new controls replace those after the latency.
     """
@@ -90,7 +111,8 @@ class References:
     controls: Float[np.ndarray, "games robots 2"] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.turn_rate, self.controls = np.zeros_like(self.v), np.zeros((*self.v.shape, 2))
+        self.turn_rate = np.zeros_like(self.v)
+        self.controls = np.zeros((*self.v.shape, 2))
 
     def follow(
         self,
@@ -101,18 +123,28 @@ class References:
         h: float,
         turn_acceleration: Float[np.ndarray, " robots"],
     ) -> Float[np.ndarray, "games steps wheels"]:
-        """Return the wheel speeds [rad/s] asked for over one step of the game: left and right of each robot in turn.
+        """Compute the reference wheel speeds [rad/s] over one step of the game, left and right of
+        each robot in turn.
 
-        Chosen are accelerations [m/s^2] and turn rates [rad/s]; limits are lowest and highest speeds [m/s], those of
-        turn accelerations [rad/s^2]. The physics makes some steps of duration `h` [s] in one of the game.
+        Args:
+            drive: The robots' drive.
+            chosen: New controls: acceleration [m/s^2] and turn rate [rad/s].
+            limits: Lowest and highest speed of each robot [m/s].
+            steps: Steps of the physics in a step of the game.
+            h: Duration of a step of the physics [s].
+            turn_acceleration: Largest turn acceleration of each robot [rad/s^2].
         """
-        asked = np.empty((len(self.v), steps, *self.v.shape[1:], 2))
+        wheel_speeds = np.empty((len(self.v), steps, *self.v.shape[1:], 2))
         reach = turn_acceleration * h
         for step in range(steps):
             if step * h >= drive.latency - 1e-9:
                 self.controls = chosen
             self.v = np.clip(self.v + self.controls[..., 0] * h, *limits.T)
-            self.turn_rate = self.turn_rate + np.clip(self.controls[..., 1] - self.turn_rate, -reach, reach)
-            asked[:, step] = drive.wheel_speeds(self.v, self.turn_rate)
+            self.turn_rate = self.turn_rate + np.clip(
+                self.controls[..., 1] - self.turn_rate,
+                -reach,
+                reach,
+            )
+            wheel_speeds[:, step] = drive.wheel_speeds(self.v, self.turn_rate)
         self.controls = chosen
-        return asked.reshape(len(asked), steps, -1)
+        return wheel_speeds.reshape(len(wheel_speeds), steps, -1)

@@ -21,18 +21,24 @@ from apollonius.simulate.drive import Drive
 
 WHEELS = ("left", "right")
 SHELL = 0.01
-"""How much smaller the shell that obstacles push back is than the body that the referee measures [m]."""
+"""How much smaller the shell that obstacles push back is than the body that the referee measures
+[m].
+"""
 _HEIGHT = 0.3
 _THICKNESS = 0.05
-# Who meets whom: a geom collides with those whose kind is in its `conaffinity`. Robots do not touch each other.
-_FLOOR, _OBSTACLE, _NOTHING = "1", "2", "0"
+# A geom collides with those whose kind is in its `conaffinity`. Robots do not touch each other.
+_FLOOR = "1"
+_OBSTACLE = "2"
+_NOTHING = "0"
 _COLOURS = {"pursuer": "0.8 0.2 0.2 1", "evader": "0.2 0.4 0.8 1"}
 _ABOVE = 0.06
 """How far the middle of the chassis is above the axle [m]."""
 
 
 def robots_of(game: Game) -> dict[str, Unicycle]:
-    """Return the bodies of the pursuers and then of the evaders by their names: `pursuer`, `pursuer 2` and so on."""
+    """Return the bodies of the pursuers and then of the evaders by their names: `pursuer`, `pursuer
+    2` and so on.
+    """
     return {
         f"{role.name.lower()} {number + 1}".removesuffix(" 1"): body
         for role in Role
@@ -41,18 +47,19 @@ def robots_of(game: Game) -> dict[str, Unicycle]:
 
 
 def mjcf(game: Game, drive: Drive, step: float) -> str:
-    """Return the model as text, for a physics of steps of `step` [s]; raises InvalidInput for an obstacle of another
-    kind, and for a robot that is not driven by two wheels.
+    """Return the model as text, for a physics of steps of `step` [s]; raises InvalidInput for an
+    obstacle of another kind, and for a robot that is not driven by two wheels.
 
-    Walls stand outside the arena's bounds. Discs are cylinders; a polygon is its edges, since MuJoCo would fill a
-    hollow one; a map is boxes of its cells. Robots do not touch each other: whether the evader is caught is for the
-    referee to say.
+    Walls stand outside the arena's bounds. Discs are cylinders; a polygon is its edges, since
+    MuJoCo would fill a hollow one; a map is boxes of its cells. Robots do not touch each other:
+    whether the evader is caught is for the referee to say.
     """
     bound = "discs, polygons and maps, the only ones that robots with bodies know"
     game.arena.require_only((Disc, Polygon, OccupancyMap), bound)
     robots = robots_of(game)
     for side, body in robots.items():
-        kind, bound = type(body), "Unicycle: a body has two driven wheels; write a drive for other robots"
+        kind = type(body)
+        bound = "Unicycle: a body has two driven wheels; write a drive for other robots"
         require(kind is Unicycle, f"class of the {side}", kind.__name__, bound)
     model = Element("mujoco", model="pursuit-evasion")
     SubElement(model, "option", timestep=f"{step:.9g}", integrator="implicitfast", cone="elliptic")
@@ -71,7 +78,14 @@ def _numbers(*values: Real) -> str:
     return " ".join(f"{value:.9g}" for value in values)
 
 
-def _geom(parent: Element, name: str, shape: str, kind: str = _NOTHING, meets: str = _NOTHING, **more: object) -> None:
+def _geom(
+    parent: Element,
+    name: str,
+    shape: str,
+    kind: str = _NOTHING,
+    meets: str = _NOTHING,
+    **more: object,
+) -> None:
     texts = {key: _numbers(*value) if isinstance(value, tuple) else str(value) for key, value in more.items()}
     SubElement(parent, "geom", name=name, type=shape, contype=kind, conaffinity=meets, attrib=texts)
 
@@ -87,23 +101,32 @@ def _obstacles(arena: Arena) -> Iterator[dict[str, Any]]:
         yield {"shape": "cylinder", "size": (float(disc.radius), _HEIGHT / 2), "pos": place}
     for polygon in arena.polygons:
         yield from _edges([(float(x), float(y)) for x, y in polygon.vertices], 1e-3)
-    if (cells := arena.map) is not None:
+    cells = arena.map
+    if cells is not None:
         for row, column, rows, columns in rectangles(cells.occupied()):
-            half_x, half_y = columns * float(cells.cell) / 2, rows * float(cells.cell) / 2
-            x, y = float(cells.x + column * cells.cell) + half_x, float(cells.y + row * cells.cell) + half_y
-            yield {"shape": "box", "size": (half_x, half_y, _HEIGHT / 2), "pos": (x, y, _HEIGHT / 2)}
+            half_x = columns * float(cells.cell) / 2
+            half_y = rows * float(cells.cell) / 2
+            x = float(cells.x + column * cells.cell) + half_x
+            y = float(cells.y + row * cells.cell) + half_y
+            yield {
+                "shape": "box",
+                "size": (half_x, half_y, _HEIGHT / 2),
+                "pos": (x, y, _HEIGHT / 2),
+            }
 
 
 def rectangles(cells: Bool[np.ndarray, "rows columns"]) -> Iterator[tuple[int, int, int, int]]:
-    """Yield first row, first column, rows and columns of rectangles that cover each of these cells once."""
-    left = cells.copy()
-    while left.any():
-        row, column = map(int, np.unravel_index(left.argmax(), left.shape))
-        beside = left[row, column:]
-        columns = beside.size if beside.all() else int(beside.argmin())
-        full = left[row:, column : column + columns].all(axis=1)
+    """Yield first row, first column, rows and columns of rectangles that cover each of these cells
+    once.
+    """
+    uncovered = cells.copy()
+    while uncovered.any():
+        row, column = map(int, np.unravel_index(uncovered.argmax(), uncovered.shape))
+        right_of_it = uncovered[row, column:]
+        columns = right_of_it.size if right_of_it.all() else int(right_of_it.argmin())
+        full = uncovered[row:, column : column + columns].all(axis=1)
         rows = full.size if full.all() else int(full.argmin())
-        left[row : row + rows, column : column + columns] = False
+        uncovered[row : row + rows, column : column + columns] = False
         yield row, column, rows, columns
 
 
@@ -121,7 +144,8 @@ def _edges(corners: list[tuple[float, float]], half_thickness: float) -> Iterato
 def _add_robot(world: Element, actuators: Element, side: str, drive: Drive, radius: float) -> None:
     """Add a chassis with two wheels and a caster; its frame is on the axle, x ahead.
 
-    Obstacles push the robot where the game's has a radius; one that is a point is judged by its centre alone.
+    Obstacles push the robot where the game's has a radius; one that is a point is judged by its
+    centre alone.
     """
     body = SubElement(world, "body", name=side, pos=_numbers(0, 0, drive.wheel_radius))
     SubElement(body, "freejoint", name=side)
@@ -131,9 +155,19 @@ def _add_robot(world: Element, actuators: Element, side: str, drive: Drive, radi
     )  # fmt: skip
     if radius > 2 * SHELL:
         size = (radius - SHELL, 0.1)
-        _geom(body, f"{side} shell", "cylinder", meets=_OBSTACLE, size=size, pos=(0, 0, _ABOVE), mass=0, group=3)
+        _geom(
+            body,
+            f"{side} shell",
+            "cylinder",
+            meets=_OBSTACLE,
+            size=size,
+            pos=(0, 0, _ABOVE),
+            mass=0,
+            group=3,
+        )
     ball = 0.4 * drive.wheel_radius
-    _geom(  # it rolls freely in every direction: next to no friction, and its own counts, not the floor's
+    # it rolls freely in every direction: next to no friction, and its own counts, not the floor's
+    _geom(
         body, f"{side} caster", "sphere", meets=_FLOOR, size=(ball,), pos=(-drive.caster, 0, ball - drive.wheel_radius),
         mass=0, friction=(0.01, 0, 0), priority=1,
     )  # fmt: skip
@@ -142,7 +176,8 @@ def _add_robot(world: Element, actuators: Element, side: str, drive: Drive, radi
         part = SubElement(body, "body", name=name, pos=_numbers(0, place * drive.track / 2, 0))
         joint = {"frictionloss": _numbers(drive.resistance), "armature": _numbers(drive.inertia)}
         SubElement(part, "joint", name=name, axis="0 1 0", attrib=joint)
-        size = (drive.wheel_radius, 0.02, drive.wheel_radius)  # crowned, so that it touches the floor in one point
+        # crowned, so that it touches the floor in one point
+        size = (drive.wheel_radius, 0.02, drive.wheel_radius)
         friction = (drive.friction, 0.005, 0.0001)
         _geom(
             part, name, "ellipsoid", meets=_FLOOR, size=size, mass=drive.wheel_mass, friction=friction, condim=4,
@@ -167,15 +202,22 @@ class Physics:
     """The model of a game. States are MuJoCo's own, a row for each game.
 
     Raises:
-        InvalidInput: where MuJoCo is not installed, for a latency of more than a step of the game, and as `mjcf`.
+        InvalidInput: where MuJoCo is not installed, for a latency of more than a step of the game,
+            and as `mjcf`.
     """
 
     def __init__(self, game: Game, drive: Drive) -> None:
         require_extra("sim", "simulate")
-        self._mujoco: Any = import_module("mujoco")  # not by name: it has no types, and is needed nowhere else
+        # not by name: it has no types, and is needed nowhere else
+        self._mujoco: Any = import_module("mujoco")
         rollout: Any = import_module("mujoco.rollout")
         dt = float(game.dt)
-        require(drive.latency <= dt, "latency", drive.latency, f"at most one step of the game, {dt:g} s")
+        require(
+            drive.latency <= dt,
+            "latency",
+            drive.latency,
+            f"at most one step of the game, {dt:g} s",
+        )
         self.drive = drive
         self.robots = tuple(robots_of(game))
         self.steps = int(np.ceil(dt / LONGEST_STEP - 1e-6))
@@ -184,7 +226,10 @@ class Physics:
         self._data = self._mujoco.MjData(self.model)
         self._rollout = rollout.Rollout(nthread=1)
 
-    def place(self, rows: Float[np.ndarray, "games columns"]) -> Float64[np.ndarray, "games numbers"]:
+    def place(
+        self,
+        rows: Float[np.ndarray, "games columns"],
+    ) -> Float64[np.ndarray, "games numbers"]:
         """Return states in which the robots stand, or roll, where rows of x, y, v and heading say."""
         data, kind = self._data, self._mujoco.mjtState.mjSTATE_FULLPHYSICS
         states = np.empty((len(rows), self._mujoco.mj_stateSize(self.model, kind)))
@@ -192,7 +237,15 @@ class Physics:
             self._mujoco.mj_resetData(self.model, data)
             for side, (x, y, v, heading) in zip(self.robots, row, strict=True):
                 joint = data.joint(side)
-                joint.qpos[:] = [x, y, self.drive.wheel_radius, cos(heading / 2), 0, 0, sin(heading / 2)]
+                joint.qpos[:] = [
+                    x,
+                    y,
+                    self.drive.wheel_radius,
+                    cos(heading / 2),
+                    0,
+                    0,
+                    sin(heading / 2),
+                ]
                 joint.qvel[:2] = v * cos(heading), v * sin(heading)
                 for wheel in WHEELS:
                     turning = v / self.drive.wheel_radius
@@ -203,17 +256,21 @@ class Physics:
         return states
 
     def advance(
-        self, states: Float64[np.ndarray, "games numbers"], wheel_speeds: Float[np.ndarray, "games steps wheels"]
+        self,
+        states: Float64[np.ndarray, "games numbers"],
+        wheel_speeds: Float[np.ndarray, "games steps wheels"],
     ) -> Float64[np.ndarray, "games numbers"]:
-        """Return the states after a step of the physics for each of the wheel speeds asked for [rad/s].
+        """Return the states after a step of the physics for each of the wheel speeds asked for
+        [rad/s].
 
-        Raises InvalidInput where MuJoCo warns of its numbers: it would put such a robot back to where it began.
+        Raises InvalidInput where MuJoCo warns of its numbers: it would put such a robot back to
+        where it began.
         """
         warnings: list[str] = []
         # Without a handler MuJoCo writes MUJOCO_LOG.TXT into the current folder.
         self._mujoco.set_mju_user_warning(warnings.append)
         try:
-            moved, _ = self._rollout.rollout(self.model, self._data, states, wheel_speeds)
+            trajectories, _ = self._rollout.rollout(self.model, self._data, states, wheel_speeds)
         finally:
             self._mujoco.set_mju_user_warning(None)
         if warnings:
@@ -221,11 +278,20 @@ class Physics:
                 f"MuJoCo cannot simulate these robots ({warnings[0]}): make masses, inertia, torque and stiffness of "
                 "the drive more like a real robot's."
             )
-        return moved[:, -1]
+        return trajectories[:, -1]
 
-    def measure(self, states: Float64[np.ndarray, "games numbers"]) -> Float64[np.ndarray, "games columns"]:
-        """Return the game's view of states: x, y, forward speed and heading of pursuers, then evaders."""
-        positions, speeds = np.split(states[:, 1 : 1 + self.model.nq + self.model.nv], [self.model.nq], axis=1)
+    def measure(
+        self,
+        states: Float64[np.ndarray, "games numbers"],
+    ) -> Float64[np.ndarray, "games columns"]:
+        """Return the game's view of states: x, y, forward speed and heading of pursuers, then
+        evaders.
+        """
+        positions, speeds = np.split(
+            states[:, 1 : 1 + self.model.nq + self.model.nv],
+            [self.model.nq],
+            axis=1,
+        )
         columns = []
         for side in self.robots:
             joint = self.model.joint(side)
@@ -235,7 +301,13 @@ class Physics:
             columns += [x, y, along_x * np.cos(heading) + along_y * np.sin(heading), heading]
         return np.stack(columns, axis=-1)
 
-    def turn_rates(self, states: Float64[np.ndarray, "games numbers"]) -> Float64[np.ndarray, "games robots"]:
+    def turn_rates(
+        self,
+        states: Float64[np.ndarray, "games numbers"],
+    ) -> Float64[np.ndarray, "games robots"]:
         """Return how fast robots turn in states [rad/s], as a gyroscope measures it."""
         first = 1 + self.model.nq
-        return np.stack([states[:, first + self.model.joint(side).dofadr[0] + 5] for side in self.robots], axis=-1)
+        return np.stack(
+            [states[:, first + self.model.joint(side).dofadr[0] + 5] for side in self.robots],
+            axis=-1,
+        )

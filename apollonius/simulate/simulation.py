@@ -1,4 +1,6 @@
-"""Games between robots with bodies, which the game's own referee judges, beside the same games by the rules."""
+"""Games between robots with bodies, which the game's own referee judges, beside the same games by
+the rules.
+"""
 
 from dataclasses import dataclass, replace
 from math import ceil, inf
@@ -31,10 +33,11 @@ from apollonius.simulate.physics import Physics
 
 @dataclass(frozen=True)
 class Simulated:
-    """Simulated games with all their steps, those of a game in order; each belongs to the game of its index.
+    """Simulated games with all their steps, those of a game in order; each belongs to the game of
+    its index.
 
-    States before a step, and after it, are x [m], y [m], v [m/s], heading [rad] of pursuers, then evaders; actions are
-    as in a `Replay`.
+    States before a step, and after it, are x [m], y [m], v [m/s], heading [rad] of pursuers, then
+    evaders; actions are as in a `Replay`.
     """
 
     results: Results
@@ -50,47 +53,81 @@ class Simulated:
 
 
 def simulate(
-    game: Game, players: BySide[Pool], starts: GameState, key: PRNGKeyArray, drive: Drive, report: Report = silent
+    game: Game,
+    players: BySide[Pool],
+    starts: GameState,
+    key: PRNGKeyArray,
+    drive: Drive,
+    report: Report = silent,
 ) -> Simulated:
-    """Play each of the given starts to its end with bodies; the players draw the same random bits as in `play_out`.
+    """Play each start to its end with bodies; the players use the same random bits as in
+    `play_out`.
 
-    Players see the bodies' states through the sensors of the game, once in every step, and know how fast they turn and
-    what their drives can do. The lag of the game's drives comes before the latency of the bodies' own; of two turn
-    accelerations the smaller one holds. A step is judged as in the game, from where the bodies' axles are at its two
-    ends and with the radii of the game's robots, so that what differs from the game is how the robots move and nothing
-    else. A robot that is out of play brakes.
+    Players observe the bodies' states through the sensors of the game, once in every step, and know
+    their turn rates and the limits of their drives. The lag of the game's drives precedes the
+    latency of the bodies' own; the smaller of two turn accelerations holds. A step is judged as in
+    the game, by the positions of the bodies' axles at its two ends and the radii of the game's
+    robots, so that only the motion differs from the game. A robot that is out of play brakes.
 
-    Starts are leaves `[games]`; the key is consumed. Errors are those of `Physics`.
+    Args:
+        game: The game.
+        players: Both sides' players.
+        starts: The starts, leaves `[games]`.
+        key: Key of all random bits; it is consumed.
+        drive: The robots' drive.
+        report: Called with the finished games and all games.
+
+    Raises:
+        InvalidInput: As `Physics`.
     """
-    physics, bodies_of = Physics(game, drive), [body for side in game.bodies for body in side]
+    physics = Physics(game, drive)
+    bodies_of = [body for side in game.bodies for body in side]
     strongest = np.array([body.u1_max for body in bodies_of], float)
     limits = np.array([[body.v_min, body.v_max] for body in bodies_of], float)
-    turning = np.array([_turn_acceleration(game, drive, role) for role in Role for _ in game.bodies[role]])
-    rows, known = as_rows(starts), _with_drive(game, drive)
-    bodies, references = physics.place(rows), References(rows[:, 2::4].astype(float))
+    turning = np.array(
+        [_turn_acceleration(game, drive, role) for role in Role for _ in game.bodies[role]],
+    )
+    rows = as_rows(starts)
+    known_game = _with_drive(game, drive)
+    bodies = physics.place(rows)
+    references = References(rows[:, 2::4].astype(float))
     count = len(rows)
-    games = rollout.begin(known, starts, players, random_bits_of(key, jnp.arange(count), jnp.full(count, -1)))
-    outcome, alive = np.full(count, int(Outcome.ONGOING), np.int32), np.arange(count)
+    bits = random_bits_of(key, jnp.arange(count), jnp.full(count, -1))
+    games = rollout.begin(known_game, starts, players, bits)
+    outcome = np.full(count, int(Outcome.ONGOING), np.int32)
+    alive = np.arange(count)
     log: list[tuple[np.ndarray, ...]] = []
     while alive.size:
         games = _with_turn_rates(games, physics.turn_rates(bodies))
-        actions, controls, sides = _choose(known, game.drives, players, games, key)
-        gone = ~np.stack([active for side in games.state.active for active in side], axis=1)
+        actions, controls, sides = _choose(known_game, game.drives, players, games, key)
+        is_out = ~np.stack([active for side in games.state.active for active in side], axis=1)
         braking = np.clip(-references.v / float(game.dt), -strongest, strongest)
         halted = np.stack([braking, np.zeros_like(braking)], axis=-1)
-        asked_of = np.where(gone[..., None], halted, np.asarray(controls, float))
-        asked = references.follow(drive, asked_of, limits, physics.steps, physics.step, turning)
-        bodies[alive] = physics.advance(bodies[alive], asked[alive])
+        body_controls = np.where(is_out[..., None], halted, np.asarray(controls, float))
+        wheel_speeds = references.follow(
+            drive,
+            body_controls,
+            limits,
+            physics.steps,
+            physics.step,
+            turning,
+        )
+        bodies[alive] = physics.advance(bodies[alive], wheel_speeds[alive])
         before, rows = rows, rows.copy()
         rows[alive] = physics.measure(bodies[alive])
-        games, ended = _judged(game, games, sides, rows, outcome == Outcome.ONGOING)
-        outcome[alive] = np.asarray(ended)[alive]
+        games, outcomes_now = _judged(game, games, sides, rows, outcome == Outcome.ONGOING)
+        outcome[alive] = np.asarray(outcomes_now)[alive]
         log.append((alive, *(part[alive] for part in (before, np.asarray(actions), rows))))
         alive = alive[outcome[alive] == Outcome.ONGOING]
         report(count - alive.size, count)
     index, states, actions, after = (np.concatenate(parts) for parts in zip(*log, strict=True))
     state = games.state
-    results = Results(jnp.asarray(outcome), state.steps, status=state.status, sightings=games.sightings)
+    results = Results(
+        jnp.asarray(outcome),
+        state.steps,
+        status=state.status,
+        sightings=games.sightings,
+    )
     return Simulated(results, index, states, actions, after)
 
 
@@ -115,36 +152,61 @@ def _with_drive(game: Game, drive: Drive) -> Game:
 
 def _with_turn_rates(games: Games, rates: Float[np.ndarray, "games robots"]) -> Games:
     """Return games in which robots know these turn rates [rad/s]."""
-    each = iter(jnp.asarray(rates, jnp.float32).T)
+    rates_by_robot = iter(jnp.asarray(rates, jnp.float32).T)
 
     def side(state: SideState) -> SideState:
-        return replace(state, drives=tuple(replace(one, turn_rate=next(each)) for one in state.drives))
+        return replace(
+            state,
+            drives=tuple(replace(drive_state, turn_rate=next(rates_by_robot)) for drive_state in state.drives),
+        )
 
     return replace(games, sides=games.sides.map(side))
 
 
 def simulate_match(match: Match, drive: Drive, report: Report = silent) -> Simulated:
-    """Simulate a match from its starts, as `simulate`; raises InvalidInput for more games than fit into memory."""
+    """Simulate a match from its starts, as `simulate`; raises InvalidInput for more games than fit
+    into memory.
+    """
     SIMULATED_GAMES.require("games", match.games)
     return simulate(match.rules, match.pools, *begin(match), drive, report)
 
 
 def record_course(simulated: Simulated, match: Match, index: int) -> Replay:
-    """Return one of the games as a replay, to be looked at. Played again, by the rules, it goes another way."""
+    """Return one of the games as a replay, to be looked at. Played again, by the rules, it goes
+    another way.
+    """
     outcome = Outcome(int(simulated.results.outcome[index]))
     names, games = match.players.map(lambda player: player.name), len(simulated.results.outcome)
-    return Replay(match.game, names.pursuer, names.evader, match.seed, games, index, *simulated.course(index), outcome)
+    return Replay(
+        match.game,
+        names.pursuer,
+        names.evader,
+        match.seed,
+        games,
+        index,
+        *simulated.course(index),
+        outcome,
+    )
 
 
 @jax.jit
 def _choose(
-    game: Game, drives: game_drive.Drives | None, players: BySide[Pool], games: Games, key: PRNGKeyArray
+    game: Game,
+    drives: game_drive.Drives | None,
+    players: BySide[Pool],
+    games: Games,
+    key: PRNGKeyArray,
 ) -> tuple[Array, Float[Array, "games robots 2"], BySide[SideState]]:
-    """Return all robots' actions in a game, the controls u1 [m/s^2] and u2 [rad/s] that their bodies get, late by the
-    lag of these drives, and the sides after.
+    """Return all robots' actions in a game, the controls u1 [m/s^2] and u2 [rad/s] that their
+    bodies get, late by the lag of these drives, and the sides after.
     """
     steps = games.state.steps
-    after, moves = step_games(game, players, games, random_bits_of(key, jnp.arange(len(steps)), steps))
+    after, moves = step_games(
+        game,
+        players,
+        games,
+        random_bits_of(key, jnp.arange(len(steps)), steps),
+    )
     late = ROLES.map(lambda role: replace(drive_of(drives, role), turn_time=None))
 
     def of_each(role: Role) -> tuple[Array, ...]:
@@ -152,8 +214,16 @@ def _choose(
         return (action,) if robots == 1 else tuple(action[:, robot] for robot in range(robots))
 
     def held(states: Any, actions: BySide[tuple[Action, ...]]) -> Float[Array, "robots 2"]:
-        made = ROLES.map(lambda role: respond(late[role], states[role], game.bodies[role], actions[role], game.dt)[0])
-        return jnp.stack([jnp.stack(controls) for side in made for controls in side])
+        controls_by_side = ROLES.map(
+            lambda role: respond(
+                late[role],
+                states[role],
+                game.bodies[role],
+                actions[role],
+                game.dt,
+            )[0]
+        )
+        return jnp.stack([jnp.stack(controls) for side in controls_by_side for controls in side])
 
     actions = ROLES.map(of_each)
     controls = jax.vmap(held)(games.sides.map(lambda side: side.drives), actions)
@@ -170,14 +240,19 @@ def _judged(
 ) -> tuple[Games, Int[Array, " games"]]:
     """Return the games that are not over after a step that led to these rows, and how each ended."""
 
-    def one(state: GameState, row: Float32[Array, " columns"]) -> tuple[GameState, Int[Array, ""]]:
+    def judge_game(
+        state: GameState,
+        row: Float32[Array, " columns"],
+    ) -> tuple[GameState, Int[Array, ""]]:
         after = replace(
-            state, robots=as_state(row, state.steps, len(game.bodies.pursuer)).robots, steps=state.steps + 1
+            state,
+            robots=as_state(row, state.steps, len(game.bodies.pursuer)).robots,
+            steps=state.steps + 1,
         )
         outcome, status = judge(game, state, after)
         return replace(after, status=status), outcome
 
-    states, outcome = jax.vmap(one)(games.state, rows)
+    states, outcome = jax.vmap(judge_game)(games.state, rows)
     return jax.vmap(choose)(alive, Games(states, sides), games), outcome
 
 
@@ -193,7 +268,9 @@ EVENTS: dict[str, tuple[Outcome, ...]] = {
 
 @dataclass(frozen=True)
 class Difference:
-    """How often something happened, in [0, 1], by the rules and with bodies; and how much more often with bodies."""
+    """How often something happened, in [0, 1], by the rules and with bodies; and how much more
+    often with bodies.
+    """
 
     rules: float
     bodies: float
@@ -204,7 +281,9 @@ class Difference:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The results of a match by the rules and of the same match with bodies, and the differences of `EVENTS`."""
+    """The results of a match by the rules and of the same match with bodies, and the differences of
+    `EVENTS`.
+    """
 
     rules: MatchResult
     bodies: MatchResult
@@ -212,11 +291,19 @@ class Comparison:
 
 
 def compare(match: Match, rules: Results, simulated: Simulated) -> Comparison:
-    """Return the results of a match by the rules and with bodies, and their differences over the same starts."""
+    """Return the results of a match by the rules and with bodies, and their differences over the
+    same starts.
+    """
     differences: dict[str, Difference] = {}
     for event, outcomes in EVENTS.items():
-        by_rules, with_bodies = (np.isin(np.asarray(one.outcome), outcomes) for one in (rules, simulated.results))
-        often, more = float(by_rules.mean()), float(with_bodies.mean())
-        interval = paired_difference_interval(with_bodies, by_rules)
-        differences[event] = Difference(often, more, more - often, interval)
+        by_rules = np.isin(np.asarray(rules.outcome), outcomes)
+        with_bodies = np.isin(np.asarray(simulated.results.outcome), outcomes)
+        rate_by_rules = float(by_rules.mean())
+        rate_with_bodies = float(with_bodies.mean())
+        differences[event] = Difference(
+            rate_by_rules,
+            rate_with_bodies,
+            rate_with_bodies - rate_by_rules,
+            paired_difference_interval(with_bodies, by_rules),
+        )
     return Comparison(count(match, rules), count(match, simulated.results), differences)

@@ -1,7 +1,8 @@
 """The functions that the page runs: the rules, charts, observations, and players.
 
-Each is an ordinary JAX function of the package's own parts, which `apollonius.export` translates. The numbers of
-robots, obstacles, cells and units are data, so that one program serves every game and agent of the page.
+Each is an ordinary JAX function of the package's own parts, which `apollonius.export` translates.
+The numbers of robots, obstacles, cells and units are data, so that one program serves every game
+and agent of the page.
 """
 
 from typing import Any
@@ -18,7 +19,15 @@ from apollonius.game.chart import NO_PATH, Chart, entries
 from apollonius.game.dynamics import MIRRORED, Unicycle
 from apollonius.game.game import Game
 from apollonius.game.sensing import Sensing, Sensors
-from apollonius.game.types import NUM_ACTIONS, GameState, RobotState, RobotStatus, Role, Scalar, choose
+from apollonius.game.types import (
+    NUM_ACTIONS,
+    GameState,
+    RobotState,
+    RobotStatus,
+    Role,
+    Scalar,
+    choose,
+)
 from apollonius.observe import tracking
 from apollonius.observe.belief import NEVER
 from apollonius.observe.team import TEAM
@@ -43,7 +52,17 @@ def step(
     dt: Scalar,
     left: Int[Array, ""],
 ) -> dict[str, Any]:
-    """Return the robots after a step, pursuers first, and the outcome; `left` steps remain until the time limit."""
+    """Return the robots after a step, pursuers first, and the outcome.
+
+    Args:
+        robots: The robots.
+        floor: The arena.
+        field: The field of its map.
+        levels: Control levels of each robot, in [-1, 1].
+        capture_distance: Distance of a capture [m].
+        dt: Duration of the step [s].
+        left: Steps until the time limit.
+    """
     game = robots.game(floor.arena(field), capture_distance, dt, left)
     after = game.step(robots.state, list(levels[:ROBOTS]), list(levels[ROBOTS:]))
     assert after.state.status is not None
@@ -80,10 +99,12 @@ def network(
     symmetric: Int[Array, ""],
     inputs: Float[Array, " inputs"],
 ) -> Float[Array, " outputs"]:
-    """Return the outputs of fully connected layers with ReLU between them, as `apollonius.agents.network.QNetwork`.
+    """Return the outputs of fully connected layers with ReLU between them, as
+    `apollonius.agents.network.QNetwork`.
 
     Args:
-        weights: of each layer, for every `UNITS` units their biases and then, input by input, their weights.
+        weights: of each layer, for every `UNITS` units their biases and then, input by input, their
+            weights.
         sizes: numbers of inputs of each layer, and of outputs of the last one.
         count: of layers.
         symmetric: 1 for a symmetric network, otherwise 0.
@@ -93,34 +114,45 @@ def network(
     exchanged = np.array([*MIRRORED, *range(NUM_ACTIONS, UNITS)])
 
     def layer(number: Int[Array, ""], carry: tuple[Array, Array]) -> tuple[Array, Array]:
-        at, hidden = carry
+        offset, hidden = carry
         block = (sizes[number] + 1) * UNITS
         blocks = (sizes[number + 1] + UNITS - 1) // UNITS
 
         def some(which: Int[Array, ""], after: Array) -> Array:
-            start = at + which * block
+            start = offset + which * block
 
             def add(place: Int[Array, ""], total: Array) -> Array:
-                return total + hidden[place] * jax.lax.dynamic_slice(weights, (start + (place + 1) * UNITS,), (UNITS,))
+                return total + hidden[place] * jax.lax.dynamic_slice(
+                    weights,
+                    (start + (place + 1) * UNITS,),
+                    (UNITS,),
+                )
 
             biases = jax.lax.dynamic_slice(weights, (start,), (UNITS,))
             total = jax.lax.fori_loop(0, sizes[number], add, biases)
             total = jnp.where(number == count - 1, total, jax.nn.relu(total))
             return jax.lax.dynamic_update_slice(after, total, (which * UNITS,))
 
-        return at + blocks * block, jax.lax.fori_loop(0, blocks, some, jnp.zeros_like(hidden))
+        return offset + blocks * block, jax.lax.fori_loop(0, blocks, some, jnp.zeros_like(hidden))
 
     def add_side(side: Int[Array, ""], total: Array) -> Array:
-        seen = jnp.where(side == 0, inputs, image)
-        said = jax.lax.fori_loop(0, count, layer, (jnp.zeros((), jnp.int32), seen))[1][:UNITS]
-        return total + jnp.where(side == 0, said, said[exchanged])
+        side_inputs = jnp.where(side == 0, inputs, image)
+        outputs = jax.lax.fori_loop(0, count, layer, (jnp.zeros((), jnp.int32), side_inputs))[1][:UNITS]
+        return total + jnp.where(side == 0, outputs, outputs[exchanged])
 
     total = jax.lax.fori_loop(0, 1 + symmetric, add_side, jnp.zeros(UNITS, jnp.float32))
     return total / (1 + symmetric).astype(jnp.float32)
 
 
-def clearance_after(robots: Robots, levels: Levels, dt: Scalar, floor: Floor, field: Field) -> Scalar:
-    """Return the least clearance during an action of the first robot and its best manoeuvre to rest after it [m].
+def clearance_after(
+    robots: Robots,
+    levels: Levels,
+    dt: Scalar,
+    floor: Floor,
+    field: Field,
+) -> Scalar:
+    """Return the least clearance during an action of the first robot and its best manoeuvre to rest
+    after it [m].
 
     It is less, but more than `MARGIN`, where nothing is within reach of any manoeuvre to rest.
     """
@@ -128,9 +160,19 @@ def clearance_after(robots: Robots, levels: Levels, dt: Scalar, floor: Floor, fi
     backup = AnyBackup(arena, dt, jnp.ceil(body.v_max / (body.u1_max * dt)).astype(jnp.int32))
     after = move(robots, levels, dt)
     longest = after.v**2 / (2 * body.u1_max) + after.v * dt
-    least = jnp.minimum(arena.clearance_along(robot, after), arena.clearance(after.x, after.y) - longest) - body.radius
+    least = (
+        jnp.minimum(
+            arena.clearance_along(robot, after),
+            arena.clearance(after.x, after.y) - longest,
+        )
+        - body.radius
+    )
     is_enough = (least > MARGIN) & (body.v_min >= 0) & (floor.counts[3] == 0)
-    return jax.lax.cond(is_enough, lambda: least, lambda: backup.clearance_after(Robot(body, robot), levels))
+    return jax.lax.cond(
+        is_enough,
+        lambda: least,
+        lambda: backup.clearance_after(Robot(body, robot), levels),
+    )
 
 
 def search(
@@ -143,8 +185,8 @@ def search(
     known: Known,
     shares: Float[Array, " coarse"],
 ) -> dict[str, Any]:
-    """Return what the first robot knows after a look at its one opponent, and that opponent as a pursuer seeks it: as
-    it was seen of late, or at rest where it can be.
+    """Return what the first robot knows after a look at its one opponent, and that opponent as a
+    pursuer seeks it: as it was seen of late, or at rest where it can be.
 
     `sight` says whether it was ever seen.
 
@@ -152,18 +194,26 @@ def search(
         known: before it; of a negative age where the game begins.
         shares: random numbers from 0 to 1.
     """
-    seen, role = robots.seen(floor.arena(field, chart), capture_distance, dt), Role.PURSUER
-    own, other = seen.own, seen.opponents[0]
+    view, role = robots.seen(floor.arena(field, chart), capture_distance, dt), Role.PURSUER
+    own, opponent = view.own, view.opponents[0]
     sensors = Sensing(pursuer=Sensors(line_of_sight=True))
-    game = Game(own.body, other.body, seen.arena, capture_distance, dt, jnp.ones((), jnp.int32), sensors=sensors)
-    state = GameState.of_two(own.state, other.state, jnp.zeros((), jnp.int32))
+    game = Game(
+        own.body,
+        opponent.body,
+        view.arena,
+        capture_distance,
+        dt,
+        jnp.ones((), jnp.int32),
+        sensors=sensors,
+    )
+    state = GameState.of_two(own.state, opponent.state, jnp.zeros((), jnp.int32))
     first = tracking.begin(game, state, role)
     assert first is not None, "it has sensors"
-    begins, begun = known.track.ages[0] < 0, Known(first, jnp.full((), -1, jnp.int32))
-    before = choose(begins, begun, known)
-    track, now = tracking.update(game, role, before.track, state, jnp.uint32(0))
+    is_new, initial = known.track.ages[0] < 0, Known(first, jnp.full((), -1, jnp.int32))
+    knowledge = choose(is_new, initial, known)
+    track, known_state = tracking.update(game, role, knowledge.track, state, jnp.uint32(0))
     assert track is not None, "it has sensors"
-    sought, cell = sought_by(look(game, now, role), before.cell, shares)
+    sought, cell = sought_by(look(game, known_state, role), knowledge.cell, shares)
     sight = (track.ages[0] < NEVER).astype(jnp.int32)
     return {"after": Known(track, cell), "sought": sought.opponent.state, "sight": sight}
 
@@ -178,30 +228,50 @@ def chart(
         side: length of the arena's longer side [m].
         radius: of the body that follows its paths [m].
     """
-    found = clearances(floor.arena(field), corners[0], corners[1])
-    lengths, visible = paths(found, side, radius)
+    clearance_field = clearances(floor.arena(field), corners[0], corners[1])
+    lengths, visible = paths(clearance_field, side, radius)
     x, y = corners[:, :1]
-    links, member = entries(found, visible)[None], jnp.zeros((), jnp.int32)
-    return {"chart": Chart(found[None], lengths[None], visible[None], x, y, side[None], links, member)}
+    links, member = entries(clearance_field, visible)[None], jnp.zeros((), jnp.int32)
+    return {
+        "chart": Chart(
+            clearance_field[None],
+            lengths[None],
+            visible[None],
+            x,
+            y,
+            side[None],
+            links,
+            member,
+        ),
+    }
 
 
 def leads(robots: Robots, chart: Chart, capture_distance: Scalar) -> Float[Array, " coarse"]:
-    """Return by how much an evader is earlier at each coarse cell than any pursuer's reach [s], on shortest paths at
-    full thrust; NaN where no path leads, or one side is out of play.
+    """Return the evaders' lead over the pursuers at each coarse cell [s], on shortest paths at full
+    thrust.
+
+    It is NaN where no path leads, or where one side is out of play.
     """
 
     def time(body: Unicycle, robot: RobotState, reach: Scalar) -> Float[Array, " coarse"]:
         cells, weights = chart.cell_weights(robot.x, robot.y)
         lengths = weights @ (chart.lengths[chart.member, cells].astype(jnp.float32) / 100)
-        left, v, thrust = jnp.maximum(lengths - reach, 0), jnp.maximum(robot.v, 0), jnp.maximum(body.u1_max, 1e-6)
+        remaining = jnp.maximum(lengths - reach, 0)
+        v = jnp.maximum(robot.v, 0)
+        thrust = jnp.maximum(body.u1_max, 1e-6)
         ramp = (body.v_max**2 - v**2) / (2 * thrust)
-        slower = (jnp.sqrt(v**2 + 2 * thrust * left) - v) / thrust
-        faster = (body.v_max - v) / thrust + (left - ramp) / body.v_max
-        return jnp.where(lengths < NO_PATH // 100, jnp.where(left < ramp, slower, faster), jnp.inf)
+        slower = (jnp.sqrt(v**2 + 2 * thrust * remaining) - v) / thrust
+        faster = (body.v_max - v) / thrust + (remaining - ramp) / body.v_max
+        return jnp.where(
+            lengths < NO_PATH // 100,
+            jnp.where(remaining < ramp, slower, faster),
+            jnp.inf,
+        )
 
     def first(side: slice) -> Float[Array, " coarse"]:
         return jnp.where(jnp.any(active[side]), jnp.min(times[side], axis=0), jnp.nan)
 
-    active, reach = robots.status == RobotStatus.ACTIVE, jnp.where(jnp.arange(2 * ROBOTS) < ROBOTS, capture_distance, 0)
+    active = robots.status == RobotStatus.ACTIVE
+    reach = jnp.where(jnp.arange(2 * ROBOTS) < ROBOTS, capture_distance, 0)
     times = jnp.where(active[:, None], jax.vmap(time)(robots.bodies, robots.states, reach), jnp.inf)
     return first(slice(ROBOTS)) - first(slice(ROBOTS, None))

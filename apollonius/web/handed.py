@@ -51,11 +51,18 @@ class SomeEdges(Edges):
     count: Int[Array, ""]
 
     def _over_edges(self, look: Callable[[Any, Edge], Any], seen: Any) -> Any:
-        return jax.lax.fori_loop(0, self.count, lambda number, seen: look(seen, at(self.edges, number)), seen)
+        return jax.lax.fori_loop(
+            0,
+            self.count,
+            lambda number, seen: look(seen, at(self.edges, number)),
+            seen,
+        )
 
 
 class Cells(OccupancyMap):
-    """An occupancy map of any size, its field flattened; infinitely far away where it has no columns."""
+    """An occupancy map of any size, its field flattened; infinitely far away where it has no
+    columns.
+    """
 
     field: Field
     rows: Int[Array, ""]
@@ -79,11 +86,17 @@ class Cells(OccupancyMap):
 
     def hides(self, here: RobotState, there: RobotState) -> Bool[Array, ""]:
         no = jnp.zeros((), bool)
-        return jax.lax.cond(self.columns > 0, lambda: OccupancyMap.hides(self, here, there), lambda: no)
+        return jax.lax.cond(
+            self.columns > 0,
+            lambda: OccupancyMap.hides(self, here, there),
+            lambda: no,
+        )
 
 
 class Drawn(Arena):
-    """An arena whose obstacles are data, with one translated function for each query however often it is called."""
+    """An arena whose obstacles are data, with one translated function for each query however often
+    it is called.
+    """
 
     drawn: tuple[AbstractObstacle, ...] = ()
     clearance = jax.jit(Arena.clearance)
@@ -113,12 +126,22 @@ class Floor(eqx.Module):
         discs, edges, rows, columns = self.counts
         (x, y, cell), (x_min, x_max, y_min, y_max) = self.map, self.walls
         cells = Cells(field, x, y, cell, "", "", rows, columns)
-        drawn = Discs(self.discs, discs), SomeEdges(self.edges, edges), cells
-        return Drawn(x_min, x_max, y_min, y_max, territory=self.territory, chart=chart, drawn=drawn)
+        obstacles = Discs(self.discs, discs), SomeEdges(self.edges, edges), cells
+        return Drawn(
+            x_min,
+            x_max,
+            y_min,
+            y_max,
+            territory=self.territory,
+            chart=chart,
+            drawn=obstacles,
+        )
 
 
 class Robots(eqx.Module):
-    """Robots, leaves `[2 * ROBOTS]`: one side, then the other. Places without a robot are not active."""
+    """Robots, leaves `[2 * ROBOTS]`: one side, then the other. Places without a robot are not
+    active.
+    """
 
     bodies: Unicycle
     states: RobotState
@@ -132,13 +155,31 @@ class Robots(eqx.Module):
     @property
     def state(self) -> GameState:
         """The state of the game, the first side its pursuers."""
-        return GameState(_by_side(self.states), jnp.zeros((), jnp.int32), status=_by_side(self.status))
+        return GameState(
+            _by_side(self.states),
+            jnp.zeros((), jnp.int32),
+            status=_by_side(self.status),
+        )
 
-    def game(self, arena: Arena, capture_distance: Scalar, dt: Real, max_steps: int | Array = 1) -> Game:
+    def game(
+        self,
+        arena: Arena,
+        capture_distance: Scalar,
+        dt: Real,
+        max_steps: int | Array = 1,
+    ) -> Game:
         """Return the game between them."""
-        (first, *pursuers), (other, *evaders) = _by_side(self.bodies)
+        (first_pursuer, *pursuers), (first_evader, *evaders) = _by_side(self.bodies)
         teams = Teams(tuple(pursuers), tuple(evaders))
-        return Game(first, other, arena, capture_distance, dt, max_steps, teams=teams)
+        return Game(
+            first_pursuer,
+            first_evader,
+            arena,
+            capture_distance,
+            dt,
+            max_steps,
+            teams=teams,
+        )
 
     def seen(self, arena: Arena, capture_distance: Scalar, dt: Scalar) -> View:
         """Return the view of the first robot."""
@@ -146,7 +187,9 @@ class Robots(eqx.Module):
 
 
 class Known(eqx.Module):
-    """Knowledge of a robot with a line of sight, and the cell that it searches (`apollonius.agents.searching`)."""
+    """Knowledge of a robot with a line of sight, and the cell that it searches
+    (`apollonius.agents.searching`).
+    """
 
     track: Track
     cell: Int[Array, ""]
@@ -168,14 +211,27 @@ class AnyBackup(Backup):
 
     steps: int | Array  # pyright: ignore[reportIncompatibleVariableOverride]
 
-    def _clearances(self, robot: Robot, motion: Motion, near: Edges | None) -> Float[Array, " manoeuvres"]:
-        def one_step(_: Int[Array, ""], carry: list[tuple[Motion, Scalar]]) -> list[tuple[Motion, Scalar]]:
+    def _clearances(
+        self,
+        robot: Robot,
+        motion: Motion,
+        near: Edges | None,
+    ) -> Float[Array, " manoeuvres"]:
+        def one_step(
+            _: Int[Array, ""],
+            carry: list[tuple[Motion, Scalar]],
+        ) -> list[tuple[Motion, Scalar]]:
             after = self._braked(robot, [before for before, _ in carry])
             return [
                 (to, jnp.minimum(least, self.arena.clearance_along(before.state, to.state)))
                 for to, (before, least) in zip(after, carry, strict=True)
             ]
 
-        here = self.arena.clearance(motion.state.x, motion.state.y)
-        ends = jax.lax.fori_loop(0, self.steps, one_step, [(motion, here)] * len(self.manoeuvres))
+        current = self.arena.clearance(motion.state.x, motion.state.y)
+        ends = jax.lax.fori_loop(
+            0,
+            self.steps,
+            one_step,
+            [(motion, current)] * len(self.manoeuvres),
+        )
         return jnp.stack([least for _, least in ends]) - robot.body.radius

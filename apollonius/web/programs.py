@@ -1,4 +1,6 @@
-"""The programs of the page, and of a user's own player: the functions of `functions.py`, translated and compiled."""
+"""The programs of the page, and of a user's own player: the functions of `functions.py`, translated
+and compiled.
+"""
 
 import hashlib
 import inspect
@@ -56,31 +58,41 @@ _RULES: dict[str, AbstractClassical] = {
 def _made(function: Callable[..., Any], name: str | None = None, **shapes: Any) -> Program:
     """Return a function's program, for arguments of the page's shapes, by their names, or of these."""
     shapes = jax.eval_shape(_examples) | shapes
-    given = (shapes[parameter] for parameter in inspect.signature(function).parameters)
+    arguments = (shapes[parameter] for parameter in inspect.signature(function).parameters)
     with jax.numpy_dtype_promotion("standard"):  # numbers that are Python's elsewhere are data here
-        return translated(function, *given, name=name or function.__name__, whole=True)
+        return translated(function, *arguments, name=name or function.__name__, whole=True)
 
 
 def _of_view(name: str, answer: Callable[[View], Array]) -> Program:
     """Return the program that answers all that a robot sees."""
 
-    def view(robots: Robots, floor: Floor, field: Field, chart: Chart, capture_distance: Scalar, dt: Scalar) -> Array:
+    def view(
+        robots: Robots,
+        floor: Floor,
+        field: Field,
+        chart: Chart,
+        capture_distance: Scalar,
+        dt: Scalar,
+    ) -> Array:
         return answer(robots.seen(floor.arena(field, chart), capture_distance, dt))
 
     return _made(view, name)
 
 
 def player_program(player: AbstractPolicy) -> Program:
-    """Return a player of a user's own as the page calls it, from all that a robot sees to its action; raises
-    InvalidInput for a player with a memory or with continuous actions.
+    """Return a player of a user's own as the page calls it, from all that a robot sees to its
+    action; raises InvalidInput for a player with a memory or with continuous actions.
     """
     plays = not jax.tree.leaves(player.memory) and not player.continuous
     require(
-        plays, "player", type(player).__name__, "one with discrete actions and without a memory, to play in the page"
+        plays,
+        "player",
+        type(player).__name__,
+        "one with discrete actions and without a memory, to play in the page",
     )
 
-    def act(seen: View) -> Int[Array, ""]:
-        return jnp.asarray(player(player.observation(seen), (), jnp.uint32(0))[0], jnp.int32)
+    def act(view: View) -> Int[Array, ""]:
+        return jnp.asarray(player(player.observation(view), (), jnp.uint32(0))[0], jnp.int32)
 
     return _of_view("own", act)
 
@@ -88,7 +100,12 @@ def player_program(player: AbstractPolicy) -> Program:
 def page_programs() -> Iterator[Program]:
     """Yield all programs of the page."""
     yield _made(functions.step, levels=jax.ShapeDtypeStruct((2 * ROBOTS, 2), jnp.float32))
-    rules = functions.move, functions.clearance, functions.clearance_along, functions.clearance_after
+    rules = (
+        functions.move,
+        functions.clearance,
+        functions.clearance_along,
+        functions.clearance_after,
+    )
     for function in (*rules, functions.chart, functions.leads, functions.network, functions.search):
         yield _made(function)
     for name in READS:
@@ -113,14 +130,35 @@ def _examples() -> dict[str, Any]:
     number, many = real(), 2 * ROBOTS
     body, robot = Body(*[number] * len(fields(Body))), RobotState(number, number, number, number)
     disc, edge = Disc(number, number, number), Edge(number, number, number, number, whole())
-    lengths, visible = jnp.zeros((1, COARSE**2, COARSE**2), jnp.uint16), jnp.zeros((1, SIDE, SIDE), jnp.uint16)
-    links, belief = jnp.zeros((1, COARSE, COARSE), jnp.uint32), Belief(real(COARSE, COARSE), real(COARSE, COARSE))
+    lengths = jnp.zeros((1, COARSE**2, COARSE**2), jnp.uint16)
+    visible = jnp.zeros((1, SIDE, SIDE), jnp.uint16)
+    links = jnp.zeros((1, COARSE, COARSE), jnp.uint32)
+    belief = Belief(real(COARSE, COARSE), real(COARSE, COARSE))
     return {
         "robots": Robots(several(many, body), several(many, robot), whole(many)),
-        "floor": Floor(real(4), disc, several(MOST_DISCS, disc), several(MOST_EDGES, edge), real(3), whole(4)),
+        "floor": Floor(
+            real(4),
+            disc,
+            several(MOST_DISCS, disc),
+            several(MOST_EDGES, edge),
+            real(3),
+            whole(4),
+        ),
         "field": real(_ENDLESS),
-        "chart": Chart(real(1, SIDE + 1, SIDE + 1), lengths, visible, real(1), real(1), real(1), links, whole()),
-        "known": Known(Track((robot,), (robot,), (number,), None, belief, Sightings(whole(), whole())), whole()),
+        "chart": Chart(
+            real(1, SIDE + 1, SIDE + 1),
+            lengths,
+            visible,
+            real(1),
+            real(1),
+            real(1),
+            links,
+            whole(),
+        ),
+        "known": Known(
+            Track((robot,), (robot,), (number,), None, belief, Sightings(whole(), whole())),
+            whole(),
+        ),
         "shares": real(COARSE**2),
         "corners": real(2, SIDE + 1),
         "levels": real(2),
@@ -138,7 +176,9 @@ _STACK = 2**24
 OF_PAGE = ("-mexec-model=reactor", f"-Wl,-z,stack-size={_STACK},--export=__heap_base")
 """Flags for a module with a memory of its own."""
 _OWN, _OWN_END = 2**26, 2**26 + 2**23
-"""Addresses in the page's memory of the constants and the stack of a user's own player, as in `programs.js` [bytes]."""
+"""Addresses in the page's memory of the constants and the stack of a user's own player, as in
+`programs.js` [bytes].
+"""
 _OF_PLAYER = (
     "-mexec-model=reactor",
     f"-Wl,-z,stack-size={2**21},--import-memory,--global-base={_OWN},--initial-memory={_OWN_END}",
@@ -147,17 +187,26 @@ _OF_PLAYER = (
 
 def sources(programs: Iterable[Program]) -> dict[str, str]:
     """Return the C files of all programs by their names."""
-    return {name: text for one in programs for name, text in files(one).items()}
+    return {name: text for program in programs for name, text in files(program).items()}
 
 
 def digest(files: dict[str, str]) -> str:
     """Return the SHA-256 of C files."""
-    return hashlib.sha256("".join(f"{name}\n{text}" for name, text in files.items()).encode()).hexdigest()
+    return hashlib.sha256(
+        "".join(f"{name}\n{text}" for name, text in files.items()).encode(),
+    ).hexdigest()
 
 
 def compiled(programs: Sequence[Program], flags: Sequence[str]) -> bytes:
-    """Return the module with some programs; raises InvalidInput where the compiler is not installed."""
-    require(find_spec("ziglang") is not None, "ziglang", "missing", "installed, as it compiles: pip install ziglang")
+    """Return the module with some programs; raises InvalidInput where the compiler is not
+    installed.
+    """
+    require(
+        find_spec("ziglang") is not None,
+        "ziglang",
+        "missing",
+        "installed, as it compiles: pip install ziglang",
+    )
     texts = sources(programs)
     command = [sys.executable, "-m", "ziglang", "cc", *_FLAGS, *flags]
     command += [f"-Wl,--export={program.name}" for program in programs]
@@ -167,7 +216,7 @@ def compiled(programs: Sequence[Program], flags: Sequence[str]) -> bytes:
 
 
 def write_player(player: AbstractPolicy, path: Path) -> None:
-    """Write a player as a file that `apollonius play --against FILE` takes; raises InvalidInput for a player that the
-    page cannot play, or where the compiler is not installed.
+    """Write a player as a file that `apollonius play --against FILE` takes; raises InvalidInput for
+    a player that the page cannot play, or where the compiler is not installed.
     """
     write_atomically(path, compiled([player_program(player)], _OF_PLAYER))

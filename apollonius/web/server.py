@@ -19,17 +19,25 @@ _PORTS = 50
 
 
 class FolderHandler(SimpleHTTPRequestHandler):
-    """A handler of requests for the files of a folder: no listings, no other hosts' names, no caching."""
+    """A handler of requests for the files of a folder: no listings, no other hosts' names, no
+    caching.
+    """
 
     timeout = 20.0
     """Time that a connection may be silent [s]."""
-    extensions_map = SimpleHTTPRequestHandler.extensions_map | {".js": "text/javascript", ".svg": "image/svg+xml"}
+    extensions_map = SimpleHTTPRequestHandler.extensions_map | {
+        ".js": "text/javascript",
+        ".svg": "image/svg+xml",
+    }
 
     def send_head(self) -> Any:
         """Refuse requests that are meant for another host (DNS rebinding) or that name no file."""
         port = self.server.server_port  # pyright: ignore[reportAttributeAccessIssue]
         if self.headers.get("Host") not in (f"{LOOPBACK}:{port}", f"localhost:{port}"):
-            self.send_error(HTTPStatus.MISDIRECTED_REQUEST, "This server answers to its own name only")
+            self.send_error(
+                HTTPStatus.MISDIRECTED_REQUEST,
+                "This server answers to its own name only",
+            )
             return None
         try:
             return super().send_head()
@@ -42,8 +50,8 @@ class FolderHandler(SimpleHTTPRequestHandler):
 
     def end_headers(self) -> None:
         """Forbid scripts of other hosts, guessed types and caching."""
-        allowed = "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; frame-ancestors 'none'; base-uri 'none'"
-        self.send_header("Content-Security-Policy", allowed)
+        policy = "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; frame-ancestors 'none'; base-uri 'none'"
+        self.send_header("Content-Security-Policy", policy)
         self.send_header("X-Content-Type-Options", "nosniff")
         self.send_header("Cache-Control", "no-store")
         super().end_headers()
@@ -53,8 +61,8 @@ class FolderHandler(SimpleHTTPRequestHandler):
 
 
 def make_server(folder: Path, port: int | None = None) -> ThreadingHTTPServer:
-    """Return a server of a folder, and nothing above it, on the loopback address, ready for `serve_forever`; raises
-    InvalidInput when the port cannot be used.
+    """Return a server of a folder, and nothing above it, on the loopback address, ready for
+    `serve_forever`; raises InvalidInput when the port cannot be used.
 
     Args:
         port: to listen on; None takes the first free one from `FIRST_PORT` on.
@@ -62,11 +70,11 @@ def make_server(folder: Path, port: int | None = None) -> ThreadingHTTPServer:
     if port is not None:
         PORT.require("port", port)
     reason: str | None = ""
-    for wanted in range(FIRST_PORT, FIRST_PORT + _PORTS) if port is None else (port,):
+    for candidate in range(FIRST_PORT, FIRST_PORT + _PORTS) if port is None else (port,):
         try:
-            return _Server((LOOPBACK, wanted), partial(FolderHandler, directory=str(folder)))
+            return _Server((LOOPBACK, candidate), partial(FolderHandler, directory=str(folder)))
         except OSError as error:
-            port, reason = wanted, error.strerror
+            port, reason = candidate, error.strerror
     raise InvalidInput(f"port = {port} cannot be used ({reason}): choose another, or leave it out.")
 
 

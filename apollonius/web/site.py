@@ -1,4 +1,6 @@
-"""The folder that is served: the page, the named games and the trained agents, as plain files for any web host."""
+"""The folder that is served: the page, the named games and the trained agents, as plain files for
+any web host.
+"""
 
 import shutil
 from dataclasses import dataclass, field
@@ -45,8 +47,8 @@ _MADE = f"one that the page makes: {', '.join(READS)}; choose another player"
 class Choice:
     """The first match of the page: players, difficulty, game and seed of the starts; or a level.
 
-    A person leads a side of several robots. `agents` and `games` do not ship with the package, and have the names by
-    which the page knows them; a game of teams is listed as the game of two.
+    A person leads a side of several robots. `agents` and `games` do not ship with the package, and
+    have the names by which the page knows them; a game of teams is listed as the game of two.
     """
 
     pursuer: str = f"{SHIELDED}{ANY[Role.PURSUER]}"
@@ -60,34 +62,68 @@ class Choice:
 
 
 def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
-    """Return the choice of a person on one side, against an opponent and in a game by their names or files; raises
-    InvalidInput for a game, seed or player that does not exist, or that the page cannot play.
+    """Make the first match of a person.
+
+    Args:
+        person: The person's side.
+        against: Name or file of the opponent; None for the best one.
+        game: Name or file of the game.
+        seed: Seed of the starts.
+
+    Raises:
+        InvalidInput: For a game, seed or player that does not exist, or that the page cannot play.
     """
     SEED.require("seed", seed)
     rules = game_in_one_arena(game, "the page")
     bound = f"discs, polygons and a map, as in the page, and the game '{game}' has others"
     rules.arena.require_only((Disc, Polygon, OccupancyMap), bound)
     for side, bodies in zip(("pursuers", "evaders"), rules.bodies, strict=True):
-        require(len(bodies) <= ROBOTS, side, len(bodies), f"at most {ROBOTS} in the page; simulate larger teams")
+        require(
+            len(bodies) <= ROBOTS,
+            side,
+            len(bodies),
+            f"at most {ROBOTS} in the page; simulate larger teams",
+        )
     collide = rules.teams is not None and rules.teams.mates_collide
-    require(not collide, "mates_collide", collide, "false in the page, where team mates pass through each other")
-    team, of_two = split_team(game)
+    require(
+        not collide,
+        "mates_collide",
+        collide,
+        "false in the page, where team mates pass through each other",
+    )
+    team, game_name = split_team(game)
     limited = [name for name in ("sensors", "drives") if getattr(rules, name) is not None]
-    require(not limited, "game", f"'{game}'", f"without {' and '.join(limited)}, which the page does not know")
-    games = {} if of_two in game_names() else {Path(of_two).stem: find_game(of_two)}
+    require(
+        not limited,
+        "game",
+        f"'{game}'",
+        f"without {' and '.join(limited)}, which the page does not know",
+    )
+    games = {} if game_name in game_names() else {Path(game_name).stem: find_game(game_name)}
     side = person.other
     is_first = against is None and person == Role.EVADER and (game, seed) == ("paper", 0)
     name = against or SHIELDED + ANY[side]
     bare = name.removeprefix(SHIELDED)
     agents: dict[str, Path] = {}
+    header = None if bare.endswith(OWN) else find_player(name, side, rules).header
     if bare.endswith(OWN):
         path = Path(bare)
         is_there = path.is_file() and path.read_bytes()[:4] == b"\0asm"
-        require(is_there, "opponent", bare, "a file that apollonius.web.programs.write_player has written")
+        require(
+            is_there,
+            "opponent",
+            bare,
+            "a file that apollonius.web.programs.write_player has written",
+        )
         name, agents = name.removesuffix(bare) + path.stem, {path.stem: path}
-    elif (header := find_player(name, side, rules).header) is None or bare.startswith(SEARCHING):
-        known = [rule for rule in PLAYERS if rule not in BY_CHART and BuiltIn().fits(rule, side, rules)]
-        require(bare in known, "opponent", name, f"a trained agent, a {OWN} file, or one of {', '.join(known)}")
+    elif header is None or bare.startswith(SEARCHING):
+        rule_names = [rule for rule in PLAYERS if rule not in BY_CHART and BuiltIn().fits(rule, side, rules)]
+        require(
+            bare in rule_names,
+            "opponent",
+            name,
+            f"a trained agent, a {OWN} file, or one of {', '.join(rule_names)}",
+        )
     else:
         require(header.observation in READS, "observation", header.observation, _MADE)
         path = find_trained(bare)[1].resolve()
@@ -95,20 +131,31 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
         agents = {} if path.parent == ZOO.resolve() else {f"{path.stem} of {path.parents[1].name}": path}
         name = name.removesuffix(bare) + next(iter(agents), path.stem)
     players, difficulty = BySide.of(side, name, YOU), "fair" if against is None else "sharp"
-    arena, level = Path(of_two).stem if games else of_two, 1 if is_first else None
-    known = f"{team}/{arena}" if team else arena
-    return Choice(players.pursuer, players.evader, known, difficulty, seed, level, agents, games)
+    arena, level = Path(game_name).stem if games else game_name, 1 if is_first else None
+    game_name = f"{team}/{arena}" if team else arena
+    return Choice(
+        players.pursuer,
+        players.evader,
+        game_name,
+        difficulty,
+        seed,
+        level,
+        agents,
+        games,
+    )
 
 
 def write_site(folder: Path, choice: Choice | None = None) -> None:
-    """Write the page and all files that it loads into a folder, whose other files stay, with its first match."""
-    chosen = choice or Choice()
+    """Write the page and all files that it loads into a folder, whose other files stay, with its
+    first match.
+    """
+    first_choice = choice or Choice()
     shutil.copytree(PAGE, folder, dirs_exist_ok=True)
     (folder / "agents").mkdir(exist_ok=True)
     names: dict[str, list[str]] = {role.name.lower(): [] for role in Role}
     published, anywhere = {}, []
     paths = {name: ZOO / f"{name}.safetensors" for name in zoo_names()}
-    paths |= {path.stem: path for path in sorted(LEARNERS.glob("*.safetensors"), key=_by_number)} | chosen.agents
+    paths |= {path.stem: path for path in sorted(LEARNERS.glob("*.safetensors"), key=_by_number)} | first_choice.agents
     for number, (name, path) in enumerate(paths.items()):
         header = None if path.suffix == OWN else load_header(path)
         if header is None or header.observation in READS:
@@ -117,8 +164,10 @@ def write_site(folder: Path, choice: Choice | None = None) -> None:
             for side in [header.role] if header else names:
                 names[side].append(name)
             anywhere += [name] if header is None or header.observation in ANY_ARENA else []
-    known = {name: find_game(name) for name in game_names()}
-    games = {name: game for name, game in known.items() if game.sensors is None and game.drives is None} | chosen.games
+    all_games = {name: find_game(name) for name in game_names()}
+    games = {
+        name: game for name, game in all_games.items() if game.sensors is None and game.drives is None
+    } | first_choice.games
     catalogue = {
         "games": {name: to_dict(game) for name, game in games.items()},
         "maps": {name: _write_map(game.arena.map, folder) for name, game in games.items() if game.arena.map},
@@ -126,7 +175,7 @@ def write_site(folder: Path, choice: Choice | None = None) -> None:
         "anywhere": anywhere,
         "files": published,
         "learning": parse_json(LEARNING.read_bytes(), str(LEARNING)),
-        "chosen": {name: value for name, value in vars(chosen).items() if name not in ("agents", "games")},
+        "chosen": {name: value for name, value in vars(first_choice).items() if name not in ("agents", "games")},
     }
     (folder / "catalogue.json").write_text(to_json(catalogue), encoding="utf-8")
 
