@@ -52,12 +52,6 @@ from tests.learn.test_opponents import archive_of
 DOCUMENT = (REPOSITORY / "docs" / "how-to" / "extend.md").read_text()
 
 
-class WithCapsules(Arena):
-    """The line in `Arena`, which a test cannot write there."""
-
-    capsules: tuple[Capsule, ...] = ()
-
-
 class WithCars(Game):
     """The line in `apollonius/game/teams.py`."""
 
@@ -75,7 +69,7 @@ def test_the_document_shows_the_observation_and_names_the_others():
 
 
 def test_a_new_obstacle_is_as_far_away_as_its_points():
-    arena = WithCapsules(-90.0, 90.0, -90.0, 90.0, capsules=(WALL,))
+    arena = Arena(-90.0, 90.0, -90.0, 90.0, extra=(WALL,))
     line = np.linspace([WALL.x, WALL.y], [WALL.to_x, WALL.to_y], 2000)
     rng = np.random.default_rng(0)
     along = jax.jit(arena.clearance_along)
@@ -87,7 +81,7 @@ def test_a_new_obstacle_is_as_far_away_as_its_points():
 
 @pytest.mark.slow
 def test_a_new_obstacle_is_one_for_games_players_surveys_and_pictures():
-    game = Game(arena=WithCapsules(capsules=(WALL,)), max_steps=60)
+    game = Game(arena=Arena(extra=(WALL,)), max_steps=60)
     assert game.arena.hits_obstacle(robot(5.0, 5.0), robot(5.0, 6.0), 0.0)
     assert not game.arena.hits_obstacle(robot(5.0, 4.0), robot(5.0, 4.5), 0.3)
     states = jax.jit(reset_batch, static_argnums=2)(game, jax.random.key(0), 200)
@@ -106,13 +100,13 @@ def test_a_new_obstacle_is_one_for_games_players_surveys_and_pictures():
 
 
 def test_a_new_obstacle_is_read_from_files_and_refused_by_whoever_does_not_know_it():
-    arena = from_dict(WithCapsules, {"capsules": [{"x": 3, "y": 5, "to_x": 7, "to_y": 6, "radius": 0.3}]}, "a file")
-    assert arena.capsules == (WALL,)
+    arena = from_dict(Arena, {"capsules": [{"x": 3, "y": 5, "to_x": 7, "to_y": 6, "radius": 0.3}]}, "a file")
+    assert arena.extra == (WALL,)
     assert to_dict(arena)["capsules"] == [{"x": 3.0, "y": 5.0, "to_x": 7.0, "to_y": 6.0, "radius": 0.3}]
     with pytest.raises(InvalidInput, match="obstacles = Capsule is not possible: it must be discs"):
         arena.require_only((Disc, Polygon), "discs and polygons")
     with pytest.raises(InvalidInput, match=r"arena.capsules\[0\] end = \(30.0, 5.0\)"):
-        Game(arena=WithCapsules(capsules=(replace(WALL, x=30.0),)))
+        Game(arena=Arena(extra=(replace(WALL, x=30.0),)))
 
 
 @pytest.mark.slow

@@ -40,8 +40,12 @@ def zoo_names() -> list[str]:
 
 
 def side_of(name: str) -> tuple[str, ...]:
-    """Return the sides that a built-in player or an agent of the zoo plays."""
-    return BUILT_IN[name][0] if name in BUILT_IN else SIDES[:1] if name.startswith(("P_", "pursuer")) else SIDES[1:]
+    """Return the sides that a built-in player or an agent of the zoo plays; either for one of another package."""
+    if name in BUILT_IN:
+        return BUILT_IN[name][0]
+    if ":" in name:
+        return SIDES
+    return SIDES[:1] if name.startswith(("P_", "pursuer")) else SIDES[1:]
 
 
 def agents_folders(run: str) -> list[Path]:

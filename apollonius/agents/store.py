@@ -17,7 +17,7 @@ from apollonius.game.types import NUM_ACTIONS, Role
 from apollonius.game.validation import require_usual_numbers
 from apollonius.io.arrays import named_leaves, opened, read_header, read_tree, write_arrays
 from apollonius.io.errors import InvalidInput, require, require_within, shown
-from apollonius.observe.registry import OBSERVATIONS
+from apollonius.observe.registry import OBSERVATIONS, has_observation
 
 FORMAT = "apollonius-agent", 1
 _MAKE = {"values": make_network, "gaussian": make_actor}
@@ -125,7 +125,7 @@ def _checked(path: Path, fields: dict[str, Any]) -> AgentHeader:
             f"'{path}' has a network of the kind {shown(header.network)}, this program reads {', '.join(_MAKE)}: "
             "update it."
         )
-    reads = OBSERVATIONS.get(header.observation)
+    reads = OBSERVATIONS[header.observation] if has_observation(header.observation) else None
     if reads is None or reads.size != header.observation_size:
         known = ", ".join(f"{name} ({one.size})" for name, one in OBSERVATIONS.items())
         made_for = f"{shown(header.observation)} ({shown(header.observation_size)} numbers)"

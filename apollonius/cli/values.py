@@ -16,6 +16,7 @@ from apollonius.agents.names import BUILT_IN, FROM_ZOO, LISTED, SEARCHING, SHIEL
 from apollonius.arenas.names import game_names, unknown_game
 from apollonius.game.names import TEAM
 from apollonius.io.errors import EXTRAS, TRACKERS, missing, nearest, require, shown, unknown_name
+from apollonius.io.extensions import PLAYERS, extension_names
 from apollonius.io.limits import GAME_FILES, ONNX, SEED, TRAININGS, Counted
 
 LARGEST = 1e6
@@ -143,8 +144,11 @@ def known_agent(text: str, side: str | None = None) -> str:
         raise argparse.ArgumentTypeError(f"'{text}' plays the {side_of(name)[0]}, not the {side}: take another there.")
     if name in known or bare in in_run or _is(Path(bare).is_file):
         return text
-    known = [one for one in known if not side or side in side_of(one)]
-    files = "a .safetensors file, or RUN/NAME for an agent of a training run"
+    extensions = extension_names(PLAYERS)
+    if bare in extensions:
+        return text
+    known = [one for one in known if not side or side in side_of(one)] + extensions
+    files = "a .safetensors file, RUN/NAME for an agent of a training run, or PACKAGE:NAME for one of a package"
     meant = nearest(bare, in_run or known) or next(iter(in_run), None)
     raise argparse.ArgumentTypeError(unknown_name("agent", bare, f"{LISTED}; or give {files}", meant))
 

@@ -21,7 +21,7 @@ from apollonius.game.reward import Reward
 from apollonius.game.types import NUM_ACTIONS, ROLES, BySide, GameState, Role, Scalar, Timestep
 from apollonius.io.errors import InvalidInput, nearest, require, unknown_name
 from apollonius.observe.observation import AbstractObservation
-from apollonius.observe.registry import OBSERVATIONS, find_observation
+from apollonius.observe.registry import OWN, find_observation, observation_names
 from apollonius.observe.view import View, look
 
 GivenPlayer = str | AbstractPolicy
@@ -122,7 +122,7 @@ def _observation(game: Game, given: object, role: Role) -> AbstractObservation:
     """Return an observation; one by a function has the size of what that makes of a view of the game."""
     if isinstance(given, str | AbstractObservation):
         return find_observation(given)
-    bound = f"one of {', '.join(OBSERVATIONS)}, an AbstractObservation, or a function of a view"
+    bound = f"one of {', '.join(observation_names())}, an AbstractObservation, or a function of a view"
     _require_function("observation", given, 1, bound)
     assert callable(given)
     numbers = jax.eval_shape(lambda: _numbers(given, look(game, game.reset(jax.random.key(0)), role)))
@@ -183,7 +183,7 @@ def observation_space(reads: AbstractObservation) -> gymnasium.spaces.Box:
     """Return the space of a robot's observations: for those of the package within 2 of 0, which they are unless a robot
     goes half an arena beyond the walls in one step, for others all numbers.
     """
-    most = 2.0 if reads in OBSERVATIONS.values() else np.inf
+    most = 2.0 if reads in OWN else np.inf
     return gymnasium.spaces.Box(-most, most, (reads.size,), np.float32)
 
 

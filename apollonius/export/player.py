@@ -24,6 +24,7 @@ from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.sensing import Percept, Sensing
 from apollonius.game.types import Bits, BySide, DriveState, GameState, RobotState, RobotStatus, Role
+from apollonius.io import extensions
 from apollonius.io.errors import require
 from apollonius.observe.registry import find_observation
 from apollonius.observe.tracking import Track, believed, delayed, learn
@@ -146,17 +147,24 @@ def known_state(
 def side_of(name: str, given: str | None = None) -> Role:
     """Return the side that a player plays, or the given one of a player of either; raises InvalidInput otherwise."""
     bare = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
-    sides = PLAYERS[bare][1] if bare in PLAYERS else (Role[find_trained(bare)[0].header.role.upper()],)
+    sides = _sides_of_rule(bare) or (Role[find_trained(bare)[0].header.role.upper()],)
     named = [side.name.lower() for side in sides]
     require(given is None or given in named, "side", given, f"{' or '.join(named)}, which '{name}' plays")
     require(given or len(sides) == 1, "side", "missing", f"{' or '.join(named)}, as '{name}' plays either")
     return Role[given.upper()] if given else sides[0]
 
 
+def _sides_of_rule(name: str) -> tuple[Role, ...]:
+    """Return the sides that a player which was not trained can play, either for one of another package; else none."""
+    if name in PLAYERS:
+        return PLAYERS[name][1]
+    return tuple(Role) if ":" in name and name in extensions.extension_names(extensions.PLAYERS) else ()
+
+
 def home_of(name: str) -> Game:
     """Return the game that a player was made for, `paper` for none; raises InvalidInput for one of any arena."""
     bare = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
-    if bare in PLAYERS:
+    if _sides_of_rule(bare):
         return make_game("paper")
     header = find_trained(bare)[0].header
     require(header.game, "game", "missing", f"one arena, since '{name}' does not say what it was made for")
@@ -165,14 +173,15 @@ def home_of(name: str) -> Game:
     return from_dict(Game, header.game, f"'{name}'")
 
 
-def find_exportable(name: str, role: Role, game: Game) -> Player:
-    """Return the player of this name, to be exported.
+def find_exportable(name: str | AbstractPolicy, role: Role, game: Game) -> Player:
+    """Return the player of this name, or a policy, to be exported.
 
     Raises InvalidInput as `find_player`, for games in several arenas, for networks with numbers that are none, and for
     a robot whose braking, the answer to a broken state, does not end at rest.
     """
     game.require_one_arena("an exported policy")
-    policy = find_player(name, role, game).policy
+    found = find_player(name, role, game)
+    policy = found.policy
     finite = all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(eqx.filter(policy, eqx.is_inexact_array)))
     require(finite, "weights", "NaN or infinite", "finite; train the agent again")
     body = game.bodies[role][0]
@@ -185,7 +194,7 @@ def find_exportable(name: str, role: Role, game: Game) -> Player:
     known = replace(rules, sensors=sensors, drives=drives)
     if known.arena.chart is not None and sensors is None:
         known = replace(known, arena=replace(known.arena, chart=replace(known.arena.chart, links=None)))
-    return Player(name, role, known, policy, transposed(policy))
+    return Player(name if isinstance(name, str) else found.name, role, known, policy, transposed(policy))
 
 
 def state_of(

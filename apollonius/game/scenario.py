@@ -160,7 +160,7 @@ def stack_arenas(arenas: Sequence[Arena]) -> Arena:
 
     padded = list(map(alike, arenas))
     shapes = set(map(jax.tree.structure, padded))
-    require(len(shapes) == 1, "arenas", "of several kinds", "all with a territory or all without, and of one class")
+    require(len(shapes) == 1, "arenas", "of several kinds", "alike but for discs, polygons and maps")
     return jax.tree.map(lambda *leaves: jnp.asarray(np.array(leaves, np.float32)), *padded)
 
 

@@ -85,7 +85,6 @@ class Cells(OccupancyMap):
 class Drawn(Arena):
     """An arena whose obstacles are data, with one translated function for each query however often it is called."""
 
-    drawn: tuple[AbstractObstacle, ...] = ()
     clearance = jax.jit(Arena.clearance)
     clearance_along = jax.jit(Arena.clearance_along)
     hits_obstacle = jax.jit(Arena.hits_obstacle)
@@ -114,7 +113,7 @@ class Floor(eqx.Module):
         (x, y, cell), (x_min, x_max, y_min, y_max) = self.map, self.walls
         cells = Cells(field, x, y, cell, "", "", rows, columns)
         drawn = Discs(self.discs, discs), SomeEdges(self.edges, edges), cells
-        return Drawn(x_min, x_max, y_min, y_max, territory=self.territory, chart=chart, drawn=drawn)
+        return Drawn(x_min, x_max, y_min, y_max, territory=self.territory, chart=chart, extra=drawn)
 
 
 class Robots(eqx.Module):
