@@ -106,7 +106,12 @@ def _check_obstacle(obstacle: AbstractObstacle, arena: Arena) -> None:
     shorter = (outside - along - spacing)[least > 0].max(initial=0)
     bound = "the least clearance of a segment's points, as near as it can be"
     require(shorter <= _ROUGH, "clearance_along", f"{shorter:.3g} m less than that", bound)
-    _check_contacts("is_hit", jax.vmap(lambda *ends: obstacle.is_hit(*ends, _RADIUS))(*rows), least - _RADIUS, spacing)
+    _check_contacts(
+        "is_hit",
+        jax.vmap(lambda before, after: obstacle.is_hit(before, after, _RADIUS))(*rows),
+        least - _RADIUS,
+        spacing,
+    )
     _check_contacts("hides", jax.vmap(obstacle.hides)(*rows), least, spacing + _ROUGH)
     if corners := obstacle.outline():
         away = np.abs(np.asarray(jax.vmap(obstacle.clearance)(*_coordinates(np.asarray(corners, float))))).max()

@@ -148,7 +148,12 @@ class _Checks:
         program = translated(player.decide, *player.arguments, name="player")
         if has_compiler():
             compiled = Compiled(program)
-            parity = compare(lambda *case: compiled(player.policy, player.game, *case)[:2], player, cases)
+
+            def decide(*case: Any) -> tuple[np.ndarray, np.ndarray]:
+                action, controls = compiled(player.policy, player.game, *case)[:2]
+                return action, controls
+
+            parity = compare(decide, player, cases)
             bound = "the same in C; report this as an error"
             require(not parity.errors, "decisions", f"others in {parity.errors} of {len(cases.states)} states", bound)
 

@@ -14,8 +14,6 @@ _ROUNDING = 0.15
 """What bilinear interpolation can add to a distance, in cells: 0.146, near a lone corner of an occupied cell."""
 _Walk = tuple[Scalar, Scalar, Scalar, Scalar, Flag]
 """Row and column of a cell, shares of a segment up to the next ones, and whether the cell is occupied."""
-_PARTS = 4
-"""Parts of a step at whose ends the field is looked up."""
 
 
 class OccupancyMap(AbstractObstacle):
@@ -67,18 +65,6 @@ class OccupancyMap(AbstractObstacle):
     def _at(self, row: Int[Array, ""], column: Int[Array, ""]) -> Scalar:
         """Return the distance at a corner [m]."""
         return self.field[row, column]
-
-    def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
-        """Return a lower bound of the clearance [m] on the segment between two states.
-
-        The field is looked up at five points. Between two neighbours a distance is less than at both by at most half
-        their own distance, so the result is too short by at most an eighth of the step.
-        """
-        shares = jnp.arange(_PARTS + 1) / _PARTS
-        x, y = before.x + shares * (after.x - before.x), before.y + shares * (after.y - before.y)
-        there = jax.vmap(self.clearance)(x, y)
-        apart = jnp.hypot(after.x - before.x, after.y - before.y) / _PARTS
-        return jnp.minimum(jnp.min(there), jnp.min(there[1:] + there[:-1] - apart) / 2)
 
     def hides(self, here: RobotState, there: RobotState) -> Flag:
         """Return whether the segment between two robots' centres meets an occupied cell.
