@@ -100,12 +100,12 @@ def test_a_new_obstacle_is_read_from_files_and_refused_by_whoever_does_not_know_
     table = {"capsules": [{"x": 3.0, "y": 5.0, "to_x": 7.0, "to_y": 6.0, "radius": 0.3}]}
     monkeypatch.setattr("apollonius.game.arena._KINDS", {})
     with pytest.raises(InvalidInput, match="unknown key 'capsules'"):
-        from_dict(Arena, table, "a file")
-    with pytest.raises(InvalidInput, match="obstacle = Capsule .* register_obstacle"):
+        from_dict(Game, {"arena": table}, "a file")
+    with pytest.raises(InvalidInput, match=r"obstacle = Capsule .* register_obstacle"):
         to_dict(Arena(extra=(WALL,)))
     register_obstacle("capsules", Capsule)
     register_obstacle("capsules", Capsule)
-    arena = from_dict(Arena, table, "a file")
+    arena = from_dict(Game, {"arena": table}, "a file").arena
     assert arena.extra == (WALL,)
     assert to_dict(arena).items() >= table.items()
     assert "extra" not in to_dict(arena)
@@ -114,7 +114,7 @@ def test_a_new_obstacle_is_read_from_files_and_refused_by_whoever_does_not_know_
             register_obstacle(name, kind)
     for wrong in ({"extra": []}, {"capsules": {}}, {"capsules": [3]}, {"capsules": [{"x": 3}]}):
         with pytest.raises(InvalidInput, match=r"a file: .*(arena\.extra|arena\.capsules)"):
-            from_dict(Arena, wrong, "a file")
+            from_dict(Game, {"arena": wrong}, "a file")
     with pytest.raises(InvalidInput, match="obstacles = Capsule is not possible: it must be discs"):
         arena.require_only((Disc, Polygon), "discs and polygons")
     with pytest.raises(InvalidInput, match=r"arena.capsules\[1\] end = \(30.0, 5.0\)"):

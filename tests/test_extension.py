@@ -122,7 +122,7 @@ BROKEN = {
 }
 
 
-@pytest.mark.parametrize("group, point", BROKEN, ids=str)
+@pytest.mark.parametrize(("group", "point"), BROKEN, ids=str)
 def test_a_broken_entry_point_is_refused_in_one_line_that_names_the_package(group, point, here):
     (here / "mine").mkdir()
     (here / "mine" / "wrong.py").write_text(
@@ -204,13 +204,28 @@ class Real(apollonius.AbstractPolicy):
         return seen.own.state.v, (memory, jnp.int32(1))
 
 
-class Impure(apollonius.AbstractPolicy):
-    """A policy with everything wrong that only playing shows."""
+class Moody(apollonius.AbstractPolicy):
+    """A policy that draws numbers by NumPy."""
 
     def __call__(self, seen, memory, bits):
-        form, speed = jax.ShapeDtypeStruct((), jnp.float32), seen.own.state.v
-        level = jax.pure_callback(lambda speed: speed, form, speed, vmap_method="expand_dims")
-        return (9 + level + np.random.randint(1000)).astype(jnp.int32), memory
+        return jnp.int32(np.random.default_rng().integers(2**31)), memory
+
+
+class Printing(apollonius.AbstractPolicy):
+    """A policy that prints."""
+
+    def __call__(self, seen, memory, bits):
+        jax.debug.print("{}", bits)
+        return jnp.int32(4), memory
+
+
+class Wild(apollonius.AbstractPolicy):
+    """A policy of an action that is none, by a call of Python, and that takes what a shield forbids."""
+
+    def __call__(self, seen, memory, bits):
+        form = jax.ShapeDtypeStruct((), jnp.float32)
+        level = jax.pure_callback(lambda speed: speed, form, seen.own.state.v, vmap_method="expand_dims")
+        return (9 + level).astype(jnp.int32), memory
 
     def choose(self, weighed, allowed):
         return jnp.int32(4)
@@ -225,11 +240,13 @@ def defects(check, *arguments):
 
 
 @pytest.mark.parametrize(
-    "policy, name, text",
+    ("policy", "name", "text"),
     [
         (Reader(Short()), "observation", r"float32 \[1\] .* float32 \[2\], as its size is"),
         (Branching(), "action and memory", "jnp.where or jax.lax.cond for if"),
         (Real(), "action and memory", r"action = float32 \[\] .* int32 \[\]"),
+        (Moody(), "purity", "another in each trace .* take randomness from `bits`"),
+        (Printing(), "purity", "take out callbacks and prints"),
     ],
 )
 def test_check_policy_says_what_to_mend_before_it_plays(policy, name, text):
@@ -240,8 +257,7 @@ def test_check_policy_says_what_to_mend_before_it_plays(policy, name, text):
 
 @pytest.mark.slow
 def test_check_policy_says_what_to_mend_when_it_plays():
-    lines = defects(apollonius.check_policy, Impure(), Role.PURSUER)
-    assert "another in each trace" in lines["purity"]
+    lines = defects(apollonius.check_policy, Wild(), Role.PURSUER)
     assert "from 0 to 8; clip it" in lines["batches and actions"]
     assert "an allowed action" in lines["choice"]
     assert "pure_callback" in lines["export"]

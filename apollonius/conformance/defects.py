@@ -59,7 +59,7 @@ def _is_same(first: ClosedJaxpr, second: ClosedJaxpr) -> bool:
 def require_rows(function: Callable[..., Any], rows: Any, tolerance: float, most: float = 0.02) -> Any:
     """Return a function's results for rows of arguments, refused unless they are the same again and row by row.
 
-    A row may differ where rounding decides: `most` of them by more than the `tolerance`. Raises InvalidInput.
+    Rounding can decide some rows: a share of `most` may differ by more than the `tolerance`. Raises InvalidInput.
     """
     batch = jax.jit(jax.vmap(function))
     results, again = batch(*rows), batch(*rows)

@@ -49,11 +49,11 @@ def check_policy(policy: AbstractPolicy | str, role: Role, game: Game | str = "p
     player = find_exportable(policy, role, as_game(game))
     checks = _Checks(player)
     require_all(player.name, {"observation": checks.observation, "action and memory": checks.answer})
+    require_all(player.name, {"purity": checks.purity})
     cases = cases_of(player, _CASES)
     require_all(
         player.name,
         {
-            "purity": lambda: require_pure(checks.ask, *jax.tree.map(jnp.asarray, checks.example)),
             "batches and actions": lambda: checks.actions(cases),
             "choice": lambda: checks.choice(cases),
             "mirror": checks.mirror,
@@ -93,6 +93,9 @@ class _Checks:
         form = jax.tree.map(_form, jax.eval_shape(lambda: self.policy.memory))
         bound = f"{form}, as the first memory is, in every step"
         require(jax.tree.map(_form, memory) == form, "next memory", jax.tree.map(_form, memory), bound)
+
+    def purity(self) -> None:
+        require_pure(self.ask, *self.example)
 
     def actions(self, cases: Cases) -> None:
         action, _ = require_rows(self.ask, tuple(jax.tree.map(jnp.asarray, tuple(cases))), _ROUNDING)

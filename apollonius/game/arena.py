@@ -170,8 +170,9 @@ def register_obstacle(table: str, kind: type[AbstractObstacle]) -> None:
 
 
 def find_obstacle_kind(table: str) -> type[AbstractObstacle] | None:
-    """Return the kind of obstacles of a table, registered or of an entry point `apollonius.obstacles`; None if there is
-    none. Raises InvalidInput for a broken one of another package.
+    """Return the kind of obstacles of a table, registered or of an entry point `apollonius.obstacles`, or None.
+
+    Raises InvalidInput for a broken one of another package.
     """
     if table not in _KINDS:
         kind = extensions.load_extension(extensions.OBSTACLES, table, _KIND)
