@@ -9,6 +9,7 @@ import sys
 import tomllib
 from dataclasses import dataclass, replace
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -180,7 +181,7 @@ class Bearings(Short):
 class Reader(apollonius.AbstractPolicy):
     """A policy of another observation."""
 
-    reads: apollonius.AbstractObservation
+    reads: apollonius.AbstractObservation = eqx.field(static=True)
 
     @property
     def observation(self):

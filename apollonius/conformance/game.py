@@ -67,7 +67,7 @@ def _check_file(game: Game) -> None:
 
 
 def _check_export(arena: Arena) -> None:
-    robot = _robots(np.zeros(2))
+    robot = RobotState(*jnp.zeros(4))
 
     def queries(arena: Arena, before: RobotState, after: RobotState) -> dict[str, jax.Array]:
         along, hit = arena.clearance_along(before, after), arena.hits_obstacle(before, after, _RADIUS)
@@ -131,7 +131,7 @@ def _check_body(body: Unicycle, game: Game) -> None:
     rng = np.random.default_rng(0)
     speeds = rng.uniform(body.v_min, body.v_max, _STATES)
     numbers = [*rng.uniform(0, 1, (2, _STATES)), speeds, rng.uniform(-math.pi, math.pi, _STATES)]
-    robots = RobotState(*(jnp.asarray(one, jnp.float32) for one in numbers))
+    robots = jax.vmap(RobotState)(*(jnp.asarray(one, jnp.float32) for one in numbers))
 
     def move(robot: RobotState, action: jax.Array) -> RobotState:
         return body.move(robot, *body.controls(action), game.dt)
@@ -187,5 +187,4 @@ def _coordinates(points: Float[np.ndarray, "*points 2"]) -> tuple[jax.Array, jax
 
 def _robots(points: Float[np.ndarray, "*points 2"]) -> RobotState:
     """Return robots at rest at some points."""
-    x, y = _coordinates(points)
-    return RobotState(x, y, jnp.zeros_like(x), jnp.zeros_like(x))
+    return jax.vmap(lambda x, y: RobotState(x, y, jnp.zeros(()), jnp.zeros(())))(*_coordinates(points))

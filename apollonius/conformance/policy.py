@@ -121,7 +121,7 @@ class _Checks:
         require(sorted(reads.mirror.order) == list(range(reads.size)), "order", reads.mirror.order, "a permutation")
         games = [self._plain(is_image) for is_image in (False, True)]
         states = reset_batch(games[0], jax.random.key(0), _CASES)
-        images = replace(states, robots=states.robots.map(self._images))
+        images = jax.vmap(lambda state: replace(state, robots=state.robots.map(self._images)))(states)
         numbers, expected = (
             jax.jit(jax.vmap(lambda state, game=game: reads(look(game, state, role))))(some)
             for game, some in zip(games, (states, images), strict=True)
