@@ -10,6 +10,8 @@ from apollonius.agents.store import save_agent as save_agent
 from apollonius.agents.trained import Greedy as Greedy
 from apollonius.arenas.file import find_game as find_game
 from apollonius.catalogue import find_player as find_player
+from apollonius.conformance.game import check_game as check_game
+from apollonius.conformance.policy import check_policy as check_policy
 from apollonius.envs.pettingzoo import parallel_env as parallel_env
 from apollonius.evaluate.match import Match as Match
 from apollonius.evaluate.match import play_match as play_match
@@ -18,11 +20,13 @@ from apollonius.evaluate.result import MatchResult as MatchResult
 from apollonius.export.writing import translate as translate
 from apollonius.game.arena import Arena as Arena
 from apollonius.game.arena import Disc as Disc
+from apollonius.game.arena import register_obstacle as register_obstacle
 from apollonius.game.drive import Drive as Drive
 from apollonius.game.drive import Drives as Drives
 from apollonius.game.dynamics import Unicycle as Unicycle
 from apollonius.game.game import Game as Game
 from apollonius.game.game import reset_batch as reset_batch
+from apollonius.game.obstacle import AbstractObstacle as AbstractObstacle
 from apollonius.game.polygon import Polygon as Polygon
 from apollonius.game.presets import in_arenas as in_arenas
 from apollonius.game.presets import make_game as make_game

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from apollonius.agents.built_in import BuiltIn
 from apollonius.agents.classical import BRAKE_STRAIGHT, Still, Uniform
 from apollonius.agents.departure import Departing
+from apollonius.agents.extension import Extension
 from apollonius.agents.kind import AbstractKind, Named, unknown
 from apollonius.agents.names import SEARCHING, SHIELDED
 from apollonius.agents.network import QNetwork, valuing
@@ -24,7 +25,7 @@ from apollonius.game.validation import MAX_SIZE
 from apollonius.io.errors import require
 from apollonius.solve.solving import SolvedGame
 
-KINDS: tuple[AbstractKind, ...] = (BuiltIn(), SolvedGame(), Trained())
+KINDS: tuple[AbstractKind, ...] = (BuiltIn(), SolvedGame(), Trained(), Extension())
 """All kinds of players; a name is of the first that knows it. A new kind is a file of its own and its name here."""
 TABLE = "table"
 """Instead of a player's name, where both sides are solved anyway: the player by the game solved for that side."""
@@ -37,7 +38,8 @@ def find_player(name: str | AbstractPolicy, role: Role, game: Game) -> Named:
     Args:
         name: `shielded:` before it puts the player behind a shield (`apollonius.agents.shield`), then `searching:`
             makes a pursuer search (`apollonius.agents.searching`). `RUN/NAME` is an agent of a training run, by the
-            run's folder or its name among `runs`; `zoo/NAME` is one of the zoo.
+            run's folder or its name among `runs`; `zoo/NAME` is one of the zoo, `PACKAGE:NAME`
+            one of another package (`apollonius.agents.extension`).
 
     Raises:
         InvalidInput: when nobody has it, its file is bad or of another game, it plays the other side only, or a shield

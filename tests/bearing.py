@@ -1,4 +1,4 @@
-"""A new observation: where the opponent is, as a robot with a camera sees it. Shown in `docs/how-to/extend.md`."""
+"""A new observation: where the opponent is, as a robot with a camera sees it."""
 
 from dataclasses import dataclass
 

@@ -1,6 +1,5 @@
 """Agents by name; and `docs/how-to/extend.md`: a new obstacle or robot is a short file and a line."""
 
-import inspect
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,7 +25,7 @@ from apollonius.export.c import Compiled, header
 from apollonius.export.parity import cases_of, compare
 from apollonius.export.player import find_exportable
 from apollonius.export.translate import translated
-from apollonius.game.arena import Arena, Disc
+from apollonius.game.arena import Arena, Disc, register_obstacle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
@@ -40,7 +39,6 @@ from apollonius.observe.view import look
 from apollonius.play.playout import play_out
 from apollonius.show.canvas import Canvas
 from apollonius.show.palette import OBSTACLE
-from tests import bearing
 from tests.acting import act, act_in_rows, robot, state
 from tests.bearing import BEARING, Bearing
 from tests.capsule import Capsule
@@ -50,12 +48,6 @@ from tests.export.test_translate import needs_gcc
 from tests.learn.test_opponents import archive_of
 
 DOCUMENT = (REPOSITORY / "docs" / "how-to" / "extend.md").read_text()
-
-
-class WithCapsules(Arena):
-    """The line in `Arena`, which a test cannot write there."""
-
-    capsules: tuple[Capsule, ...] = ()
 
 
 class WithCars(Game):
@@ -69,13 +61,12 @@ STEERED = {"pursuer": {"wheelbase": 0.5, "steer_max": 0.4}, "arena": {"discs": [
 WALL = Capsule(3.0, 5.0, 7.0, 6.0, 0.3)
 
 
-def test_the_document_shows_the_observation_and_names_the_others():
-    assert inspect.getsource(bearing) in DOCUMENT
+def test_the_document_names_the_files_here():
     assert all(f"tests/{name}.py" in DOCUMENT for name in ("capsule", "car"))
 
 
 def test_a_new_obstacle_is_as_far_away_as_its_points():
-    arena = WithCapsules(-90.0, 90.0, -90.0, 90.0, capsules=(WALL,))
+    arena = Arena(-90.0, 90.0, -90.0, 90.0, extra=(WALL,))
     line = np.linspace([WALL.x, WALL.y], [WALL.to_x, WALL.to_y], 2000)
     rng = np.random.default_rng(0)
     along = jax.jit(arena.clearance_along)
@@ -87,7 +78,7 @@ def test_a_new_obstacle_is_as_far_away_as_its_points():
 
 @pytest.mark.slow
 def test_a_new_obstacle_is_one_for_games_players_surveys_and_pictures():
-    game = Game(arena=WithCapsules(capsules=(WALL,)), max_steps=60)
+    game = Game(arena=Arena(extra=(WALL,)), max_steps=60)
     assert game.arena.hits_obstacle(robot(5.0, 5.0), robot(5.0, 6.0), 0.0)
     assert not game.arena.hits_obstacle(robot(5.0, 4.0), robot(5.0, 4.5), 0.3)
     states = jax.jit(reset_batch, static_argnums=2)(game, jax.random.key(0), 200)
@@ -105,14 +96,29 @@ def test_a_new_obstacle_is_one_for_games_players_surveys_and_pictures():
     assert int(act(player, blocked, jnp.uint32(0))) in (0, 1, 2)  # it brakes
 
 
-def test_a_new_obstacle_is_read_from_files_and_refused_by_whoever_does_not_know_it():
-    arena = from_dict(WithCapsules, {"capsules": [{"x": 3, "y": 5, "to_x": 7, "to_y": 6, "radius": 0.3}]}, "a file")
-    assert arena.capsules == (WALL,)
-    assert to_dict(arena)["capsules"] == [{"x": 3.0, "y": 5.0, "to_x": 7.0, "to_y": 6.0, "radius": 0.3}]
+def test_a_new_obstacle_is_read_from_files_and_refused_by_whoever_does_not_know_it(monkeypatch):
+    table = {"capsules": [{"x": 3.0, "y": 5.0, "to_x": 7.0, "to_y": 6.0, "radius": 0.3}]}
+    monkeypatch.setattr("apollonius.game.arena._KINDS", {})
+    with pytest.raises(InvalidInput, match="unknown key 'capsules'"):
+        from_dict(Game, {"arena": table}, "a file")
+    with pytest.raises(InvalidInput, match=r"obstacle = Capsule .* register_obstacle"):
+        to_dict(Arena(extra=(WALL,)))
+    register_obstacle("capsules", Capsule)
+    register_obstacle("capsules", Capsule)
+    arena = from_dict(Game, {"arena": table}, "a file").arena
+    assert arena.extra == (WALL,)
+    assert to_dict(arena).items() >= table.items()
+    assert "extra" not in to_dict(arena)
+    for name, kind in (("capsules", Disc), ("discs", Capsule), ("map", Capsule)):
+        with pytest.raises(InvalidInput, match=f"table = {name} .* no other part"):
+            register_obstacle(name, kind)
+    for wrong in ({"extra": []}, {"capsules": {}}, {"capsules": [3]}, {"capsules": [{"x": 3}]}):
+        with pytest.raises(InvalidInput, match=r"a file: .*(arena\.extra|arena\.capsules)"):
+            from_dict(Game, {"arena": wrong}, "a file")
     with pytest.raises(InvalidInput, match="obstacles = Capsule is not possible: it must be discs"):
         arena.require_only((Disc, Polygon), "discs and polygons")
-    with pytest.raises(InvalidInput, match=r"arena.capsules\[0\] end = \(30.0, 5.0\)"):
-        Game(arena=WithCapsules(capsules=(replace(WALL, x=30.0),)))
+    with pytest.raises(InvalidInput, match=r"arena.capsules\[1\] end = \(30.0, 5.0\)"):
+        Game(arena=Arena(extra=(WALL, replace(WALL, x=30.0))))
 
 
 @pytest.mark.slow

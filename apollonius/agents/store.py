@@ -24,7 +24,7 @@ from apollonius.game.types import NUM_ACTIONS, Role
 from apollonius.game.validation import require_usual_numbers
 from apollonius.io.arrays import named_leaves, opened, read_header, read_tree, write_arrays
 from apollonius.io.errors import InvalidInput, require, require_within, shown
-from apollonius.observe.registry import OBSERVATIONS
+from apollonius.observe.registry import OBSERVATIONS, has_observation
 
 FORMAT = "apollonius-agent", 1
 _MAKE = {"values": make_network, "gaussian": make_actor}
@@ -142,10 +142,9 @@ def _checked(path: Path, fields: dict[str, Any]) -> AgentHeader:
         raise InvalidInput(
             f"'{path}' has a network of the kind {shown(header.network)}, {remedy}.",
         )
-    own_observation = OBSERVATIONS.get(header.observation)
-    if own_observation is None or own_observation.size != header.observation_size:
-        sizes = ((name, observation.size) for name, observation in OBSERVATIONS.items())
-        observations = ", ".join(f"{name} ({size})" for name, size in sizes)
+    reads = OBSERVATIONS[header.observation] if has_observation(header.observation) else None
+    if reads is None or reads.size != header.observation_size:
+        known = ", ".join(f"{name} ({one.size})" for name, one in OBSERVATIONS.items())
         made_for = f"{shown(header.observation)} ({shown(header.observation_size)} numbers)"
         remedy = f"this program has {observations}: train it again"
         raise InvalidInput(f"'{path}' was made for the observation {made_for}; {remedy}.")

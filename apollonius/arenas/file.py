@@ -11,14 +11,8 @@ import tomli_w
 from apollonius.arenas.map_file import load_map
 from apollonius.arenas.names import GALLERY, SUITES, game_names, unknown_game
 from apollonius.arenas.random_arena import is_drawn, random_map
-from apollonius.arenas.suite import (
-    arena_names,
-    find_scenario,
-    is_scenario,
-    scenario_game,
-    suite_arena,
-)
-from apollonius.game.arena import Arena
+from apollonius.arenas.suite import arena_names, find_scenario, is_scenario, scenario_game, suite_arena
+from apollonius.game.arena import Arena, find_obstacle_kind, table_of
 from apollonius.game.game import Game
 from apollonius.game.names import TEAM
 from apollonius.game.occupancy import OccupancyMap
@@ -28,7 +22,7 @@ from apollonius.game.scenario import Scenario
 from apollonius.io.document import parse_json, parse_toml, read_bytes, to_json, write_atomically
 from apollonius.io.errors import InvalidInput, require
 from apollonius.io.limits import GAME_FILES, ROBOTS
-from apollonius.io.record import read_record, write_record
+from apollonius.io.record import Hooks, read_record, write_record
 
 T = TypeVar("T")
 
@@ -104,11 +98,8 @@ def to_dict(config: Any) -> dict[str, Any]:
     An occupancy map, millions of numbers, is given by its file, or its random arena, and its
     SHA-256.
     """
-    hooks = {
-        Scenario: _name,
-        OccupancyMap: lambda cells: {"file": cells.file, "sha256": cells.digest},
-    }
-    return write_record(config, hooks, derived=("chart",))
+    hooks = {Scenario: _name, OccupancyMap: lambda found: {"file": found.file, "sha256": found.digest}}
+    return write_record(config, hooks | {Arena: partial(_written_arena, hooks=hooks)}, derived=("chart",))
 
 
 def from_dict(kind: type[T], data: dict[str, Any], source: str, folder: Path = Path()) -> T:
@@ -127,8 +118,8 @@ def from_dict(kind: type[T], data: dict[str, Any], source: str, folder: Path = P
         InvalidInput: for an unknown key, and for a value of the wrong kind or an impossible one.
     """
     hooks = {
-        Game: lambda value: find_game(value) if isinstance(value, str) else value,
-        Arena: partial(_with_map, folder=folder),
+        Game: lambda given: find_game(given) if isinstance(given, str) else given,
+        Arena: lambda arena: _with_map(_with_extra(arena), folder),
         Polygon: _opened,
         Scenario: lambda value: value if isinstance(value, Scenario) else find_scenario(value),
     }
@@ -143,6 +134,32 @@ def _name(scenario: Scenario) -> str:
         "written as a game in each of its arenas, as no file holds it",
     )
     return scenario.name
+
+
+def _written_arena(arena: Arena, hooks: Hooks) -> dict[str, Any]:
+    """Return an arena's record, with a list of tables for each kind of obstacles of other packages."""
+    record = write_record(arena, hooks, derived=("chart", "extra"))
+    for obstacle in arena.extra:
+        table = table_of(type(obstacle))
+        bound = "one that register_obstacle, or an entry point of its package, gives a table in game files"
+        require(table is not None, "obstacle", type(obstacle).__name__, bound)
+        record.setdefault(table, []).append(write_record(obstacle, hooks))
+    return record
+
+
+def _with_extra(arena: Any) -> Any:
+    """Read the obstacles of other packages' kinds from the data of an arena; tables of no kind stay as they are."""
+    if not isinstance(arena, dict) or arena.keys() <= Arena.__dataclass_fields__.keys() - {"extra"}:
+        return arena
+    require("extra" not in arena, "arena.extra", "given", "left out: each kind of obstacles has a table of its own")
+    record, extra = dict(arena), []
+    for table in [key for key in arena if key not in Arena.__dataclass_fields__]:
+        if kind := find_obstacle_kind(str(table)):
+            obstacles, name = record.pop(table), f"arena.{table}"
+            is_list = isinstance(obstacles, list) and all(isinstance(one, dict) for one in obstacles)
+            require(is_list, name, obstacles, f"tables [[{name}]]")
+            extra += [read_record(kind, one, f"{name}[{index}]", {}) for index, one in enumerate(obstacles)]
+    return record | {"extra": tuple(extra)}
 
 
 def _opened(polygon: Any) -> Any:

@@ -10,6 +10,7 @@ from apollonius.cli.options import add_json, answer, command, finish
 from apollonius.cli.terminal import advice_table
 from apollonius.cli.values import count, known_game, new_file, real
 from apollonius.io.errors import require
+from apollonius.io.extensions import PLAYERS, extension_names
 from apollonius.io.limits import GAME_FILES, SEED
 
 GAMES = 40
@@ -192,6 +193,7 @@ OTHERS = {
     "RUN/NAME": "an agent of a training run, by the run's folder or its name among runs",
     "FILE.safetensors": "an agent's file, or a game that solve solved",
     "shielded:NAME": "any of these behind a shield: it never crashes, by the rules, where it starts at rest",
+    "PACKAGE:NAME": "a player of an installed package",
     "searching:NAME": "a pursuer of limited sight that searches while it does not see the evader; after shielded:",
 }
 
@@ -205,10 +207,10 @@ def run_players(options: argparse.Namespace) -> int:
     words = {name: about for name, (_, about) in BUILT_IN.items()} | {name: ZOO.get(name, "") for name in zoo_names()}
     lines = []
     for sides in (SIDES[:1], SIDES[1:], SIDES):
-        lines += [
-            f"{' or '.join(sides)}:",
-            *_rows({name: words[name] for name in words if side_of(name) == sides}),
-        ]
+        lines += [f"{' or '.join(sides)}:", *_rows({name: words[name] for name in words if side_of(name) == sides})]
+    extensions = dict.fromkeys(extension_names(PLAYERS), "")
+    words |= extensions
+    lines += ["of other packages:", *_rows(extensions)] if extensions else []
     lines += ["your own:", *_rows(OTHERS), "more about each: docs/reference/agents.md"]
     facts = [{"name": name, "sides": side_of(name), "about": about} for name, about in words.items()]
     answer(options, {"players": facts, "forms": OTHERS}, "\n".join(lines))

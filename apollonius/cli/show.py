@@ -8,8 +8,9 @@ import webbrowser
 from math import radians
 from pathlib import Path
 from threading import Thread
+from typing import TYPE_CHECKING
 
-from apollonius.agents.names import SIDES
+from apollonius.agents.names import SHIELDED, SIDES
 from apollonius.cli.options import (
     AGENT,
     add_game,
@@ -30,7 +31,11 @@ from apollonius.cli.values import (
     run_folder,
 )
 from apollonius.io.errors import InvalidInput, require, require_extra
+from apollonius.io.extensions import PLAYERS, extension_names
 from apollonius.io.limits import MOVING, PORT, SEED
+
+if TYPE_CHECKING:
+    from apollonius.game.types import Role
 
 
 def add_show(parser: argparse.ArgumentParser) -> None:
@@ -225,8 +230,8 @@ def add_play(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--against", type=known_agent, metavar="AGENT",
-        help="your opponent: a rule such as intercept, a zoo agent, a .safetensors file, or a .wasm file of your own; "
-        "shielded: may precede it (default: the best there is, a little slow to see)",
+        help="your opponent: a rule such as intercept, a zoo agent, a .safetensors file, PACKAGE:NAME, or a .wasm file "
+        "of your own; shielded: may precede it (default: the best there is, a little slow to see)",
     )  # fmt: skip
     add_game(parser)
     parser.add_argument(
@@ -257,13 +262,17 @@ def add_play(parser: argparse.ArgumentParser) -> None:
 def run_play(options: argparse.Namespace) -> int:
     from apollonius import Role, find_game
     from apollonius.io.document import whole_folder
-    from apollonius.web.server import make_server
     from apollonius.web.site import choose, write_site
 
     options.display.begin("writing the page")
-    choice = choose(Role[options.side.upper()], options.against, options.game, options.seed)
-    warn(options, find_game(options.game))
-    if options.site:
+    side = Role[options.side.upper()]
+    with tempfile.TemporaryDirectory() as private:
+        folder = Path(private) / "site"  # which takes the mode of the page's own folder
+        choice = choose(side, _opponent(options, side.other, Path(private)), options.game, options.seed)
+        warn(options, find_game(options.game))
+        if not options.site:
+            write_site(folder, choice)
+            return _serve(options, folder)
         empty = not options.site.exists() or (options.site.is_dir() and not any(options.site.iterdir()))
         require(empty, "--site", options.site, "a new or empty folder; choose another")
         with whole_folder(options.site) as folder:
@@ -274,15 +283,29 @@ def run_play(options: argparse.Namespace) -> int:
             then=f"put it on any web host; its page is {options.site / 'index.html'}",
         )
         return 0
-    with tempfile.TemporaryDirectory() as private:
-        folder = Path(private) / "site"  # which takes the mode of the page's own folder
-        write_site(folder, choice)
-        options.display.stop()
-        with make_server(folder, options.port) as server:
-            address = f"http://{server.server_address[0]}:{server.server_port}/"
-            print(f"play at {address}  (Ctrl-C ends)", flush=True)
-            if not options.no_open:
-                # some end with their window
-                Thread(target=webbrowser.open, args=(address,), daemon=True).start()
-            server.serve_forever()
+
+
+def _opponent(options: argparse.Namespace, role: "Role", folder: Path) -> str | None:
+    """Return the opponent's name for the page: a player of another package becomes a file of the folder."""
+    bare = (options.against or "").removeprefix(SHIELDED)
+    if ":" not in bare or bare not in extension_names(PLAYERS):
+        return options.against
+    from apollonius import find_game, find_player
+    from apollonius.web.programs import write_player
+
+    path = folder / f"{bare.partition(':')[2]}.wasm"
+    write_player(find_player(bare, role, find_game(options.game)).policy, path)
+    return options.against.removesuffix(bare) + str(path)
+
+
+def _serve(options: argparse.Namespace, folder: Path) -> int:
+    from apollonius.web.server import make_server
+
+    options.display.stop()
+    with make_server(folder, options.port) as server:
+        address = f"http://{server.server_address[0]}:{server.server_port}/"
+        print(f"play at {address}  (Ctrl-C ends)", flush=True)
+        if not options.no_open:
+            Thread(target=webbrowser.open, args=(address,), daemon=True).start()  # some end with their window
+        server.serve_forever()
     return 0

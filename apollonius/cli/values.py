@@ -25,6 +25,7 @@ from apollonius.agents.names import (
 from apollonius.arenas.names import game_names, unknown_game
 from apollonius.game.names import TEAM
 from apollonius.io.errors import EXTRAS, TRACKERS, missing, nearest, require, shown, unknown_name
+from apollonius.io.extensions import PLAYERS, extension_names
 from apollonius.io.limits import GAME_FILES, ONNX, SEED, TRAININGS, Counted
 
 LARGEST = 1e6
@@ -175,12 +176,13 @@ def known_agent(text: str, side: str | None = None) -> str:
         )
     if name in names or bare in in_run or _is(Path(bare).is_file):
         return text
-    names = [candidate for candidate in names if not side or side in side_of(candidate)]
-    files = "a .safetensors file, or RUN/NAME for an agent of a training run"
-    suggestion = nearest(bare, in_run or names) or next(iter(in_run), None)
-    raise argparse.ArgumentTypeError(
-        unknown_name("agent", bare, f"{LISTED}; or give {files}", suggestion),
-    )
+    extensions = extension_names(PLAYERS)
+    if bare in extensions:
+        return text
+    known = [one for one in known if not side or side in side_of(one)] + extensions
+    files = "a .safetensors file, RUN/NAME for an agent of a training run, or PACKAGE:NAME for one of a package"
+    meant = nearest(bare, in_run or known) or next(iter(in_run), None)
+    raise argparse.ArgumentTypeError(unknown_name("agent", bare, f"{LISTED}; or give {files}", meant))
 
 
 def agents_in_run(run: str) -> list[str]:

@@ -23,7 +23,7 @@ from apollonius.game.reward import Reward
 from apollonius.game.types import NUM_ACTIONS, ROLES, BySide, GameState, Role, Scalar, Timestep
 from apollonius.io.errors import InvalidInput, nearest, require, unknown_name
 from apollonius.observe.observation import AbstractObservation
-from apollonius.observe.registry import OBSERVATIONS, find_observation
+from apollonius.observe.registry import OWN, find_observation, observation_names
 from apollonius.observe.view import View, look
 
 GivenPlayer = str | AbstractPolicy
@@ -134,23 +134,16 @@ def make_contest(
     return Contest(charted(game, reads_chart), players, reads, own)
 
 
-def _observation(game: Game, option: object, role: Role) -> AbstractObservation:
-    """Return an observation; that of a function has the size of its result for a view of the game."""
-    if isinstance(option, str | AbstractObservation):
-        return find_observation(option)
-    bound = f"one of {', '.join(OBSERVATIONS)}, an AbstractObservation, or a function of a view"
-    _require_function("observation", option, 1, bound)
-    assert callable(option)
-    numbers = jax.eval_shape(
-        lambda: _numbers(option, look(game, game.reset(jax.random.key(0)), role)),
-    )
-    require(
-        numbers.ndim == 1,
-        "observation",
-        f"an array of shape {numbers.shape}",
-        "a row of numbers",
-    )
-    return OwnObservation(function=option, size=numbers.size)
+def _observation(game: Game, given: object, role: Role) -> AbstractObservation:
+    """Return an observation; one by a function has the size of what that makes of a view of the game."""
+    if isinstance(given, str | AbstractObservation):
+        return find_observation(given)
+    bound = f"one of {', '.join(observation_names())}, an AbstractObservation, or a function of a view"
+    _require_function("observation", given, 1, bound)
+    assert callable(given)
+    numbers = jax.eval_shape(lambda: _numbers(given, look(game, game.reset(jax.random.key(0)), role)))
+    require(numbers.ndim == 1, "observation", f"an array of shape {numbers.shape}", "a row of numbers")
+    return OwnObservation(function=given, size=numbers.size)
 
 
 def _rewarded(game: Game, option: object, role: Role | None) -> tuple[Game, OwnReward | None]:
@@ -215,7 +208,7 @@ def observation_space(reads: AbstractObservation) -> gymnasium.spaces.Box:
     The package's observations are within 2 of 0, unless a robot goes half an arena beyond the walls
     in one step; others may have all numbers.
     """
-    most = 2.0 if reads in OBSERVATIONS.values() else np.inf
+    most = 2.0 if reads in OWN else np.inf
     return gymnasium.spaces.Box(-most, most, (reads.size,), np.float32)
 
 

@@ -24,6 +24,7 @@ from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.sensing import Percept, Sensing
 from apollonius.game.types import Bits, BySide, DriveState, GameState, RobotState, RobotStatus, Role
+from apollonius.io import extensions
 from apollonius.io.errors import require
 from apollonius.observe.registry import find_observation
 from apollonius.observe.tracking import Track, believed, delayed, learn
@@ -190,35 +191,26 @@ def known_state(
 
 
 def side_of(name: str, given: str | None = None) -> Role:
-    """Return the side that a player plays, or `given` for a player of either side.
-
-    Raises:
-        InvalidInput: For a side that the player does not play, and if a player of either side gets
-            None.
-    """
-    bare_name = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
-    sides = PLAYERS[bare_name][1] if bare_name in PLAYERS else (_trained_side(bare_name),)
-    side_names = [side.name.lower() for side in sides]
-    choices = " or ".join(side_names)
-    is_possible = given is None or given in side_names
-    require(is_possible, "side", given, f"{choices}, which '{name}' plays")
-    require(given or len(sides) == 1, "side", "missing", f"{choices}, as '{name}' plays either")
+    """Return the side that a player plays, or the given one of a player of either; raises InvalidInput otherwise."""
+    bare = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
+    sides = _sides_of_rule(bare) or (Role[find_trained(bare)[0].header.role.upper()],)
+    named = [side.name.lower() for side in sides]
+    require(given is None or given in named, "side", given, f"{' or '.join(named)}, which '{name}' plays")
+    require(given or len(sides) == 1, "side", "missing", f"{' or '.join(named)}, as '{name}' plays either")
     return Role[given.upper()] if given else sides[0]
 
 
-def _trained_side(name: str) -> Role:
-    """Return the side of a trained agent."""
-    return Role[find_trained(name)[0].header.role.upper()]
+def _sides_of_rule(name: str) -> tuple[Role, ...]:
+    """Return the sides that a player which was not trained can play, either for one of another package; else none."""
+    if name in PLAYERS:
+        return PLAYERS[name][1]
+    return tuple(Role) if ":" in name and name in extensions.extension_names(extensions.PLAYERS) else ()
 
 
 def home_of(name: str) -> Game:
-    """Return the game that a player was trained in, `paper` for rules.
-
-    Raises:
-        InvalidInput: For a player of any arena.
-    """
-    bare_name = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
-    if bare_name in PLAYERS:
+    """Return the game that a player was made for, `paper` for none; raises InvalidInput for one of any arena."""
+    bare = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
+    if _sides_of_rule(bare):
         return make_game("paper")
     header = find_trained(bare_name)[0].header
     bound = f"one arena, since '{name}' does not say what it was made for"
@@ -230,8 +222,8 @@ def home_of(name: str) -> Game:
     return from_dict(Game, header.game, f"'{name}'")
 
 
-def find_exportable(name: str, role: Role, game: Game) -> Player:
-    """Find a player to be exported, with the parts of the game that it reads.
+def find_exportable(name: str | AbstractPolicy, role: Role, game: Game) -> Player:
+    """Return the player of this name, or a policy, to be exported.
 
     Raises:
         InvalidInput: As `find_player`; for games in several arenas; for networks with weights that
@@ -239,10 +231,10 @@ def find_exportable(name: str, role: Role, game: Game) -> Player:
             a robot that does not come to rest by braking, the answer to a broken state.
     """
     game.require_one_arena("an exported policy")
-    policy = find_player(name, role, game).policy
-    weights = jax.tree.leaves(eqx.filter(policy, eqx.is_inexact_array))
-    is_finite = all(np.isfinite(leaf).all() for leaf in weights)
-    require(is_finite, "weights", "NaN or infinite", "finite; train the agent again")
+    found = find_player(name, role, game)
+    policy = found.policy
+    finite = all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(eqx.filter(policy, eqx.is_inexact_array)))
+    require(finite, "weights", "NaN or infinite", "finite; train the agent again")
     body = game.bodies[role][0]
     stops = body.v_min == 0 and body.u1_max > 0
     limits = float(body.v_min), float(body.u1_max)
@@ -254,11 +246,10 @@ def find_exportable(name: str, role: Role, game: Game) -> Player:
     sensors = Sensing(**{side: own_sensors}) if own_sensors else None
     drives = Drives(**{side: own_drive}) if own_drive else None
     rules = charted(game) if policy.charted else game
-    own_game = replace(rules, sensors=sensors, drives=drives)
-    arena = own_game.arena
-    if arena.chart is not None and sensors is None:
-        own_game = replace(own_game, arena=replace(arena, chart=replace(arena.chart, links=None)))
-    return Player(name, role, own_game, policy, transposed(policy))
+    known = replace(rules, sensors=sensors, drives=drives)
+    if known.arena.chart is not None and sensors is None:
+        known = replace(known, arena=replace(known.arena, chart=replace(known.arena.chart, links=None)))
+    return Player(name if isinstance(name, str) else found.name, role, known, policy, transposed(policy))
 
 
 def state_of(

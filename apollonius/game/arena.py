@@ -1,7 +1,7 @@
 """Arenas: walls (Eq. 2), obstacles, and contact with them anywhere along a step."""
 
 import functools
-from dataclasses import fields
+from collections import Counter
 
 import jax.numpy as jnp
 
@@ -10,6 +10,7 @@ from apollonius.game.obstacle import AbstractObstacle, Walls, closest_approach_s
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Edges, Polygon
 from apollonius.game.types import Flag, Real, RobotState, Scalar
+from apollonius.io import extensions
 from apollonius.io.errors import require
 
 MOST_POLYGONS = 200
@@ -61,14 +62,11 @@ class Arena(Walls):
     """Walls with obstacles between them. Only the numbers of obstacles and of their corners are
     static.
 
-    A field is a kind of obstacle (`apollonius.game.obstacle`): another kind is a file of its own,
-    and a field here.
-
     Attributes:
         map: cells that are obstacles, or None.
         territory: where the evader wins and does not start, or None.
-        chart: distances that players for any arena read (`apollonius.arenas.charting`), or None;
-            never in a file.
+        chart: distances that players for any arena read (`apollonius.arenas.charting`), or None; never in a file.
+        extra: obstacles of other kinds, each in a file's table of its kind (`register_obstacle`).
     """
 
     discs: tuple[Disc, ...] = ()
@@ -76,21 +74,21 @@ class Arena(Walls):
     map: OccupancyMap | None = None
     territory: Disc | None = None
     chart: Chart | None = None
+    extra: tuple[AbstractObstacle, ...] = ()
 
     @property
     def named_obstacles(self) -> dict[str, AbstractObstacle]:
-        """All obstacles by their names in a game's file: discs, polygons, the map, and those of any
-        other field.
-        """
-        named: dict[str, AbstractObstacle] = {}
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if isinstance(value, AbstractObstacle) and field.name != "territory":
-                named[f"arena.{field.name}"] = value
-            elif isinstance(value, tuple):
-                for index, obstacle in enumerate(value):
-                    named[f"arena.{field.name}[{index}]"] = obstacle
-        return named
+        """All obstacles by their names in a game's file: discs, polygons, the map, and those of other kinds."""
+        obstacles: dict[str, AbstractObstacle] = {f"arena.discs[{index}]": one for index, one in enumerate(self.discs)}
+        obstacles |= {f"arena.polygons[{index}]": one for index, one in enumerate(self.polygons)}
+        if self.map is not None:
+            obstacles["arena.map"] = self.map
+        counts = Counter[str]()
+        for obstacle in self.extra:
+            table = table_of(type(obstacle)) or "extra"
+            obstacles[f"arena.{table}[{counts[table]}]"] = obstacle
+            counts[table] += 1
+        return obstacles
 
     @property
     def obstacles(self) -> tuple[AbstractObstacle, ...]:
@@ -191,3 +189,38 @@ class Arena(Walls):
             | (after.y - radius < self.y_min)
             | (after.y + radius > self.y_max)
         )
+
+
+_KINDS: dict[str, type[AbstractObstacle]] = {}
+"""Kinds of obstacles of other packages by the names of their tables in game files."""
+_KIND = "a class of obstacles, an AbstractObstacle"
+
+
+def register_obstacle(table: str, kind: type[AbstractObstacle]) -> None:
+    """Make a kind of obstacles known to game files, by the name of its table: `capsules` for `[[arena.capsules]]`.
+
+    Raises InvalidInput if an arena has a field of this name, or another kind has it.
+    """
+    is_free = table not in Arena.__dataclass_fields__ and _KINDS.get(table, kind) is kind
+    require(table.isidentifier() and is_free, "table", table, "a word that names no other part of an arena")
+    _KINDS[table] = kind
+
+
+def find_obstacle_kind(table: str) -> type[AbstractObstacle] | None:
+    """Return the kind of obstacles of a table, registered or of an entry point `apollonius.obstacles`, or None.
+
+    Raises InvalidInput for a broken one of another package.
+    """
+    if table not in _KINDS:
+        kind = extensions.load_extension(extensions.OBSTACLES, table, _KIND)
+        if kind is None:
+            return None
+        if not isinstance(kind, type) or not issubclass(kind, AbstractObstacle):
+            raise extensions.unfit_extension(extensions.OBSTACLES, table, _KIND, kind)
+        register_obstacle(table, kind)
+    return _KINDS[table]
+
+
+def table_of(kind: type[AbstractObstacle]) -> str | None:
+    """Return the name of the table of a kind of obstacles in game files; None if it has none."""
+    return next((table for table, other in _KINDS.items() if other is kind), None)

@@ -13,25 +13,9 @@ from apollonius.game.types import Flag, Real, RobotState, Scalar
 from apollonius.io.errors import require
 
 _ROUNDING = 0.15
-"""What bilinear interpolation can add to a distance, in cells: 0.146, near a lone corner of an
-occupied cell.
-"""
-
-
-class _Walk(NamedTuple):
-    """A walk along a segment: its cell, the shares of the segment up to the next ones along x and
-    y, and whether the cell is occupied.
-    """
-
-    row: Scalar
-    column: Scalar
-    next_x: Scalar
-    next_y: Scalar
-    is_occupied: Flag
-
-
-_PARTS = 4
-"""Parts of a step at whose ends the field is looked up."""
+"""What bilinear interpolation can add to a distance, in cells: 0.146, near a lone corner of an occupied cell."""
+_Walk = tuple[Scalar, Scalar, Scalar, Scalar, Flag]
+"""Row and column of a cell, shares of a segment up to the next ones, and whether the cell is occupied."""
 
 
 class OccupancyMap(AbstractObstacle):
@@ -94,21 +78,6 @@ class OccupancyMap(AbstractObstacle):
     def _at(self, row: Int[Array, ""], column: Int[Array, ""]) -> Scalar:
         """Return the distance at a corner [m]."""
         return self.field[row, column]
-
-    def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
-        """Return a lower bound of the clearance [m] on the segment between two states.
-
-        The field is looked up at five points. Between two neighbours a distance is less than at
-        both by at most half their own distance, so the result is too short by at most an eighth of
-        the step.
-        """
-        shares = jnp.arange(_PARTS + 1) / _PARTS
-        x, y = before.x + shares * (after.x - before.x), before.y + shares * (after.y - before.y)
-        clearances = jax.vmap(self.clearance)(x, y)
-        spacing = jnp.hypot(after.x - before.x, after.y - before.y) / _PARTS
-        at_points = jnp.min(clearances)
-        between = jnp.min(clearances[1:] + clearances[:-1] - spacing) / 2
-        return jnp.minimum(at_points, between)
 
     def hides(self, here: RobotState, there: RobotState) -> Flag:
         """Return whether the segment between two robots' centres meets an occupied cell.

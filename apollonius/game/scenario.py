@@ -208,15 +208,10 @@ def stack_arenas(arenas: Sequence[Arena]) -> Arena:
             map=corners_of_map and _padded_map(arena.map, corners_of_map),
         )
 
-    padded_arenas = list(map(pad, arenas))
-    shapes = set(map(jax.tree.structure, padded_arenas))
-    require(
-        len(shapes) == 1,
-        "arenas",
-        "of several kinds",
-        "all with a territory or all without, and of one class",
-    )
-    return jax.tree.map(lambda *leaves: jnp.asarray(np.array(leaves, np.float32)), *padded_arenas)
+    padded = list(map(alike, arenas))
+    shapes = set(map(jax.tree.structure, padded))
+    require(len(shapes) == 1, "arenas", "of several kinds", "alike but for discs, polygons and maps")
+    return jax.tree.map(lambda *leaves: jnp.asarray(np.array(leaves, np.float32)), *padded)
 
 
 def _padded_map(occupancy: OccupancyMap | None, corners: tuple[int, int]) -> OccupancyMap:

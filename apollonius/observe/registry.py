@@ -1,14 +1,34 @@
 """All observations by name."""
 
+from apollonius.io import extensions
 from apollonius.io.errors import InvalidInput, nearest, require, unknown_name
 from apollonius.observe.egocentric import EGOCENTRIC
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.paper import ENCODED, PAPER
 from apollonius.observe.team import TEAM
 
-_ALL = PAPER, ENCODED, EGOCENTRIC, TEAM
-OBSERVATIONS: dict[str, AbstractObservation] = {one.name: one for one in _ALL}
-"""By their names in files and configurations."""
+OWN = PAPER, ENCODED, EGOCENTRIC, TEAM
+"""Those of this package."""
+OBSERVATIONS: dict[str, AbstractObservation] = {one.name: one for one in OWN}
+"""By their names in files and configurations; those of other packages from when their names are first looked up."""
+_KIND = "an AbstractObservation of the same name"
+
+
+def observation_names() -> list[str]:
+    """Return the names of all observations, those of other packages too."""
+    return list(dict.fromkeys([*OBSERVATIONS, *extensions.extension_names(extensions.OBSERVATIONS)]))
+
+
+def has_observation(name: str) -> bool:
+    """Return whether an observation has the name; raises InvalidInput for a broken one of another package."""
+    if name not in OBSERVATIONS:
+        part = extensions.load_extension(extensions.OBSERVATIONS, name, _KIND)
+        if part is None:
+            return False
+        if not isinstance(part, AbstractObservation) or part.name != name:
+            raise extensions.unfit_extension(extensions.OBSERVATIONS, name, _KIND, part)
+        register_observation(part)
+    return True
 
 
 def find_observation(given: str | AbstractObservation) -> AbstractObservation:
@@ -16,9 +36,10 @@ def find_observation(given: str | AbstractObservation) -> AbstractObservation:
     if isinstance(given, AbstractObservation):
         return given
     name = str(given)
-    if name not in OBSERVATIONS:
-        known = f"choose one of {', '.join(OBSERVATIONS)}, or give an AbstractObservation"
-        raise InvalidInput(unknown_name("observation", name, known, nearest(name, OBSERVATIONS)))
+    if not has_observation(name):
+        names = observation_names()
+        known = f"choose one of {', '.join(names)}, or give an AbstractObservation"
+        raise InvalidInput(unknown_name("observation", name, known, nearest(name, names)))
     return OBSERVATIONS[name]
 
 

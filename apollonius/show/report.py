@@ -157,6 +157,7 @@ def report_of(folder: Path) -> dict[str, Any]:
 def _described(game: Game) -> str:
     arena = game.arena
     obstacles = f"{len(arena.discs)} discs" + (f", {len(arena.polygons)} polygons" if arena.polygons else "")
+    obstacles += f", {len(arena.extra)} others" if arena.extra else ""
     obstacles += f", the map {Path(arena.map.file).name}" if arena.map else ""
     return (
         f"Arena {arena.x_max - arena.x_min:g} m by {arena.y_max - arena.y_min:g} m, {obstacles}; "

@@ -98,7 +98,6 @@ class Drawn(Arena):
     it is called.
     """
 
-    drawn: tuple[AbstractObstacle, ...] = ()
     clearance = jax.jit(Arena.clearance)
     clearance_along = jax.jit(Arena.clearance_along)
     hits_obstacle = jax.jit(Arena.hits_obstacle)
@@ -126,16 +125,8 @@ class Floor(eqx.Module):
         discs, edges, rows, columns = self.counts
         (x, y, cell), (x_min, x_max, y_min, y_max) = self.map, self.walls
         cells = Cells(field, x, y, cell, "", "", rows, columns)
-        obstacles = Discs(self.discs, discs), SomeEdges(self.edges, edges), cells
-        return Drawn(
-            x_min,
-            x_max,
-            y_min,
-            y_max,
-            territory=self.territory,
-            chart=chart,
-            drawn=obstacles,
-        )
+        drawn = Discs(self.discs, discs), SomeEdges(self.edges, edges), cells
+        return Drawn(x_min, x_max, y_min, y_max, territory=self.territory, chart=chart, extra=drawn)
 
 
 class Robots(eqx.Module):

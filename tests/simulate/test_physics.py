@@ -38,7 +38,7 @@ from apollonius.simulate.simulation import compare, record_course, simulate, sim
 from tests.acting import a_match
 from tests.car import Car
 from tests.documents import ALL, REPOSITORY
-from tests.test_extending import WALL, WithCapsules
+from tests.test_extending import WALL
 
 LIMITS = np.array([[0.0, 1.2], [0.0, 1.2]])
 IDEAL = Drive(latency=0.0, lag=0.0, turn_acceleration=1e6, friction=10.0, resistance=0.0, torque=1000.0)
@@ -200,7 +200,7 @@ def test_robots_weigh_what_the_drive_says_and_have_a_shell_where_the_game_gives_
 
 
 def test_what_no_body_can_do_is_refused(monkeypatch):
-    capsule, car = replace(PAPER, arena=WithCapsules(capsules=(WALL,))), replace(PAPER, pursuer=Car())
+    capsule, car = replace(PAPER, arena=Arena(extra=(WALL,))), replace(PAPER, pursuer=Car())
     for game, drive, refusal in (
         (PAPER, Drive(latency=0.2), r"latency = 0\.2"),
         (capsule, Drive(), r"obstacles = Capsule .* discs, polygons and maps"),
