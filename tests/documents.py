@@ -18,6 +18,7 @@ DOCUMENTS = (
     REPOSITORY / "CONTRIBUTING.md",
     REPOSITORY / "CHANGELOG.md",
     REPOSITORY / "SECURITY.md",
+    REPOSITORY / "examples" / "README.md",
     *sorted((REPOSITORY / "docs").rglob("*.md")),
     *PAGES,
 )

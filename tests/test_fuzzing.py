@@ -222,7 +222,8 @@ def use_drive(path):
 
 
 def configs(folder):
-    recipes = [REPOSITORY / "examples" / f"{name}.toml" for name in ("optimal_evader", "response", "robust")]
+    place = REPOSITORY / "examples" / "recipes"
+    recipes = [place / f"{name}.toml" for name in ("optimal_evader", "response", "robust")]
     return [tomli_w.dumps(to_dict(RunConfig(game=GAME))).encode(), *(path.read_bytes() for path in recipes)]
 
 

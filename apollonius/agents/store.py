@@ -142,9 +142,12 @@ def _checked(path: Path, fields: dict[str, Any]) -> AgentHeader:
         raise InvalidInput(
             f"'{path}' has a network of the kind {shown(header.network)}, {remedy}.",
         )
-    reads = OBSERVATIONS[header.observation] if has_observation(header.observation) else None
-    if reads is None or reads.size != header.observation_size:
-        known = ", ".join(f"{name} ({one.size})" for name, one in OBSERVATIONS.items())
+    own_observation = None
+    if has_observation(header.observation):
+        own_observation = OBSERVATIONS[header.observation]
+    if own_observation is None or own_observation.size != header.observation_size:
+        sizes = ((name, observation.size) for name, observation in OBSERVATIONS.items())
+        observations = ", ".join(f"{name} ({size})" for name, size in sizes)
         made_for = f"{shown(header.observation)} ({shown(header.observation_size)} numbers)"
         remedy = f"this program has {observations}: train it again"
         raise InvalidInput(f"'{path}' was made for the observation {made_for}; {remedy}.")

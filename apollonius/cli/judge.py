@@ -50,7 +50,7 @@ def add_evaluate(parser: argparse.ArgumentParser) -> None:
 
 def add_simulate(parser: argparse.ArgumentParser) -> None:
     add_match_options(parser, SIMULATED_GAMES)
-    about = "your robots' numbers, as examples/turtlebot4.toml; docs/reference/game_files.md has all keys"
+    about = "your robots' numbers, as examples/robots/turtlebot4.toml; docs/reference/game_files.md has all keys"
     parser.add_argument("--drive", type=existing_file, metavar="FILE", help=about)
     parser.set_defaults(run=run_simulate, out=None)
 

@@ -179,10 +179,11 @@ def known_agent(text: str, side: str | None = None) -> str:
     extensions = extension_names(PLAYERS)
     if bare in extensions:
         return text
-    known = [one for one in known if not side or side in side_of(one)] + extensions
+    names = [candidate for candidate in names if not side or side in side_of(candidate)]
+    suggestion = nearest(bare, in_run or [*names, *extensions]) or next(iter(in_run), None)
     files = "a .safetensors file, RUN/NAME for an agent of a training run, or PACKAGE:NAME for one of a package"
-    meant = nearest(bare, in_run or known) or next(iter(in_run), None)
-    raise argparse.ArgumentTypeError(unknown_name("agent", bare, f"{LISTED}; or give {files}", meant))
+    message = unknown_name("agent", bare, f"{LISTED}; or give {files}", suggestion)
+    raise argparse.ArgumentTypeError(message)
 
 
 def agents_in_run(run: str) -> list[str]:

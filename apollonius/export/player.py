@@ -212,7 +212,7 @@ def home_of(name: str) -> Game:
     bare = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
     if _sides_of_rule(bare):
         return make_game("paper")
-    header = find_trained(bare_name)[0].header
+    header = find_trained(bare)[0].header
     bound = f"one arena, since '{name}' does not say what it was made for"
     require(header.game, "game", "missing", bound)
     has_one_arena = header.game.get("scenario") is None

@@ -13,9 +13,21 @@ from apollonius.game.types import Flag, Real, RobotState, Scalar
 from apollonius.io.errors import require
 
 _ROUNDING = 0.15
-"""What bilinear interpolation can add to a distance, in cells: 0.146, near a lone corner of an occupied cell."""
-_Walk = tuple[Scalar, Scalar, Scalar, Scalar, Flag]
-"""Row and column of a cell, shares of a segment up to the next ones, and whether the cell is occupied."""
+"""What bilinear interpolation can add to a distance, in cells: 0.146, near a lone corner of an
+occupied cell.
+"""
+
+
+class _Walk(NamedTuple):
+    """A walk along a segment: its cell, the shares of the segment up to the next ones along x and
+    y, and whether the cell is occupied.
+    """
+
+    row: Scalar
+    column: Scalar
+    next_x: Scalar
+    next_y: Scalar
+    is_occupied: Flag
 
 
 class OccupancyMap(AbstractObstacle):

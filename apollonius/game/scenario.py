@@ -208,7 +208,7 @@ def stack_arenas(arenas: Sequence[Arena]) -> Arena:
             map=corners_of_map and _padded_map(arena.map, corners_of_map),
         )
 
-    padded = list(map(alike, arenas))
+    padded = list(map(pad, arenas))
     shapes = set(map(jax.tree.structure, padded))
     require(len(shapes) == 1, "arenas", "of several kinds", "alike but for discs, polygons and maps")
     return jax.tree.map(lambda *leaves: jnp.asarray(np.array(leaves, np.float32)), *padded)

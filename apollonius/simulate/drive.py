@@ -23,8 +23,8 @@ _BOUNDS = {
 
 @dataclass(frozen=True)
 class Drive:
-    """A robot of about the size of a Pioneer 3-DX; `examples/pioneer.toml` says which numbers have
-    a source.
+    """A robot of about the size of a Pioneer 3-DX; `examples/robots/pioneer.toml` says which
+    numbers have a source.
 
     Two driven wheels stand left and right of the point that the game calls the robot's position; a
     ball caster behind.

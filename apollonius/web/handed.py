@@ -50,12 +50,12 @@ class SomeEdges(Edges):
 
     count: Int[Array, ""]
 
-    def _over_edges(self, look: Callable[[Any, Edge], Any], seen: Any) -> Any:
+    def _over_edges(self, add_edge: Callable[[Any, Edge], Any], initial: Any) -> Any:
         return jax.lax.fori_loop(
             0,
             self.count,
-            lambda number, seen: look(seen, at(self.edges, number)),
-            seen,
+            lambda number, total: add_edge(total, at(self.edges, number)),
+            initial,
         )
 
 

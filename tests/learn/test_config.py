@@ -128,8 +128,8 @@ def test_every_example_of_a_training_is_one(monkeypatch):
     few = find_scenario("suite-v1/discs-00,discs-01")
     monkeypatch.setattr("apollonius.arenas.file.find_scenario", lambda name: few)  # hundreds take their time
     for name in ("any_chase", "evader", "optimal_evader", "pursuer", "response", "robust"):
-        assert load_config(REPOSITORY / "examples" / f"{name}.toml") != RunConfig()
-    tasks = load_config(REPOSITORY / "examples" / "pursuer.toml").response.tasks
+        assert load_config(REPOSITORY / "examples" / "recipes" / f"{name}.toml") != RunConfig()
+    tasks = load_config(REPOSITORY / "examples" / "recipes" / "pursuer.toml").response.tasks
     assert make_game("zero-sum") in [task.game for task in tasks], "with its discs"
 
 

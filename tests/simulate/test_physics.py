@@ -116,7 +116,7 @@ def said_of_turtlebots():
 @pytest.mark.parametrize("name", ["pioneer", "turtlebot4"])
 def test_games_of_real_robots_can_be_simulated(name):
     game = from_dict(Game, said_of_turtlebots(), "the guide") if name == "turtlebot4" else replace(PAPER, max_steps=60)
-    drive = load_drive(REPOSITORY / "examples" / f"{name}.toml")
+    drive = load_drive(REPOSITORY / "examples" / "robots" / f"{name}.toml")
     found = simulate_match(Match.of_names(game, "intercept", "still", 4), drive)
     states, actions = found.course(0)
     v_max, gained = float(game.pursuer.v_max), len(actions) * float(game.dt * game.pursuer.u1_max)

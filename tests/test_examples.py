@@ -1,0 +1,48 @@
+"""Every script in `examples/` runs, as a stranger would run it but smaller."""
+
+import runpy
+
+import jax
+import pytest
+
+from tests.documents import REPOSITORY
+
+SCRIPTS = {path.stem: path for path in sorted((REPOSITORY / "examples").glob("*.py"))}
+TABLE = (REPOSITORY / "examples" / "README.md").read_text(encoding="utf-8")
+SMALL = {
+    "evaluate": {"games": 8, "evader": "flee-aware", "pursuers": ("intercept",)},
+    "fake_odometry": {"seconds": 5},
+    "own_network": {"states": 256, "updates": 2, "games": 8, "width": 8},
+    "own_observation": {"games": 8, "degrees": (120,)},
+    "own_obstacle": {"games": 8, "pursuer": "intercept", "evader": "flee-aware"},
+    "own_reward": {"games": 2},
+    "play": {"pursuer": "intercept", "evader": "flee-aware"},
+    "solve_reach": {"nodes": (11, 11, 3, 8), "cells": 4},
+    "sweep": {"games": 10, "values": 2},
+    "train_dqn": {"env_steps": 65_536, "games": 8, "width": 8, "depth": 1, "batch": 16},
+}
+"""Arguments of `main` with which a script takes seconds; one without any takes seconds as it is."""
+FILES = {
+    "export_c": {"chase.c", "chase.h"},
+    "own_obstacle": {"round.png"},
+    "play": {"game.png", "game.json"},
+    "solve_reach": {"reach.png"},
+    "train_dqn": {"curve.png", "runs"},
+}
+"""The files that a script leaves, for those that leave some and need no compiler for it."""
+EXTRAS = {"own_reward": "gymnasium"}
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_an_example_runs_and_prints_and_is_listed(name, tmp_path, monkeypatch, capsys):
+    if name in EXTRAS:
+        pytest.importorskip(EXTRAS[name])
+    monkeypatch.chdir(tmp_path)
+    with jax.numpy_dtype_promotion("standard"):
+        script = runpy.run_path(str(SCRIPTS[name]))
+        script["main"](**SMALL.get(name, {}))
+    assert capsys.readouterr().out
+    assert FILES.get(name, set()) <= {path.name for path in tmp_path.iterdir()}
+    assert f"python examples/{name}.py" in script["__doc__"]
+    assert f"[{name}.py]({name}.py)" in TABLE
+    assert len(SCRIPTS[name].read_text(encoding="utf-8").splitlines()) <= 100
