@@ -275,7 +275,7 @@ def require_same(program: Program, function: Callable[..., Any], arguments: Sequ
         """
         sizes = [breadth * np.maximum(abs(array), least) * (array.dtype == np.float32) for array in numbers]
 
-        def offset(array: np.ndarray, size: np.ndarray) -> np.ndarray:
+        def offset(array: np.ndarray, size: Any) -> np.ndarray:
             sample = array + size * rng.uniform(-1, 1, array.shape)
             return np.where(np.isfinite(array), sample, array).astype(array.dtype)
 

@@ -53,7 +53,7 @@ def cached(
         path: The file; None makes the value without a file.
         make: Makes the value.
         save: Writes the value to a file.
-        load: Reads it; a file that it refuses, by InvalidInput or OSError, is made anew.
+        load: Reads it; a file that it refuses, by InvalidInput or OSError, is made again.
 
     Raises:
         OSError: If the file cannot be written, unless it is in the user's cache.

@@ -47,9 +47,7 @@ class Drive:
     friction: float = 0.8
     """Coulomb coefficient between tyre and floor."""
     inertia: float = 0.01
-    """Of a motor's rotor at the wheel, behind the gearbox [kg m^2]; without it a stiff controller
-    rings.
-    """
+    """Of a motor's rotor at the wheel, behind the gearbox [kg m^2]; without it a stiff controller rings."""
     resistance: float = 0.05
     """Torque that turning a wheel takes at any speed: rolling resistance and gearbox [N m]."""
     torque: float = 3.0
@@ -59,9 +57,7 @@ class Drive:
     lag: float = 0.05
     """Time constant with which the wheel-speed controller takes up a reference [s]."""
     latency: float = 0.05
-    """From the measurement of a state until the controls chosen in it take effect [s]; at most one
-    step of the game.
-    """
+    """From the measurement of a state until the controls chosen in it take effect [s]; at most one step of the game."""
     turn_acceleration: float = 1.745
     """The drive changes its turn rate no faster than this [rad/s^2]."""
 

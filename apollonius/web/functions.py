@@ -80,7 +80,14 @@ def move(robots: Robots, levels: Levels, dt: Scalar) -> RobotState:
 
 
 def clearance(floor: Floor, field: Field, x: Scalar, y: Scalar) -> Scalar:
-    """Return the clearance of a point [m]."""
+    """Compute the clearance of a point [m].
+
+    Args:
+        floor: The arena.
+        field: The field of its map.
+        x: Coordinate of the point [m].
+        y: Coordinate of the point [m].
+    """
     return floor.arena(field).clearance(x, y)
 
 

@@ -75,30 +75,8 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     """
     SEED.require("seed", seed)
     rules = game_in_one_arena(game, "the page")
-    bound = f"discs, polygons and a map, as in the page, and the game '{game}' has others"
-    rules.arena.require_only((Disc, Polygon, OccupancyMap), bound)
-    for side, bodies in zip(("pursuers", "evaders"), rules.bodies, strict=True):
-        require(
-            len(bodies) <= ROBOTS,
-            side,
-            len(bodies),
-            f"at most {ROBOTS} in the page; simulate larger teams",
-        )
-    collide = rules.teams is not None and rules.teams.mates_collide
-    require(
-        not collide,
-        "mates_collide",
-        collide,
-        "false in the page, where team mates pass through each other",
-    )
+    _require_playable(rules, game)
     team, game_name = split_team(game)
-    limited = [name for name in ("sensors", "drives") if getattr(rules, name) is not None]
-    require(
-        not limited,
-        "game",
-        f"'{game}'",
-        f"without {' and '.join(limited)}, which the page does not know",
-    )
     games = {} if game_name in game_names() else {Path(game_name).stem: find_game(game_name)}
     side = person.other
     is_first = against is None and person == Role.EVADER and (game, seed) == ("paper", 0)
@@ -142,6 +120,33 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
         level,
         agents,
         games,
+    )
+
+
+def _require_playable(rules: Game, name: str) -> None:
+    """Raise InvalidInput for a game with parts that the page does not know."""
+    bound = f"discs, polygons and a map, as in the page, and the game '{name}' has others"
+    rules.arena.require_only((Disc, Polygon, OccupancyMap), bound)
+    for side, bodies in zip(("pursuers", "evaders"), rules.bodies, strict=True):
+        require(
+            len(bodies) <= ROBOTS,
+            side,
+            len(bodies),
+            f"at most {ROBOTS} in the page; simulate larger teams",
+        )
+    collide = rules.teams is not None and rules.teams.mates_collide
+    require(
+        not collide,
+        "mates_collide",
+        collide,
+        "false in the page, where team mates pass through each other",
+    )
+    limited = [name for name in ("sensors", "drives") if getattr(rules, name) is not None]
+    require(
+        not limited,
+        "game",
+        f"'{name}'",
+        f"without {' and '.join(limited)}, which the page does not know",
     )
 
 
