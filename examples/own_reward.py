@@ -4,7 +4,7 @@
     python examples/own_reward.py
 
 Pursuers that steer alike but drive at different top speeds play in one vector environment. It
-prints the mean reward of a game for each of them, by either reward:
+prints the mean reward of a game for each pursuer, by either reward:
 
     top speed [m/s]    0.3    0.5    0.7    0.9    1.1
     the game's own    17.0   17.5   17.0   17.7   15.3

@@ -254,7 +254,7 @@ def test_one_arena_is_a_game_as_ever():
         (lambda: in_arenas(GAME, []), "arenas = none"),
         (
             lambda: in_arenas(GAME, [NARROW, replace(WIDE, territory=Disc(0.0, 3.0, 0.3))]),
-            "all with a territory or all without",
+            "alike but for discs, polygons and maps",
         ),
         (lambda: in_arenas(GAME, [NARROW, replace(NARROW, discs=(Disc(9.0, 2.0, 0.4),))]), r"arena.discs\[0\] centre"),
     ],

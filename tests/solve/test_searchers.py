@@ -178,7 +178,7 @@ def test_who_sees_the_next_nodes_clears_a_path_alone_and_a_cycle_with_a_second(a
     seen = adjacency | np.eye(len(adjacency), dtype=bool)
     assert [bool(clearing(adjacency, seen, pursuers, 6)[0]) for pursuers in (1, 2)] == [known == 1, True]
     assert clearing(adjacency, seen, 1, 6)[1] == (known == 2)
-    assert clearing(adjacency, seen, 2, 6, most=1) == ([], False)
+    assert clearing(adjacency, seen, 2, 6, most_states=1) == ([], False)
 
 
 def test_sensors_of_a_game_count(monkeypatch):
