@@ -29,4 +29,6 @@ def _homes() -> dict[str, str]:
     from pathlib import Path
 
     stub = Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8")
-    return {name: home for home, name in re.findall(r"^from (\S+) import (\w+)", stub, re.MULTILINE)}
+    return {
+        name: home for home, name in re.findall(r"^from (\S+) import (\w+)", stub, re.MULTILINE)
+    }

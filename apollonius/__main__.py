@@ -10,7 +10,9 @@ from _signal import SIGINT, signal  # pyright: ignore[reportMissingImports]
 def main() -> int:
     """Run the command of this process; return its exit status. A Ctrl-C ends it, whatever it is doing."""
     signal(SIGINT, _leave)  # what follows takes a moment to import
-    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")  # or XLA raises alarm at a compilation of some minutes
+    os.environ.setdefault(
+        "TF_CPP_MIN_LOG_LEVEL", "3"
+    )  # or XLA raises alarm at a compilation of some minutes
     from apollonius.io.interrupts import leave, listen, status, stopped
 
     listen()

@@ -47,7 +47,12 @@ def find_player(name: str | AbstractPolicy, role: Role, game: Game) -> Named:
     """
     if isinstance(name, AbstractPolicy):
         return Named(type(name).__name__, name)
-    require(isinstance(cast(object, name), str), "player", name, "a name, the path of a file, or an AbstractPolicy")
+    require(
+        isinstance(cast(object, name), str),
+        "player",
+        name,
+        "a name, the path of a file, or an AbstractPolicy",
+    )
     is_once = max(name.count(SHIELDED), name.count(SEARCHING)) <= 1
     require(is_once, "player", name, f"one with '{SHIELDED}' once, and '{SEARCHING}' once")
     if name.startswith(SHIELDED):
@@ -56,8 +61,18 @@ def find_player(name: str | AbstractPolicy, role: Role, game: Game) -> Named:
     if name.startswith(SEARCHING):
         bare = find_player(name.removeprefix(SEARCHING), role, game)
         bound = "followed by a player that values the nine actions and finds its way by the chart, as pursuer does"
-        require(role is Role.PURSUER, SEARCHING, bare.name, "left out for an evader: the pursuer only searches")
-        require(bare.policy.charted and isinstance(bare.policy, AbstractActionValuePolicy), SEARCHING, bare.name, bound)
+        require(
+            role is Role.PURSUER,
+            SEARCHING,
+            bare.name,
+            "left out for an evader: the pursuer only searches",
+        )
+        require(
+            bare.policy.charted and isinstance(bare.policy, AbstractActionValuePolicy),
+            SEARCHING,
+            bare.name,
+            bound,
+        )
         assert isinstance(bare.policy, AbstractActionValuePolicy)
         return replace(bare, name=SEARCHING + bare.name, policy=Searching(bare.policy))
     for kind in KINDS:
@@ -78,7 +93,12 @@ def price_of_losing(player: Named, game: Game) -> float:
     if price is None:
         return float(game.reward.failure)
     possible = type(price) in (int, float) and 0 < price <= MAX_SIZE
-    require(possible, f"the header of '{player.name}': price", price, f"a number above 0, at most {MAX_SIZE:g}")
+    require(
+        possible,
+        f"the header of '{player.name}': price",
+        price,
+        f"a number above 0, at most {MAX_SIZE:g}",
+    )
     return float(price)
 
 
@@ -104,8 +124,13 @@ def find_pool(names: Sequence[str], role: Role, game: Game) -> Pool:
     policies = [policy.policy if isinstance(policy, Departing) else policy for policy in policies]
     networks = [policy.network for policy in policies if isinstance(policy, Greedy | SquashedMean)]
     bound = "one player, or trained agents with networks of one shape, and random and still beside discrete ones"
-    together = all(isinstance(policy, Greedy | SquashedMean | Uniform | Still) for policy in policies)
-    shapes = {(jax.tree.structure(one), *(leaf.shape for leaf in jax.tree.leaves(one))) for one in networks}
+    together = all(
+        isinstance(policy, Greedy | SquashedMean | Uniform | Still) for policy in policies
+    )
+    shapes = {
+        (jax.tree.structure(one), *(leaf.shape for leaf in jax.tree.leaves(one)))
+        for one in networks
+    }
     require(together and len(shapes) == 1, side, listed, bound)
     network = networks[0]
     require(len(networks) == len(policies) or isinstance(network, QNetwork), side, listed, bound)

@@ -69,20 +69,14 @@ def cell(match: Match) -> dict[str, Any]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("out", type=Path)
     parser.add_argument(
-        "--game",
-        action="append",
-        help="where to play; may be repeated (default: office)",
+        "--game", action="append", help="where to play; may be repeated (default: office)"
     )
     parser.add_argument(
-        "--games",
-        type=int,
-        default=200,
-        help="of each cell (default: %(default)s)",
+        "--games", type=int, default=200, help="of each cell (default: %(default)s)"
     )
     options = parser.parse_args()
     rows: list[dict[str, Any]] = []
@@ -100,7 +94,9 @@ def main() -> None:
             "radius": radius,
             "pursuers": pursuers,
         }
-        row = about | {"players": players} | cell(Match.of_names(game, *players, games=options.games))
+        row = (
+            about | {"players": players} | cell(Match.of_names(game, *players, games=options.games))
+        )
         rows.append(row)
         print(json.dumps(row), flush=True)
         lines = ",\n ".join(json.dumps(row) for row in rows)

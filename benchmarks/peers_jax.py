@@ -56,8 +56,7 @@ def make_actor(size: int, key: PRNGKeyArray) -> Actor:
 
 
 def log_probabilities(
-    actor: Actor,
-    observations: Float[Array, "batch size"],
+    actor: Actor, observations: Float[Array, "batch size"]
 ) -> Float[Array, "batch actions"]:
     """Return the logarithms of the probabilities of all actions."""
     return jax.nn.log_softmax(jax.vmap(actor.policy)(observations))
@@ -78,10 +77,7 @@ def advantages(steps: Steps, last_value: Float[Array, " games"]) -> Float[Array,
 
 
 def loss(
-    actor: Actor,
-    steps: Steps,
-    advantage: Float[Array, " batch"],
-    target: Float[Array, " batch"],
+    actor: Actor, steps: Steps, advantage: Float[Array, " batch"], target: Float[Array, " batch"]
 ) -> Array:
     """Return the clipped surrogate objective, the squared error of values and the entropy,
     weighted.
@@ -103,8 +99,7 @@ def train(game: apollonius.Game, observe: Callable[[Any], Array], seed: int, wat
     games, step_games = apollonius.autoreset(game, start_key, GAMES)
     look = jax.vmap(observe)
     weights, functions = eqx.partition(
-        make_actor(look(games.state).shape[1], actor_key),
-        eqx.is_array,
+        make_actor(look(games.state).shape[1], actor_key), eqx.is_array
     )
     optimiser = optax.chain(optax.clip_by_global_norm(0.5), optax.adam(LEARNING_RATE, eps=1e-5))
     moments = optimiser.init(weights)
@@ -119,12 +114,7 @@ def train(game: apollonius.Game, observe: Callable[[Any], Array], seed: int, wat
             games, timestep = step_games(games, (action, BRAKE))
             over = timestep.terminated | timestep.truncated
             return games, Steps(
-                observations,
-                action,
-                log_probability,
-                value,
-                SCALE * timestep.reward.pursuer,
-                over,
+                observations, action, log_probability, value, SCALE * timestep.reward.pursuer, over
             )
 
         return jax.lax.scan(one_step, games, jax.random.split(key, STEPS))
@@ -155,10 +145,7 @@ def train(game: apollonius.Game, observe: Callable[[Any], Array], seed: int, wat
     while True:
         iteration += 1
         weights, moments, games = iterate(
-            weights,
-            moments,
-            games,
-            jax.random.fold_in(key, iteration),
+            weights, moments, games, jax.random.fold_in(key, iteration)
         )
         jax.block_until_ready(weights)
         layers = weights.policy.layers

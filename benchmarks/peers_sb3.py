@@ -67,11 +67,7 @@ class Games(VecEnv):
         raise NotImplementedError
 
     def env_method(
-        self,
-        method_name: str,
-        *args: Any,
-        indices: Any = None,
-        **options: Any,
+        self, method_name: str, *args: Any, indices: Any = None, **options: Any
     ) -> list[Any]:
         raise NotImplementedError
 
@@ -93,8 +89,16 @@ class Looks(BaseCallback):
 
 def layers_of(*modules: torch.nn.Module) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return weights and biases of all linear layers in their order."""
-    linear = [layer for module in modules for layer in module.modules() if isinstance(layer, torch.nn.Linear)]
-    return [(layer.weight.detach().numpy().copy(), layer.bias.detach().numpy().copy()) for layer in linear]
+    linear = [
+        layer
+        for module in modules
+        for layer in module.modules()
+        if isinstance(layer, torch.nn.Linear)
+    ]
+    return [
+        (layer.weight.detach().numpy().copy(), layer.bias.detach().numpy().copy())
+        for layer in linear
+    ]
 
 
 def _train(

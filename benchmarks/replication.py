@@ -80,18 +80,17 @@ def train(
     rewarded = plan.stage.trained_in(game)
     stage = SELF_PLAY if isinstance(plan.stage, SelfPlayConfig) else FIXED_TARGET
     keys = jnp.stack(
-        [jax.random.fold_in(jax.random.key(seed), STAGES.index(stage)) for seed in seeds],
+        [jax.random.fold_in(jax.random.key(seed), STAGES.index(stage)) for seed in seeds]
     )
 
     def chunk(_: Any, state: TrainState) -> TrainState:
         return inspect.unwrap(play_and_learn)(plan, rewarded, state, fixed)[0]
 
     first = jax.jit(
-        jax.vmap(lambda key, network: start(plan, rewarded, key, fixed, BySide(network, None))),
+        jax.vmap(lambda key, network: start(plan, rewarded, key, fixed, BySide(network, None)))
     )
     train_chunks = jax.jit(
-        jax.vmap(lambda state: jax.lax.fori_loop(0, _CHUNKS, chunk, state)),
-        donate_argnums=0,
+        jax.vmap(lambda state: jax.lax.fori_loop(0, _CHUNKS, chunk, state)), donate_argnums=0
     )
     state = first(keys, networks)
     calls = -(-plan.chunks // _CHUNKS)
@@ -120,7 +119,7 @@ def matches(game: Game, pursuers: Any, evaders: Any, games: int) -> list[list[li
     """
     start_key, key = keys_of(np.uint32(MATCH_SEED))
     ends = np.asarray(
-        _outcomes(game, pursuers, evaders, sample_starts(game, start_key, games), key),
+        _outcomes(game, pursuers, evaders, sample_starts(game, start_key, games), key)
     )
     return [[np.bincount(pair, minlength=len(Outcome)).tolist() for pair in row] for row in ends]
 
@@ -140,16 +139,11 @@ def _outcomes(game: Game, pursuers: Any, evaders: Any, starts: Any, key: Any) ->
             return games, jnp.where(outcome == Outcome.ONGOING, transitions.outcome, outcome)
 
         first_games = begin(
-            game,
-            starts,
-            players,
-            random_bits_of(key, numbers, jnp.full_like(numbers, -1)),
+            game, starts, players, random_bits_of(key, numbers, jnp.full_like(numbers, -1))
         )
         ongoing = jnp.full(len(numbers), int(Outcome.ONGOING), jnp.int32)
         return jax.lax.while_loop(
-            lambda carry: jnp.any(carry[1] == Outcome.ONGOING),
-            step,
-            (first_games, ongoing),
+            lambda carry: jnp.any(carry[1] == Outcome.ONGOING), step, (first_games, ongoing)
         )[1]
 
     # a player without a network has no leaves
@@ -175,8 +169,7 @@ def play_all(options: argparse.Namespace, path: Path) -> dict[str, Any]:
     def plan_of(run: str, stage: str) -> Plan:
         plan = configs[run].plans[stage]
         return replace(
-            plan,
-            stage=replace(plan.stage, env_steps=int(plan.stage.env_steps * options.share)),
+            plan, stage=replace(plan.stage, env_steps=int(plan.stage.env_steps * options.share))
         )
 
     def write(**captures: Any) -> None:
@@ -189,12 +182,13 @@ def play_all(options: argparse.Namespace, path: Path) -> dict[str, Any]:
         # Of each seed the pursuer with most captures so far is kept (section IV).
         current = agents[Role.PURSUER]
         captures = np.array(
-            [row[0][Outcome.CAPTURED] for row in matches(game, current, still, first.stage.evaluation_games)]
+            [
+                row[0][Outcome.CAPTURED]
+                for row in matches(game, current, still, first.stage.evaluation_games)
+            ]
         )
         best_pursuers = jax.vmap(choose)(
-            jnp.asarray(captures > best),
-            current,
-            best_pursuers or current,
+            jnp.asarray(captures > best), current, best_pursuers or current
         )
         best = np.maximum(best, captures)
     write(**{"P_stage1 v still": matches(game, best_pursuers, still, options.games)})
@@ -202,38 +196,24 @@ def play_all(options: argparse.Namespace, path: Path) -> dict[str, Any]:
     agents_from_scratch = dict(train(plan_of("scratch", SELF_PLAY), game, scratch, {}))
     agents = dict[Role, Any]()
     for percent, agents in train(
-        plan_of("curriculum", SELF_PLAY),
-        game,
-        seeds,
-        {},
-        networks=best_pursuers.network,
+        plan_of("curriculum", SELF_PLAY), game, seeds, {}, networks=best_pursuers.network
     ):
         # Agents of the curriculum meet those from scratch that had trained as long.
         scratch_agents = agents_from_scratch[percent]
         games = options.games // (1 if percent == 100 else 2)
         captures = {
             "P_curriculum v E_scratch": matches(
-                game,
-                agents[Role.PURSUER],
-                scratch_agents[Role.EVADER],
-                games,
+                game, agents[Role.PURSUER], scratch_agents[Role.EVADER], games
             ),
             "P_scratch v E_curriculum": matches(
-                game,
-                scratch_agents[Role.PURSUER],
-                agents[Role.EVADER],
-                games,
+                game, scratch_agents[Role.PURSUER], agents[Role.EVADER], games
             ),
         }
         write(course=[*results["course"], {"percent": percent, **captures}], **captures)
     write(**{"P_curriculum v random": matches(game, agents[Role.PURSUER], uniform, options.games)})
 
     ((_, agents),) = train(
-        plan_of("random", FIXED_TARGET),
-        game,
-        seeds,
-        {Role.EVADER: solo(uniform)},
-        looks=1,
+        plan_of("random", FIXED_TARGET), game, seeds, {Role.EVADER: solo(uniform)}, looks=1
     )
     for name, evader in (("random", uniform), ("E_scratch", agents_from_scratch[100][Role.EVADER])):
         write(**{f"P_random v {name}": matches(game, agents[Role.PURSUER], evader, options.games)})
@@ -272,30 +252,30 @@ def in_the_course(study: Counted) -> Finding:
     with style.picture(study.folder / "course.png", width=6.0) as (axes,):
         for claim, name, share, colour in claims:
             predictions = [
-                predict(np.array(rates(as_matches(record[name]), share)), 0, 1) for record in study.counts["course"]
+                predict(np.array(rates(as_matches(record[name]), share)), 0, 1)
+                for record in study.counts["course"]
             ]
             mean, low, high = 100 * np.transpose(
-                [(record.mean, *record.interval) for record in predictions],
+                [(record.mean, *record.interval) for record in predictions]
             )
             axes.fill_between(percents, low, high, color=colour, alpha=0.15, linewidth=0)
             axes.plot(percents, mean, "o-", color=colour, label=claim)
             rows_of_claim = zip(
-                mean,
-                low,
-                high,
-                (record.chance(0.7) for record in predictions),
-                strict=True,
+                mean, low, high, (record.chance(0.7) for record in predictions), strict=True
             )
             cells.append(
-                ["{:.1f} [{:.0f}, {:.0f}], {:.0%}".format(*record) for record in rows_of_claim],
+                ["{:.1f} [{:.0f}, {:.0f}], {:.0%}".format(*record) for record in rows_of_claim]
             )
         axes.axhline(70, color=palette.INK, linewidth=0.8, linestyle=":")
         axes.set(xlabel="self-play [%]", ylabel="games [%]", ylim=(0, 103))
         axes.set_title(
-            "mean of all pairs, and where another would lie with 95 % (dotted: the paper)",
+            "mean of all pairs, and where another would lie with 95 % (dotted: the paper)"
         )
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=2)
-    rows = [[f"{percent:g} %", *cells_of_row] for percent, *cells_of_row in zip(percents, *cells, strict=True)]
+    rows = [
+        [f"{percent:g} %", *cells_of_row]
+        for percent, *cells_of_row in zip(percents, *cells, strict=True)
+    ]
     text = markdown_table(["self-play", *(claim for claim, *_ in claims)], rows)
     return Finding(
         "Fig. 6 in the course of self-play: mean [95 % prediction], chance of 70 %",
@@ -307,32 +287,20 @@ def in_the_course(study: Counted) -> Finding:
 def main() -> None:
     """Train, play, and write the counts, where they are not complete, and the report."""
     parser = argparse.ArgumentParser(
-        description="The paper's trainings with many seeds side by side.",
+        description="The paper's trainings with many seeds side by side."
     )
     parser.add_argument("--scratch", type=int, default=25, help="seeds of self-play from scratch")
     parser.add_argument(
-        "--curriculum",
-        type=int,
-        default=10,
-        help="seeds of the curriculum and of P_random",
+        "--curriculum", type=int, default=10, help="seeds of the curriculum and of P_random"
     )
     parser.add_argument(
-        "--games",
-        type=int,
-        default=500,
-        help="in a match; half of them in the course of self-play",
+        "--games", type=int, default=500, help="in a match; half of them in the course of self-play"
     )
     parser.add_argument(
-        "--share",
-        type=float,
-        default=1.0,
-        help="of each stage's env steps, to try it out",
+        "--share", type=float, default=1.0, help="of each stage's env steps, to try it out"
     )
     parser.add_argument(
-        "--out",
-        type=Path,
-        required=True,
-        help="folder of the counts and the report",
+        "--out", type=Path, required=True, help="folder of the counts and the report"
     )
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
@@ -344,9 +312,7 @@ def main() -> None:
     budget = "paper" if counts["share"] == 1 else f"{counts['share']} of paper"
     study = Counted(options.out, budget, seeds, counts["games"], counts=counts)
     first = Finding(
-        "Stage 1",
-        "Greedy games.",
-        claims=(stage_1(study.matches("P_stage1", "still")),),
+        "Stage 1", "Greedy games.", claims=(stage_1(study.matches("P_stage1", "still")),)
     )
     write_report(
         study,

@@ -58,7 +58,9 @@ def measure_env(game: Game, games: int) -> dict[str, Any]:
     all_starts = jax.jit(reset_batch, static_argnums=2)(game, start_key, START_ROWS * games)
     starts = jax.tree.map(lambda leaf: leaf.reshape(START_ROWS, games), all_starts)
     players = BySide(*[solo(Uniform())] * 2)
-    first, row = (jax.tree.map(lambda leaf, rows=rows: leaf[rows], starts) for rows in (0, slice(1)))
+    first, row = (
+        jax.tree.map(lambda leaf, rows=rows: leaf[rows], starts) for rows in (0, slice(1))
+    )
     first_games = begin(game, first, players, jax.random.bits(word_key, (2, games), jnp.uint32))
     carry = _step(game, players, first_games, row, jax.random.key(0))
 
@@ -71,11 +73,7 @@ def measure_env(game: Game, games: int) -> dict[str, Any]:
 
 
 def _step(
-    game: Game,
-    players: BySide[Pool],
-    games: Games,
-    starts: GameState,
-    key: PRNGKeyArray,
+    game: Game, players: BySide[Pool], games: Games, starts: GameState, key: PRNGKeyArray
 ) -> Stepped:
     games, step = collect(game, players, games, starts, key, steps=1)
     returned = (
@@ -87,16 +85,11 @@ def _step(
 
 @functools.partial(jax.jit, donate_argnames="carry")
 def _random_play(
-    game: Game,
-    players: BySide[Pool],
-    carry: Stepped,
-    starts: GameState,
-    key: PRNGKeyArray,
+    game: Game, players: BySide[Pool], carry: Stepped, starts: GameState, key: PRNGKeyArray
 ) -> Stepped:
     def one_step(step: Int[Array, ""], carry: Stepped) -> Stepped:
         row = jax.tree.map(
-            lambda leaf: jax.lax.dynamic_slice_in_dim(leaf, step % START_ROWS, 1),
-            starts,
+            lambda leaf: jax.lax.dynamic_slice_in_dim(leaf, step % START_ROWS, 1), starts
         )
         return _step(game, players, carry[0], row, fold_in(key, step))
 
@@ -143,8 +136,7 @@ def _speed_of(loop: Callable[[Batch, Array], tuple[Batch, Any]], batch: Batch, g
         def one_step(carry: tuple[Batch, Any], turn: Array) -> tuple[tuple[Batch, Any], None]:
             words = random_bits(fold_in(key, turn), (2, games))
             batch, step_result = loop(
-                carry[0],
-                (((words >> 16) * NUM_ACTIONS) >> 16).astype(jnp.int32),
+                carry[0], (((words >> 16) * NUM_ACTIONS) >> 16).astype(jnp.int32)
             )
             return (batch, jax.tree.map(jnp.add, carry[1], _kept(step_result))), None
 
@@ -226,9 +218,7 @@ def measure_solver(counts: Sequence[int], hold: int) -> dict[str, Any]:
 
 
 def timed(
-    run: Callable[[int], Any],
-    repeats: int,
-    clock: Callable[[], float] = time.perf_counter,
+    run: Callable[[int], Any], repeats: int, clock: Callable[[], float] = time.perf_counter
 ) -> float:
     """Return the median seconds of a repeat; one that compiles and warms up goes before."""
     seconds: list[float] = []
@@ -242,38 +232,23 @@ def timed(
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("what", choices=("env", "loops", "train", "solve"))
     parser.add_argument(
-        "--games",
-        type=int,
-        default=4096,
-        help="of env and loops: at a time (default: %(default)s)",
+        "--games", type=int, default=4096, help="of env and loops: at a time (default: %(default)s)"
     )
     parser.add_argument(
-        "--game",
-        default="paper",
-        help="of env and loops: a name or file (default: %(default)s)",
+        "--game", default="paper", help="of env and loops: a name or file (default: %(default)s)"
     )
     parser.add_argument(
-        "--profile",
-        choices=PROFILES,
-        default="fast",
-        help="of train (default: %(default)s)",
+        "--profile", choices=PROFILES, default="fast", help="of train (default: %(default)s)"
     )
     parser.add_argument(
-        "--stage",
-        choices=("fixed-target", "self-play"),
-        default="fixed-target",
-        help="of train",
+        "--stage", choices=("fixed-target", "self-play"), default="fixed-target", help="of train"
     )
     parser.add_argument(
-        "--grid",
-        type=nodes,
-        default="11x11x5x8",
-        help="of solve, of two (default: %(default)s)",
+        "--grid", type=nodes, default="11x11x5x8", help="of solve, of two (default: %(default)s)"
     )
     options = parser.parse_args()
     if options.what == "env":
@@ -285,7 +260,7 @@ def main() -> None:
     else:
         result = measure_training(PROFILES[options.profile], options.stage)
     print(
-        f"{jax.devices()[0].device_kind}, {len(os.sched_getaffinity(0))} cores, jax {jax.__version__}",
+        f"{jax.devices()[0].device_kind}, {len(os.sched_getaffinity(0))} cores, jax {jax.__version__}"
     )
     for name, value in result.items():
         print(f"{name:<36} {value:,.{0 if value >= 100 else 2}f}")

@@ -37,7 +37,11 @@ def main() -> None:
     parser.add_argument("--games", type=int, default=4, help="in each arena (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=11, help="of the starts (default: %(default)s)")
     options = parser.parse_args()
-    places = [(suite, name) for suite, every in EVERY.items() for name in suite_names(suite, "held-out")[::every]]
+    places = [
+        (suite, name)
+        for suite, every in EVERY.items()
+        for name in suite_names(suite, "held-out")[::every]
+    ]
     arenas = [suite_arena(*place) for place in places]
     stacked, survivals = stack_arenas(arenas), dict[str, dict[str, list[int]]]()
     for number, (place, arena) in enumerate(zip(places, arenas, strict=True)):

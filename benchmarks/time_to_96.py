@@ -43,14 +43,12 @@ Network = tuple[str, Layers]
 
 
 def observe(state: apollonius.GameState) -> Float[Array, " size"]:
-    """Return what the pursuer sees."""
+    """Return the pursuer's observation."""
     return OBSERVATION(apollonius.look(GAME, state, Role.PURSUER))
 
 
 def action_of(
-    activation: str,
-    layers: Layers,
-    observation: Float[Array, " size"],
+    activation: str, layers: Layers, observation: Float[Array, " size"]
 ) -> Int[Array, ""]:
     """Return the action of the largest output."""
     inner = {"relu": jax.nn.relu, "tanh": jnp.tanh}[activation]
@@ -210,23 +208,19 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
         steps = statistics.median(row["env_steps"] for row in own)
         median = statistics.median(seconds)
         lines.append(
-            f"{learner:12} {arrived:3} of {len(own):2} {median:10.1f} {max(seconds):9.1f} {steps:18,.0f}",
+            f"{learner:12} {arrived:3} of {len(own):2} {median:10.1f} {max(seconds):9.1f} {steps:18,.0f}"
         )
     return "\n".join(lines)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--learners", nargs="+", choices=LEARNERS, default=list(LEARNERS))
     parser.add_argument("--seeds", type=int, default=10, help="how many (default: %(default)s)")
     parser.add_argument(
-        "--limit",
-        type=float,
-        default=600.0,
-        help="seconds of a core (default: %(default)s)",
+        "--limit", type=float, default=600.0, help="seconds of a core (default: %(default)s)"
     )
     parser.add_argument("--out", type=Path, help="where the figures go, as JSON")
     parser.add_argument("--one", choices=LEARNERS, help="this learner alone, in this process")

@@ -61,5 +61,5 @@ def clearances(one, x, y):
 
 
 def identical(one, other):
-    """Return whether two pytrees of arrays are the same to the bit."""
+    """Check whether two pytrees of arrays are the same to the bit."""
     return jax.tree.all(jax.tree.map(np.array_equal, one, other))

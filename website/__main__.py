@@ -40,8 +40,7 @@ def main() -> int:
     ]
     folders = ["--conf-dir", str(HERE), "--doctree-dir", str(work / "doctrees")]
     sphinx = subprocess.run(
-        [sys.executable, "-m", "sphinx", *options, *folders, str(work), str(out)],
-        check=False,
+        [sys.executable, "-m", "sphinx", *options, *folders, str(work), str(out)], check=False
     )
     if sphinx.returncode:
         return sphinx.returncode  # it has said why

@@ -24,7 +24,9 @@ def _layouts(programs: Iterable[Program]) -> dict[str, Any]:
 
     def layout(record: Record) -> tuple[int, list[Any]]:
         leaf_offsets = zip(record.leaves, record.offsets, strict=True)
-        return record.layout.itemsize, [[leaf.name, leaf.kind, leaf.size, offset] for leaf, offset in leaf_offsets]
+        return record.layout.itemsize, [
+            [leaf.name, leaf.kind, leaf.size, offset] for leaf, offset in leaf_offsets
+        ]
 
     arguments: dict[str, tuple[int, list[Any]]] = {}
     functions: dict[str, Any] = {}
@@ -40,7 +42,9 @@ def _layouts(programs: Iterable[Program]) -> dict[str, Any]:
 def main() -> None:
     """Write the file; with `--check`, fail if it is outdated."""
     programs = [*page_programs()]
-    source_line = f'export const SOURCE = "{digest(sources(programs))}"; // SHA-256 of all C sources\n'
+    source_line = (
+        f'export const SOURCE = "{digest(sources(programs))}"; // SHA-256 of all C sources\n'
+    )
     if "--check" in sys.argv:
         current = source_line in COMPILED.read_text(encoding="utf-8")
         sys.exit(None if current else "the page's programs are outdated: run `make page`")

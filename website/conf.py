@@ -66,19 +66,16 @@ def setup(app: Any) -> None:
 
 
 def _as_written(
-    app: Any,
-    what: Any,
-    name: str,
-    documented: Any,
-    options: Any,
-    lines: list[str],
+    app: Any, what: Any, name: str, documented: Any, options: Any, lines: list[str]
 ) -> None:
     """Turn docstrings into reStructuredText: stars are escaped, and sections in Google's style are
     read.
     """
     for number, line in enumerate(lines):
         parts = re.split(r"(`[^`]*`)", line)
-        lines[number] = "".join(part if part.startswith("`") else re.sub(r"([*|])", r"\\\1", part) for part in parts)
+        lines[number] = "".join(
+            part if part.startswith("`") else re.sub(r"([*|])", r"\\\1", part) for part in parts
+        )
     # of which Napoleon takes what stands before a colon for a type
     if what not in ("attribute", "data", "property"):
         lines[:] = GoogleDocstring(lines, _GOOGLE, app, what, name, documented, options).lines()
@@ -99,12 +96,7 @@ def _in_short(
 
 
 def _is_default(
-    app: Any,
-    what: str,
-    name: str,
-    member: Any,
-    skip: bool,
-    options: Any,
+    app: Any, what: str, name: str, member: Any, skip: bool, options: Any
 ) -> bool | None:
     """Skip a function that is the default of a field, which its class documents."""
     return True if inspect.isfunction(member) and member.__name__ != name else None

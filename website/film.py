@@ -39,8 +39,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as browsers:
         write_site(Path(folder) / "site")
         browser = browsers.chromium.launch(
-            executable_path=shutil.which("chromium"),
-            args=["--no-sandbox"],
+            executable_path=shutil.which("chromium"), args=["--no-sandbox"]
         )
         page = browser.new_context(viewport=SCREEN, color_scheme="dark").new_page()
         page.clock.install(time=0)
@@ -55,11 +54,7 @@ def main() -> None:
     palette = pictures[-1].quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     film = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
     film[0].save(
-        options.out,
-        save_all=True,
-        append_images=film[1:],
-        duration=1000 // PER_SECOND,
-        loop=0,
+        options.out, save_all=True, append_images=film[1:], duration=1000 // PER_SECOND, loop=0
     )
 
 

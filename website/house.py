@@ -24,7 +24,7 @@ def sources() -> dict[str, str]:
     texts: dict[str, str] = {}
     for path in [*PACKAGE.rglob("*.py"), *PACKAGE.rglob("*.pyi")]:
         name = ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(
-            ".__init__",
+            ".__init__"
         )
         texts[name] = texts.get(name, "") + path.read_text(encoding="utf-8")
     return texts
@@ -45,7 +45,7 @@ def imported(tree: ast.AST, modules: Collection[str]) -> set[str]:
         if isinstance(node, ast.ImportFrom):
             assert node.module, "imports have whole names"
             names |= {f"{node.module}.{alias.name}" for alias in node.names} & set(modules) or {
-                node.module,
+                node.module
             }
     return names
 
@@ -56,13 +56,15 @@ def rooms(texts: Mapping[str, str]) -> dict[str, Room]:
     """
     arrows: dict[str, set[str]] = {}
     for module, text in texts.items():
-        names = {name for name in imported(ast.parse(text), texts) if name.split(".")[0] == PACKAGE.name}
+        names = {
+            name for name in imported(ast.parse(text), texts) if name.split(".")[0] == PACKAGE.name
+        }
         own_room = room_of(module)
         arrows.setdefault(own_room, set()).update({room_of(name) for name in names} - {own_room})
     behind: dict[str, set[str]] = {}
     for name in graphlib.TopologicalSorter(arrows).static_order():
         behind[name] = arrows[name].union(
-            *(behind[imported_room] for imported_room in arrows[name]),
+            *(behind[imported_room] for imported_room in arrows[name])
         )
     all_rooms: dict[str, Room] = {}
     for name in sorted(behind, key=lambda name: (len(behind[name]), name)):
@@ -73,15 +75,17 @@ def rooms(texts: Mapping[str, str]) -> dict[str, Room]:
             if not any(imported_room in behind[between] for between in arrows[name])
         )
         all_rooms[name] = Room(
-            (ast.get_docstring(ast.parse(first)) or "").partition("\n")[0],
-            direct,
+            (ast.get_docstring(ast.parse(first)) or "").partition("\n")[0], direct
         )
     return all_rooms
 
 
 def table(all_rooms: Mapping[str, Room]) -> str:
     """Return the rooms as a table in Markdown."""
-    rows = [f"| `{name}` | {', '.join(sorted(room.imports))} | {room.purpose} |" for name, room in all_rooms.items()]
+    rows = [
+        f"| `{name}` | {', '.join(sorted(room.imports))} | {room.purpose} |"
+        for name, room in all_rooms.items()
+    ]
     return "\n".join(["| room | imports | what it is |", "|---|---|---|", *rows])
 
 

@@ -49,17 +49,17 @@ def lesson() -> Game:
     game = make_game("paper")
     wide = game.bodies.map(lambda bodies: replace(bodies[0], radius=RADIUS))
     return replace(
-        game,
-        pursuer=wide.pursuer,
-        evader=wide.evader,
-        max_steps=round(SECONDS / game.dt),
+        game, pursuer=wide.pursuer, evader=wide.evader, max_steps=round(SECONDS / game.dt)
     )
 
 
 def measured(game: Game, pursuer: str) -> dict[str, float]:
     """Return the share of blues that a player catches in a game, by the rule that they follow."""
     matches = {blue: play_match(Match.of_names(game, pursuer, blue, GAMES, SEED)) for blue in BLUES}
-    return {blue: match.outcomes[Outcome.CAPTURED.name.lower()] / GAMES for blue, match in matches.items()}
+    return {
+        blue: match.outcomes[Outcome.CAPTURED.name.lower()] / GAMES
+        for blue, match in matches.items()
+    }
 
 
 def main() -> None:
@@ -68,11 +68,7 @@ def main() -> None:
     evaders = find_pool(("still",), Role.EVADER, game)
     trained = PLAN.stage.trained_in(game)
     state = train_state.start(
-        PLAN,
-        trained,
-        jax.random.key(0),
-        {Role.EVADER: evaders},
-        BySide(None, None),
+        PLAN, trained, jax.random.key(0), {Role.EVADER: evaders}, BySide(None, None)
     )
     curve: list[dict[str, float]] = []
     pupils: list[dict[str, Any]] = []
@@ -92,14 +88,13 @@ def main() -> None:
         curve.append({"env_steps": env_steps, **shares})
         if is_shown:
             pupils.append(
-                {"name": name, "label": f"{share}\u00a0%", "env_steps": env_steps, **shares},
+                {"name": name, "label": f"{share}\u00a0%", "env_steps": env_steps, **shares}
             )
         print(f"{chunk} of {PLAN.chunks}: {env_steps:,} env steps, {shares}", flush=True)
 
     judge(state, 0)
     for chunk, (after, _) in enumerate(
-        loop.chunks(PLAN, trained, state, {Role.EVADER: evaders}),
-        1,
+        loop.chunks(PLAN, trained, state, {Role.EVADER: evaders}), 1
     ):
         if chunk in MEASURED or chunk in PUPILS:
             judge(after, chunk)

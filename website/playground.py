@@ -29,8 +29,7 @@ def write_playground(folder: Path) -> None:
     assert _PLAYER in page
     assert _LEAD in page
     page = page.replace(
-        _LEAD,
-        '<a id="lead" target="_top" href="../index.html" aria-label="Back to the site">‹</a>',
+        _LEAD, '<a id="lead" target="_top" href="../index.html" aria-label="Back to the site">‹</a>'
     )
     (folder / "offline").mkdir()
     for path in sorted(folder.rglob("*")):

@@ -34,7 +34,9 @@ def write_reference(folder: Path) -> None:
     rooms: dict[str, list[str]] = {}
     for module in pkgutil.walk_packages(apollonius.__path__, "apollonius."):
         room = module.name.split(".")[1]
-        if room not in _NOT_FOR_CALLERS and not any(part.startswith("_") for part in module.name.split(".")):
+        if room not in _NOT_FOR_CALLERS and not any(
+            part.startswith("_") for part in module.name.split(".")
+        ):
             rooms.setdefault(room, []).append(module.name)
     for room, modules in rooms.items():
         (api / f"{room}.md").write_text(_room(room, modules), encoding="utf-8")
@@ -46,7 +48,9 @@ def write_reference(folder: Path) -> None:
 def _index(rooms: list[str]) -> str:
     """Return the front page: every public name, and the rooms."""
     public = [getattr(apollonius, name) for name in dir(apollonius)]
-    names = "\n".join(f"   ~{documented.__module__}.{documented.__qualname__}" for documented in public)
+    names = "\n".join(
+        f"   ~{documented.__module__}.{documented.__qualname__}" for documented in public
+    )
     contents = "\n".join(["```{toctree}", *rooms, "```"])
     return f"""# Python API
 
@@ -71,7 +75,11 @@ Most programs need only these names: `apollonius.make_game`, and so on. The modu
 def _room(room: str, modules: list[str]) -> str:
     sections = [f"# apollonius.{room}"]
     for name in modules:
-        heading = [] if name == f"apollonius.{room}" else [f"## {name.removeprefix(f'apollonius.{room}.')}"]
+        heading = (
+            []
+            if name == f"apollonius.{room}"
+            else [f"## {name.removeprefix(f'apollonius.{room}.')}"]
+        )
         sections += ["\n".join([*heading, "", "```{eval-rst}", f".. automodule:: {name}", "```"])]
     return "\n\n".join(sections) + "\n"
 
@@ -86,7 +94,7 @@ def _config() -> str:
         first.setdefault(record, name)
     return (
         "\n\n".join(
-            ["# Configuration", about, *(_keys(name, record) for record, name in first.items())],
+            ["# Configuration", about, *(_keys(name, record) for record, name in first.items())]
         )
         + "\n"
     )
@@ -115,19 +123,24 @@ def _keys(name: str, record: type) -> str:
 
 
 def _documented(record: type) -> dict[str, str]:
-    """Return what a class's docstring says of its attributes, and the docstrings below its fields."""
+    """Collect the attributes of a class's docstring, and the docstrings below its fields."""
     attributes = (inspect.getdoc(record) or "").partition("Attributes:\n")[2].partition("\n\n")[0]
     entries = re.findall(r"^ {4}(\w[\w, ]*): (.*(?:\n {5,}.*)*)", attributes, re.MULTILINE)
-    meanings = {name: " ".join(text.split()) for names, text in entries for name in names.split(", ")}
+    meanings = {
+        name: " ".join(text.split()) for names, text in entries for name in names.split(", ")
+    }
     below = ModuleAnalyzer.for_module(record.__module__).find_attr_docs()
-    meanings |= {name: " ".join(lines) for (owner, name), lines in below.items() if owner == record.__name__}
+    meanings |= {
+        name: " ".join(lines) for (owner, name), lines in below.items() if owner == record.__name__
+    }
     return {name: text.replace("|", "\\|") for name, text in meanings.items()}
 
 
 def _command_line(parser: argparse.ArgumentParser) -> str:
     os.environ["COLUMNS"] = str(_COLUMNS)  # of which argparse makes its lines
     helps = [
-        f"## {command_parser.prog}\n\n```text\n{command_parser.format_help()}```" for command_parser in _parsers(parser)
+        f"## {command_parser.prog}\n\n```text\n{command_parser.format_help()}```"
+        for command_parser in _parsers(parser)
     ]
     return "\n\n".join(["# The command line", *helps]) + "\n"
 

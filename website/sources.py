@@ -56,7 +56,11 @@ def cards() -> str:
     there.
     """
     play = '- <a class="play" href="../playground/index.html?game={0}">{0}</a>: {1}'
-    return "\n## Play in each\n\n" + "\n".join(play.format(name, about_game(name)) for name in game_names()) + "\n"
+    return (
+        "\n## Play in each\n\n"
+        + "\n".join(play.format(name, about_game(name)) for name in game_names())
+        + "\n"
+    )
 
 
 def leaderboard() -> str:
@@ -68,12 +72,11 @@ def leaderboard() -> str:
         for path in (REPOSITORY / "benchmarks" / "leaderboard").glob("*.json")
     ]
     rows = [
-        "| track | side | agent | worth | worst against | worst tenth | crashes | forfeits | us a decision |",
+        "| track | side | agent | worth | worst against | worst tenth | crashes | forfeits | us a decision |"
     ]
     rows.append("|---|---|---|---|---|---|---|---|---|")
     for card in sorted(
-        cards,
-        key=lambda card: (card["track"], card["side"], -card["score"]["worth"]),
+        cards, key=lambda card: (card["track"], card["side"], -card["score"]["worth"])
     ):
         score, (low, high) = card["score"], card["score"]["interval"]
         cells = [
@@ -93,8 +96,8 @@ def leaderboard() -> str:
 
 
 def sections_of_readme() -> str:
-    """Return what the home page shows of the README: all between the demo and the list of
-    documents.
+    """Return the sections of the README that the home page shows: from the environments to the list
+    of documents.
     """
     text = (REPOSITORY / "README.md").read_text(encoding="utf-8")
     return "\n" + text[text.index("## Environments") : text.index("## Documentation")]
@@ -102,7 +105,9 @@ def sections_of_readme() -> str:
 
 def documents() -> dict[str, Path]:
     """Return the files behind the site's pages, by the pages' names; generated pages have none."""
-    paths = [path for path in sorted(DOCS.rglob("*.md")) if path.name not in _ONLY_IN_THE_REPOSITORY]
+    paths = [
+        path for path in sorted(DOCS.rglob("*.md")) if path.name not in _ONLY_IN_THE_REPOSITORY
+    ]
     files = {path.relative_to(DOCS).as_posix(): path for path in paths}
     files |= {name: REPOSITORY / file for file, name in BESIDE.items()}
     return files | {path.name: path for path in sorted((HERE / "pages").glob("*.md"))}
@@ -161,8 +166,7 @@ def notebook(text: str) -> str:
             cells += [{"cell_type": "markdown", "metadata": {}, "source": words.strip("\n")}]
     kernel = {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}
     return json.dumps(
-        {"cells": cells, "metadata": kernel, "nbformat": 4, "nbformat_minor": 4},
-        indent=1,
+        {"cells": cells, "metadata": kernel, "nbformat": 4, "nbformat_minor": 4}, indent=1
     )
 
 
@@ -196,7 +200,11 @@ def at_home(text: str, document: Path) -> str:
             # The home page has none of the README's headings.
             anchored = mark + anchor if target.name != "README.md" else ""
             return f"[{words}]({os.path.relpath(DOCS / BESIDE[target.name], folder)}{anchored})"
-        if target.is_relative_to(DOCS) and target.is_file() and target.name not in _ONLY_IN_THE_REPOSITORY:
+        if (
+            target.is_relative_to(DOCS)
+            and target.is_file()
+            and target.name not in _ONLY_IN_THE_REPOSITORY
+        ):
             return f"[{words}]({os.path.relpath(target, folder)}{mark}{anchor})"
         return words
 

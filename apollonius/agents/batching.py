@@ -50,7 +50,7 @@ def spread(size: int, batched: Any, tree: Any) -> Any:
 def where_needed(
     needed: Bool[Array, " rows"],
     some: Callable[[Int[Array, " few"]], PyTree[Array]],
-    others: PyTree[Array],
+    defaults: PyTree[Array],
     few: int,
 ) -> PyTree[Array]:
     """Compute values for the rows that need it, a few at a time.
@@ -58,7 +58,7 @@ def where_needed(
     Args:
         needed: the rows that need it.
         some: the function, from the numbers of a few rows to their values.
-        others: the values of all other rows, leaves `[rows, ...]`.
+        defaults: the values of the rows that do not need it, leaves `[rows, ...]`.
         few: number of rows at a time.
     """
     rows = needed.shape[0]
@@ -70,18 +70,14 @@ def where_needed(
         first, values = carry
         # Without the barrier XLA hoists work out of the loop, and it is paid where no row needs it.
         numbers, _ = jax.lax.optimization_barrier(
-            (jax.lax.dynamic_slice(order, (first,), (few,)), first),
+            (jax.lax.dynamic_slice(order, (first,), (few,)), first)
         )
         new = some(jnp.minimum(numbers, rows - 1))
         return first + few, jax.tree.map(
-            lambda all_, new_leaf: all_.at[numbers].set(new_leaf, mode="drop"),
-            values,
-            new,
+            lambda all_, new_leaf: all_.at[numbers].set(new_leaf, mode="drop"), values, new
         )
 
     count = jnp.sum(needed, dtype=jnp.int32)
     return jax.lax.while_loop(
-        lambda carry: carry[0] < count,
-        one_block,
-        (jnp.zeros((), jnp.int32), others),
+        lambda carry: carry[0] < count, one_block, (jnp.zeros((), jnp.int32), defaults)
     )[1]

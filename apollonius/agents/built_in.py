@@ -27,10 +27,7 @@ _POLICIES: dict[str, type[AbstractPolicy]] = {
     "territory": Territory,
 }
 PLAYERS = {
-    name: (
-        _POLICIES[name],
-        tuple(Role[side.upper()] for side in sides),
-    )
+    name: (_POLICIES[name], tuple(Role[side.upper()] for side in sides))
     for name, (sides, _) in BUILT_IN.items()
 }
 """By name, and the sides that they can play. Classical ones have to know the game."""
@@ -55,12 +52,8 @@ class BuiltIn(AbstractKind):
         policy, sides = PLAYERS[name]
         side, only = role.name.lower(), sides[0].name.lower()
         require(
-            role in sides,
-            side,
-            f"'{name}'",
-            f"another player, as this one plays the {only} only",
+            role in sides, side, f"'{name}'", f"another player, as this one plays the {only} only"
         )
         return Named(
-            name,
-            policy.for_side(game, role) if issubclass(policy, AbstractClassical) else policy(),
+            name, policy.for_side(game, role) if issubclass(policy, AbstractClassical) else policy()
         )

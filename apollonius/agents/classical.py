@@ -35,10 +35,7 @@ class Still(AbstractBlind):
     """Brakes straight ahead and then stays: the stationary evader of stage 1 (Algorithm 1)."""
 
     def __call__(
-        self,
-        seen: Float[Array, " size"],
-        memory: Memory,
-        bits: Bits,
+        self, observation: Float[Array, " size"], memory: Memory, bits: Bits
     ) -> tuple[Int[Array, ""], Memory]:
         return jnp.full((), BRAKE_STRAIGHT, jnp.int32), memory
 
@@ -52,10 +49,7 @@ class Uniform(AbstractBlind):
     """Each of the 9 actions with equal probability at every step (section V-B of the paper)."""
 
     def __call__(
-        self,
-        seen: Float[Array, " size"],
-        memory: Memory,
-        bits: Bits,
+        self, observation: Float[Array, " size"], memory: Memory, bits: Bits
     ) -> tuple[Int[Array, ""], Memory]:
         return uniform_action(bits), memory
 
@@ -68,7 +62,7 @@ class AbstractClassical(AbstractActionValuePolicy):
 
     @classmethod
     def fits(cls, game: Game) -> bool:
-        """Return whether its rule can be followed in a game."""
+        """Check whether its rule can be followed in a game."""
         return True
 
     @classmethod
@@ -83,15 +77,15 @@ class AbstractClassical(AbstractActionValuePolicy):
 class AbstractSteering(AbstractClassical):
     """A player whose rule is a course: a heading and a speed to have."""
 
-    def values(self, seen: View) -> Float[Array, "9"]:
+    def values(self, view: View) -> Float[Array, "9"]:
         """Return the negative distance from the course after each action, in steps of full control.
 
         So a control is used only while more than half a step is missing, and a robot on its course
         does not oscillate.
         """
-        heading, speed = self.course(seen)
-        own = seen.own
-        dt = seen.dt
+        heading, speed = self.course(view)
+        own = view.own
+        dt = view.dt
         turn = jnp.maximum(own.body.u2_max * dt, 1e-6)
         thrust = jnp.maximum(own.body.u1_max * dt, 1e-6)
 
@@ -103,7 +97,7 @@ class AbstractSteering(AbstractClassical):
         return jax.vmap(value)(jnp.arange(NUM_ACTIONS))
 
     @abstractmethod
-    def course(self, seen: View) -> tuple[Scalar, Scalar]:
+    def course(self, view: View) -> tuple[Scalar, Scalar]:
         """Return the heading [rad] and the speed [m/s] wanted now."""
 
 

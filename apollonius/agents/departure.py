@@ -35,7 +35,7 @@ _AHEAD = 7
 """The action that drives straight on."""
 
 
-def departures(seen: View) -> Bool[Array, "9"]:
+def departures(view: View) -> Bool[Array, "9"]:
     """Return the actions that are allowed: all nine to a robot that moves.
 
     One at rest may drive off, or turn towards the direction in which the path to its opponent is
@@ -43,11 +43,11 @@ def departures(seen: View) -> Bool[Array, "9"]:
     clearance than that it does only the latter and, once it heads there to a step's turn, drives
     straight on. Where no direction is free all actions are allowed.
     """
-    chart = seen.chart
-    own = seen.own.state_on_command
-    body = seen.own.body
+    chart = view.chart
+    own = view.own.state_on_command
+    body = view.own.body
     room = chart.clearance(own.x, own.y) - body.radius
-    target = chart.nearest_cell(seen.opponent.state.x, seen.opponent.state.y)
+    target = chart.nearest_cell(view.opponent.state.x, view.opponent.state.y)
 
     def path_length(angle: Scalar) -> Scalar:
         """Return the length [m] of the path to the opponent from the end of a way, `_LONGEST` if
@@ -66,17 +66,17 @@ def departures(seen: View) -> Bool[Array, "9"]:
     angles = jnp.arange(_DIRECTIONS, dtype=jnp.float32) * (2 * jnp.pi / _DIRECTIONS)
     lengths = jax.vmap(path_length)(angles)
     turn = wrap_angle(angles[jnp.argmin(lengths)] - own.heading)
-    heads_there = jnp.abs(turn) <= body.u2_max * seen.dt
+    heads_there = jnp.abs(turn) <= body.u2_max * view.dt
     best = jnp.where(heads_there, _AHEAD, jnp.where(turn > 0, _LEFT, _RIGHT))
     actions = jnp.arange(NUM_ACTIONS)
     drives_off = (actions >= NUM_ACTIONS - 3) & (room >= NEAR)
-    is_at_rest = own.v < body.u1_max * seen.dt / 2
+    is_at_rest = own.v < body.u1_max * view.dt / 2
     return ~(is_at_rest & (jnp.min(lengths) < _LONGEST)) | drives_off | (actions == best)
 
 
-def departure_costs(seen: View) -> Float[Array, "9"]:
+def departure_costs(view: View) -> Float[Array, "9"]:
     """Return the cost of each of the nine actions: 0 where `departures` allows it."""
-    return jnp.where(departures(seen), 0.0, _FORBIDDEN)
+    return jnp.where(departures(view), 0.0, _FORBIDDEN)
 
 
 class Departing(AbstractActionValuePolicy):
@@ -92,9 +92,9 @@ class Departing(AbstractActionValuePolicy):
     def memory(self) -> Memory:
         return self.policy.memory
 
-    def values(self, seen: View) -> Float[Array, "9"]:
-        return self.weigh(seen, self.memory, jnp.uint32(0))[0]
+    def values(self, view: View) -> Float[Array, "9"]:
+        return self.weigh(view, self.memory, jnp.uint32(0))[0]
 
-    def weigh(self, seen: View, memory: Memory, bits: Bits) -> tuple[Float[Array, "9"], Memory]:
-        values, memory = self.policy.weigh(self.policy.observation(seen), memory, bits)
-        return values - departure_costs(seen), memory
+    def weigh(self, view: View, memory: Memory, bits: Bits) -> tuple[Float[Array, "9"], Memory]:
+        values, memory = self.policy.weigh(self.policy.observation(view), memory, bits)
+        return values - departure_costs(view), memory

@@ -42,14 +42,16 @@ class Extension(AbstractKind):
 
 
 def _policy_of(part: Any, name: str, role: Role, game: Game) -> AbstractPolicy:
-    """Return the policy of an entry point's object; raises InvalidInput for another object, and as it does itself."""
+    """Make a policy from the object of an entry point; raises InvalidInput for an unfit object."""
     try:
         if isinstance(part, type) and issubclass(part, AbstractClassical):
             policy = part.for_side(game, role)
         elif isinstance(part, type) and issubclass(part, AbstractPolicy):
             policy = part()
         else:
-            policy = part if isinstance(part, AbstractPolicy) or not callable(part) else part(game, role)
+            policy = (
+                part if isinstance(part, AbstractPolicy) or not callable(part) else part(game, role)
+            )
     except InvalidInput:
         raise
     except Exception as error:

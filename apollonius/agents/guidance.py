@@ -25,9 +25,9 @@ class PurePursuit(AbstractSteering):
     Algorithm" (1992).
     """
 
-    def course(self, seen: View) -> tuple[Scalar, Scalar]:
-        own, opponent = seen.own.state, seen.opponent.state
-        return direction(own, opponent), arc_speed(seen.own.body, own, opponent)
+    def course(self, view: View) -> tuple[Scalar, Scalar]:
+        own, opponent = view.own.state, view.opponent.state
+        return direction(own, opponent), arc_speed(view.own.body, own, opponent)
 
 
 class Intercept(AbstractSteering):
@@ -40,10 +40,10 @@ class Intercept(AbstractSteering):
     faster than that is led by a right angle.
     """
 
-    def course(self, seen: View) -> tuple[Scalar, Scalar]:
-        body = seen.own.body
-        own = seen.own.state
-        opponent = seen.opponent.state
+    def course(self, view: View) -> tuple[Scalar, Scalar]:
+        body = view.own.body
+        own = view.own.state
+        opponent = view.opponent.state
         sight = direction(own, opponent)
         across = opponent.v * jnp.sin(opponent.heading - sight)
         lead = jnp.arcsin(jnp.clip(across / body.v_max, -1.0, 1.0))
@@ -60,8 +60,7 @@ def arc_speed(body: Unicycle, robot: RobotState, target: RobotState) -> Scalar:
     angle = jnp.abs(wrap_angle(direction(robot, target) - robot.heading))
     sine = jnp.sin(jnp.minimum(angle, jnp.pi / 2))
     return jnp.minimum(
-        body.v_max,
-        body.u2_max * separation(robot, target) / jnp.maximum(2 * sine, 1e-6),
+        body.v_max, body.u2_max * separation(robot, target) / jnp.maximum(2 * sine, 1e-6)
     )
 
 
@@ -90,9 +89,9 @@ class Flee(AbstractSteering):
     Egorov, "Multi-Agent Deep Reinforcement Learning" (2016). It minds neither walls nor obstacles.
     """
 
-    def course(self, seen: View) -> tuple[Scalar, Scalar]:
-        speed = jnp.asarray(seen.own.body.v_max, jnp.float32)
-        return direction(seen.opponent.state, seen.own.state), speed
+    def course(self, view: View) -> tuple[Scalar, Scalar]:
+        speed = jnp.asarray(view.own.body.v_max, jnp.float32)
+        return direction(view.opponent.state, view.own.state), speed
 
 
 class FleeAware(AbstractClassical):
@@ -104,23 +103,23 @@ class FleeAware(AbstractClassical):
     least clearance on the way.
     """
 
-    def values(self, seen: View) -> Float[Array, "9"]:
+    def values(self, view: View) -> Float[Array, "9"]:
         """Return distance and clearance in metres; where that runs out, how late, below all ways on
         which it lasts.
         """
-        coast, body = jnp.zeros(()), seen.own.body
-        steps = jnp.ceil(_HORIZON / jnp.asarray(seen.dt, jnp.float32))
-        pursuer = seen.opponent.body.move(seen.opponent.state, coast, coast, steps * seen.dt)
+        coast, body = jnp.zeros(()), view.own.body
+        steps = jnp.ceil(_HORIZON / jnp.asarray(view.dt, jnp.float32))
+        pursuer = view.opponent.body.move(view.opponent.state, coast, coast, steps * view.dt)
 
         def value(action: Int[Array, ""]) -> Scalar:
             def one_step(_: Int[Array, ""], escape: _Escape) -> _Escape:
-                after = body.move(escape.robot, *body.controls(action), seen.dt)
-                along = seen.arena.clearance_along(escape.robot, after) - body.radius
+                after = body.move(escape.robot, *body.controls(action), view.dt)
+                along = view.arena.clearance_along(escape.robot, after) - body.radius
                 clearance = jnp.minimum(escape.clearance, along)
                 is_clear = (clearance > _MARGIN).astype(jnp.float32)
                 return _Escape(after, clearance, escape.clear_steps + is_clear)
 
-            start = _Escape(seen.own.state, jnp.asarray(jnp.inf, jnp.float32), jnp.zeros(()))
+            start = _Escape(view.own.state, jnp.asarray(jnp.inf, jnp.float32), jnp.zeros(()))
             end = jax.lax.fori_loop(0, steps.astype(jnp.int32), one_step, start)
             value_if_clear = separation(end.robot, pursuer) + jnp.minimum(end.clearance, _WIDE)
             missing_steps = end.clear_steps - steps
@@ -204,16 +203,13 @@ class Territory(AbstractSteering):
     def for_side(cls, game: Game, role: Role, **rule: Any) -> AbstractClassical:
         return super().for_side(game, role, guards=role == Role.PURSUER, **rule)
 
-    def course(self, seen: View) -> tuple[Scalar, Scalar]:
-        goal, own = seen.arena.territory, seen.own.state
+    def course(self, view: View) -> tuple[Scalar, Scalar]:
+        goal, own = view.arena.territory, view.own.state
         assert goal is not None, "it fits the game"
-        ends = [((robot.state.x, robot.state.y), robot.body.v_max) for robot in seen.robots]
+        ends = [((robot.state.x, robot.state.y), robot.body.v_max) for robot in view.robots]
         (pursuer, fast), (evader, slow) = ends if self.guards else ends[::-1]
         x, y = nearest_reach(
-            evader,
-            pursuer,
-            slow / fast,
-            (jnp.float32(goal.x), jnp.float32(goal.y)),
+            evader, pursuer, slow / fast, (jnp.float32(goal.x), jnp.float32(goal.y))
         )
         target = RobotState(x, y, own.v, own.heading)
-        return direction(own, target), arc_speed(seen.own.body, own, target)
+        return direction(own, target), arc_speed(view.own.body, own, target)

@@ -35,25 +35,22 @@ class Holding(AbstractWrapper):
         action = jnp.zeros(2) if self.continuous else jnp.int32(0)
         return {"own": self.policy.memory, "action": action, "left": jnp.int32(0)}
 
-    def __call__(self, seen: Any, memory: Memory, bits: Bits) -> tuple[Action, Memory]:
-        action, own_memory = _decided(self.policy, seen, memory, bits)
+    def __call__(self, observation: Any, memory: Memory, bits: Bits) -> tuple[Action, Memory]:
+        action, own_memory = _decided(self.policy, observation, memory, bits)
         remaining = jnp.where(memory["left"] == 0, self.steps, memory["left"]) - 1
         return action, {"own": own_memory, "action": action, "left": remaining}
 
 
 def _decided_together(
-    size: int,
-    batched: Any,
-    policy: AbstractPolicy,
-    seen: Any,
-    memory: Memory,
-    bits: Array,
+    size: int, batched: Any, policy: AbstractPolicy, observation: Any, memory: Memory, bits: Array
 ) -> tuple[Array, Memory]:
     memory = spread(size, batched[2], memory)
     bits = spread(size, batched[3], bits)
 
     def some(rows: Array) -> tuple[Array, Memory]:
-        their_views = jax.tree.map(lambda leaf, has: leaf[rows] if has else leaf, seen, batched[1])
+        their_views = jax.tree.map(
+            lambda leaf, has: leaf[rows] if has else leaf, observation, batched[1]
+        )
         axes = jax.tree.map(lambda has: 0 if has else None, batched[1])
         memories, random_bits = jax.tree.map(lambda leaf: leaf[rows], (memory["own"], bits))
         return jax.vmap(policy, in_axes=(axes, 0, 0))(their_views, memories, random_bits)
@@ -63,17 +60,12 @@ def _decided_together(
 
 @batched_by(_decided_together)
 def _decided(
-    policy: AbstractPolicy,
-    seen: Any,
-    memory: Memory,
-    bits: Bits,
+    policy: AbstractPolicy, observation: Any, memory: Memory, bits: Bits
 ) -> tuple[Action, Memory]:
     """Return the action that is held, decided now if that is due, and the memory of the player that
     decides.
     """
     last = memory["action"], memory["own"]
     return jax.lax.cond(
-        memory["left"] == 0,
-        lambda: policy(seen, memory["own"], bits),
-        lambda: last,
+        memory["left"] == 0, lambda: policy(observation, memory["own"], bits), lambda: last
     )

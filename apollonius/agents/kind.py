@@ -32,7 +32,7 @@ class AbstractKind(ABC):
         return ()
 
     def fits(self, name: str, role: Role, game: Game) -> bool:
-        """Return whether one of `names` plays a side of a game."""
+        """Check whether one of `names` plays a side of a game."""
         return True
 
     @abstractmethod

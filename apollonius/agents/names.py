@@ -51,7 +51,7 @@ def side_of(name: str) -> tuple[str, ...]:
 
 
 def agents_folders(run: str) -> list[Path]:
-    """Return where the agents of a training run can lie, which is given by its folder or its name
-    among `RUNS`.
+    """List the folders that may hold the agents of a training run, named by its folder or by its
+    name among `RUNS`.
     """
     return [Path(run) / AGENTS, RUNS / run / AGENTS]

@@ -48,18 +48,16 @@ class QNetwork(eqx.Module):
         return self.by(apply_to_batch, observations)
 
     def by(
-        self,
-        layers: Callable[[Layers, Array], Array],
-        seen: Float[Array, "*batch size"],
+        self, layers: Callable[[Layers, Array], Array], observation: Float[Array, "*batch size"]
     ) -> Array:
         """Return the action values; `layers` is the function that applies the layers to
         observations.
         """
-        values = layers(self.layers, seen)
+        values = layers(self.layers, observation)
         if not self.symmetric:
             return values
         assert self.observation.mirror, "it knows its mirror image"
-        mirrored_values = layers(self.layers, self.observation.mirror(seen))
+        mirrored_values = layers(self.layers, self.observation.mirror(observation))
         return (values + mirrored_values[..., np.array(MIRRORED)]) / 2
 
 
@@ -73,8 +71,7 @@ class GaussianActor(eqx.Module):
     observation: AbstractObservation = eqx.field(static=True)
 
     def __call__(
-        self,
-        observation: Float[Array, " size"],
+        self, observation: Float[Array, " size"]
     ) -> tuple[Float[Array, "2"], Float[Array, "2"]]:
         """Return means and standard deviations for one observation."""
         return self.of_outputs(apply(self.layers, observation))
@@ -110,9 +107,7 @@ def valuing(network: QNetwork, action: int) -> QNetwork:
     """Return a network of the same shape with the value 1 for one action and 0 for all others."""
     blank = jax.tree.map(jnp.zeros_like, network)
     return eqx.tree_at(
-        lambda tree: tree.layers[-1].bias,
-        blank,
-        jax.nn.one_hot(action, NUM_ACTIONS),
+        lambda tree: tree.layers[-1].bias, blank, jax.nn.one_hot(action, NUM_ACTIONS)
     )
 
 
@@ -220,9 +215,7 @@ def scaled(network: Network, factor: float) -> Network:
     assert last.bias is not None
     weights = last.weight * factor, last.bias * factor
     return eqx.tree_at(
-        lambda tree: (tree.layers[-1].weight, tree.layers[-1].bias),
-        network,
-        weights,
+        lambda tree: (tree.layers[-1].weight, tree.layers[-1].bias), network, weights
     )
 
 
@@ -232,11 +225,7 @@ def between(network: Network, other: Network, share: float) -> Network:
 
 
 def make_network(
-    observation: str,
-    width: int,
-    depth: int,
-    key: PRNGKeyArray,
-    symmetric: bool = False,
+    observation: str, width: int, depth: int, key: PRNGKeyArray, symmetric: bool = False
 ) -> QNetwork:
     """Return a network of action values with random weights.
 

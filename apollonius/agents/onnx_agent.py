@@ -101,13 +101,13 @@ class OnnxProcess:
                 process.wait(1.0)
         self._running = None
 
-    def ask(self, seen: object, steps: object) -> np.ndarray:
+    def ask(self, observation: object, steps: object) -> np.ndarray:
         """Return the actions of all rows of a batch.
 
         A robot whose game is over brakes; where there is no action, it does so too, and its game is
         lost.
         """
-        numbers, steps = np.ascontiguousarray(seen, np.float32), np.asarray(steps)
+        numbers, steps = np.ascontiguousarray(observation, np.float32), np.asarray(steps)
         actions = np.broadcast_to(self.brake, (len(numbers), *self.brake.shape)).copy()
         slots = np.arange(len(numbers)) % 2 ** max(self._games - 1, 0).bit_length()
         # Games begin together, and an empty slot stays at its first step.
@@ -180,18 +180,11 @@ class OnnxAgent(AbstractPolicy):
         return jnp.zeros((), jnp.int32)
 
     def __call__(
-        self,
-        seen: Float[Array, " size"],
-        memory: Int[Array, ""],
-        bits: Bits,
+        self, observation: Float[Array, " size"], memory: Int[Array, ""], bits: Bits
     ) -> tuple[Action, Int[Array, ""]]:
         result = jax.ShapeDtypeStruct(self.process.brake.shape, self.process.brake.dtype)
         action = jax.pure_callback(
-            self.process.ask,
-            result,
-            seen,
-            memory,
-            vmap_method="broadcast_all",
+            self.process.ask, result, observation, memory, vmap_method="broadcast_all"
         )
         return action, memory + 1
 

@@ -50,8 +50,8 @@ def main() -> None:
         sys.exit(f"it reads {inputs}; give a model of one input [rows, size]")
     size = inputs[name][-1]
 
-    def act(seen: Any) -> np.ndarray:
-        return as_actions(np.asarray(session.run(None, {name: seen})[0]), len(seen))
+    def act(observation: Any) -> np.ndarray:
+        return as_actions(np.asarray(session.run(None, {name: observation})[0]), len(observation))
 
     numbers = act(np.zeros((2, size), np.float32))[0].size
     os.write(0, np.array([size, numbers], "<u4").tobytes())

@@ -56,19 +56,19 @@ class AbstractPolicy(eqx.Module):
         return ()
 
     @abstractmethod
-    def __call__(self, seen: Any, memory: Memory, bits: Bits) -> tuple[Action, Memory]:
-        """Choose the action for what its `observation` makes of the view; always of the same kind.
+    def __call__(self, observation: Any, /, memory: Memory, bits: Bits) -> tuple[Action, Memory]:
+        """Choose an action, always of the same kind.
 
         The memory is what it returned in the step before, in a game's first step its own. There are
         32 random bits for every step instead of a key, since splitting keys for thousands of games
         costs more than the games themselves.
         """
 
-    def weigh(self, seen: Any, memory: Memory, bits: Bits) -> tuple[Any, Memory]:
+    def weigh(self, observation: Any, /, memory: Memory, bits: Bits) -> tuple[Any, Memory]:
         """Return all that `choose` needs before it is known which actions are allowed: here the
         player's own action.
         """
-        return self(seen, memory, bits)
+        return self(observation, memory, bits)
 
     def choose(self, weighed: Any, allowed: Bool[Array, "9"]) -> Int[Array, ""]:
         """Return the player's own discrete action if it is allowed, else the allowed one of lowest
@@ -83,16 +83,20 @@ class AbstractActionValuePolicy(AbstractPolicy):
     """
 
     @abstractmethod
-    def values(self, seen: Any) -> Float[Array, "9"]:
-        """Return the values of the nine actions for what is seen: the higher the better."""
+    def values(self, observation: Any, /) -> Float[Array, "9"]:
+        """Return the values of the nine actions: the higher the better."""
 
-    def __call__(self, seen: Any, memory: Memory, bits: Bits) -> tuple[Int[Array, ""], Memory]:
-        values, memory = self.weigh(seen, memory, bits)
+    def __call__(
+        self, observation: Any, /, memory: Memory, bits: Bits
+    ) -> tuple[Int[Array, ""], Memory]:
+        values, memory = self.weigh(observation, memory, bits)
         return jnp.argmax(values).astype(jnp.int32), memory
 
-    def weigh(self, seen: Any, memory: Memory, bits: Bits) -> tuple[Float[Array, "9"], Memory]:
+    def weigh(
+        self, observation: Any, /, memory: Memory, bits: Bits
+    ) -> tuple[Float[Array, "9"], Memory]:
         """Return the values of the nine actions."""
-        return self.values(seen), memory
+        return self.values(observation), memory
 
     def choose(self, weighed: Float[Array, "9"], allowed: Bool[Array, "9"]) -> Int[Array, ""]:
         """Return the allowed action of highest value."""
@@ -133,5 +137,5 @@ class AbstractContinuous(AbstractPolicy):
             return (level_u1 - own[0]) ** 2 + (level_u2 - own[1]) ** 2
 
         return jnp.argmin(
-            jnp.where(allowed, jax.vmap(distance)(jnp.arange(NUM_ACTIONS)), jnp.inf),
+            jnp.where(allowed, jax.vmap(distance)(jnp.arange(NUM_ACTIONS)), jnp.inf)
         ).astype(jnp.int32)

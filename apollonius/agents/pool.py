@@ -26,11 +26,7 @@ Acted = tuple[Actions, Memory]
 
 
 def act_in_rows(
-    policy: AbstractPolicy,
-    read: Read,
-    rows: Any,
-    memory: Memory,
-    bits: RowBits,
+    policy: AbstractPolicy, read: Read, rows: Any, memory: Memory, bits: RowBits
 ) -> Acted:
     """Return one player's action and next memory in each row of a batch.
 
@@ -68,12 +64,7 @@ class AbstractPlayers(eqx.Module):
 
     @abstractmethod
     def act(
-        self,
-        member: Int[Array, " rows"],
-        read: Read,
-        rows: Any,
-        memory: Memory,
-        bits: RowBits,
+        self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: RowBits
     ) -> Acted:
         """Return the action and the next memory in each row of a batch.
 
@@ -128,12 +119,7 @@ class Pool(AbstractPlayers):
         return (((bits >> 16) * self.size) >> 16).astype(jnp.int32)
 
     def act(
-        self,
-        member: Int[Array, " rows"],
-        read: Read,
-        rows: Any,
-        memory: Memory,
-        bits: RowBits,
+        self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: RowBits
     ) -> Acted:
         bits = bits if self.bits is None else self.bits
         if self.size == 1:
@@ -176,18 +162,11 @@ class Assigned(AbstractPlayers):
     def sample(self, bits: UInt32[Array, " games"]) -> Int[Array, " games"]:
         game = jnp.arange(bits.shape[0]) - self.first
         return jnp.where(
-            (game >= 0) & (game < self.count * self.games),
-            game // self.games + 1,
-            0,
+            (game >= 0) & (game < self.count * self.games), game // self.games + 1, 0
         ).astype(jnp.int32)
 
     def act(
-        self,
-        member: Int[Array, " rows"],
-        read: Read,
-        rows: Any,
-        memory: Memory,
-        bits: RowBits,
+        self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: RowBits
     ) -> Acted:
         end = self.first + self.count * self.games
         arguments = (rows, memory, bits if self.bits is None else self.bits)
@@ -196,12 +175,11 @@ class Assigned(AbstractPlayers):
             arguments,
         )
         rest_arguments = jax.tree.map(
-            lambda leaf: jnp.concatenate([leaf[: self.first], leaf[end:]]),
-            arguments,
+            lambda leaf: jnp.concatenate([leaf[: self.first], leaf[end:]]), arguments
         )
-        their_actions = jax.vmap(
-            lambda policy, *arguments: act_in_rows(policy, read, *arguments),
-        )(self.assigned, *their_arguments)
+        their_actions = jax.vmap(lambda policy, *arguments: act_in_rows(policy, read, *arguments))(
+            self.assigned, *their_arguments
+        )
         rest_actions = act_in_rows(self.at_large, read, *rest_arguments)
 
         def in_order(rest_actions: Array, their_actions: Array) -> Array:
@@ -210,7 +188,7 @@ class Assigned(AbstractPlayers):
                     rest_actions[: self.first],
                     their_actions.reshape(-1, *their_actions.shape[2:]),
                     rest_actions[self.first :],
-                ],
+                ]
             )
 
         return jax.tree.map(in_order, rest_actions, their_actions)
@@ -236,29 +214,21 @@ class Apart(AbstractPlayers):
 
     def sample(self, bits: UInt32[Array, " games"]) -> Int[Array, " games"]:
         return jnp.concatenate(
-            [jnp.full(games, number, jnp.int32) for number, games in enumerate(self.games)],
+            [jnp.full(games, number, jnp.int32) for number, games in enumerate(self.games)]
         )
 
     def act(
-        self,
-        member: Int[Array, " rows"],
-        read: Read,
-        rows: Any,
-        memory: Memory,
-        bits: RowBits,
+        self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: RowBits
     ) -> Acted:
         actions, after = [], []
         for number, policy in enumerate(self.policies):
             first = sum(self.games[:number])
             rows_of_player = slice(first, first + self.games[number])
             arguments = jax.tree.map(
-                lambda leaf, own=rows_of_player: leaf[own],
-                (rows, memory[number], bits),
+                lambda leaf, own=rows_of_player: leaf[own], (rows, memory[number], bits)
             )
             action, new = act_in_rows(
-                policy,
-                lambda row, policy=policy: policy.observation(read(row)),
-                *arguments,
+                policy, lambda row, policy=policy: policy.observation(read(row)), *arguments
             )
             actions.append(action)
             after.append(
@@ -281,8 +251,7 @@ def stack(policies: list[AbstractPolicy]) -> Pool:
     at random.
     """
     arrays, rests = zip(
-        *(eqx.partition(policy, eqx.is_array_like) for policy in policies),
-        strict=True,
+        *(eqx.partition(policy, eqx.is_array_like) for policy in policies), strict=True
     )
     rest = rests[0] if jax.tree.leaves(rests[0]) else None
     return Pool(jax.tree.map(_stacked, *arrays), len(policies), rest=rest)

@@ -45,15 +45,15 @@ class AbstractWayfinder(AbstractSteering):
     def charted(self) -> bool:
         return True
 
-    def way(self, seen: View, place: RobotState) -> tuple[Scalar, Scalar]:
+    def way(self, view: View, place: RobotState) -> tuple[Scalar, Scalar]:
         """Return the heading [rad] and the speed [m/s] with which to set out for a place.
 
         Straight to it where that is free; else to the place a little ahead from which, together
         with the way there, the path is shortest.
         """
-        chart = seen.chart
-        own = seen.own.state
-        body = seen.own.body
+        chart = view.chart
+        own = view.own.state
+        body = view.own.body
         distance, bearing = separation(own, place), direction(own, place)
         margin = body.radius + _MARGIN
         is_free = chart.range(own.x, own.y, jnp.cos(bearing), jnp.sin(bearing)) >= distance
@@ -95,16 +95,13 @@ class Search(AbstractWayfinder):
         return jnp.full((), _NOWHERE, jnp.int32)
 
     def weigh(
-        self,
-        seen: View,
-        memory: Int[Array, ""],
-        bits: Bits,
+        self, view: View, memory: Int[Array, ""], bits: Bits
     ) -> tuple[Float[Array, "9"], Memory]:
-        sought, cell = sought_by(seen, memory, random_shares(bits))
+        sought, cell = sought_by(view, memory, random_shares(bits))
         return self.values(sought), cell
 
-    def course(self, seen: View) -> tuple[Scalar, Scalar]:
-        return self.way(seen, seen.opponent.state)
+    def course(self, view: View) -> tuple[Scalar, Scalar]:
+        return self.way(view, view.opponent.state)
 
 
 class Searching(AbstractActionValuePolicy):
@@ -126,16 +123,13 @@ class Searching(AbstractActionValuePolicy):
         """The memory of the pursuer, and the coarse cell that it drives to; -1 for none."""
         return self.policy.memory, jnp.full((), _NOWHERE, jnp.int32)
 
-    def values(self, seen: View) -> Float[Array, "9"]:
-        return self.policy.values(self.policy.observation(seen))
+    def values(self, view: View) -> Float[Array, "9"]:
+        return self.policy.values(self.policy.observation(view))
 
     def weigh(
-        self,
-        seen: View,
-        memory: tuple[Memory, Int[Array, ""]],
-        bits: Bits,
+        self, view: View, memory: tuple[Memory, Int[Array, ""]], bits: Bits
     ) -> tuple[Float[Array, "9"], Memory]:
-        sought, cell = sought_by(seen, memory[1], random_shares(bits))
+        sought, cell = sought_by(view, memory[1], random_shares(bits))
         values, own_memory = self.policy.weigh(self.policy.observation(sought), memory[0], bits)
         return values, (own_memory, cell)
 
@@ -147,31 +141,25 @@ class Hide(AbstractWayfinder):
     Of the places behind obstacles (Reynolds, "Steering behaviors for autonomous characters", 1999).
     """
 
-    def course(self, seen: View) -> tuple[Scalar, Scalar]:
-        chart, pursuer = seen.chart, seen.opponent
-        states = (pursuer.state, seen.own.state)
+    def course(self, view: View) -> tuple[Scalar, Scalar]:
+        chart, pursuer = view.chart, view.opponent
+        states = (pursuer.state, view.own.state)
         pursuer_lengths, own_lengths = (
-            jnp.minimum(
-                chart.lengths_from(state.x, state.y),
-                _FAR,
-            )
-            for state in states
+            jnp.minimum(chart.lengths_from(state.x, state.y), _FAR) for state in states
         )
         is_hidden = ~visible(chart, Sensors(line_of_sight=True), pursuer.state)
         safety = jnp.minimum(pursuer_lengths, _CAUTION) - jnp.where(is_hidden, 0.0, _CAUTION / 2)
         is_first = pursuer_lengths > own_lengths + 0.5
         score = jnp.where(is_first, safety - 0.7 * own_lengths, safety - 2 * _CAUTION)
         place = middle_of(chart, jnp.argmax(jnp.where(own_lengths < _FAR, score, -_FAR)))
-        heading, speed = self.way(seen, place)
-        distance = separation(seen.own.state, place)
-        stopping = jnp.sqrt(2 * seen.own.body.u1_max * jnp.maximum(distance - 0.2, 0.0))
+        heading, speed = self.way(view, place)
+        distance = separation(view.own.state, place)
+        stopping = jnp.sqrt(2 * view.own.body.u1_max * jnp.maximum(distance - 0.2, 0.0))
         return heading, jnp.minimum(speed, stopping)
 
 
 def sought_by(
-    seen: View,
-    cell: Int[Array, ""],
-    shares: Float[Array, " coarse"],
+    view: View, cell: Int[Array, ""], shares: Float[Array, " coarse"]
 ) -> tuple[View, Int[Array, ""]]:
     """Return the view of a robot that searches, and the coarse cell that it drives to.
 
@@ -179,27 +167,24 @@ def sought_by(
     lately, the view stays as it is, and the cell is -1.
 
     Args:
-        seen: the robot's view.
+        view: the robot's view.
         cell: the cell that it has driven to; -1 for none.
         shares: random numbers from 0 to 1, which draw the next cell.
     """
-    if seen.belief is None:
-        return seen, cell
-    chart, own = seen.chart, seen.own.state
-    new_cell = jnp.argmax(shares * prospects(chart, seen.belief, own).ravel()).astype(jnp.int32)
-    can_be_there = seen.belief.ravel()[cell] >= 0
+    if view.belief is None:
+        return view, cell
+    chart, own = view.chart, view.own.state
+    new_cell = jnp.argmax(shares * prospects(chart, view.belief, own).ravel()).astype(jnp.int32)
+    can_be_there = view.belief.ravel()[cell] >= 0
     is_far = chart.lengths_from(own.x, own.y).ravel()[cell] > _AT_HAND
     place = jnp.where((cell >= 0) & can_be_there & is_far, cell, new_cell)
-    opponent_found = is_found(seen)
+    opponent_found = is_found(view)
     target = middle_of(chart, place)
     opponents = tuple(
-        replace(
-            robot,
-            state=choose(opponent_found, robot.state, target),
-        )
-        for robot in seen.opponents
+        replace(robot, state=choose(opponent_found, robot.state, target))
+        for robot in view.opponents
     )
-    return replace(seen, opponents=opponents), jnp.where(opponent_found, _NOWHERE, place)
+    return replace(view, opponents=opponents), jnp.where(opponent_found, _NOWHERE, place)
 
 
 def random_shares(bits: Bits) -> Float[Array, " coarse"]:
@@ -208,9 +193,9 @@ def random_shares(bits: Bits) -> Float[Array, " coarse"]:
     return (words >> 8).astype(jnp.float32) / 2**24
 
 
-def is_found(seen: View) -> Flag:
-    """Return whether the opponent was seen so lately that it is driven to."""
-    return jnp.asarray(seen.opponent.age) < _RECENT
+def is_found(view: View) -> Flag:
+    """Check whether the opponent was seen so lately that it is driven to."""
+    return jnp.asarray(view.opponent.age) < _RECENT
 
 
 def middle_of(chart: Chart, cell: Int[Array, ""]) -> RobotState:

@@ -84,7 +84,7 @@ class Backup(eqx.Module):
 
     @jax.jit
     def surely_stops(self, robot: Robot, action: Action) -> Flag:
-        """Return whether braking straight ahead after one step of an action surely suffices.
+        """Check by one segment whether braking straight ahead after an action is certainly safe.
 
         That path is one segment, so this takes little arithmetic. It must leave twice the `MARGIN`,
         once for rounding.
@@ -100,10 +100,7 @@ class Backup(eqx.Module):
         return least - robot.body.radius > 2 * MARGIN
 
     def _clearances(
-        self,
-        robot: Robot,
-        motion: Motion,
-        near: Edges | None,
+        self, robot: Robot, motion: Motion, near: Edges | None
     ) -> Float[Array, " manoeuvres"]:
         def one_step(before: list[Motion], _: None) -> tuple[list[Motion], list[RobotState]]:
             after = self._braked(robot, before)
@@ -158,45 +155,38 @@ class Shielded(AbstractWrapper):
 
     backup: Backup
 
-    def __call__(self, seen: View, memory: Memory, bits: Bits) -> tuple[Action, Memory]:
-        weighed, memory = self.policy.weigh(self.policy.observation(seen), memory, bits)
-        return _held_back(self, seen, weighed), memory
+    def __call__(self, view: View, memory: Memory, bits: Bits) -> tuple[Action, Memory]:
+        weighed, memory = self.policy.weigh(self.policy.observation(view), memory, bits)
+        return _held_back(self, view, weighed), memory
 
     def wanted(self, weighed: Any) -> Action:
-        """Return what the player behind the shield would do."""
+        """Return the action of the player behind the shield."""
         if self.policy.continuous:
             return weighed
         return self.policy.choose(weighed, jnp.ones(NUM_ACTIONS, bool))
 
-    def begin(self, seen: View, weighed: Any) -> "_Search":
+    def begin(self, view: View, weighed: Any) -> "_Search":
         """Start the search for an allowed action; it ends at once where the own one surely is."""
         action = self.wanted(weighed)
         number = jnp.full((), NUM_ACTIONS, jnp.int32) if self.policy.continuous else action
-        is_open = ~self.backup.of(seen).surely_stops(seen.own, action)
+        is_open = ~self.backup.of(view).surely_stops(view.own, action)
         return _Search(action, number, jnp.full(NUM_ACTIONS, jnp.inf), is_open)
 
-    def go_on(self, seen: View, weighed: Any, search: "_Search") -> "_Search":
+    def go_on(self, view: View, weighed: Any, search: "_Search") -> "_Search":
         """Try the search's action; unless it is allowed, the best untried one comes next."""
-        clearance = self.backup.of(seen).clearance_after(seen.own, search.action)
+        clearance = self.backup.of(view).clearance_after(view.own, search.action)
         allowed = clearance > MARGIN
         clearances = jnp.where(
-            jnp.arange(NUM_ACTIONS) == search.number,
-            clearance,
-            search.clearances,
+            jnp.arange(NUM_ACTIONS) == search.number, clearance, search.clearances
         )
         untried = jnp.isinf(clearances)
         some_untried = jnp.any(untried)
         number = jnp.where(
-            some_untried,
-            self.policy.choose(weighed, untried),
-            jnp.argmax(clearances),
+            some_untried, self.policy.choose(weighed, untried), jnp.argmax(clearances)
         ).astype(jnp.int32)
         action = jnp.stack(action_levels(number)) if self.policy.continuous else number
         return _Search(
-            jnp.where(allowed, search.action, action),
-            number,
-            clearances,
-            ~allowed & some_untried,
+            jnp.where(allowed, search.action, action), number, clearances, ~allowed & some_untried
         )
 
 
@@ -217,40 +207,32 @@ class _Search(eqx.Module):
 
 
 def _held_back_together(
-    size: int,
-    batched: Any,
-    player: Shielded,
-    seen: View,
-    weighed: Any,
+    size: int, batched: Any, player: Shielded, view: View, weighed: Any
 ) -> Actions:
     """Return the actions in many games: those whose search is open are tried, a few at a time."""
     axes = jax.tree.map(lambda has: 0 if has else None, batched[1])
     weighed = spread(size, batched[2], weighed)
-    search = jax.vmap(player.begin, in_axes=(axes, 0), axis_size=size)(seen, weighed)
+    search = jax.vmap(player.begin, in_axes=(axes, 0), axis_size=size)(view, weighed)
 
     def try_next(search: _Search) -> _Search:
         (rows,) = jnp.nonzero(search.open, size=_TRIED, fill_value=size)
-        their_views = jax.tree.map(lambda leaf, has: leaf[rows] if has else leaf, seen, batched[1])
+        their_views = jax.tree.map(lambda leaf, has: leaf[rows] if has else leaf, view, batched[1])
         their_searches = jax.tree.map(lambda leaf: leaf[rows], (weighed, search))
         go_on = jax.vmap(player.go_on, in_axes=(axes, 0, 0), axis_size=_TRIED)
         tried = go_on(their_views, *their_searches)
         return jax.tree.map(
-            lambda leaf, new_leaf: leaf.at[rows].set(new_leaf, mode="drop"),
-            search,
-            tried,
+            lambda leaf, new_leaf: leaf.at[rows].set(new_leaf, mode="drop"), search, tried
         )
 
     return jax.lax.while_loop(lambda search: jnp.any(search.open), try_next, search).action
 
 
 @batched_by(_held_back_together)
-def _held_back(player: Shielded, seen: View, weighed: Any) -> Action:
+def _held_back(player: Shielded, view: View, weighed: Any) -> Action:
     """Return the action that a player behind a shield takes, by its preferences."""
-    search = player.begin(seen, weighed)
+    search = player.begin(view, weighed)
     return jax.lax.while_loop(
-        lambda one: one.open,
-        lambda one: player.go_on(seen, weighed, one),
-        search,
+        lambda one: one.open, lambda one: player.go_on(view, weighed, one), search
     ).action
 
 

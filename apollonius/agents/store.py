@@ -119,7 +119,7 @@ def load_agent(path: Path) -> Agent:
 
 
 def load_header(path: Path) -> AgentHeader:
-    """Read the header of an agent's file alone. Errors as those of `load_agent`."""
+    """Read the header of an agent's file alone. Raises InvalidInput as `load_agent` does."""
     with _opened_agent(path) as (_, header):
         return header
 
@@ -128,7 +128,7 @@ def load_header(path: Path) -> AgentHeader:
 def _opened_agent(path: Path) -> Generator[tuple[Any, AgentHeader], None, None]:
     if not os.path.isfile(path):
         raise InvalidInput(
-            f"there is no agent file '{path}': check the path, or name a built-in agent.",
+            f"there is no agent file '{path}': check the path, or name a built-in agent."
         )
     foreign = f"'{path}' holds no Apollonius agent: give a file from a run's agents/ folder"
     with opened(path, "copy or train it again") as file:
@@ -139,9 +139,7 @@ def _checked(path: Path, fields: dict[str, Any]) -> AgentHeader:
     header = from_dict(AgentHeader, fields, f"the header of '{path}'")
     if header.network not in _MAKE:
         remedy = f"this program reads {', '.join(_MAKE)}: update it"
-        raise InvalidInput(
-            f"'{path}' has a network of the kind {shown(header.network)}, {remedy}.",
-        )
+        raise InvalidInput(f"'{path}' has a network of the kind {shown(header.network)}, {remedy}.")
     own_observation = None
     if has_observation(header.observation):
         own_observation = OBSERVATIONS[header.observation]

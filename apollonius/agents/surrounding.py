@@ -59,25 +59,25 @@ class AbstractSurrounding(AbstractSteering):
     def fits(cls, game: Game) -> bool:
         return len(game.bodies.pursuer) > 1
 
-    def course(self, seen: View) -> tuple[Scalar, Scalar]:
+    def course(self, view: View) -> tuple[Scalar, Scalar]:
         """Return the direction of the falling cost, and the speed that the turn still to be made
         allows.
         """
-        own = seen.own.state
-        body = seen.own.body
-        opponent = seen.opponent.state
+        own = view.own.state
+        body = view.own.body
+        opponent = view.opponent.state
         angles = jnp.arange(_DIRECTIONS, dtype=jnp.float32) * (2 * jnp.pi / _DIRECTIONS)
         cos, sin = jnp.cos(angles), jnp.sin(angles)
-        look = jax.vmap(seen.chart.range, in_axes=(None, None, 0, 0))
+        look = jax.vmap(view.chart.range, in_axes=(None, None, 0, 0))
         ranges = look(own.x, own.y, cos, sin) - body.radius
         reach = jnp.clip(ranges, 0.0, jnp.full(_DIRECTIONS, _AHEAD, jnp.float32))
-        costs = jax.vmap(self.cost(seen))(own.x + reach * cos, own.y + reach * sin)
+        costs = jax.vmap(self.cost(view))(own.x + reach * cos, own.y + reach * sin)
         # A mean of the directions: of a cost that falls evenly it is just the direction in which it
         # falls.
         worst, best = jnp.max(costs), jnp.min(costs)
         weights = ((worst - costs) / jnp.maximum(worst - best, _EVEN)) ** _SHARPNESS
         downwards = jnp.arctan2(jnp.sum(weights * sin), jnp.sum(weights * cos))
-        is_near = path_length_to(seen, opponent)(own.x, own.y) < _NEAR
+        is_near = path_length_to(view, opponent)(own.x, own.y) < _NEAR
         goes_straight = is_near | (worst - best < _EVEN)
         heading = jnp.where(goes_straight, direction(own, opponent), downwards)
         # The part of the wanted velocity that a robot which cannot move sideways can have now.
@@ -85,7 +85,7 @@ class AbstractSurrounding(AbstractSteering):
         return heading, jnp.where(goes_straight, arc_speed(body, own, opponent), turning)
 
     @abstractmethod
-    def cost(self, seen: View) -> Cost:
+    def cost(self, view: View) -> Cost:
         """Return the cost of being at a point x, y [m]."""
 
 
@@ -102,25 +102,24 @@ class VoronoiPursuit(AbstractSurrounding):
     speeds.
     """
 
-    def cost(self, seen: View) -> Cost:
+    def cost(self, view: View) -> Cost:
         """Return the area [m^2], and a little of the path to the evader [m]."""
-        evader, mates = seen.opponent, seen.mates
-        evader_lengths = to_all(seen, evader)
+        evader, mates = view.opponent, view.mates
+        evader_lengths = to_all(view, evader)
         is_reachable = evader_lengths < NO_PATH / 100
-        cell = (seen.chart.side[seen.chart.member] * _STRIDE / COARSE) ** 2
-        blur = jnp.sqrt(cell) / seen.own.body.v_max
+        cell = (view.chart.side[view.chart.member] * _STRIDE / COARSE) ** 2
+        blur = jnp.sqrt(cell) / view.own.body.v_max
         deadline = jnp.full(evader_lengths.shape, jnp.inf)
         for mate in mates:
             deadline = jnp.minimum(
-                deadline,
-                jnp.where(mate.active, to_all(seen, mate) / mate.body.v_max, jnp.inf),
+                deadline, jnp.where(mate.active, to_all(view, mate) / mate.body.v_max, jnp.inf)
             )
-        path_length = path_length_to(seen, evader.state)
+        path_length = path_length_to(view, evader.state)
 
         def cost(x: Scalar, y: Scalar) -> Scalar:
-            state = seen.own.state
-            own = Robot(seen.own.body, RobotState(x, y, state.v, state.heading))
-            arrival = jnp.minimum(deadline, to_all(seen, own) / own.body.v_max)
+            state = view.own.state
+            own = Robot(view.own.body, RobotState(x, y, state.v, state.heading))
+            arrival = jnp.minimum(deadline, to_all(view, own) / own.body.v_max)
             lead = arrival - evader_lengths / evader.body.v_max
             area = cell * jnp.sum(jnp.where(is_reachable, jax.nn.sigmoid(lead / blur), 0.0))
             return area + _PATH_WEIGHT * path_length(x, y)
@@ -138,25 +137,24 @@ class Encirclement(AbstractSurrounding):
     little to turn as can be.
     """
 
-    def cost(self, seen: View) -> Cost:
+    def cost(self, view: View) -> Cost:
         """Return the length of the path to its own bearing [m]."""
-        evader = seen.opponent.state
-        team = [seen.own, *seen.mates]
+        evader = view.opponent.state
+        team = [view.own, *view.mates]
         active = jnp.stack([jnp.asarray(robot.active) for robot in team])
         bearings = jnp.stack([direction(evader, robot.state) for robot in team])
         distances = jnp.stack([separation(evader, robot.state) for robot in team])
         count = jnp.maximum(jnp.sum(active.astype(jnp.float32)), 1.0)
         bearing = even_bearings(bearings, active)[0]
         radius = _CLOSING * jnp.sum(jnp.where(active, distances, 0.0)) / count
-        arena = seen.arena
+        arena = view.arena
         x = jnp.clip(evader.x + radius * jnp.cos(bearing), arena.x_min, arena.x_max)
         y = jnp.clip(evader.y + radius * jnp.sin(bearing), arena.y_min, arena.y_max)
-        return path_length_to(seen, RobotState(x, y, evader.v, evader.heading))
+        return path_length_to(view, RobotState(x, y, evader.v, evader.heading))
 
 
 def even_bearings(
-    bearings: Float[Array, " robots"],
-    active: Bool[Array, " robots"],
+    bearings: Float[Array, " robots"], active: Bool[Array, " robots"]
 ) -> Float[Array, " robots"]:
     """Return the evenly spaced bearings [rad], in the same order, nearest to those of the active
     robots.
@@ -170,17 +168,17 @@ def even_bearings(
     return slots + jnp.arctan2(sin, cos)
 
 
-def path_length_to(seen: View, end: RobotState) -> Cost:
+def path_length_to(view: View, end: RobotState) -> Cost:
     """Return the length [m] of the path from a point to a robot."""
-    chart, end_weights = seen.chart, seen.chart.cell_weights(end.x, end.y)
+    chart, end_weights = view.chart, view.chart.cell_weights(end.x, end.y)
     return lambda x, y: chart.path_length(chart.cell_weights(x, y), end_weights)
 
 
-def to_all(seen: View, robot: Robot) -> Float[Array, " places"]:
+def to_all(view: View, robot: Robot) -> Float[Array, " places"]:
     """Return the lengths [m] of the paths from a robot to points all over the arena, huge where it
     cannot be.
     """
-    chart, numbers = seen.chart, jnp.arange(0, COARSE, _STRIDE)
+    chart, numbers = view.chart, jnp.arange(0, COARSE, _STRIDE)
     cells, weights = chart.cell_weights(robot.state.x, robot.state.y)
     places = (numbers[:, None] * COARSE + numbers[None, :]).ravel()
     lengths = chart.lengths[chart.member, cells[:, None], places[None, :]]

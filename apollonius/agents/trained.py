@@ -52,9 +52,9 @@ class Greedy(AbstractByNetwork, AbstractActionValuePolicy):
 
     network: QNetwork
 
-    def values(self, seen: Float[Array, " size"]) -> Float[Array, "9"]:
+    def values(self, observation: Float[Array, " size"]) -> Float[Array, "9"]:
         """Return the network's action values."""
-        return inferred(self.network, seen)
+        return inferred(self.network, observation)
 
 
 class EpsilonGreedy(AbstractByNetwork):
@@ -64,12 +64,9 @@ class EpsilonGreedy(AbstractByNetwork):
     epsilon: Scalar
 
     def __call__(
-        self,
-        seen: Float[Array, " size"],
-        memory: Memory,
-        bits: Bits,
+        self, observation: Float[Array, " size"], memory: Memory, bits: Bits
     ) -> tuple[Int[Array, ""], Memory]:
-        best = jnp.argmax(inferred(self.network, seen)).astype(jnp.int32)
+        best = jnp.argmax(inferred(self.network, observation)).astype(jnp.int32)
         explore = (bits & 0xFFFF).astype(jnp.float32) < self.epsilon * 65536
         return jnp.where(explore, uniform_action(bits), best), memory
 
@@ -80,12 +77,9 @@ class SquashedMean(AbstractByNetwork, AbstractContinuous):
     network: GaussianActor
 
     def __call__(
-        self,
-        seen: Float[Array, " size"],
-        memory: Memory,
-        bits: Bits,
+        self, observation: Float[Array, " size"], memory: Memory, bits: Bits
     ) -> tuple[Float[Array, "2"], Memory]:
-        return jnp.tanh(self.network(seen)[0]), memory
+        return jnp.tanh(self.network(observation)[0]), memory
 
 
 class SquashedGaussian(AbstractByNetwork, AbstractContinuous):
@@ -97,12 +91,9 @@ class SquashedGaussian(AbstractByNetwork, AbstractContinuous):
     spread: Scalar
 
     def __call__(
-        self,
-        seen: Float[Array, " size"],
-        memory: Memory,
-        bits: Bits,
+        self, observation: Float[Array, " size"], memory: Memory, bits: Bits
     ) -> tuple[Float[Array, "2"], Memory]:
-        mean, deviation = inferred(self.network, seen)
+        mean, deviation = inferred(self.network, observation)
         return jnp.tanh(mean + self.spread * deviation * normal_pair(bits)), memory
 
 
@@ -173,8 +164,8 @@ def find_trained(name: str, role: Role | None = None) -> tuple[Agent, Path]:
 
 
 def learned_elsewhere(player: Named, game: Game) -> bool:
-    """Return whether a trained agent knows only other arenas than those of a game; one that reads a
-    chart knows any.
+    """Check whether an agent was trained in other arenas only than those of a game; an agent that
+    reads a chart fits every arena.
     """
     header = player.header
     if header is None or not header.game or find_observation(header.observation).charted:
@@ -184,7 +175,7 @@ def learned_elsewhere(player: Named, game: Game) -> bool:
 
 
 def load_network(name: str, role: Role) -> Network:
-    """Return the network of a trained agent of a side; errors as of `find_trained`."""
+    """Return the network of a trained agent of a side; raises InvalidInput if there is none."""
     return find_trained(name, role)[0].network
 
 

@@ -82,16 +82,11 @@ def _draw_fields(arena: Arena, radius: float) -> _Leaves:
     corners = np.linspace(0, side, SIDE + 1, dtype=np.float32)
     field = clearances(arena, jnp.asarray(x + corners), jnp.asarray(y + corners))
     lengths, visible = paths(
-        field,
-        jnp.asarray(side, jnp.float32),
-        jnp.asarray(radius, jnp.float32),
+        field, jnp.asarray(side, jnp.float32), jnp.asarray(radius, jnp.float32)
     )
     links = entries(field, visible)
     return (
-        *map(
-            np.asarray,
-            (field, lengths, visible),
-        ),
+        *map(np.asarray, (field, lengths, visible)),
         *map(np.float32, (x, y, side)),
         np.asarray(links),
     )
@@ -99,9 +94,7 @@ def _draw_fields(arena: Arena, radius: float) -> _Leaves:
 
 @eqx.filter_jit
 def clearances(
-    arena: Arena,
-    x: Float[Array, " columns"],
-    y: Float[Array, " rows"],
+    arena: Arena, x: Float[Array, " columns"], y: Float[Array, " rows"]
 ) -> Float[Array, "rows columns"]:
     """Return the clearances [m] of an arena on a grid, rows by `y`."""
     return jax.lax.map(lambda y: jax.vmap(lambda x: arena.clearance(x, y))(x), y)
@@ -133,14 +126,9 @@ def paths(
 
 
 def _is_clear(
-    field: _Field,
-    x: Scalar,
-    y: Scalar,
-    to_x: Scalar,
-    to_y: Scalar,
-    radius: Scalar | float,
+    field: _Field, x: Scalar, y: Scalar, to_x: Scalar, to_y: Scalar, radius: Scalar | float
 ) -> Flag:
-    """Return whether a body fits all along a line between two points in cells."""
+    """Check whether a body fits all along a line between two points in cells."""
 
     def look(number: Int[Array, ""], clear: Flag) -> Flag:
         share = number / (_LOOKS - 1)
@@ -169,15 +157,12 @@ def _links(field: _Field, radius: Scalar) -> Int[Array, "2 steps rows columns"]:
         x, y, from_x, from_y = (_middle(cell) for cell in (column, row, from_column, from_row))
         length = jnp.round(_UNIT * jnp.hypot(step[0], step[1])).astype(jnp.int32)
         return jnp.where(
-            is_inside & _is_clear(field, x, y, from_x, from_y, radius - _SLACK),
-            length,
-            _FAR,
+            is_inside & _is_clear(field, x, y, from_x, from_y, radius - _SLACK), length, _FAR
         )
 
     def along(step: Float[Array, "2"]) -> Int[Array, "rows columns"]:
         return jax.lax.map(
-            lambda row: jax.vmap(lambda column: link(step, row, column))(numbers),
-            numbers,
+            lambda row: jax.vmap(lambda column: link(step, row, column))(numbers), numbers
         )
 
     steps = jnp.asarray(_STEPS, jnp.float32)
@@ -208,11 +193,9 @@ def _paths_from(
         return _Sweeps(jnp.flip(after, (0, 1)), 1 - before.turned, unchanged)
 
     none = jnp.asarray(0)
-    first = jnp.where(
-        jnp.arange(COARSE**2)[:, None] == starts[None],
-        0,
-        _FAR,
-    ).reshape(COARSE, COARSE, -1)
+    first = jnp.where(jnp.arange(COARSE**2)[:, None] == starts[None], 0, _FAR).reshape(
+        COARSE, COARSE, -1
+    )
     start = _Sweeps(first, none, none)
     end = jax.lax.while_loop(lambda sweeps: sweeps.unchanged < 2, sweep, start)
     lengths = jnp.where(end.turned == 1, jnp.flip(end.lengths, (0, 1)), end.lengths)
@@ -223,15 +206,13 @@ def _sweep_up(lengths: _Lengths, links: Int[Array, "steps rows columns"]) -> _Le
     """Shorten paths by last steps upwards and to the right, row by row from below."""
 
     def rightwards(
-        before: Int[Array, " starts"],
-        row_and_links: tuple[Array, Array],
+        before: Int[Array, " starts"], row_and_links: tuple[Array, Array]
     ) -> tuple[Array, Array]:
         length = jnp.minimum(row_and_links[0], before + row_and_links[1])
         return length, length
 
     def upwards(
-        before: tuple[Array, Array],
-        row_and_links: tuple[Array, Array],
+        before: tuple[Array, Array], row_and_links: tuple[Array, Array]
     ) -> tuple[tuple[Array, Array], Array]:
         row, links = row_and_links
         for number, (right, up) in enumerate(_STEPS[1:], 1):
@@ -281,8 +262,7 @@ def _visible(field: _Field, is_linked: Bool[Array, " coarse"]) -> UInt16[Array, 
 
     cells = jnp.arange(SIDE, dtype=jnp.float32)
     visible_bits, nearest = jax.lax.map(
-        lambda row: jax.vmap(lambda column: of_cell(row, column))(cells),
-        cells,
+        lambda row: jax.vmap(lambda column: of_cell(row, column))(cells), cells
     )
     is_free = field[1:, 1:] + field[1:, :-1] + field[:-1, 1:] + field[:-1, :-1] > 0
     nearest = _flood(_flood(nearest, is_free), jnp.ones_like(is_free))

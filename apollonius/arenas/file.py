@@ -11,7 +11,13 @@ import tomli_w
 from apollonius.arenas.map_file import load_map
 from apollonius.arenas.names import GALLERY, SUITES, game_names, unknown_game
 from apollonius.arenas.random_arena import is_drawn, random_map
-from apollonius.arenas.suite import arena_names, find_scenario, is_scenario, scenario_game, suite_arena
+from apollonius.arenas.suite import (
+    arena_names,
+    find_scenario,
+    is_scenario,
+    scenario_game,
+    suite_arena,
+)
 from apollonius.game.arena import Arena, find_obstacle_kind, table_of
 from apollonius.game.game import Game
 from apollonius.game.names import TEAM
@@ -98,8 +104,13 @@ def to_dict(config: Any) -> dict[str, Any]:
     An occupancy map, millions of numbers, is given by its file, or its random arena, and its
     SHA-256.
     """
-    hooks = {Scenario: _name, OccupancyMap: lambda found: {"file": found.file, "sha256": found.digest}}
-    return write_record(config, hooks | {Arena: partial(_written_arena, hooks=hooks)}, derived=("chart",))
+    hooks = {
+        Scenario: _name,
+        OccupancyMap: lambda found: {"file": found.file, "sha256": found.digest},
+    }
+    return write_record(
+        config, hooks | {Arena: partial(_written_arena, hooks=hooks)}, derived=("chart",)
+    )
 
 
 def from_dict(kind: type[T], data: dict[str, Any], source: str, folder: Path = Path()) -> T:
@@ -151,14 +162,24 @@ def _with_extra(arena: Any) -> Any:
     """Read the obstacles of other packages' kinds from the data of an arena; tables of no kind stay as they are."""
     if not isinstance(arena, dict) or arena.keys() <= Arena.__dataclass_fields__.keys() - {"extra"}:
         return arena
-    require("extra" not in arena, "arena.extra", "given", "left out: each kind of obstacles has a table of its own")
+    require(
+        "extra" not in arena,
+        "arena.extra",
+        "given",
+        "left out: each kind of obstacles has a table of its own",
+    )
     record, extra = dict(arena), []
     for table in [key for key in arena if key not in Arena.__dataclass_fields__]:
         if kind := find_obstacle_kind(str(table)):
             obstacles, name = record.pop(table), f"arena.{table}"
-            is_list = isinstance(obstacles, list) and all(isinstance(one, dict) for one in obstacles)
+            is_list = isinstance(obstacles, list) and all(
+                isinstance(one, dict) for one in obstacles
+            )
             require(is_list, name, obstacles, f"tables [[{name}]]")
-            extra += [read_record(kind, one, f"{name}[{index}]", {}) for index, one in enumerate(obstacles)]
+            extra += [
+                read_record(kind, one, f"{name}[{index}]", {})
+                for index, one in enumerate(obstacles)
+            ]
     return record | {"extra": tuple(extra)}
 
 
@@ -183,7 +204,7 @@ def _with_map(arena: Any, folder: Path) -> Any:
     )
     if not is_reference:
         raise InvalidInput(
-            f"map = {entry} is not possible: it must be the name of a ROS map's YAML file.",
+            f"map = {entry} is not possible: it must be the name of a ROS map's YAML file."
         )
     name, digest = reference["file"], reference["sha256"]
     cells = random_map(name, digest) if is_drawn(name) else load_map(folder / name, digest)

@@ -50,19 +50,13 @@ def free_space(game: Game) -> FreeSpace:
     radius = max(float(game.pursuer.radius), float(game.evader.radius))
     free = clearance >= radius
     require(
-        free.any(),
-        "radius",
-        f"{radius:g} m",
-        "so small that a robot fits somewhere into the arena",
+        free.any(), "radius", f"{radius:g} m", "so small that a robot fits somewhere into the arena"
     )
     return largest_part(free, float(arena.x_min), float(arena.y_min), cell)
 
 
 def largest_part(
-    free: Bool[np.ndarray, "rows columns"],
-    x: float,
-    y: float,
-    cell: float,
+    free: Bool[np.ndarray, "rows columns"], x: float, y: float, cell: float
 ) -> FreeSpace:
     """Return the largest part of a raster's free cells, and count the islands in it.
 
@@ -129,8 +123,7 @@ def tile(space: FreeSpace, spacing: float, angle: float) -> Tiling:
 
 
 def _hexagons(
-    x: Float[np.ndarray, " places"],
-    y: Float[np.ndarray, " places"],
+    x: Float[np.ndarray, " places"], y: Float[np.ndarray, " places"]
 ) -> Int[np.ndarray, " places"]:
     """Return a number for the hexagon around each point; the middles of neighbours are 1 apart."""
     high = np.sqrt(3)

@@ -29,11 +29,9 @@ _BLACK, _FREE = 0, 254
 """Grey levels that map_server writes for occupied and free cells."""
 _UNKNOWN = 205 / 255
 """Grey level that map_server writes for unknown cells, as a share of white."""
-_CHANNELS = {
-    "1": "L",
-    "P": "RGB",
-    "LA": "RGBA",
-} | {mode: mode for mode in ("L", "I;16", "I", "RGB", "RGBA")}
+_CHANNELS = {"1": "L", "P": "RGB", "LA": "RGBA"} | {
+    mode: mode for mode in ("L", "I;16", "I", "RGB", "RGBA")
+}
 """The kind of image whose channels are those of a kind."""
 _DEEP = ("I;16", "I")
 """Kinds with 16 bits for each channel."""
@@ -74,10 +72,7 @@ def _files(path: Path) -> tuple[bytes, bytes]:
     text = read_bytes(path, "the YAML file of a ROS map", "check the path", _MOST_YAML)
     image = path.parent / str(_read_yaml(text, f"map '{path}'")["image"])
     return text, read_bytes(
-        image,
-        f"the image of the map '{path}'",
-        "check the path, or crop it",
-        _MOST_IMAGE,
+        image, f"the image of the map '{path}'", "check the path, or crop it", _MOST_IMAGE
     )
 
 
@@ -168,7 +163,7 @@ def _read_yaml(text: bytes, name: str) -> dict[str, Any]:
         values = yaml.load(text, Loader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise InvalidInput(
-            f"{name} is no YAML file: {str(error) or 'it is nested too deeply'}; correct it.",
+            f"{name} is no YAML file: {str(error) or 'it is nested too deeply'}; correct it."
         ) from error
     require(
         isinstance(values, dict),

@@ -31,12 +31,7 @@ _DRAWN = re.compile(
 
 
 def random_arena(
-    kind: str,
-    seed: int,
-    *,
-    gap: float = 1.0,
-    width: float = 10.0,
-    height: float = 10.0,
+    kind: str, seed: int, *, gap: float = 1.0, width: float = 10.0, height: float = 10.0
 ) -> Arena:
     """Draw a random arena; the `file` of its map is a name for `random_map`.
 
@@ -70,7 +65,7 @@ def random_arena(
 
 
 def is_drawn(name: str) -> bool:
-    """Return whether a name is of a random map, not of a file."""
+    """Check whether a name is of a random map, not of a file."""
     return bool(_DRAWN.fullmatch(name))
 
 
@@ -87,10 +82,7 @@ def random_map(name: str, digest: str | None = None) -> OccupancyMap:
     except ValueError:
         gap = width = height = 0.0
     require(
-        gap and kind in KINDS,
-        "map",
-        name,
-        "as in 'caves seed=0 gap=1.0 width=10.0 height=10.0'",
+        gap and kind in KINDS, "map", name, "as in 'caves seed=0 gap=1.0 width=10.0 height=10.0'"
     )
     cells = random_arena(kind, int(seed), gap=gap, width=width, height=height).map
     require(cells, "map", name, "of a kind that draws cells, as caves")
@@ -106,11 +98,7 @@ def random_map(name: str, digest: str | None = None) -> OccupancyMap:
 
 
 def in_random_arena(
-    game: Game,
-    kind: str,
-    seed: int,
-    gap: float,
-    size: tuple[float, float],
+    game: Game, kind: str, seed: int, gap: float, size: tuple[float, float]
 ) -> Game:
     """Return a game in one random arena in which both of its robots can go everywhere.
 
@@ -125,10 +113,7 @@ def in_random_arena(
     """
     alike = game.scenario is None or game.scenario.kinds is None
     require(
-        alike,
-        "game",
-        "of robots of several kinds",
-        "one that says which robots play in the arena",
+        alike, "game", "of robots of several kinds", "one that says which robots play in the arena"
     )
     for name, body in (("pursuer", game.pursuer), ("evader", game.evader)):
         bound = f"more than 2 {name}.radius = {2 * body.radius:g} m, or it does not fit through"

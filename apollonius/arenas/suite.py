@@ -60,11 +60,7 @@ class Entry:
         assert self.seed is not None, "a random arena has a seed"
         assert self.gap is not None, "a random arena has a gap"
         return random_arena(
-            self.kind,
-            self.seed,
-            gap=self.gap,
-            width=self.width,
-            height=self.height,
+            self.kind, self.seed, gap=self.gap, width=self.width, height=self.height
         )
 
 
@@ -128,7 +124,7 @@ def _text(numbers: Sequence[Any]) -> str:
 
 
 def is_scenario(name: str) -> bool:
-    """Return whether a name is of a part of a suite, or lists several of its arenas."""
+    """Check whether a name is of a part of a suite, or lists several of its arenas."""
     suite, _, within = name.partition("/")
     return suite in SUITES and (within in PARTS or "," in within)
 
@@ -207,8 +203,7 @@ def draw_robot_kinds(suite: str = SUITES[0]) -> RobotKinds:
             is_other = np.arange(len(v)) >= PAPERS_OWN
             radius = rng.uniform(0, 0.3, len(v)).astype(np.float32) * (every_other | is_other)
         return Unicycle(
-            jnp.zeros(len(v)),
-            *(jnp.asarray(leaf, jnp.float32) for leaf in (v, u1, u2, radius)),
+            jnp.zeros(len(v)), *(jnp.asarray(leaf, jnp.float32) for leaf in (v, u1, u2, radius))
         )
 
     pursuer, evader = body(pursuer_v), body(evader_v)

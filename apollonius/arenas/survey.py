@@ -103,11 +103,7 @@ def survey(game: Game) -> Survey:
 
 
 def _survey_side(
-    game: Game,
-    name: str,
-    body: Unicycle,
-    clearance: Grid,
-    cell: float,
+    game: Game, name: str, body: Unicycle, clearance: Grid, cell: float
 ) -> _SideSurvey:
     """Survey the free space of one side's robot, by clearances [m] on cells of a side [m]."""
     labels = _parts(clearance >= float(body.radius))
@@ -142,9 +138,7 @@ def _capture_notes(game: Game) -> list[str]:
     meaning = f"from centre to centre, and the radii are {radii:g} m together"
     if distance < radii:
         problem = "the bodies overlap before they count as caught"
-    return [
-        f"{problem}: capture_distance = {distance:g} m, {meaning}.",
-    ]
+    return [f"{problem}: capture_distance = {distance:g} m, {meaning}."]
 
 
 def map_notes(arena: Arena) -> list[str]:
@@ -228,11 +222,7 @@ def missed_passage(game: Game) -> list[str]:
     if not len(seeds):
         return []
     distances, _, source = dijkstra(
-        graph,
-        directed=False,
-        indices=seeds,
-        min_only=True,
-        return_predecessors=True,
+        graph, directed=False, indices=seeds, min_only=True, return_predecessors=True
     )
     cell_at = np.zeros(clearance.size, int)
     cell_at[seeds] = cells
@@ -261,13 +251,9 @@ def missed_passage(game: Game) -> list[str]:
 
 
 def _links(
-    clearance: Float[np.ndarray, "rows columns"],
-    cell: float,
+    clearance: Float[np.ndarray, "rows columns"], cell: float
 ) -> tuple[
-    csr_array,
-    Int[np.ndarray, " links"],
-    Int[np.ndarray, " links"],
-    Float[np.ndarray, " links"],
+    csr_array, Int[np.ndarray, " links"], Int[np.ndarray, " links"], Float[np.ndarray, " links"]
 ]:
     """Return neighbouring cells between which a robot surely fits, as a graph and as lists of ends
     and lengths [m].
@@ -291,10 +277,7 @@ def _links(
         lengths.append(np.full(int(is_free.sum()), length))
     start, end, length = (np.concatenate(parts) for parts in (starts, ends, lengths))
     return (
-        csr_array(
-            (length, (start, end)),
-            shape=(clearance.size, clearance.size),
-        ),
+        csr_array((length, (start, end)), shape=(clearance.size, clearance.size)),
         start,
         end,
         length,

@@ -22,14 +22,10 @@ def add_arena(parser: argparse.ArgumentParser) -> None:
     list_parser = actions.add_parser("list", help="list the games that ship with the package")
     list_parser.set_defaults(run=run_list, compiles=False)
     check = actions.add_parser(
-        "check",
-        help="report what is wrong with a game's arena, and draw it",
+        "check", help="report what is wrong with a game's arena, and draw it"
     )
     check.add_argument(
-        "game",
-        type=known_game,
-        metavar="GAME",
-        help="a .toml or .json file, or the name of a game",
+        "game", type=known_game, metavar="GAME", help="a .toml or .json file, or the name of a game"
     )
     picture_help = "write a picture of what was found (.png), or the game as the page reads it (.json, a new file)"
     check.add_argument("--out", type=new_file(".png", ".json"), metavar="FILE", help=picture_help)
@@ -38,20 +34,13 @@ def add_arena(parser: argparse.ArgumentParser) -> None:
     add_json(check)
     check.set_defaults(run=run_check)
     draw = actions.add_parser(
-        "random",
-        help="write a game in a random arena in which every robot can go everywhere",
+        "random", help="write a game in a random arena in which every robot can go everywhere"
     )
     draw.add_argument(
-        "--kind",
-        choices=KINDS,
-        default="discs",
-        help="of obstacles (default: %(default)s)",
+        "--kind", choices=KINDS, default="discs", help="of obstacles (default: %(default)s)"
     )
     draw.add_argument(
-        "--seed",
-        type=count(SEED),
-        default=0,
-        help="seed of the arena (default: %(default)s)",
+        "--seed", type=count(SEED), default=0, help="seed of the arena (default: %(default)s)"
     )
     draw.add_argument(
         "--gap",
@@ -60,18 +49,10 @@ def add_arena(parser: argparse.ArgumentParser) -> None:
         help="least width of all passages [m] (default: %(default)s)",
     )
     draw.add_argument(
-        "--size",
-        type=real,
-        nargs=2,
-        default=(10.0, 10.0),
-        metavar=("WIDTH", "HEIGHT"),
-        help="[m]",
+        "--size", type=real, nargs=2, default=(10.0, 10.0), metavar=("WIDTH", "HEIGHT"), help="[m]"
     )
     draw.add_argument(
-        "--game",
-        type=known_game,
-        default="paper",
-        help="whose other rules it has (default: paper)",
+        "--game", type=known_game, default="paper", help="whose other rules it has (default: paper)"
     )
     draw.add_argument(
         "--out",
@@ -100,10 +81,7 @@ def run_check(options: argparse.Namespace) -> int:
     out: Path | None = options.out
     writes_game = out is not None and out.suffix == ".json"
     require(
-        not (writes_game and options.out.exists()),
-        "--out",
-        out,
-        "a new file; choose another name",
+        not (writes_game and options.out.exists()), "--out", out, "a new file; choose another name"
     )
     game = game_in_one_arena(options.game, "arena check")
     options.display.begin("surveying the arena")
@@ -129,13 +107,7 @@ def run_check(options: argparse.Namespace) -> int:
         save_plan(Path(options.game).stem, game, findings, out)
         again = command("arena", "check", options.game, "--out", out)
         watch = command(
-            "show",
-            "pursuer",
-            "evader",
-            "--game",
-            options.game,
-            "--out",
-            out.with_suffix(".gif"),
+            "show", "pursuer", "evader", "--game", options.game, "--out", out.with_suffix(".gif")
         )
         finish(options, out, then=f"mend it, then {again}" if findings.wrong else watch)
     return 1 if findings.wrong else 0
@@ -147,29 +119,25 @@ def run_random(options: argparse.Namespace) -> int:
     from apollonius.arenas.map_file import save_map
     from apollonius.arenas.random_arena import in_random_arena
 
-    cells = [options.out.with_suffix(suffix) for suffix in (".yaml", ".pgm")] if options.kind == "caves" else []
+    cells = (
+        [options.out.with_suffix(suffix) for suffix in (".yaml", ".pgm")]
+        if options.kind == "caves"
+        else []
+    )
     for path in (options.out, *cells):
         require(
-            options.force or not path.exists(),
-            "--out",
-            path,
-            "a new file; --force overwrites it",
+            options.force or not path.exists(), "--out", path, "a new file; --force overwrites it"
         )
     random_game = in_random_arena(
-        find_game(options.game),
-        options.kind,
-        options.seed,
-        options.gap,
-        tuple(options.size),
+        find_game(options.game), options.kind, options.seed, options.gap, tuple(options.size)
     )
     record = to_dict(random_game)
     contents = f"{len(random_game.arena.discs) + len(random_game.arena.polygons)} obstacles"
     if random_game.arena.map:
         save_map(random_game.arena.map, cells[0])
         record["arena"]["map"] = cells[0].name
-        contents = (
-            f"a map of {' x '.join(str(count - 1) for count in reversed(random_game.arena.map.field.shape))} cells"
-        )
+        counts = (str(nodes - 1) for nodes in reversed(random_game.arena.map.field.shape))
+        contents = f"a map of {' x '.join(counts)} cells"
     save_game(record, options.out)
     print(f"{options.kind}, {contents}, passages of {options.gap:g} m and more")
     finish(
@@ -204,15 +172,22 @@ def add_players(parser: argparse.ArgumentParser) -> None:
 
 
 def run_players(options: argparse.Namespace) -> int:
-    words = {name: about for name, (_, about) in BUILT_IN.items()} | {name: ZOO.get(name, "") for name in zoo_names()}
+    words = {name: about for name, (_, about) in BUILT_IN.items()} | {
+        name: ZOO.get(name, "") for name in zoo_names()
+    }
     lines = []
     for sides in (SIDES[:1], SIDES[1:], SIDES):
-        lines += [f"{' or '.join(sides)}:", *_rows({name: words[name] for name in words if side_of(name) == sides})]
+        lines += [
+            f"{' or '.join(sides)}:",
+            *_rows({name: words[name] for name in words if side_of(name) == sides}),
+        ]
     extensions = dict.fromkeys(extension_names(PLAYERS), "")
     words |= extensions
     lines += ["of other packages:", *_rows(extensions)] if extensions else []
     lines += ["your own:", *_rows(OTHERS), "more about each: docs/reference/agents.md"]
-    facts = [{"name": name, "sides": side_of(name), "about": about} for name, about in words.items()]
+    facts = [
+        {"name": name, "sides": side_of(name), "about": about} for name, about in words.items()
+    ]
     answer(options, {"players": facts, "forms": OTHERS}, "\n".join(lines))
     return 0
 

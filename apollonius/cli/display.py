@@ -22,7 +22,7 @@ from apollonius.io.interrupts import before_leaving
 _FIRST_LINE_SECONDS = 1.0
 """Time after which a piece of work has its first plain line."""
 _LOADING_SECONDS = 10.0
-"""The same before the first piece: a refusal, which comes there, is the only line."""
+"""Time before the first piece of work has a line, so that a refusal is printed alone."""
 _LINE_SECONDS = 10.0, 60.0
 """Least and greatest time between two plain lines of a piece; in between it is a third of the
 piece's time.
@@ -95,10 +95,7 @@ class Display(Progress):
     def tell(self, line: str) -> None:
         """Print one line that stays, whatever is in it, on standard error."""
         self.console.print(
-            shown(line, LONGEST_MESSAGE),
-            markup=False,
-            highlight=False,
-            soft_wrap=True,
+            shown(line, LONGEST_MESSAGE), markup=False, highlight=False, soft_wrap=True
         )
 
     def state(self) -> str:
@@ -121,7 +118,8 @@ class Display(Progress):
             return None
         return max(
             0.0,
-            (total - latest_amount) * (latest - first_time) / (latest_amount - first_amount) - silence,
+            (total - latest_amount) * (latest - first_time) / (latest_amount - first_amount)
+            - silence,
         )
 
     def get_renderables(self) -> Iterable[RenderableType]:

@@ -25,10 +25,7 @@ def add_export(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--to", choices=FORMATS, required=True, help="C99, or ONNX")
     parser.add_argument(
-        "--out",
-        type=new_file(*FORMATS.values()),
-        required=True,
-        help="file to write: .c or .onnx",
+        "--out", type=new_file(*FORMATS.values()), required=True, help="file to write: .c or .onnx"
     )
     parser.add_argument(
         "--game",
@@ -36,9 +33,7 @@ def add_export(parser: argparse.ArgumentParser) -> None:
         help="name or file (default: the one that the agent was made for)",
     )
     parser.add_argument(
-        "--side",
-        choices=SIDES,
-        help="of a player that plays either (default: the agent's own)",
+        "--side", choices=SIDES, help="of a player that plays either (default: the agent's own)"
     )
     parser.add_argument(
         "--constants",
@@ -59,10 +54,7 @@ def run_export(options: argparse.Namespace) -> int:
     out = options.out
     suffix = FORMATS[options.to]
     require(
-        out.suffix == suffix,
-        "--out",
-        out,
-        f"a file that ends in {suffix} for --to {options.to}",
+        out.suffix == suffix, "--out", out, f"a file that ends in {suffix} for --to {options.to}"
     )
     require(
         not options.constants or options.to == "c",
@@ -75,7 +67,9 @@ def run_export(options: argparse.Namespace) -> int:
     options.display.begin(f"writing the player and comparing it in {STATES:,} states")
     warn(options, game, [find_player(name, role, game)])
     player = find_exportable(name, role, game)
-    files, about = write_c(player, out, options.constants) if options.to == "c" else write_onnx(player, out)
+    files, about = (
+        write_c(player, out, options.constants) if options.to == "c" else write_onnx(player, out)
+    )
     options.display.stop()
     print(*about, sep="\n")
     finish(options, *files)
@@ -84,17 +78,10 @@ def run_export(options: argparse.Namespace) -> int:
 
 def add_replay(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--bag",
-        type=named,
-        required=True,
-        help="folder of a bag that the ROS 2 node wrote",
+        "--bag", type=named, required=True, help="folder of a bag that the ROS 2 node wrote"
     )
     parser.add_argument(
-        "agent",
-        type=known_agent,
-        metavar="AGENT",
-        nargs="?",
-        help="(default: that of the bag)",
+        "agent", type=known_agent, metavar="AGENT", nargs="?", help="(default: that of the bag)"
     )
     parser.add_argument("--game", type=known_game, help="(default: that of the bag)")
     add_json(parser)

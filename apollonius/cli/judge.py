@@ -40,10 +40,7 @@ TRACKS = ("full", "lidar", "team")
 def add_evaluate(parser: argparse.ArgumentParser) -> None:
     add_match_options(parser)
     parser.add_argument(
-        "--out",
-        type=new_file(".png"),
-        metavar="FILE",
-        help="draw the wins of --vary as .png",
+        "--out", type=new_file(".png"), metavar="FILE", help="draw the wins of --vary as .png"
     )
     parser.set_defaults(run=run_evaluate)
 
@@ -67,12 +64,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
     result = count(match, results)
     games = (record_game(match, index) for index in worst_first(results))
     return answer_with_replays(
-        options,
-        match,
-        result.to_dict(),
-        match_table(match, result),
-        "game",
-        games,
+        options, match, result.to_dict(), match_table(match, result), "game", games
     )
 
 
@@ -103,11 +95,7 @@ def add_tournament(parser: argparse.ArgumentParser) -> None:
     about = f"{AGENT} (default: all that need no file and fit the game)"
     for side in SIDES:
         parser.add_argument(
-            f"--{side}s",
-            type=agent_of(side),
-            nargs="+",
-            metavar=side.upper(),
-            help=about,
+            f"--{side}s", type=agent_of(side), nargs="+", metavar=side.upper(), help=about
         )
     parser.add_argument(
         "--games",
@@ -117,10 +105,7 @@ def add_tournament(parser: argparse.ArgumentParser) -> None:
     )
     add_game_options(parser)
     parser.add_argument(
-        "--plot",
-        type=new_file(".png"),
-        metavar="FILE",
-        help="draw win rates and ratings as .png",
+        "--plot", type=new_file(".png"), metavar="FILE", help="draw win rates and ratings as .png"
     )
     add_workers(parser, "matches")
     add_json(parser)
@@ -155,7 +140,10 @@ def run_tournament(options: argparse.Namespace) -> int:
         from apollonius.show.matches import draw_tournament
 
         draw_tournament(tournament, options.plot)
-        best = [side[rated.points.argmax()] for side, rated in zip(names, tournament.ratings, strict=True)]
+        best = [
+            side[rated.points.argmax()]
+            for side, rated in zip(names, tournament.ratings, strict=True)
+        ]
         then = command("show", *best, *chosen_rules(options), "--out", "best.gif")
         finish(options, options.plot, then=then)
     return 0
@@ -164,19 +152,13 @@ def run_tournament(options: argparse.Namespace) -> int:
 def add_suite(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     judge_parser = actions.add_parser(
-        "judge",
-        help="play all games of the benchmark and write a card",
+        "judge", help="play all games of the benchmark and write a card"
     )
     judge_parser.add_argument(
-        "agent",
-        type=agent_or_model,
-        metavar="AGENT",
-        help=f"{AGENT}; or an .onnx file",
+        "agent", type=agent_or_model, metavar="AGENT", help=f"{AGENT}; or an .onnx file"
     )
     judge_parser.add_argument(
-        "--side",
-        choices=SIDES,
-        help="of an agent from outside, or that plays either",
+        "--side", choices=SIDES, help="of an agent from outside, or that plays either"
     )
     judge_parser.add_argument(
         "--track",
@@ -185,28 +167,19 @@ def add_suite(parser: argparse.ArgumentParser) -> None:
         help="the benchmark's part (default: %(default)s)",
     )
     judge_parser.add_argument(
-        "--out",
-        type=new_file(".json"),
-        default=Path("card.json"),
-        help="default: card.json",
+        "--out", type=new_file(".json"), default=Path("card.json"), help="default: card.json"
     )
     add_workers(judge_parser, "rounds")
     judge_parser.set_defaults(run=run_judge)
     verify_parser = actions.add_parser(
-        "verify",
-        help="replay games of a card, and refuse one that differs",
+        "verify", help="replay games of a card, and refuse one that differs"
     )
     verify_parser.add_argument("card", type=existing_file, metavar="CARD")
     verify_parser.add_argument(
-        "--agent",
-        type=agent_or_model,
-        metavar="FILE",
-        help="of an agent that lies elsewhere",
+        "--agent", type=agent_or_model, metavar="FILE", help="of an agent that lies elsewhere"
     )
     verify_parser.add_argument(
-        "--all",
-        action="store_true",
-        help="play all its games (default: half, drawn at random)",
+        "--all", action="store_true", help="play all its games (default: half, drawn at random)"
     )
     verify_parser.set_defaults(run=run_verify)
     for action in (judge_parser, verify_parser):
@@ -231,10 +204,7 @@ def run_judge(options: argparse.Namespace) -> int:
     role = Role[options.side.upper()] if outside else side_of(options.agent, options.side)
     options.display.begin("playing the benchmark")
     card = judge(
-        Benchmark(options.track, role),
-        options.agent,
-        options.display.report,
-        jobs_run(options),
+        Benchmark(options.track, role), options.agent, options.display.report, jobs_run(options)
     )
     write_atomically(options.out, to_json(asdict(card)).encode())
     _answer(options, card)
@@ -258,7 +228,9 @@ def _answer(options: argparse.Namespace, card: "SuiteCard", before: str = "") ->
         f"{score.interval[1]:+.3f}] against {score.against}, worst tenth {score.worst_tenth:+.3f}, "
         f"crashes {score.crashes:.1%}, forfeits {score.forfeits:.1%}, {card.decision_us:.4g} us a decision"
     )
-    failures = {game_round.failure for rounds in card.opponents.values() for game_round in rounds} - {""}
+    failures = {
+        game_round.failure for rounds in card.opponents.values() for game_round in rounds
+    } - {""}
     facts = {
         "agent": card.agent,
         "side": card.side,

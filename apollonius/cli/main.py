@@ -104,7 +104,7 @@ COMMANDS = {
             add_reproduce,
             "train, evaluate and draw everything in the paper",
             "--budget quick",
-        ),
+        )
     },
 }
 """By purpose, in the order of the help: each adds its arguments, says what it does, and has an
@@ -207,22 +207,17 @@ def build_parser() -> argparse.ArgumentParser:
     for purpose, commands in COMMANDS.items():
         groups.append(
             "\n".join(
-                [
-                    f"{purpose}:",
-                    *(f"  {name:<12}{does}" for name, (_, does, _) in commands.items()),
-                ],
-            ),
+                [f"{purpose}:", *(f"  {name:<12}{does}" for name, (_, does, _) in commands.items())]
+            )
         )
         for name, (add, does, example) in commands.items():
             description = f"{does[0].upper()}{does[1:]}."
             add(
                 subparsers.add_parser(
-                    name,
-                    description=description,
-                    epilog=f"Example: apollonius {name} {example}",
-                ),
+                    name, description=description, epilog=f"Example: apollonius {name} {example}"
+                )
             )
     parser.epilog = "\n\n".join(
-        [*groups, "apollonius COMMAND --help says more. To begin with: apollonius play"],
+        [*groups, "apollonius COMMAND --help says more. To begin with: apollonius play"]
     )
     return parser

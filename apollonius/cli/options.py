@@ -43,23 +43,16 @@ def add_game(parser: argparse.ArgumentParser) -> None:
 
 def add_json(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--json",
-        action="store_true",
-        help="print one JSON object and nothing else",
+        "--json", action="store_true", help="print one JSON object and nothing else"
     )
 
 
 def add_game_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--seed",
-        type=count(SEED),
-        default=0,
-        help="seed of the starts (default: %(default)s)",
+        "--seed", type=count(SEED), default=0, help="seed of the starts (default: %(default)s)"
     )
     parser.add_argument(
-        "--starts",
-        choices=("rest", "moving"),
-        help="initial speeds (default: as the game says)",
+        "--starts", choices=("rest", "moving"), help="initial speeds (default: as the game says)"
     )
     add_game(parser)
 
@@ -70,10 +63,15 @@ def add_workers(parser: argparse.ArgumentParser, of: str, default: str | None = 
 
 
 def jobs_run(options: argparse.Namespace, logs: Path | None = None) -> Run | None:
-    """Return what runs jobs where `--on` says, with a folder for what they print on Slurm; None for
-    here.
+    """Return the function that runs jobs on the workers of `--on`, or None without the option.
+
+    On Slurm the jobs print to files in the folder `logs`.
     """
-    return partial(run_jobs, report=options.display.tell, on=options.on, logs=logs) if options.on else None
+    return (
+        partial(run_jobs, report=options.display.tell, on=options.on, logs=logs)
+        if options.on
+        else None
+    )
 
 
 def chosen_rules(options: argparse.Namespace) -> list[str]:
@@ -81,7 +79,12 @@ def chosen_rules(options: argparse.Namespace) -> list[str]:
     the defaults.
     """
     rules = {"game": options.game, "starts": getattr(options, "starts", None)}
-    return [word for name, value in rules.items() if value not in ("paper", None) for word in (f"--{name}", value)]
+    return [
+        word
+        for name, value in rules.items()
+        if value not in ("paper", None)
+        for word in (f"--{name}", value)
+    ]
 
 
 def add_match_options(parser: argparse.ArgumentParser, games: Counted = GAMES) -> None:
@@ -89,10 +92,7 @@ def add_match_options(parser: argparse.ArgumentParser, games: Counted = GAMES) -
     parser.add_argument("pursuer", type=agent_of("pursuer"), metavar="PURSUER", help=AGENT)
     parser.add_argument("evader", type=agent_of("evader"), metavar="EVADER", help=AGENT)
     parser.add_argument(
-        "--games",
-        type=count(games),
-        default=1000,
-        help="number of games (default: %(default)s)",
+        "--games", type=count(games), default=1000, help="number of games (default: %(default)s)"
     )
     add_game_options(parser)
     add_json(parser)
@@ -100,11 +100,7 @@ def add_match_options(parser: argparse.ArgumentParser, games: Counted = GAMES) -
     parser.add_argument("--record", type=count(RECORDS), default=0, metavar="K", help=about)
     about = "folder of the replays (default: replays)"
     parser.add_argument(
-        "--replays",
-        type=new_folder,
-        default=Path("replays"),
-        metavar="DIR",
-        help=about,
+        "--replays", type=new_folder, default=Path("replays"), metavar="DIR", help=about
     )
     about = "play a match for each value of a number of the game, as pursuer.v_max=0.8:1.6:5; twice for pairs"
     parser.add_argument(
@@ -118,9 +114,10 @@ def add_match_options(parser: argparse.ArgumentParser, games: Counted = GAMES) -
 
 
 def requested_match(options: argparse.Namespace, in_one_arena: bool) -> "Match":
-    """Return the match that is asked for, and warn of what is odd about it; errors as of
-    `Match.of_names`, for more replays than games, and for a folder of theirs that cannot be written
-    to.
+    """Make the match that the options describe, and warn about unusual choices.
+
+    Raises InvalidInput for an impossible match, for more replays than games, and for a folder of
+    replays that cannot be written to.
     """
     from apollonius.arenas.file import find_game, game_in_one_arena
     from apollonius.evaluate.match import Match
@@ -133,14 +130,13 @@ def requested_match(options: argparse.Namespace, in_one_arena: bool) -> "Match":
     )
     if options.record:
         require_writable("--replays", options.replays)
-    game = game_in_one_arena(options.game, options.command) if in_one_arena else find_game(options.game)
+    game = (
+        game_in_one_arena(options.game, options.command)
+        if in_one_arena
+        else find_game(options.game)
+    )
     match = Match.of_names(
-        game,
-        options.pursuer,
-        options.evader,
-        options.games,
-        options.seed,
-        options.starts,
+        game, options.pursuer, options.evader, options.games, options.seed, options.starts
     )
     warn(options, match.game, match.players)
     return match
@@ -187,18 +183,26 @@ def warn(options: argparse.Namespace, game: "Game", players: "Iterable[Named]" =
         elsewhere = [
             player.name
             for player in players_by_name
-            if player.header and player.header.role == role.name.lower() and learned_elsewhere(player, game)
+            if player.header
+            and player.header.role == role.name.lower()
+            and learned_elsewhere(player, game)
         ]
         if elsewhere:
             has = "has" if len(elsewhere) == 1 else "have"
             options.display.tell(
-                f"{', '.join(elsewhere)} {has} learned in another arena; {ANY[role]} plays in any",
+                f"{', '.join(elsewhere)} {has} learned in another arena; {ANY[role]} plays in any"
             )
-    if game.scenario is not None or not options.game or not options.game.lower().endswith(GAME_FILES):
+    if (
+        game.scenario is not None
+        or not options.game
+        or not options.game.lower().endswith(GAME_FILES)
+    ):
         return
     from apollonius.arenas.survey import map_notes, missed_passage, survey  # which load SciPy
 
-    passages = missed_passage(game) if any(player.policy.charted for player in players_by_name) else []
+    passages = (
+        missed_passage(game) if any(player.policy.charted for player in players_by_name) else []
+    )
     for line in (*survey(game).wrong, *map_notes(game.arena), *passages):
         options.display.tell(f"{options.game}: {line}")
 
@@ -251,7 +255,7 @@ def answer_with_replays(
     replay_files = list[Path]()
     for replay in islice(games, options.record):
         replay_files.append(
-            options.replays / f"{kind}-{replay.index}-{replay.outcome.name.lower()}.json",
+            options.replays / f"{kind}-{replay.index}-{replay.outcome.name.lower()}.json"
         )
         save_replay(replay, replay_files[-1])
     answer(options, match_facts(options, match) | facts, text)

@@ -20,12 +20,7 @@ from apollonius.io.workers import Job, run_jobs
 
 def add_runs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "folder",
-        type=runs_folder,
-        nargs="?",
-        default="runs",
-        metavar="DIR",
-        help="default: runs",
+        "folder", type=runs_folder, nargs="?", default="runs", metavar="DIR", help="default: runs"
     )
     add_json(parser)
     parser.set_defaults(run=run_runs, compiles=False)
@@ -97,10 +92,7 @@ def train_all(runs: Sequence[Path], folder: Path, options: argparse.Namespace) -
 
 def add_reproduce(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--budget",
-        choices=LENGTHS,
-        default="quick",
-        help="of each training (default: quick)",
+        "--budget", choices=LENGTHS, default="quick", help="of each training (default: quick)"
     )
     parser.add_argument(
         "--seeds",
@@ -109,15 +101,10 @@ def add_reproduce(parser: argparse.ArgumentParser) -> None:
         help="number of seeds, from 0 (default: %(default)s)",
     )
     parser.add_argument(
-        "--games",
-        type=count(GAMES),
-        default=10_000,
-        help="games in a match (default: %(default)s)",
+        "--games", type=count(GAMES), default=10_000, help="games in a match (default: %(default)s)"
     )
     parser.add_argument(
-        "--out",
-        type=new_folder,
-        help="folder of the study (default: runs/reproduce-BUDGET)",
+        "--out", type=new_folder, help="folder of the study (default: runs/reproduce-BUDGET)"
     )
     add_workers(parser, "trainings", "processes")
     parser.add_argument("--resume", action="store_true", help="resume a study that was stopped")

@@ -54,9 +54,7 @@ def add_show(parser: argparse.ArgumentParser) -> None:
         help="file to write: .png, .gif, .webp or a replay's .json (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument(
-        "--speed",
-        type=real,
-        help="seconds of the game in one of a moving picture (default: 1)",
+        "--speed", type=real, help="seconds of the game in one of a moving picture (default: 1)"
     )
     parser.set_defaults(run=run_show, games=1, record=0)
 
@@ -100,12 +98,7 @@ def run_show(options: argparse.Namespace) -> int:
         then = command("play")
     else:
         then = command(
-            "evaluate",
-            options.pursuer,
-            options.evader,
-            *chosen_rules(options),
-            "--games",
-            1000,
+            "evaluate", options.pursuer, options.evader, *chosen_rules(options), "--games", 1000
         )
     finish(options, options.out, then=then)
     return 0
@@ -114,9 +107,7 @@ def run_show(options: argparse.Namespace) -> int:
 def add_report(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=run_folder, metavar="RUN", help="folder of a training run")
     parser.add_argument(
-        "--out",
-        type=new_file(".html"),
-        help="file to write, .html (default: RUN/report.html)",
+        "--out", type=new_file(".html"), help="file to write, .html (default: RUN/report.html)"
     )
     parser.set_defaults(run=run_report)
 
@@ -135,32 +126,16 @@ def run_report(options: argparse.Namespace) -> int:
 
 def add_slice(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "agent",
-        type=known_agent,
-        metavar="AGENT",
-        help="one that values its actions",
+        "agent", type=known_agent, metavar="AGENT", help="one that values its actions"
     )
     parser.add_argument(
-        "--opponent",
-        type=real,
-        nargs=2,
-        required=True,
-        metavar=("X", "Y"),
-        help="where it is [m]",
+        "--opponent", type=real, nargs=2, required=True, metavar=("X", "Y"), help="where it is [m]"
     )
     parser.add_argument(
-        "--opponent-speed",
-        type=real,
-        default=0.0,
-        metavar="V",
-        help="[m/s] (default: 0)",
+        "--opponent-speed", type=real, default=0.0, metavar="V", help="[m/s] (default: 0)"
     )
     parser.add_argument(
-        "--opponent-heading",
-        type=real,
-        default=0.0,
-        metavar="DEG",
-        help="from the x axis",
+        "--opponent-heading", type=real, default=0.0, metavar="DEG", help="from the x axis"
     )
     parser.add_argument(
         "--speed",
@@ -170,11 +145,7 @@ def add_slice(parser: argparse.ArgumentParser) -> None:
         help="of the agent itself [m/s] (default: 0)",
     )
     parser.add_argument(
-        "--heading",
-        type=real,
-        default=0.0,
-        metavar="DEG",
-        help="of the agent itself (default: 0)",
+        "--heading", type=real, default=0.0, metavar="DEG", help="of the agent itself (default: 0)"
     )
     add_game(parser)
     parser.add_argument(
@@ -202,7 +173,11 @@ def run_slice(options: argparse.Namespace) -> int:
     own = (options.speed, radians(options.heading))
     game = game_in_one_arena(options.game, "slice")
     path = Path(options.agent)
-    role = Role[load_solution(path).problem.role.upper()] if is_solution(path) else side_of(options.agent)
+    role = (
+        Role[load_solution(path).problem.role.upper()]
+        if is_solution(path)
+        else side_of(options.agent)
+    )
     agent = find_player(options.agent, role, game)
     nine = "one that values its nine actions, as those trained by DQN do"
     if not isinstance(agent.policy, AbstractActionValuePolicy):
@@ -213,20 +188,14 @@ def run_slice(options: argparse.Namespace) -> int:
     save_slice(agent.policy, role, agent.name, game, own, opponent, options.out)
     players, gif = BySide.of(role, options.agent, "random"), options.out.with_suffix(".gif")
     finish(
-        options,
-        options.out,
-        then=command("show", *players, *chosen_rules(options), "--out", gif),
+        options, options.out, then=command("show", *players, *chosen_rules(options), "--out", gif)
     )
     return 0
 
 
 def add_play(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--as",
-        dest="side",
-        choices=SIDES,
-        default="evader",
-        help="your side (default: evader)",
+        "--as", dest="side", choices=SIDES, default="evader", help="your side (default: evader)"
     )
     parser.add_argument(
         "--against", type=known_agent, metavar="AGENT",
@@ -235,26 +204,16 @@ def add_play(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add_game(parser)
     parser.add_argument(
-        "--seed",
-        type=count(SEED),
-        default=0,
-        help="seed of the starts (default: %(default)s)",
+        "--seed", type=count(SEED), default=0, help="seed of the starts (default: %(default)s)"
     )
     parser.add_argument(
-        "--port",
-        type=count(PORT),
-        help="of the page on this machine (default: the first free one)",
+        "--port", type=count(PORT), help="of the page on this machine (default: the first free one)"
     )
     parser.add_argument(
-        "--no-open",
-        action="store_true",
-        help="print the page's address, open no browser",
+        "--no-open", action="store_true", help="print the page's address, open no browser"
     )
     parser.add_argument(
-        "--site",
-        type=new_folder,
-        metavar="DIR",
-        help="write the page there, and serve nothing",
+        "--site", type=new_folder, metavar="DIR", help="write the page there, and serve nothing"
     )
     parser.set_defaults(run=run_play)
 
@@ -268,12 +227,16 @@ def run_play(options: argparse.Namespace) -> int:
     side = Role[options.side.upper()]
     with tempfile.TemporaryDirectory() as private:
         folder = Path(private) / "site"  # which takes the mode of the page's own folder
-        choice = choose(side, _opponent(options, side.other, Path(private)), options.game, options.seed)
+        choice = choose(
+            side, _opponent(options, side.other, Path(private)), options.game, options.seed
+        )
         warn(options, find_game(options.game))
         if not options.site:
             write_site(folder, choice)
             return _serve(options, folder)
-        empty = not options.site.exists() or (options.site.is_dir() and not any(options.site.iterdir()))
+        empty = not options.site.exists() or (
+            options.site.is_dir() and not any(options.site.iterdir())
+        )
         require(empty, "--site", options.site, "a new or empty folder; choose another")
         with whole_folder(options.site) as folder:
             write_site(folder, choice)
@@ -306,6 +269,8 @@ def _serve(options: argparse.Namespace, folder: Path) -> int:
         address = f"http://{server.server_address[0]}:{server.server_port}/"
         print(f"play at {address}  (Ctrl-C ends)", flush=True)
         if not options.no_open:
-            Thread(target=webbrowser.open, args=(address,), daemon=True).start()  # some end with their window
+            Thread(
+                target=webbrowser.open, args=(address,), daemon=True
+            ).start()  # some end with their window
         server.serve_forever()
     return 0

@@ -73,9 +73,7 @@ def add_table_options(parser: argparse.ArgumentParser) -> None:
         help="the game solved from both sides",
     )
     solved.add_argument(
-        "--grid",
-        type=nodes,
-        help="nodes of the grid to solve it on (default: a coarse one)",
+        "--grid", type=nodes, help="nodes of the grid to solve it on (default: a coarse one)"
     )
 
 
@@ -108,9 +106,7 @@ def add_solve(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add_game(parser)
     parser.add_argument(
-        "--role",
-        choices=SIDES,
-        help="of safety and game: which side (default: pursuer)",
+        "--role", choices=SIDES, help="of safety and game: which side (default: pursuer)"
     )
     parser.add_argument(
         "--whole-cells",
@@ -118,28 +114,18 @@ def add_solve(parser: argparse.ArgumentParser) -> None:
         help="of game: robots move by whole cells along x and y",
     )
     parser.add_argument(
-        "--target",
-        type=real,
-        nargs=2,
-        metavar=("X", "Y"),
-        help="of reach: where it stands [m]",
+        "--target", type=real, nargs=2, metavar=("X", "Y"), help="of reach: where it stands [m]"
     )
     parser.add_argument(
-        "--grid",
-        type=nodes,
-        help="nodes along x, y, v and heading (default: about 0.2 m apart)",
+        "--grid", type=nodes, help="nodes along x, y, v and heading (default: about 0.2 m apart)"
     )
     parser.add_argument(
-        "--hold",
-        type=count(HOLD),
-        help="steps for which an action is held (default: about 0.5 s)",
+        "--hold", type=count(HOLD), help="steps for which an action is held (default: about 0.5 s)"
     )
     about = "file of the table; what it holds is not solved again (default: WHAT-GAME.safetensors)"
     parser.add_argument("--out", type=new_file(".safetensors"), help=about)
     parser.add_argument(
-        "--force",
-        action="store_true",
-        help="overwrite a file that holds something else",
+        "--force", action="store_true", help="overwrite a file that holds something else"
     )
     add_json(parser)
     parser.set_defaults(run=run_solve)
@@ -161,7 +147,7 @@ def run_solve(options: argparse.Namespace) -> int:
         solution = load_solution(path)
         if solution.problem != problem:
             raise InvalidInput(
-                f"'{path}' holds the solution of another problem: give another --out, or --force.",
+                f"'{path}' holds the solution of another problem: give another --out, or --force."
             )
     else:
         display.begin(f"solving {problem.kind} on {'x'.join(map(str, problem.counts))} nodes")
@@ -169,7 +155,9 @@ def run_solve(options: argparse.Namespace) -> int:
         save_solution(solution, path)
     display.begin("judging the table")
     facts = about(solution, game) | {"file": str(path)}
-    texts = {name: f"{value:.4g}" if isinstance(value, float) else value for name, value in facts.items()}
+    texts = {
+        name: f"{value:.4g}" if isinstance(value, float) else value for name, value in facts.items()
+    }
     answer(options, facts, "\n".join(f"{name:<52} {value}" for name, value in texts.items()))
     if is_new:
         finish(options, path)
@@ -197,13 +185,7 @@ def _requested_problem(options: argparse.Namespace, game: "Game") -> "Problem":
     counts, hold = options.grid or grid.counts, options.hold or hold
     make_grid(game.arena, game.body(role), counts)  # refused here, before anything is solved
     return Problem(
-        what,
-        role.name.lower(),
-        to_dict(game),
-        list(counts),
-        hold,
-        target,
-        options.whole_cells,
+        what, role.name.lower(), to_dict(game), list(counts), hold, target, options.whole_cells
     )
 
 
@@ -215,9 +197,7 @@ def add_pursuers(parser: argparse.ArgumentParser) -> None:
         help="the name of a game, or a .toml or .json file",
     )
     parser.add_argument(
-        "--to-see",
-        action="store_true",
-        help="count those that are sure to see a hidden evader",
+        "--to-see", action="store_true", help="count those that are sure to see a hidden evader"
     )
     add_json(parser)
     parser.set_defaults(run=run_pursuers)
@@ -242,7 +222,7 @@ def run_pursuers(options: argparse.Namespace) -> int:
     enough = how_many_to_see(game, space, report) if options.to_see else how_many(space, report)
     if not enough.readings:
         raise InvalidInput(
-            f"'{options.game}' has too many obstacles to be solved on a graph; take a part of it.",
+            f"'{options.game}' has too many obstacles to be solved on a graph; take a part of it."
         )
     facts = _facts(options.game, enough)
     answer(options, facts, _text(facts, enough.verdict))
@@ -276,9 +256,14 @@ def _facts(name: str, enough: "Enough") -> dict[str, Any]:
 def _text(facts: dict[str, Any], verdict: str) -> str:
     graphs = facts["graphs"]
     cells = [
-        [f"{value:.2f}" if isinstance(value, float) else str(value) for value in graph.values()] for graph in graphs
+        [f"{value:.2f}" if isinstance(value, float) else str(value) for value in graph.values()]
+        for graph in graphs
     ]
-    how = "all moving at once, until the evader is seen" if "strategy" in facts else "turn by turn, seeing each other"
+    how = (
+        "all moving at once, until the evader is seen"
+        if "strategy" in facts
+        else "turn by turn, seeing each other"
+    )
     lines = [
         f"{facts['arena']}: {verdict}",
         f"equally fast, without inertia, {how}; robots of the game may need more",

@@ -44,7 +44,11 @@ def runs_table(runs: "Sequence[Progress]", below: Path) -> str:
         machine = run.state.machine + (f" (Slurm {run.state.job})" if run.state.job else "")
         ago = "-" if run.age is None else f"{timedelta(seconds=round(run.age))} ago"
         rows.append((name, run.state.state, f"{run.share:.0%}", wins, shown(machine or "-"), ago))
-    errors = [shown(f"{run.folder}: {run.state.error}", LONGEST_MESSAGE) for run in runs if run.state.error]
+    errors = [
+        shown(f"{run.folder}: {run.state.error}", LONGEST_MESSAGE)
+        for run in runs
+        if run.state.error
+    ]
     return "\n".join([*columns(rows), *errors])
 
 
@@ -77,19 +81,21 @@ def match_table(match: "Match", result: "MatchResult") -> str:
     lines = [f"{winner} wins more."]
     rates = result.pursuer_win_rate, result.evader_win_rate
     for side, player, rate, interval in zip(
-        SIDES,
-        match.players,
-        rates,
-        (pursuer, evader),
-        strict=True,
+        SIDES, match.players, rates, (pursuer, evader), strict=True
     ):
-        failures = sum(result.outcomes[f"{side}_{how}"] for how in _OWN_FAILURES) + result.outcomes["both_failed"]
+        failures = (
+            sum(result.outcomes[f"{side}_{how}"] for how in _OWN_FAILURES)
+            + result.outcomes["both_failed"]
+        )
         lines.append(f"  {player.name} ({side}) wins {rate:.2%} of games {within(interval)}")
         if failures:
             lines[-1] += f", loses {failures / result.games:.2%} by a failure of its own"
     lines.append(f"{match.games:,} games, starts: {match.game.starts.speed}")
     shares = _shares(result.outcomes)
-    rows = [(f"  {name.replace('_', ' ')}", f"{share:.1%}", f"{result.outcomes[name]:,}") for name, share in shares]
+    rows = [
+        (f"  {name.replace('_', ' ')}", f"{share:.1%}", f"{result.outcomes[name]:,}")
+        for name, share in shares
+    ]
     lines += [f"{row}  {bar(share)}" for row, (_, share) in zip(columns(rows), shares, strict=True)]
     for side, sight in (result.sight or {}).items():
         lines.append(f"  the {side} sees an opponent in {sight.games / result.games:.1%} of games")
@@ -99,7 +105,7 @@ def match_table(match: "Match", result: "MatchResult") -> str:
     arenas = result.arenas
     if arenas:
         lines.append(
-            f"  by arenas the pursuer wins {arenas.mean:.2%} {within(arenas.interval)}, a mean of",
+            f"  by arenas the pursuer wins {arenas.mean:.2%} {within(arenas.interval)}, a mean of"
         )
         lines[-1] += f" {len(arenas.wins)}; {arenas.worst:.2%} in the worst tenth"
     return "\n".join(lines)
@@ -121,7 +127,9 @@ def columns(rows: Sequence[Sequence[str]]) -> list[str]:
     right.
     """
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return ["  ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]) for row in rows]
+    return [
+        "  ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]) for row in rows
+    ]
 
 
 _QUARTERS = 0, 25, 50, 75, 100
@@ -129,8 +137,8 @@ _QUARTERS = 0, 25, 50, 75, 100
 
 
 def learning_table(curves: "Sequence[Curve]") -> str:
-    """Return what a training changed as lines of text: a row for each curve, a column for each
-    quarter of its stage.
+    """Format learning curves as a table: a row for each curve, a column for each quarter of its
+    stage.
     """
     rows = [("What they learned, by the stage", *[f"{percent} %" for percent in _QUARTERS])]
     for curve in curves:
@@ -176,14 +184,12 @@ def tournament_table(tournament: "Tournament", starts: str) -> str:
         "Elo:",
     ]
     for side, names, rated in zip(
-        SIDES,
-        (tournament.pursuers, tournament.evaders),
-        tournament.ratings,
-        strict=True,
+        SIDES, (tournament.pursuers, tournament.evaders), tournament.ratings, strict=True
     ):
         ranked = sorted(zip(rated.points, rated.reach, names, strict=True), reverse=True)
         lines.append(
-            f"  {side}s " + ", ".join(f"{name} {elo:.0f} ± {half:.0f}" for elo, half, name in ranked),
+            f"  {side}s "
+            + ", ".join(f"{name} {elo:.0f} ± {half:.0f}" for elo, half, name in ranked)
         )
     return "\n".join(lines)
 
@@ -206,7 +212,7 @@ def advice_table(advice: "Advice") -> str:
     if advice.stops:
         places = ", ".join(f"({x:g}, {y:g})" for x, y in advice.stops)
         lines.append(
-            f"places [m] where {best.pursuer} was when a standing evader was not caught in time: {places}",
+            f"places [m] where {best.pursuer} was when a standing evader was not caught in time: {places}"
         )
     return "\n".join(lines)
 

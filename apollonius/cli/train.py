@@ -35,10 +35,7 @@ STAGES = ("fixed-target", "self-play", "both")
 
 def add_train(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--preset",
-        choices=LENGTHS,
-        default="quick",
-        help="length of training (default: quick)",
+        "--preset", choices=LENGTHS, default="quick", help="length of training (default: quick)"
     )
     parser.add_argument("--stage", choices=STAGES, help="which stage to train (default: both)")
     parser.add_argument(
@@ -47,9 +44,7 @@ def add_train(parser: argparse.ArgumentParser) -> None:
         help="dqn: discrete actions (default); sac: continuous ones",
     )
     parser.add_argument(
-        "--profile",
-        choices=PROFILES,
-        help="how DQN learns: fast (default), or paper, as printed",
+        "--profile", choices=PROFILES, help="how DQN learns: fast (default), or paper, as printed"
     )
     parser.add_argument(
         "--game",
@@ -58,9 +53,7 @@ def add_train(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seed", type=count(SEED), help="seed of everything random (default: 0)")
     parser.add_argument(
-        "--seeds",
-        type=seeds,
-        help="a run for each of several seeds, as 0-9 or 0,3,7",
+        "--seeds", type=seeds, help="a run for each of several seeds, as 0-9 or 0,3,7"
     )
     parser.add_argument(
         "--vary", type=varied_field, action="append", default=[], metavar="FIELD=VALUES",
@@ -69,9 +62,7 @@ def add_train(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add_workers(parser, "the runs of a sweep")
     parser.add_argument(
-        "--config",
-        type=existing_file,
-        help="a config.toml to start from instead of a preset",
+        "--config", type=existing_file, help="a config.toml to start from instead of a preset"
     )
     parser.add_argument(
         "--opponents",
@@ -84,9 +75,7 @@ def add_train(parser: argparse.ArgumentParser) -> None:
         help="folder of the run or sweep (default: runs/PRESET-STAGE-SEED)",
     )
     parser.add_argument(
-        "--force",
-        action="store_true",
-        help="overwrite a run that is already there",
+        "--force", action="store_true", help="overwrite a run that is already there"
     )
     about = "send the metrics of one run to a tracker meanwhile"
     parser.add_argument("--track", type=installed, choices=TRACKERS, help=about)
@@ -95,10 +84,7 @@ def add_train(parser: argparse.ArgumentParser) -> None:
 
 def add_resume(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "folder",
-        type=runs_folder,
-        metavar="DIR",
-        help="folder of a run, or of several",
+        "folder", type=runs_folder, metavar="DIR", help="folder of a run, or of several"
     )
     add_workers(parser, "the runs of a sweep")
     parser.set_defaults(run=run_resume, track=None)
@@ -114,22 +100,18 @@ def run_train(options: argparse.Namespace) -> int:
 
     config = _requested_config(options)
     require(
-        options.seed is None or not options.seeds,
-        "--seed",
-        options.seed,
-        "left out with --seeds",
+        options.seed is None or not options.seeds, "--seed", options.seed, "left out with --seeds"
     )
     values = dict(options.vary) | ({"seed": options.seeds} if options.seeds else {})
     varied_names = [*(field for field, _ in options.vary), *(["seed"] if options.seeds else [])]
     require(
-        len(varied_names) == len(values),
-        "--vary",
-        ", ".join(varied_names),
-        "of different fields",
+        len(varied_names) == len(values), "--vary", ", ".join(varied_names), "of different fields"
     )
     configs = sweep(config, values) if values else {"": config}
     name = options.config.stem if options.config else options.preset
-    folder: Path = options.out or Path("runs") / f"{name}-{config.stages}-{'sweep' if values else config.seed}"
+    folder: Path = (
+        options.out or Path("runs") / f"{name}-{config.stages}-{'sweep' if values else config.seed}"
+    )
     for run_config in configs.values():
         # refused here, before anything is written
         find_pool(run_config.evaders, Role.EVADER, run_config.game)
@@ -193,8 +175,7 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
     self_play = config.self_play
     if options.opponents:
         self_play = replace(
-            self_play,
-            opponents=replace(self_play.opponents, scheme=options.opponents),
+            self_play, opponents=replace(self_play.opponents, scheme=options.opponents)
         )
     changes: dict[str, Any] = {
         "self_play": self_play,
@@ -229,7 +210,7 @@ def _train_and_judge(config: "RunConfig", folder: Path, options: argparse.Namesp
             except Exception as error:  # of any kind: each library has its own
                 trackers.clear()
                 display.tell(
-                    f"{to} takes no more ({error}); apollonius track {folder} --to {to} sends all afterwards",
+                    f"{to} takes no more ({error}); apollonius track {folder} --to {to} sends all afterwards"
                 )
 
     def tell(match: "Match", result: "MatchResult") -> None:

@@ -44,7 +44,7 @@ def unfit(text: str, bound: str) -> argparse.ArgumentTypeError:
     it.
     """
     return argparse.ArgumentTypeError(
-        f"= {shown(text) or 'nothing'} is not possible: it must be {bound}.",
+        f"= {shown(text) or 'nothing'} is not possible: it must be {bound}."
     )
 
 
@@ -106,11 +106,12 @@ def varied_field(text: str) -> tuple[str, tuple[Any, ...]]:
     """
     field, equals, values_text = text.partition("=")
     if values_text.count(":") == 2:
-        return field, tuple(int(value) if value.is_integer() else value for value in varied(text)[1])
+        return field, tuple(
+            int(value) if value.is_integer() else value for value in varied(text)[1]
+        )
     if not (field.strip() and equals and values_text):
         raise unfit(
-            text,
-            "FIELD=VALUE,VALUE or FIELD=FROM:TO:COUNT, as dqn.learning_rate=1e-4,3e-4",
+            text, "FIELD=VALUE,VALUE or FIELD=FROM:TO:COUNT, as dqn.learning_rate=1e-4,3e-4"
         )
     try:
         return field, tuple(tomllib.loads(f"values = [{values_text}]")["values"])
@@ -172,7 +173,7 @@ def known_agent(text: str, side: str | None = None) -> str:
     in_run = [*agents_in_run(bare), *agents_in_run(bare.rpartition("/")[0])]
     if name in names and side and side not in side_of(name):
         raise argparse.ArgumentTypeError(
-            f"'{text}' plays the {side_of(name)[0]}, not the {side}: take another there.",
+            f"'{text}' plays the {side_of(name)[0]}, not the {side}: take another there."
         )
     if name in names or bare in in_run or _is(Path(bare).is_file):
         return text
@@ -189,7 +190,9 @@ def known_agent(text: str, side: str | None = None) -> str:
 def agents_in_run(run: str) -> list[str]:
     """Return the agents of a training run as RUN/NAME; none for what is no run."""
     folders = [folder for folder in agents_folders(run) if run and _is(folder.is_dir)]
-    return sorted(f"{run}/{file.stem}" for folder in folders for file in folder.glob("*.safetensors"))
+    return sorted(
+        f"{run}/{file.stem}" for folder in folders for file in folder.glob("*.safetensors")
+    )
 
 
 def known_game(text: str) -> str:
@@ -219,8 +222,7 @@ def _path(is_fit: Callable[[Path], bool], kind: str) -> Callable[[str], Path]:
 existing_file = _path(Path.is_file, "file")
 run_folder = _path(lambda path: (path / "config.toml").is_file(), "folder of a training run")
 runs_folder = _path(
-    lambda path: path.is_dir() and any(path.rglob("config.toml")),
-    "folder of training runs",
+    lambda path: path.is_dir() and any(path.rglob("config.toml")), "folder of training runs"
 )
 
 

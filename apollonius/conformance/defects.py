@@ -51,19 +51,27 @@ def _again(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _is_same(first: ClosedJaxpr, second: ClosedJaxpr) -> bool:
-    constants = zip(first.consts, second.consts, strict=True) if len(first.consts) == len(second.consts) else ()
+    constants = (
+        zip(first.consts, second.consts, strict=True)
+        if len(first.consts) == len(second.consts)
+        else ()
+    )
     same = all(np.array_equal(one, other, equal_nan=True) for one, other in constants)
     return same and str(first) == str(second) and len(first.consts) == len(second.consts)
 
 
-def require_rows(function: Callable[..., Any], rows: Any, tolerance: float, most: float = 0.02) -> Any:
+def require_rows(
+    function: Callable[..., Any], rows: Any, tolerance: float, most: float = 0.02
+) -> Any:
     """Return a function's results for rows of arguments, refused unless they are the same again and row by row.
 
     Rounding can decide some rows: a share of `most` may differ by more than the `tolerance`. Raises InvalidInput.
     """
     batch = jax.jit(jax.vmap(function))
     results, again = batch(*rows), batch(*rows)
-    same = jax.tree.map(lambda one, other: np.array_equal(one, other, equal_nan=True), results, again)
+    same = jax.tree.map(
+        lambda one, other: np.array_equal(one, other, equal_nan=True), results, again
+    )
     require(jax.tree.all(same), "results", "others for the same arguments", "the same to the bit")
     alone = jax.jit(lambda rows: jax.lax.map(lambda row: function(*row), rows))(rows)
     for one, other in zip(jax.tree.leaves(results), jax.tree.leaves(alone), strict=True):

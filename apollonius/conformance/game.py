@@ -1,4 +1,4 @@
-"""What a game, its robots and its kinds of obstacles must do to be played, drawn, saved and exported."""
+"""Checks that a game, its robots and its kinds of obstacles can be played, saved and exported."""
 
 import math
 from dataclasses import replace
@@ -56,21 +56,32 @@ def check_game(game: Game | str) -> None:
             properties[name] = lambda obstacle=obstacle: _check_obstacle(obstacle, rules.arena)
     for side, bodies in zip(("pursuer", "evader"), rules.bodies, strict=True):
         properties[side] = lambda body=bodies[0]: _check_body(body, rules)
-    require_all("the game", properties | {"steps": lambda: _check_steps(rules), "starts": lambda: _check_starts(rules)})
+    require_all(
+        "the game",
+        properties | {"steps": lambda: _check_steps(rules), "starts": lambda: _check_starts(rules)},
+    )
 
 
 def _check_file(game: Game) -> None:
     record = to_dict(game)
     again = to_dict(from_dict(type(game), record, "its own record"))
     changed = sorted(key for key in record if again.get(key) != record[key])
-    require(not changed, "record", ", ".join(changed), "the same once it is read again: make its numbers fields")
+    require(
+        not changed,
+        "record",
+        ", ".join(changed),
+        "the same once it is read again: make its numbers fields",
+    )
 
 
 def _check_export(arena: Arena) -> None:
     robot = RobotState(*jnp.zeros(4))
 
     def queries(arena: Arena, before: RobotState, after: RobotState) -> dict[str, jax.Array]:
-        along, hit = arena.clearance_along(before, after), arena.hits_obstacle(before, after, _RADIUS)
+        along, hit = (
+            arena.clearance_along(before, after),
+            arena.hits_obstacle(before, after, _RADIUS),
+        )
         return {"along": along, "hit": hit, "hidden": arena.hides(before, after)}
 
     translated(queries, replace(arena, chart=None), robot, robot, name="arena")
@@ -79,11 +90,21 @@ def _check_export(arena: Arena) -> None:
 def _check_obstacle(obstacle: AbstractObstacle, arena: Arena) -> None:
     """Refuse an obstacle that is not as far away, at points and along segments, as its own clearances say."""
     numbers = jax.tree.leaves(obstacle)
-    require(numbers, type(obstacle).__name__, "without numbers", "a class whose numbers are fields, without static")
+    require(
+        numbers,
+        type(obstacle).__name__,
+        "without numbers",
+        "a class whose numbers are fields, without static",
+    )
     center = jnp.zeros(())
     form = jax.eval_shape(obstacle.clearance, center, center)
     is_number = form.shape == () and form.dtype == jnp.float32
-    require(is_number, "clearance", f"{form.dtype} {list(form.shape)}", "float32 []: one number for one point")
+    require(
+        is_number,
+        "clearance",
+        f"{form.dtype} {list(form.shape)}",
+        "float32 []: one number for one point",
+    )
 
     starts, ends = _segments(arena)
     shares = np.linspace(0, 1, _SAMPLES)[:, None, None]
@@ -93,8 +114,12 @@ def _check_obstacle(obstacle: AbstractObstacle, arena: Arena) -> None:
     require(np.isfinite(clearances).all(), "clearance", "NaN or infinite", "finite everywhere")
     spacing = np.hypot(*(ends - starts).T) / (_SAMPLES - 1)
     steepness = (np.abs(np.diff(clearances, axis=0)) / np.maximum(spacing, 1e-3)).max()
-    bound = f"a distance in metres, which changes by 1 m at most: {type(obstacle).__name__}.clearance"
-    require(steepness <= _STEEP, "clearance", f"one that changes by {steepness:.3g} m in a metre", bound)
+    bound = (
+        f"a distance in metres, which changes by 1 m at most: {type(obstacle).__name__}.clearance"
+    )
+    require(
+        steepness <= _STEEP, "clearance", f"one that changes by {steepness:.3g} m in a metre", bound
+    )
 
     rows = _robots(starts), _robots(ends)
     least = clearances.min(axis=0)
@@ -111,19 +136,28 @@ def _check_obstacle(obstacle: AbstractObstacle, arena: Arena) -> None:
     _check_contacts("is_hit", contacts, least - _RADIUS, spacing + eighth)
     _check_contacts("hides", jax.vmap(obstacle.hides)(*rows), least, spacing + eighth + _ROUGH)
     if corners := obstacle.outline():
-        away = np.abs(np.asarray(jax.vmap(obstacle.clearance)(*_coordinates(np.asarray(corners, float))))).max()
+        away = np.abs(
+            np.asarray(jax.vmap(obstacle.clearance)(*_coordinates(np.asarray(corners, float))))
+        ).max()
         bound = f"within {_ON_EDGE} m of its edge, where its clearance is 0"
         require(away <= _ON_EDGE, "outline", f"a corner {away:.3g} m away", bound)
 
 
-def _check_contacts(name: str, contacts: Bool[Array, " segments"], least: Segments, slack: Segments) -> None:
+def _check_contacts(
+    name: str, contacts: Bool[Array, " segments"], least: Segments, slack: Segments
+) -> None:
     """Refuse contacts that disagree with the least clearances of segments [m] by more than some slack [m]."""
     missed = (~np.asarray(contacts) & (least < -_ROUGH)).sum()
     bound = "true wherever a segment comes nearer than the radius: look at the whole segment"
     require(not missed, name, f"false on {missed} of {_SEGMENTS} segments that touch it", bound)
     invented = (np.asarray(contacts) & (least > slack + _ROUGH)).sum()
     bound = "false where no point of the segment is near"
-    require(not invented, name, f"true on {invented} of {_SEGMENTS} segments that are far from it", bound)
+    require(
+        not invented,
+        name,
+        f"true on {invented} of {_SEGMENTS} segments that are far from it",
+        bound,
+    )
 
 
 def _check_body(body: Unicycle, game: Game) -> None:
@@ -144,7 +178,12 @@ def _check_body(body: Unicycle, game: Game) -> None:
     bound = f"from v_min = {body.v_min} to v_max = {body.v_max} m/s: clip it in move"
     require(in_limits, "speed after move", f"{after.v.min():.3g} to {after.v.max():.3g}", bound)
     turned = np.abs(after.heading).max()
-    require(turned <= math.pi + 1e-4, "heading after move", f"{turned:.3g}", "wrapped to [-pi, pi]: wrap_angle")
+    require(
+        turned <= math.pi + 1e-4,
+        "heading after move",
+        f"{turned:.3g}",
+        "wrapped to [-pi, pi]: wrap_angle",
+    )
 
 
 def _check_steps(game: Game) -> None:
@@ -152,12 +191,15 @@ def _check_steps(game: Game) -> None:
     rng = np.random.default_rng(0)
     states = reset_batch(game, jax.random.key(0), _STATES)
     actions = [
-        tuple(jnp.asarray(rng.integers(0, NUM_ACTIONS, _STATES), jnp.int32) for _ in bodies) for bodies in game.bodies
+        tuple(jnp.asarray(rng.integers(0, NUM_ACTIONS, _STATES), jnp.int32) for _ in bodies)
+        for bodies in game.bodies
     ]
     first = jax.tree.map(lambda leaf: leaf[0], (states, *actions))
     require_pure(game.step, *first)
     after = require_rows(game.step, (states, *actions), 1e-3)
-    is_finite = all(np.isfinite(leaf).all() for leaf in jax.tree.leaves((after.state.robots, after.rewards)))
+    is_finite = all(
+        np.isfinite(leaf).all() for leaf in jax.tree.leaves((after.state.robots, after.rewards))
+    )
     require(is_finite, "states and rewards", "NaN or infinite", "finite after every step")
 
 
@@ -168,11 +210,20 @@ def _check_starts(game: Game) -> None:
     for role in ROLES:
         for body, robots in zip(game.bodies[role], states.robots[role], strict=True):
             left = float(clearance(robots.x, robots.y).min()) - body.radius - game.starts.clearance
-            bound = f"at least {game.starts.clearance} m, as starts.clearance is: see Arena.clearance"
-            require(left >= -1e-3, "clearance of a start", f"{left + game.starts.clearance:.3g} m", bound)
+            bound = (
+                f"at least {game.starts.clearance} m, as starts.clearance is: see Arena.clearance"
+            )
+            require(
+                left >= -1e-3,
+                "clearance of a start",
+                f"{left + game.starts.clearance:.3g} m",
+                bound,
+            )
 
 
-def _segments(arena: Arena) -> tuple[Float[np.ndarray, "segments 2"], Float[np.ndarray, "segments 2"]]:
+def _segments(
+    arena: Arena,
+) -> tuple[Float[np.ndarray, "segments 2"], Float[np.ndarray, "segments 2"]]:
     """Return the ends of segments in an arena [m], every second one as short as a step."""
     rng = np.random.default_rng(0)
     low, high = np.array([arena.x_min, arena.y_min]), np.array([arena.x_max, arena.y_max])
@@ -187,4 +238,6 @@ def _coordinates(points: Float[np.ndarray, "*points 2"]) -> tuple[jax.Array, jax
 
 def _robots(points: Float[np.ndarray, "*points 2"]) -> RobotState:
     """Return robots at rest at some points."""
-    return jax.vmap(lambda x, y: RobotState(x, y, jnp.zeros(()), jnp.zeros(())))(*_coordinates(points))
+    return jax.vmap(lambda x, y: RobotState(x, y, jnp.zeros(()), jnp.zeros(())))(
+        *_coordinates(points)
+    )

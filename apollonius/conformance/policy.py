@@ -1,4 +1,4 @@
-"""What a policy and its observation must do to be played, evaluated, shielded and exported."""
+"""Checks that a policy and its observation can be played, evaluated, shielded and exported."""
 
 from dataclasses import replace
 from typing import Any
@@ -48,7 +48,9 @@ def check_policy(policy: AbstractPolicy | str, role: Role, game: Game | str = "p
     """
     player = find_exportable(policy, role, as_game(game))
     checks = _Checks(player)
-    require_all(player.name, {"observation": checks.observation, "action and memory": checks.answer})
+    require_all(
+        player.name, {"observation": checks.observation, "action and memory": checks.answer}
+    )
     require_all(player.name, {"purity": checks.purity})
     cases = cases_of(player, _CASES)
     require_all(
@@ -84,7 +86,12 @@ class _Checks:
         if isinstance(reads, AbstractObservation):
             numbers = jax.eval_shape(lambda *example: self.see(*example)[0], *self.example[:3])
             shape = _form(numbers)
-            require(shape == f"float32 [{reads.size}]", "its result", shape, f"float32 [{reads.size}], as its size is")
+            require(
+                shape == f"float32 [{reads.size}]",
+                "its result",
+                shape,
+                f"float32 [{reads.size}], as its size is",
+            )
 
     def answer(self) -> None:
         action, memory = jax.eval_shape(self.ask, *self.example)
@@ -92,13 +99,17 @@ class _Checks:
         require(_form(action) == expected, "action", _form(action), f"{expected}, as continuous is")
         form = jax.tree.map(_form, jax.eval_shape(lambda: self.policy.memory))
         bound = f"{form}, as the first memory is, in every step"
-        require(jax.tree.map(_form, memory) == form, "next memory", jax.tree.map(_form, memory), bound)
+        require(
+            jax.tree.map(_form, memory) == form, "next memory", jax.tree.map(_form, memory), bound
+        )
 
     def purity(self) -> None:
         require_pure(self.ask, *self.example)
 
     def actions(self, cases: Cases) -> None:
-        action, _ = require_rows(self.ask, tuple(jax.tree.map(jnp.asarray, tuple(cases))), _ROUNDING)
+        action, _ = require_rows(
+            self.ask, tuple(jax.tree.map(jnp.asarray, tuple(cases))), _ROUNDING
+        )
         low, high = (-1, 1) if is_continuous(action) else (0, NUM_ACTIONS - 1)
         values = np.asarray(action)
         outside = values[~((values >= low) & (values <= high))]
@@ -108,27 +119,46 @@ class _Checks:
         @jax.jit
         def choices(state: Array, active: Array | None, memory: Any, bits: Any) -> Array:
             weighed, _ = self.policy.weigh(*self.see(state, active, memory), bits)
-            return jax.vmap(lambda allowed: self.policy.choose(weighed, allowed))(jnp.eye(NUM_ACTIONS, dtype=bool))
+            return jax.vmap(lambda allowed: self.policy.choose(weighed, allowed))(
+                jnp.eye(NUM_ACTIONS, dtype=bool)
+            )
 
         chosen = choices(*jax.tree.map(jnp.asarray, tuple(cases.at(0))))
         is_allowed = np.array_equal(chosen, np.arange(NUM_ACTIONS))
-        require(is_allowed, "choose", np.asarray(chosen), "an allowed action, also where one is: a shield asks it")
+        require(
+            is_allowed,
+            "choose",
+            np.asarray(chosen),
+            "an allowed action, also where one is: a shield asks it",
+        )
 
     def mirror(self) -> None:
         reads, role = self.policy.observation, self.player.role
         if not isinstance(reads, AbstractObservation) or reads.mirror is None:
             return
-        require(sorted(reads.mirror.order) == list(range(reads.size)), "order", reads.mirror.order, "a permutation")
+        require(
+            sorted(reads.mirror.order) == list(range(reads.size)),
+            "order",
+            reads.mirror.order,
+            "a permutation",
+        )
         games = [self._plain(is_image) for is_image in (False, True)]
         states = reset_batch(games[0], jax.random.key(0), _CASES)
-        images = jax.vmap(lambda state: replace(state, robots=state.robots.map(self._images)))(states)
+        images = jax.vmap(lambda state: replace(state, robots=state.robots.map(self._images)))(
+            states
+        )
         numbers, expected = (
             jax.jit(jax.vmap(lambda state, game=game: reads(look(game, state, role))))(some)
             for game, some in zip(games, (states, images), strict=True)
         )
         away = np.quantile(np.abs(reads.mirror(numbers) - expected), 0.9, axis=0)
         bound = "that of the mirror image: correct its place in order, or its sign"
-        require(away.max() <= _NEAR, f"number {away.argmax()} of mirror", f"off by {away.max():.2g}", bound)
+        require(
+            away.max() <= _NEAR,
+            f"number {away.argmax()} of mirror",
+            f"off by {away.max():.2g}",
+            bound,
+        )
 
     def _plain(self, is_image: bool) -> Game:
         """Return the game among its discs and polygons alone, or its mirror image from bottom to top."""
@@ -136,8 +166,12 @@ class _Checks:
         discs, polygons = arena.discs, arena.polygons
         if is_image:
             discs = tuple(replace(disc, y=height - disc.y) for disc in discs)
-            corners = [tuple((x, height - y) for x, y in reversed(one.vertices)) for one in polygons]
-            polygons = tuple(replace(one, vertices=some) for one, some in zip(polygons, corners, strict=True))
+            corners = [
+                tuple((x, height - y) for x, y in reversed(one.vertices)) for one in polygons
+            ]
+            polygons = tuple(
+                replace(one, vertices=some) for one, some in zip(polygons, corners, strict=True)
+            )
         walls = Arena(arena.x_min, arena.x_max, arena.y_min, arena.y_max, discs, polygons)
         plain = replace(self.game, arena=walls, sensors=None, drives=None)
         return charted(plain) if self.policy.charted else plain
@@ -158,7 +192,12 @@ class _Checks:
 
             parity = compare(decide, player, cases)
             bound = "the same in C; report this as an error"
-            require(not parity.errors, "decisions", f"others in {parity.errors} of {len(cases.states)} states", bound)
+            require(
+                not parity.errors,
+                "decisions",
+                f"others in {parity.errors} of {len(cases.states)} states",
+                bound,
+            )
 
 
 def _form(leaf: Any) -> str:

@@ -79,10 +79,7 @@ class Outside(AbstractPolicy):
         return self.first
 
     def __call__(
-        self,
-        seen: Float[Array, " size"],
-        memory: Memory,
-        bits: Bits,
+        self, observation: Float[Array, " size"], memory: Memory, bits: Bits
     ) -> tuple[Action, Memory]:
         return memory, memory
 
@@ -135,10 +132,7 @@ def resumed(
         memory, track, drives = parts[role]
         acts = isinstance(players[role].members, Outside)
         return replace(
-            games.sides[role],
-            memory=actions[role] if acts else memory,
-            track=track,
-            drives=drives,
+            games.sides[role], memory=actions[role] if acts else memory, track=track, drives=drives
         )
 
     return replace(games, sides=ROLES.map(side))
@@ -191,13 +185,10 @@ class Batch:
         games = begun(self.game, self.players, starts)
         first_bits = jax.random.bits(keys[0], (len(keys),), jnp.uint32)
         _, observations_by_side = look_around(
-            self.game,
-            self.players,
-            games,
-            jnp.stack([first_bits, first_bits]),
+            self.game, self.players, games, jnp.stack([first_bits, first_bits])
         )
         observations = of_robots(
-            jnp.split(observations_by_side[self.role][1], len(self.game.bodies[self.role])),
+            jnp.split(observations_by_side[self.role][1], len(self.game.bodies[self.role]))
         )
         return UnderWay(starts, observations, carried(games, self.players))
 
@@ -225,11 +216,7 @@ class Batch:
         games = resumed(self.game, self.players, now.state, now.carried, actions_by_side)
         step_bits = jax.random.bits(jax.random.key(bits), (self.num_envs,), jnp.uint32)
         games, transitions = step_games(
-            self.game,
-            self.players,
-            games,
-            jnp.stack([step_bits, step_bits]),
-            pay=self.pay,
+            self.game, self.players, games, jnp.stack([step_bits, step_bits]), pay=self.pay
         )
         own_side = transitions.sides[self.role]
         status = games.state.status
@@ -252,10 +239,7 @@ class Batch:
 
 
 def renewed(
-    now: UnderWay,
-    starts: UnderWay,
-    used: Int[Array, ""],
-    resets: Bool[Array, " games"],
+    now: UnderWay, starts: UnderWay, used: Int[Array, ""], resets: Bool[Array, " games"]
 ) -> UnderWay:
     """Replace some games by new ones from the first unused starts.
 

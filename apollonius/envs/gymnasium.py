@@ -7,9 +7,9 @@ import numpy as np
 
 from apollonius.envs.live import RENDER_MODES, LiveGame
 from apollonius.envs.options import (
-    GivenObservation,
-    GivenPlayer,
-    GivenReward,
+    ObservationOption,
+    PlayerOption,
+    RewardOption,
     as_role,
     random_bits,
     require_known,
@@ -36,23 +36,18 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
     def __init__(
         self,
         role: Role | str,
-        opponent: GivenPlayer = "random",
+        opponent: PlayerOption = "random",
         game: Game | str = "paper",
-        observation: GivenObservation = "encoded",
+        observation: ObservationOption = "encoded",
         render_mode: str | None = None,
         actions: str = "discrete",
-        reward: GivenReward = None,
+        reward: RewardOption = None,
         **unknown: Any,
     ) -> None:
         require_known(OneSide, unknown)
         role = as_role(role)
         self._live = live = LiveGame(
-            game,
-            observation,
-            actions,
-            render_mode,
-            reward,
-            {role.other: opponent},
+            game, observation, actions, render_mode, reward, {role.other: opponent}
         )
         count = len(live.game.bodies[role])
         sides = f"{role.name.lower()}s"
@@ -74,8 +69,7 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
         return self._live.observation(self._robot), {"outcome": self._live.outcome}
 
     def step(
-        self,
-        action: int | np.integer | np.ndarray,
+        self, action: int | np.integer | np.ndarray
     ) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Let all robots hold their actions for one step; raises ResetNeeded where no game is under
         way.

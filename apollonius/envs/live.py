@@ -15,10 +15,10 @@ from apollonius.agents.pool import Pool
 from apollonius.arenas.file import as_game
 from apollonius.envs.batch import Compiled, Outside, begun, carried, require_unforked, resumed
 from apollonius.envs.options import (
-    GivenObservation,
-    GivenPlayer,
-    GivenReward,
+    ObservationOption,
     OwnReward,
+    PlayerOption,
+    RewardOption,
     action_space,
     as_actions,
     make_contest,
@@ -58,11 +58,11 @@ class LiveGame:
     def __init__(
         self,
         game: Game | str,
-        observation: GivenObservation,
+        observation: ObservationOption,
         actions: str,
         render_mode: str | None,
-        reward: GivenReward,
-        inside: Mapping[Role, GivenPlayer],
+        reward: RewardOption,
+        inside: Mapping[Role, PlayerOption],
     ) -> None:
         require_unforked()
         require(
@@ -160,15 +160,11 @@ class LiveGame:
 
 
 def _begin(
-    game: Game,
-    players: BySide[Pool],
-    bits: Bits,
+    game: Game, players: BySide[Pool], bits: Bits
 ) -> tuple[Float[Array, " _"], tuple[Array, ...]]:
     """Return a game's numbers, and what it carries."""
     games = begun(
-        game,
-        players,
-        jax.tree.map(lambda leaf: leaf[None], game.reset(jax.random.key(bits))),
+        game, players, jax.tree.map(lambda leaf: leaf[None], game.reset(jax.random.key(bits)))
     )
     _, observations_by_side = look_around(game, players, games, _bits_of(players, ~bits))
     outside = [role for role in Role if isinstance(players[role].members, Outside)]
@@ -180,7 +176,9 @@ def _begin(
 def _bits_of(players: BySide[Pool], bits: Bits) -> UInt32[Array, "2 1"]:
     """Return random bits of each side, those given for a player inside."""
     outside = [isinstance(pool.members, Outside) for pool in players]
-    sides = [mixed(bits, jnp.uint32(1 + number)) if out else bits for number, out in enumerate(outside)]
+    sides = [
+        mixed(bits, jnp.uint32(1 + number)) if out else bits for number, out in enumerate(outside)
+    ]
     return jnp.stack(sides)[:, None]
 
 
@@ -204,11 +202,10 @@ def _step(
     if state.status is not None:
         statuses = tuple(rows[:, _STATUS].astype(jnp.int32))
         state = replace(
-            state,
-            status=BySide(statuses[: counts.pursuer], statuses[counts.pursuer :]),
+            state, status=BySide(statuses[: counts.pursuer], statuses[counts.pursuer :])
         )
     actions = BySide(
-        *jnp.split(step_inputs[1:].reshape(1, sum(counts), *shape), [counts.pursuer], axis=1),
+        *jnp.split(step_inputs[1:].reshape(1, sum(counts), *shape), [counts.pursuer], axis=1)
     )
     games = resumed(game, players, jax.tree.map(lambda leaf: leaf[None], state), leaves, actions)
     games, transitions = step_games(game, players, games, _bits_of(players, bits), pay=reward)
@@ -227,10 +224,7 @@ def _packed(
         number
         for role in Role
         for parts in zip(
-            state.robots[role],
-            statuses[role],
-            jnp.unstack(rewards[role].ravel()),
-            strict=True,
+            state.robots[role], statuses[role], jnp.unstack(rewards[role].ravel()), strict=True
         )
         for number in jax.tree.leaves(parts)
     ]

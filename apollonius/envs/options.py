@@ -26,11 +26,11 @@ from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.registry import OWN, find_observation, observation_names
 from apollonius.observe.view import View, look
 
-GivenPlayer = str | AbstractPolicy
+PlayerOption = str | AbstractPolicy
 """A player as an option: a name or a file, as of `find_player`, or a policy."""
-GivenObservation = str | AbstractObservation | Callable[[View], Any]
+ObservationOption = str | AbstractObservation | Callable[[View], Any]
 """An observation as an option: a name, an object, or a function from a view to numbers."""
-GivenReward = Reward | Callable[[GameState, Timestep], Any] | None
+RewardOption = Reward | Callable[[GameState, Timestep], Any] | None
 """Rewards as an option: those of the game, the package's with other weights, or a function of the
 state before a step and of the step, without a batch: it returns the reward of the side that acts
 from outside, or a `BySide` of both."""
@@ -108,16 +108,16 @@ def make_contest(
     observation: object,
     actions: str,
     reward: object,
-    inside: Mapping[Role, GivenPlayer],
+    inside: Mapping[Role, PlayerOption],
 ) -> Contest:
     """Make a game and its players: the package's where `inside` has one, and `Outside` on other
     sides.
 
     Args:
         game: The game.
-        observation: Observation of the side from outside (`GivenObservation`).
+        observation: Observation of the side from outside (`ObservationOption`).
         actions: `discrete` or `continuous`.
-        reward: Rewards (`GivenReward`).
+        reward: Rewards (`RewardOption`).
         inside: The package's players by side.
 
     Raises:
@@ -134,16 +134,22 @@ def make_contest(
     return Contest(charted(game, reads_chart), players, reads, own)
 
 
-def _observation(game: Game, given: object, role: Role) -> AbstractObservation:
+def _observation(game: Game, option: object, role: Role) -> AbstractObservation:
     """Return an observation; one by a function has the size of what that makes of a view of the game."""
-    if isinstance(given, str | AbstractObservation):
-        return find_observation(given)
-    bound = f"one of {', '.join(observation_names())}, an AbstractObservation, or a function of a view"
-    _require_function("observation", given, 1, bound)
-    assert callable(given)
-    numbers = jax.eval_shape(lambda: _numbers(given, look(game, game.reset(jax.random.key(0)), role)))
-    require(numbers.ndim == 1, "observation", f"an array of shape {numbers.shape}", "a row of numbers")
-    return OwnObservation(function=given, size=numbers.size)
+    if isinstance(option, str | AbstractObservation):
+        return find_observation(option)
+    bound = (
+        f"one of {', '.join(observation_names())}, an AbstractObservation, or a function of a view"
+    )
+    _require_function("observation", option, 1, bound)
+    assert callable(option)
+    numbers = jax.eval_shape(
+        lambda: _numbers(option, look(game, game.reset(jax.random.key(0)), role))
+    )
+    require(
+        numbers.ndim == 1, "observation", f"an array of shape {numbers.shape}", "a row of numbers"
+    )
+    return OwnObservation(function=option, size=numbers.size)
 
 
 def _rewarded(game: Game, option: object, role: Role | None) -> tuple[Game, OwnReward | None]:
@@ -153,10 +159,7 @@ def _rewarded(game: Game, option: object, role: Role | None) -> tuple[Game, OwnR
     if isinstance(option, Reward):
         return replace(game, reward=option), None
     _require_function(
-        "reward",
-        option,
-        2,
-        "a Reward, or a function of the state before a step and of the step",
+        "reward", option, 2, "a Reward, or a function of the state before a step and of the step"
     )
     assert callable(option)
     own = OwnReward(option, role)
@@ -180,13 +183,13 @@ def _require_function(name: str, option: object, count: int, bound: str) -> None
         require(False, name, getattr(option, "__name__", option), f"{bound}: {error}")
 
 
-def as_role(given: object) -> Role:
+def as_role(name: object) -> Role:
     """Return a side, or that of a name, which an environment's specification in JSON has; raises
     InvalidInput.
     """
     sides = {str(role).lower(): role for role in Role}
-    require(str(given).lower() in sides, "role", given, f"one of {', '.join(sides)}")
-    return sides[str(given).lower()]
+    require(str(name).lower() in sides, "role", name, f"one of {', '.join(sides)}")
+    return sides[str(name).lower()]
 
 
 def require_known(environment: type, unknown: dict[str, Any]) -> None:
@@ -215,16 +218,13 @@ def observation_space(reads: AbstractObservation) -> gymnasium.spaces.Box:
 def action_space(actions: str) -> gymnasium.spaces.Space[Any]:
     """Return the space of a robot's actions of a kind; raises InvalidInput if it is unknown."""
     require(
-        actions in ("discrete", "continuous"),
-        "actions",
-        actions,
-        "one of discrete, continuous",
+        actions in ("discrete", "continuous"), "actions", actions, "one of discrete, continuous"
     )
     continuous = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
     return continuous if actions == "continuous" else gymnasium.spaces.Discrete(NUM_ACTIONS)
 
 
-def as_actions(given: Any, kind: str, batch: tuple[int, ...] = ()) -> np.ndarray:
+def as_actions(value: Any, kind: str, batch: tuple[int, ...] = ()) -> np.ndarray:
     """Convert one action of a kind, or a batch, to its number type; raises InvalidInput outside of
     the space.
     """
@@ -234,12 +234,12 @@ def as_actions(given: Any, kind: str, batch: tuple[int, ...] = ()) -> np.ndarray
     shape = batch if discrete else (*batch, 2)
     least, most = (0, NUM_ACTIONS - 1) if discrete else (-1, 1)
     try:
-        actions = np.asarray(given)
+        actions = np.asarray(value)
     except ValueError:  # of lists of several lengths
         actions = np.asarray(None)
     # A message costs as much as a step of the game.
     if actions.dtype.kind not in ("iu" if discrete else "iuf"):
-        require(False, name, given, f"{numbers} from {least} to {most}")
+        require(False, name, value, f"{numbers} from {least} to {most}")
     if actions.shape != shape:
         require(False, f"shape of {name}", actions.shape, str(shape))
     low, high = (actions.min(), actions.max()) if shape else (actions, actions)

@@ -8,7 +8,7 @@ from gymnasium.utils.seeding import np_random
 from pettingzoo import ParallelEnv
 
 from apollonius.envs.live import RENDER_MODES, LiveGame
-from apollonius.envs.options import GivenObservation, GivenReward, random_bits, require_known
+from apollonius.envs.options import ObservationOption, RewardOption, random_bits, require_known
 from apollonius.game.game import Game
 from apollonius.game.types import RobotStatus
 from apollonius.io.errors import require
@@ -39,10 +39,10 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
     def __init__(
         self,
         game: Game | str = "paper",
-        observation: GivenObservation = "encoded",
+        observation: ObservationOption = "encoded",
         render_mode: str | None = None,
         actions: str = "discrete",
-        reward: GivenReward = None,
+        reward: RewardOption = None,
         **unknown: Any,
     ) -> None:
         require_known(BothSides, unknown)
@@ -95,7 +95,10 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
         bound = f"among {', '.join(self.possible_agents)}"
         require(not strangers, "agents", ", ".join(map(str, strangers)), bound)
         live = self._live
-        all_actions = [actions.get(agent) if agent in self.agents else live.idle for agent in self.possible_agents]
+        all_actions = [
+            actions.get(agent) if agent in self.agents else live.idle
+            for agent in self.possible_agents
+        ]
         live.step(all_actions, np.uint32(0))
         statuses = self._each(live.statuses)
         is_active = {agent: status == RobotStatus.ACTIVE for agent, status in statuses.items()}
@@ -121,7 +124,7 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
 
     def _observations(self) -> dict[str, np.ndarray]:
         return self._each(
-            [self._live.observation(robot) for robot in range(len(self.possible_agents))],
+            [self._live.observation(robot) for robot in range(len(self.possible_agents))]
         )
 
     def _infos(self) -> dict[str, dict[str, Any]]:
@@ -129,7 +132,10 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
         if self._live.game.teams is None:
             return {agent: dict(common_info) for agent in self.agents}
         statuses = self._each(self._live.statuses)
-        return {agent: common_info | {"status": RobotStatus(status).name.lower()} for agent, status in statuses.items()}
+        return {
+            agent: common_info | {"status": RobotStatus(status).name.lower()}
+            for agent, status in statuses.items()
+        }
 
 
 parallel_env = BothSides

@@ -14,9 +14,9 @@ from gymnasium.vector.utils import batch_space
 from apollonius.arenas.file import as_game
 from apollonius.envs.batch import SPARE, Batch, Compiled, UnderWay, require_unforked
 from apollonius.envs.options import (
-    GivenObservation,
-    GivenPlayer,
-    GivenReward,
+    ObservationOption,
+    PlayerOption,
+    RewardOption,
     action_space,
     as_actions,
     as_role,
@@ -71,14 +71,14 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self,
         role: Role | str,
         num_envs: int = 1,
-        opponent: GivenPlayer = "random",
+        opponent: PlayerOption = "random",
         game: Game | str = "paper",
-        observation: GivenObservation = "encoded",
+        observation: ObservationOption = "encoded",
         actions: str = "discrete",
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
         render_mode: str | None = None,
         max_episode_steps: int | None = None,
-        reward: GivenReward = None,
+        reward: RewardOption = None,
         **unknown: Any,
     ) -> None:
         require_unforked()
@@ -134,8 +134,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return np.array(now.seen), {}
 
     def step(
-        self,
-        actions: np.ndarray,
+        self, actions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Step every game by the actions `[games]`, each 0..8, or `[games, 2]`, of a team each
         robot's; raises InvalidInput for impossible ones, and ResetNeeded before the first `reset`.

@@ -174,11 +174,7 @@ class Benchmark:
         match, process = self._round(agent, opponent, seed)
         slots = match.games if process else _SLOTS
         results = play_out(
-            match.rules,
-            match.pools,
-            *begin(match),
-            slots=slots,
-            watcher=Fingerprint(),
+            match.rules, match.pools, *begin(match), slots=slots, watcher=Fingerprint()
         )
         outcomes = np.array(results.outcome)
         steps = np.array(results.steps)
@@ -251,17 +247,17 @@ class Benchmark:
             against=against,
             worst_tenth=_rounded(worst_mean(least)),
             crashes=_rounded(
-                np.mean([np.array(game_round.crashed) > 0 for game_round in all_rounds]),
+                np.mean([np.array(game_round.crashed) > 0 for game_round in all_rounds])
             ),
             forfeits=_rounded(
-                np.mean([np.array(game_round.outcomes) == FORFEIT for game_round in all_rounds]),
+                np.mean([np.array(game_round.outcomes) == FORFEIT for game_round in all_rounds])
             ),
         )
 
     def _worths(self, game_round: Round) -> Float[np.ndarray, " arenas"]:
         pursuer_wins = np.isin(game_round.outcomes, PURSUER_WINS).astype(float)
         evader_wins = np.isin(game_round.outcomes, evader_winning(time_limit_wins=True)).astype(
-            float,
+            float
         )
         wins = BySide(pursuer_wins, evader_wins)
         worth = wins[self.role] - wins[self.role.other]

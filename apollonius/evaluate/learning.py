@@ -65,7 +65,7 @@ def stage1_curve(run: Path, config: RunConfig) -> Curve:
         if line.stage == FIXED_TARGET and line.evaluation is not None:
             outcomes = line.evaluation.outcomes
             wins[round(100 * line.env_steps / length)] = outcomes["captured"] / sum(
-                outcomes.values(),
+                outcomes.values()
             )
     return Curve(f"stage 1: pursuer catches {', '.join(config.evaders)}", wins)
 

@@ -132,7 +132,7 @@ def play_matches(
     for match in matches:
         before = sum(result.games for result in results)
         results.append(
-            play(match, report=lambda games, _, before=before: report(before + games, total)),
+            play(match, report=lambda games, _, before=before: report(before + games, total))
         )
         on_match(match, results[-1])
     return results
@@ -153,10 +153,7 @@ def worst_first(results: Results) -> list[int]:
 def record_game(match: Match, index: int) -> Replay:
     """Record one game of a match, numbered from 0; raises InvalidInput for other numbers."""
     require(
-        0 <= index < match.games,
-        "index",
-        index,
-        f"at least 0 and less than games = {match.games}",
+        0 <= index < match.games, "index", index, f"at least 0 and less than games = {match.games}"
     )
     course = trace(match.rules, match.pools, *begin(match), index)
     return Replay(

@@ -85,8 +85,7 @@ DETOURS = {"below 1.5": (0.0, 1.5), "1.5 to 2.5": (1.5, 2.5), "above 2.5": (2.5,
 
 
 def count_by_detour(
-    detours: Float[np.ndarray, " games"],
-    results: Results,
+    detours: Float[np.ndarray, " games"], results: Results
 ) -> dict[str, tuple[int, int]]:
     """Count the pursuer's wins and the games of each class of starts; starts without a path are in
     no class.

@@ -63,7 +63,7 @@ def _about_reach(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
 
 
 def _about_game(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
-    """Return what the table promises the side at the game's starts, most of which are between
+    """Return the value that the table promises the side at the game's starts, most of which are between
     nodes.
     """
     player = SaddlePolicy(zero_sum_game_of(solution.problem, game), solution.table)
@@ -102,10 +102,7 @@ class Card:
 
 
 def measure_card(
-    match: Match,
-    own: SaddlePolicy,
-    other: SaddlePolicy,
-    report: Report = silent,
+    match: Match, own: SaddlePolicy, other: SaddlePolicy, report: Report = silent
 ) -> Card:
     """Measure an agent's regret: its payoff against the solved game's best opponent beside the
     value of its own table.
@@ -127,8 +124,7 @@ def measure_card(
     values = np.asarray(own.best_value(starts))
     gaps = values - payoffs
     counts = BySide(
-        pursuer_wins(results.outcome),
-        evader_wins(results.outcome, time_limit_wins=False),
+        pursuer_wins(results.outcome), evader_wins(results.outcome, time_limit_wins=False)
     )
     wins = int(np.sum(counts[zero_sum_game.role]))
     losses = int(np.sum(counts[zero_sum_game.role.other]))

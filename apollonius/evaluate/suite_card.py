@@ -56,10 +56,7 @@ class SuiteCard:
 
 
 def judge(
-    benchmark: Benchmark,
-    name: str,
-    report: Report = silent,
-    run: Run | None = None,
+    benchmark: Benchmark, name: str, report: Report = silent, run: Run | None = None
 ) -> SuiteCard:
     """Play all rounds of an agent and return its card.
 
@@ -76,11 +73,7 @@ def judge(
     side = "pursuer" if benchmark.role == Role.PURSUER else "evader"
     rounds: dict[str, tuple[Round, ...]] = dict.fromkeys(benchmark.panel, ())
     for opponent, game_round in _play(
-        benchmark,
-        agent,
-        product(benchmark.panel, range(ROUNDS)),
-        report,
-        run,
+        benchmark, agent, product(benchmark.panel, range(ROUNDS)), report, run
     ):
         rounds[opponent] += (game_round,)
     return SuiteCard(
@@ -196,10 +189,7 @@ def verify(path: Path, file: str | None, every: bool, report: Report = silent) -
     agent = benchmark.find(name)
     sha256 = digest_of(name, agent)[1]
     require(
-        sha256 == card.sha256,
-        f"'{path}': SHA-256 of the agent",
-        card.sha256,
-        f"that of '{name}'",
+        sha256 == card.sha256, f"'{path}': SHA-256 of the agent", card.sha256, f"that of '{name}'"
     )
     sample = ((opponent, secrets.randbelow(ROUNDS)) for opponent in benchmark.panel)
     pairs = product(benchmark.panel, range(ROUNDS)) if every else sample

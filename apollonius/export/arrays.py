@@ -65,8 +65,7 @@ def _neutral(operation: str, kind: str) -> str:
     if operation in ("max", "min"):
         return number(_extreme(kind, -1 if operation == "max" else 1), kind)
     return number(
-        -1 if operation == "and" and kind != "bool" else operation in ("mul", "and"),
-        kind,
+        -1 if operation == "and" and kind != "bool" else operation in ("mul", "and"), kind
     )
 
 
@@ -131,7 +130,7 @@ def _cumulative(operation: str) -> Rule:
                 position = f"({length - 1} - {step})" if params["reverse"] else step
                 element_index = _inserted(index, [axis], [position])
                 block.put(
-                    f"{total} = {apply(operation, kind, kind, total, value.read(element_index))};",
+                    f"{total} = {apply(operation, kind, kind, total, value.read(element_index))};"
                 )
                 block.put(f"{target.read(element_index)} = {total};")
         return target
@@ -153,7 +152,10 @@ def _dot(block: Block, operands: list[Value], params: Params, out: Any) -> Value
         [axis for axis in range(len(factor.shape)) if axis not in (*summed, *batch)]
         for factor, summed, batch in zip(factors, sums, batches, strict=True)
     ]
-    shapes = [tuple(factor.shape[axis] for axis in axes) for factor, axes in zip(factors, own, strict=True)]
+    shapes = [
+        tuple(factor.shape[axis] for axis in axes)
+        for factor, axes in zip(factors, own, strict=True)
+    ]
     slow, fast = (1, 0) if prod(shapes[1]) == 1 else (0, 1)
 
     def element(side: int, common: Index, free: Index) -> str:
@@ -174,7 +176,9 @@ def _dot(block: Block, operands: list[Value], params: Params, out: Any) -> Value
     return target
 
 
-_OPERATIONS = {"sum": "add", "prod": "mul"} | {name: name for name in ("max", "min", "and", "or", "xor")}
+_OPERATIONS = {"sum": "add", "prod": "mul"} | {
+    name: name for name in ("max", "min", "and", "or", "xor")
+}
 
 FOLDS: dict[str, Rule] = {
     **{f"reduce_{word}": _reduce(operation) for word, operation in _OPERATIONS.items()},
@@ -255,7 +259,9 @@ def cond(run: Run, block: Block, operands: list[Value], params: Any) -> list[Val
         params: Parameters of JAX's primitive.
     """
     branches = params["branches"]
-    results = [block.array(str(out.aval.dtype), out.aval.shape) for out in branches[0].jaxpr.outvars]
+    results = [
+        block.array(str(out.aval.dtype), out.aval.shape) for out in branches[0].jaxpr.outvars
+    ]
     for place, branch in enumerate(branches):
         words = ["else"] if place else []
         if place < len(branches) - 1:

@@ -109,7 +109,9 @@ def bag_of(texts: Mapping[str, Sequence[bytes]], about: str) -> Bag:
         "player": export["player"],
         "side": export["side"],
         "record": export["game"],
-        "decisions": [{name: decision[name] for name in names & decision.keys()} for decision in decisions],
+        "decisions": [
+            {name: decision[name] for name in names & decision.keys()} for decision in decisions
+        ],
     }
     return read_record(Bag, data, about, {Role: _side})
 
@@ -145,12 +147,7 @@ def ask_again(bag: Bag, name: str, game: Game) -> list[dict[str, Any]]:
         memory = player.memory if decision.step == 0 else memory
         active = jnp.asarray(decision.active) if player.robots > 2 else None
         answer = decide(
-            player.policy,
-            player.game,
-            states,
-            active,
-            memory,
-            jnp.uint32(decision.bits),
+            player.policy, player.game, states, active, memory, jnp.uint32(decision.bits)
         )
         memory = answer["memory"]
         controls = np.asarray(answer["controls"])

@@ -58,11 +58,7 @@ def _contiguous(shape: Shape) -> tuple[int, ...]:
 
 
 def placed(
-    kind: str,
-    shape: Shape,
-    buffer: str,
-    offset: str = "0",
-    strides: Shape | None = None,
+    kind: str, shape: Shape, buffer: str, offset: str = "0", strides: Shape | None = None
 ) -> Value:
     """Make the value of an array in C.
 
@@ -113,7 +109,10 @@ def moved(
     def read(index: Index) -> str:
         axis_maps = zip(axes, starts, steps, strict=True)
         return value.read(
-            tuple(start if axis is None else plus(start, times(index[axis], step)) for axis, start, step in axis_maps)
+            tuple(
+                start if axis is None else plus(start, times(index[axis], step))
+                for axis, start, step in axis_maps
+            )
         )
 
     if value.place is None:
@@ -130,10 +129,7 @@ def row_along(value: Value, step: str) -> Value:
     """Return one row of an array along its first axis."""
     remaining_axes = len(value.shape) - 1
     return moved(
-        value,
-        value.shape[1:],
-        [None, *range(remaining_axes)],
-        [step, *["0"] * remaining_axes],
+        value, value.shape[1:], [None, *range(remaining_axes)], [step, *["0"] * remaining_axes]
     )
 
 

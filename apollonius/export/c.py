@@ -78,7 +78,9 @@ def source(program: Program) -> str:
     """Return the source, which includes the header."""
     names = words(program.body)
     ignored = [
-        f"    (void){record.name};" for record in program.records if names.isdisjoint(map(record.text, record.leaves))
+        f"    (void){record.name};"
+        for record in program.records
+        if names.isdisjoint(map(record.text, record.leaves))
     ]
     opening_brace, *lines = program.body.splitlines()
     bodies = [*program.functions, "\n".join([_signature(program), opening_brace, *ignored, *lines])]
@@ -117,7 +119,9 @@ def _struct(program: Program, record: Record) -> str:
 
 
 def _signature(program: Program) -> str:
-    types = {record.leaves: f"{program.name}_{record.name}" for record in reversed([*_structs(program)])}
+    types = {
+        record.leaves: f"{program.name}_{record.name}" for record in reversed([*_structs(program)])
+    }
 
     def parameter(record: Record, const: str) -> str:
         if not record.lone:
@@ -167,7 +171,7 @@ def built(texts: Mapping[str, str], compiler: str, command: Sequence[str]) -> Ge
                 )
         except (OSError, subprocess.TimeoutExpired) as reason:
             raise InvalidInput(
-                f"{compiler} does not work here ({reason}): reinstall it.",
+                f"{compiler} does not work here ({reason}): reinstall it."
             ) from reason
         if result.returncode or not program.exists():
             output = log.read_text(encoding="utf-8", errors="replace")
@@ -178,7 +182,7 @@ def built(texts: Mapping[str, str], compiler: str, command: Sequence[str]) -> Ge
 
 
 def has_compiler() -> bool:
-    """Return whether a program can be compiled here."""
+    """Check whether a program can be compiled here."""
     return shutil.which("gcc") is not None
 
 
@@ -204,7 +208,7 @@ class Compiled:
         self._given = [
             self._pack(place, record, argument)
             for place, (record, argument) in enumerate(
-                zip(self._program.arguments, arguments, strict=True),
+                zip(self._program.arguments, arguments, strict=True)
             )
             if record.leaves
         ]

@@ -34,10 +34,7 @@ def elementwise(operation: str) -> Rule:
 
         def read(index: Index) -> str:
             return apply(
-                operation,
-                kind,
-                operand_kind,
-                *(along(operand, index) for operand in operands),
+                operation, kind, operand_kind, *(along(operand, index) for operand in operands)
             )
 
         return Value(kind, out.shape, read, pending=True)
@@ -46,7 +43,7 @@ def elementwise(operation: str) -> Rule:
 
 
 def is_at_most(text: str, kind: str, case: int) -> str:
-    """Return whether a choice, a truth or a number, is one of the first cases up to this one."""
+    """Check whether a choice, a truth or a number, is one of the first cases up to this one."""
     return f"(!{text})" if kind == "bool" else f"({text} <= {number(case, kind)})"
 
 
@@ -146,7 +143,10 @@ def _slice(block: Block, operands: list[Value], params: Params, out: Any) -> Val
 
 def _reverse(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
     is_reversed = [axis in params["dimensions"] for axis in range(len(out.shape))]
-    starts = [str(length - 1 if reverse else 0) for length, reverse in zip(out.shape, is_reversed, strict=True)]
+    starts = [
+        str(length - 1 if reverse else 0)
+        for length, reverse in zip(out.shape, is_reversed, strict=True)
+    ]
     steps = [-1 if reverse else 1 for reverse in is_reversed]
     return moved(operands[0], out.shape, range(len(is_reversed)), starts, steps)
 

@@ -35,13 +35,13 @@ def _within(block: Block, text: str, kind: str, most: int) -> str:
 
 
 def _starts(
-    block: Block,
-    starts: Sequence[Value],
-    shape: Sequence[int],
-    sizes: Sequence[int],
+    block: Block, starts: Sequence[Value], shape: Sequence[int], sizes: Sequence[int]
 ) -> list[str]:
     sizes_by_axis = zip(starts, shape, sizes, strict=True)
-    return [_within(block, start.first, start.kind, length - size) for start, length, size in sizes_by_axis]
+    return [
+        _within(block, start.first, start.kind, length - size)
+        for start, length, size in sizes_by_axis
+    ]
 
 
 def _dynamic_slice(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
@@ -53,8 +53,7 @@ def _dynamic_update_slice(block: Block, operands: list[Value], params: Params, o
     value, update, *starts = operands
     target = block.filled(value)
     block.copy(
-        update,
-        part(target, update.shape, _starts(block, starts, value.shape, update.shape)),
+        update, part(target, update.shape, _starts(block, starts, value.shape, update.shape))
     )
     return target
 
@@ -131,7 +130,9 @@ def _scatter(operation: str | None) -> Rule:
             element_index, is_inside = _indexed(block, indices, index, axes, lengths)
             place = target.read(element_index)
             update = updates.read(index)
-            result = apply(operation, value.kind, value.kind, place, update) if operation else update
+            result = (
+                apply(operation, value.kind, value.kind, place, update) if operation else update
+            )
             with block.braces(f"if ({is_inside})") if drops else nullcontext():
                 block.put(f"{place} = {result};")
         return target

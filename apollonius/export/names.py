@@ -40,12 +40,12 @@ u?int(\\w*\\d|max|ptr)_t
 """
 """Patterns of the program's own names, and of more types and macros."""
 _TAKEN = re.compile(
-    "|".join([*_WORDS.split(), *_FAMILIES.split(), *filter(str.isupper, vars(errno)), *FUNCTIONS]),
+    "|".join([*_WORDS.split(), *_FAMILIES.split(), *filter(str.isupper, vars(errno)), *FUNCTIONS])
 )
 
 
 def is_taken(word: str) -> bool:
-    """Return whether C, C++ or a program itself has a name, so that no argument can have it."""
+    """Check whether C, C++ or a program itself has a name, so that no argument can have it."""
     return bool(_TAKEN.fullmatch(word))
 
 

@@ -44,7 +44,9 @@ def model_of(player: Player) -> bytes:
     closed_jaxpr = jax.make_jaxpr(decide)(*leaves)
     jaxpr, is_read = dce_jaxpr(closed_jaxpr.jaxpr, [True] * len(closed_jaxpr.jaxpr.outvars))
     read_leaves = itertools.compress(leaves, is_read)
-    inputs = [jax.ShapeDtypeStruct(np.shape(leaf), jax.numpy.asarray(leaf).dtype) for leaf in read_leaves]
+    inputs = [
+        jax.ShapeDtypeStruct(np.shape(leaf), jax.numpy.asarray(leaf).dtype) for leaf in read_leaves
+    ]
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -62,9 +64,11 @@ def model_of(player: Player) -> bytes:
             )
         return model.SerializeToString()
     except Exception as reason:  # jax2onnx says in many ways what it cannot take
-        first = str(reason).strip().splitlines()[0] if str(reason).strip() else type(reason).__name__
+        first = (
+            str(reason).strip().splitlines()[0] if str(reason).strip() else type(reason).__name__
+        )
         raise InvalidInput(
-            f"'{player.name}' cannot become ONNX, jax2onnx says: {first}; C takes it.",
+            f"'{player.name}' cannot become ONNX, jax2onnx says: {first}; C takes it."
         ) from reason
 
 
@@ -78,10 +82,7 @@ def load(model: bytes) -> tuple[Decide, Callable[[], object]]:
     inputs = dict[str, Any]()
 
     def decide(
-        state: np.ndarray,
-        active: Any,
-        memory: Any,
-        bits: np.uint32,
+        state: np.ndarray, active: Any, memory: Any, bits: np.uint32
     ) -> tuple[np.ndarray, np.ndarray]:
         arguments = state, active, memory, bits
         arrays_by_name = dict(zip(_names(*arguments), jax.tree.leaves(arguments), strict=True))

@@ -102,11 +102,7 @@ def cases_of(player: Player, count: int, seed: int = 0) -> Cases:
 
 @functools.partial(jax.jit, static_argnames="role")
 def as_given(
-    game: Game,
-    tracks: Track,
-    states: GameState,
-    role: Role,
-    bits: UInt32[Array, " cases"],
+    game: Game, tracks: Track, states: GameState, role: Role, bits: UInt32[Array, " cases"]
 ) -> GameState:
     """Return the states as inputs of a robot with sensors: opponents out of its sight are far away.
 
@@ -125,7 +121,8 @@ def as_given(
         _, past = delayed(sensors, track.late, percept)
         far = jax.tree.map(lambda number: jnp.full_like(number, 2 * LARGEST), state.robots[role][0])
         opponents = tuple(
-            choose(is_seen, opponent, far) for opponent, is_seen in zip(past.opponents, past.seen, strict=True)
+            choose(is_seen, opponent, far)
+            for opponent, is_seen in zip(past.opponents, past.seen, strict=True)
         )
         return replace(state, robots=BySide.of(role, percept.own, opponents))
 
@@ -162,7 +159,9 @@ def reference(player: Player, cases: Cases) -> tuple[np.ndarray, Float32[np.ndar
         index = np.minimum(np.arange(first, first + _CHUNK), len(cases.states) - 1)
         decisions = decide(player.policy, player.game, *cases.at(index))
         batches.append(jax.device_get((decisions["action"], decisions["controls"])))
-    actions, controls = (np.concatenate(parts)[: len(cases.states)] for parts in zip(*batches, strict=True))
+    actions, controls = (
+        np.concatenate(parts)[: len(cases.states)] for parts in zip(*batches, strict=True)
+    )
     return actions, controls
 
 
@@ -210,12 +209,7 @@ def _is_as_good(player: Player, cases: Cases, place: int, action: int, own: int)
     sides = player.game.bodies.map(len)
     in_play = None if active is None else jnp.asarray(active)
     known_game_state, _, _, memory = known_state(
-        player.game,
-        player.role,
-        sides,
-        jnp.asarray(state),
-        in_play,
-        memory,
+        player.game, player.role, sides, jnp.asarray(state), in_play, memory
     )
     view = look(player.game, known_game_state, player.role)
     if isinstance(policy, Shielded):
@@ -273,7 +267,10 @@ def require_same(program: Program, function: Callable[..., Any], arguments: Sequ
         """Return the numbers with random offsets of real ones, in shares of their size, at least of
         `least`.
         """
-        sizes = [breadth * np.maximum(abs(array), least) * (array.dtype == np.float32) for array in numbers]
+        sizes = [
+            breadth * np.maximum(abs(array), least) * (array.dtype == np.float32)
+            for array in numbers
+        ]
 
         def offset(array: np.ndarray, size: Any) -> np.ndarray:
             sample = array + size * rng.uniform(-1, 1, array.shape)

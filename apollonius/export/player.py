@@ -115,12 +115,7 @@ def _decide(role: Role, sides: BySide[int]) -> Callable[..., dict[str, Any]]:
     ) -> dict[str, Any]:
         policy = transposed(player)
         known_game_state, track, drive_state, own_memory = known_state(
-            game,
-            role,
-            sides,
-            state,
-            active,
-            memory,
+            game, role, sides, state, active, memory
         )
         observation = policy.observation(look(game, known_game_state, role))
         action, own_memory = policy(observation, own_memory, bits)
@@ -178,10 +173,7 @@ def known_state(
     current = state_of(jnp.where(is_seen[:, None], state, 0.0), active, role, sides)
     own = current.robots[role]
     percept = Percept(
-        own,
-        current.robots[role.other],
-        tuple(is_seen[len(own) :]),
-        jnp.ones((), bool),
+        own, current.robots[role.other], tuple(is_seen[len(own) :]), jnp.ones((), bool)
     )
     pending, past = delayed(sensors, track.late, percept)  # sightings are late already
     track = replace(track, own=own, late=pending)
@@ -195,8 +187,18 @@ def side_of(name: str, given: str | None = None) -> Role:
     bare = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
     sides = _sides_of_rule(bare) or (Role[find_trained(bare)[0].header.role.upper()],)
     named = [side.name.lower() for side in sides]
-    require(given is None or given in named, "side", given, f"{' or '.join(named)}, which '{name}' plays")
-    require(given or len(sides) == 1, "side", "missing", f"{' or '.join(named)}, as '{name}' plays either")
+    require(
+        given is None or given in named,
+        "side",
+        given,
+        f"{' or '.join(named)}, which '{name}' plays",
+    )
+    require(
+        given or len(sides) == 1,
+        "side",
+        "missing",
+        f"{' or '.join(named)}, as '{name}' plays either",
+    )
     return Role[given.upper()] if given else sides[0]
 
 
@@ -204,7 +206,11 @@ def _sides_of_rule(name: str) -> tuple[Role, ...]:
     """Return the sides that a player which was not trained can play, either for one of another package; else none."""
     if name in PLAYERS:
         return PLAYERS[name][1]
-    return tuple(Role) if ":" in name and name in extensions.extension_names(extensions.PLAYERS) else ()
+    return (
+        tuple(Role)
+        if ":" in name and name in extensions.extension_names(extensions.PLAYERS)
+        else ()
+    )
 
 
 def home_of(name: str) -> Game:
@@ -233,12 +239,17 @@ def find_exportable(name: str | AbstractPolicy, role: Role, game: Game) -> Playe
     game.require_one_arena("an exported policy")
     found = find_player(name, role, game)
     policy = found.policy
-    finite = all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(eqx.filter(policy, eqx.is_inexact_array)))
+    finite = all(
+        np.isfinite(leaf).all()
+        for leaf in jax.tree.leaves(eqx.filter(policy, eqx.is_inexact_array))
+    )
     require(finite, "weights", "NaN or infinite", "finite; train the agent again")
     body = game.bodies[role][0]
     stops = body.v_min == 0 and body.u1_max > 0
     limits = float(body.v_min), float(body.u1_max)
-    bound = "0 m/s and more than 0 m/s^2, so that braking, the answer to a broken state, ends at rest"
+    bound = (
+        "0 m/s and more than 0 m/s^2, so that braking, the answer to a broken state, ends at rest"
+    )
     require(stops, "v_min, u1_max", limits, bound)
     side = role.name.lower()
     own_sensors = game.sensors and game.sensors[role]
@@ -248,8 +259,12 @@ def find_exportable(name: str | AbstractPolicy, role: Role, game: Game) -> Playe
     rules = charted(game) if policy.charted else game
     known = replace(rules, sensors=sensors, drives=drives)
     if known.arena.chart is not None and sensors is None:
-        known = replace(known, arena=replace(known.arena, chart=replace(known.arena.chart, links=None)))
-    return Player(name if isinstance(name, str) else found.name, role, known, policy, transposed(policy))
+        known = replace(
+            known, arena=replace(known.arena, chart=replace(known.arena.chart, links=None))
+        )
+    return Player(
+        name if isinstance(name, str) else found.name, role, known, policy, transposed(policy)
+    )
 
 
 def state_of(

@@ -43,7 +43,7 @@ class Record:
 
     @property
     def lone(self) -> bool:
-        """Return whether it is an array and no pytree."""
+        """Check whether it is an array and no pytree."""
         return len(self.leaves) == 1 and not self.leaves[0].name
 
     @property
@@ -51,17 +51,16 @@ class Record:
         """Return the block's type, with a field for each leaf by its place."""
         formats = [(leaf.kind, leaf.shape) for leaf in self.leaves]
         return np.dtype(
-            {"names": [str(leaf.place) for leaf in self.leaves], "formats": formats},
-            align=True,
+            {"names": [str(leaf.place) for leaf in self.leaves], "formats": formats}, align=True
         )
 
     @property
     def offsets(self) -> tuple[int, ...]:
-        """Return where each leaf begins [bytes]."""
+        """List the offsets at which the leaves begin [bytes]."""
         return tuple(int(offset) for _, offset, *_ in (self.layout.fields or {}).values())
 
     def text(self, leaf: Leaf) -> str:
-        """Return how a leaf is written in C."""
+        """Return the C expression of a leaf."""
         return self.name if self.lone else f"{self.name}->{leaf.name}"
 
     def only(self, texts: Collection[str]) -> "Record":
@@ -95,10 +94,7 @@ def record_of(name: str, tree: Any) -> Record:
         unique = next(word for word in itertools.chain([words], alternatives) if word not in leaves)
         kind, shape = str(_kind(leaf)), tuple(np.shape(leaf))
         require(
-            kind in TYPES,
-            f"the kind of {name}",
-            kind,
-            f"one of {', '.join(TYPES)}: convert it",
+            kind in TYPES, f"the kind of {name}", kind, f"one of {', '.join(TYPES)}: convert it"
         )
         require(
             0 not in shape,

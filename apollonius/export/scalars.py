@@ -74,7 +74,10 @@ _COMPARED = {
 }
 _FLOATS = {
     **_COMPARED,
-    **{name: f"({{0}} {sign} {{1}})" for name, sign in {"add": "+", "sub": "-", "mul": "*", "div": "/"}.items()},
+    **{
+        name: f"({{0}} {sign} {{1}})"
+        for name, sign in {"add": "+", "sub": "-", "mul": "*", "div": "/"}.items()
+    },
     **{name: f"{function}({{0}})" for name, function in _LIBRARY.items()},
     **{name: f"{_LIBRARY[name]}({{0}}, {{1}})" for name in ("pow", "atan2", "rem")},
     "neg": "(-{0})",
@@ -147,9 +150,7 @@ def apply(operation: str, kind: str, operand_kind: str, *operands: str) -> str:
     bits = np.iinfo(operand_kind).bits
     types = {"kind": TYPES[kind], "signed": f"int{bits}_t", "unsigned": f"uint{bits}_t"}
     return templates[operation].format(
-        *operands,
-        **types,
-        u="u" if operand_kind.startswith("u") else "",
+        *operands, **types, u="u" if operand_kind.startswith("u") else ""
     )
 
 

@@ -52,10 +52,7 @@ _LIBRARIES = f"{Path(jax.__file__).parents[1]}/"
 
 
 def translated(
-    function: Callable[..., Any],
-    *arguments: Any,
-    name: str = "program",
-    whole: bool = False,
+    function: Callable[..., Any], *arguments: Any, name: str = "program", whole: bool = False
 ) -> Program:
     """Translate a JAX function to a program.
 
@@ -92,10 +89,14 @@ def translated(
     returned_names = {record.name.removeprefix("next_") for record in results}
     body_words = words(body)
     arguments_read = [
-        record if whole or record.name in returned_names else record.only(body_words) for record in records
+        record if whole or record.name in returned_names else record.only(body_words)
+        for record in records
     ]
     functions_by_text = translator.functions.items()
-    functions = tuple(f"static void {title}({signature})\n{text}" for (signature, text), title in functions_by_text)
+    functions = tuple(
+        f"static void {title}({signature})\n{text}"
+        for (signature, text), title in functions_by_text
+    )
     used_words = words("".join([body, *functions]))
     named_arrays = translator.constants.values()
     constants = tuple((title, array) for title, array in named_arrays if title in used_words)
@@ -109,7 +110,9 @@ def _named(function: Callable[..., Any], count: int) -> list[str]:
     parameters = inspect.signature(function).parameters.values()
     positional = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD
     names = [parameter.name for parameter in parameters if parameter.kind in positional]
-    bound = f"at most {len(names)}, those that the function has a name for, since they have one in C"
+    bound = (
+        f"at most {len(names)}, those that the function has a name for, since they have one in C"
+    )
     require(count <= len(names), "the number of arguments", count, bound)
     return names[:count]
 
@@ -125,7 +128,9 @@ def _require_names(name: str, arguments: Sequence[Record], results: Sequence[Rec
             about = f"the name of {kind}"
             bound = "the name of no other: choose another"
             require(uses[record.name] == 1, about, record.name, bound)
-            bound = f"one that does not begin with {name}_, as the names of structs do: choose another"
+            bound = (
+                f"one that does not begin with {name}_, as the names of structs do: choose another"
+            )
             require(not record.name.startswith(f"{name}_"), about, record.name, bound)
             require_name("the name of a struct", f"{name}_{record.name}", is_public=True)
 
@@ -140,11 +145,7 @@ class _Translator:
         self.constants: dict[tuple[Any, ...], tuple[str, np.ndarray]] = {}
 
     def run(
-        self,
-        block: Block,
-        jaxpr: Jaxpr,
-        consts: Sequence[Any],
-        arguments: Sequence[Value],
+        self, block: Block, jaxpr: Jaxpr, consts: Sequence[Any], arguments: Sequence[Value]
     ) -> list[Value]:
         """Write a function's equations to a block; return their results.
 
@@ -156,23 +157,27 @@ class _Translator:
         """
         jaxpr, _ = dce_jaxpr(jaxpr, [True] * len(jaxpr.outvars), instantiate=True)
         values: dict[Var, Value] = dict(zip(jaxpr.invars, arguments, strict=True))
-        values |= {var: self.constant(const) for var, const in zip(jaxpr.constvars, consts, strict=True)}
+        values |= {
+            var: self.constant(const) for var, const in zip(jaxpr.constvars, consts, strict=True)
+        }
 
         def value_of(variable: Var | Literal) -> Value:
-            return self.constant(variable.val) if isinstance(variable, Literal) else values[variable]
+            return (
+                self.constant(variable.val) if isinstance(variable, Literal) else values[variable]
+            )
 
         unstored = _waiting(jaxpr)
         for equation in jaxpr.eqns:
             try:
                 results = self.equation(
-                    block,
-                    equation,
-                    [value_of(variable) for variable in equation.invars],
+                    block, equation, [value_of(variable) for variable in equation.invars]
                 )
                 for var, value in zip(equation.outvars, results, strict=True):
                     values[var] = value if var in unstored else block.stored(value)
             except NotImplementedError as reason:
-                message = f"'{equation.primitive.name}' cannot be translated: {reason} ({self.line})."
+                message = (
+                    f"'{equation.primitive.name}' cannot be translated: {reason} ({self.line})."
+                )
                 raise InvalidInput(message) from reason
         return [value_of(variable) for variable in jaxpr.outvars]
 
@@ -216,11 +221,7 @@ class _Translator:
         raise InvalidInput(f"the primitive '{primitive}' cannot be translated ({self.line}).")
 
     def call(
-        self,
-        block: Block,
-        function: ClosedJaxpr | Jaxpr,
-        operands: Sequence[Value],
-        name: str,
+        self, block: Block, function: ClosedJaxpr | Jaxpr, operands: Sequence[Value], name: str
     ) -> list[Value]:
         """Write a call, or the equations of a short function in its place; return the results.
 
@@ -263,10 +264,7 @@ class _Translator:
         return results
 
     def _function(
-        self,
-        text: str,
-        parameters: dict[str, tuple[str, str]],
-        name: str,
+        self, text: str, parameters: dict[str, tuple[str, str]], name: str
     ) -> tuple[str, list[str]]:
         """Return the name in C of a function of this text, and the arguments of its call.
 
@@ -292,7 +290,9 @@ def _waiting(jaxpr: Jaxpr) -> set[Var]:
     """Find the arrays that need not be stored, because one equation reads each of their elements
     once.
     """
-    uses = Counter(var for equation in jaxpr.eqns for var in equation.invars if isinstance(var, Var))
+    uses = Counter(
+        var for equation in jaxpr.eqns for var in equation.invars if isinstance(var, Var)
+    )
     uses.update(var for var in jaxpr.outvars if isinstance(var, Var))
     unstored = set()
     for equation in jaxpr.eqns:

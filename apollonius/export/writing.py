@@ -31,9 +31,7 @@ Written = tuple[list[Path], list[str]]
 
 
 def translate(
-    function: Callable[..., Any],
-    *arguments: Any,
-    name: str = "program",
+    function: Callable[..., Any], *arguments: Any, name: str = "program"
 ) -> dict[str, str]:
     """Return a JAX function as a program in C99 that needs no JAX: the texts of a source and its
     header, by name.
@@ -102,18 +100,15 @@ def write_onnx(player: Player, out: Path) -> Written:
 
 
 def _check(program: Program, player: Player, fixed: tuple[Any, ...], states: int) -> list[str]:
-    """Return what `check` says of the program, whose first arguments are `fixed`, and how quick it
-    is.
+    """Check the program, whose first arguments are `fixed`, and time it; return lines that tell the
+    results.
     """
     if not has_compiler():
         return ["not checked: there is no gcc here; install it, and export again"]
     compiled_program = Compiled(program)
 
     def decide(
-        state: np.ndarray,
-        active: Any,
-        memory: Any,
-        bits: np.uint32,
+        state: np.ndarray, active: Any, memory: Any, bits: np.uint32
     ) -> tuple[np.ndarray, np.ndarray]:
         action, controls = compiled_program(*fixed, state, active, memory, bits)[:2]
         return action, controls
@@ -126,8 +121,8 @@ def _check(program: Program, player: Player, fixed: tuple[Any, ...], states: int
 
 
 def check(decide: Decide, player: Player, states: int) -> list[str]:
-    """Return what comparing a player with the package's came to; raises InvalidInput where it
-    decides otherwise.
+    """Compare a player with the package's; return a line that tells the result. Raises
+    InvalidInput for other decisions.
     """
     parity = compare(decide, player, cases_of(player, states))
     if parity.errors:
@@ -136,13 +131,12 @@ def check(decide: Decide, player: Player, states: int) -> list[str]:
         )
     ties = f", {parity.ties} of them within rounding of another" if parity.ties else ""
     return [
-        f"checked in {states:,} states of games: the package's decisions{ties}; controls within {parity.away:.0e}",
+        f"checked in {states:,} states of games: the package's decisions{ties}; controls within {parity.away:.0e}"
     ]
 
 
 def _facts(program: Program, player: Player, files: Mapping[Path, bytes]) -> dict[str, Any]:
-    """Return what a program has to know to call the function, and to keep a robot within the limits
-    of its game.
+    """Describe the function for its callers: its arguments, its results and the robot's limits.
 
     An argument that is a file's content has the file's SHA-256; one that is a number has its type.
     """
@@ -172,7 +166,12 @@ def _facts(program: Program, player: Player, files: Mapping[Path, bytes]) -> dic
         "dt": float(game.dt),
         "max_steps": int(game.max_steps),
         "v_max": float(body.v_max),
-        "fastest": max(abs(float(v)) for side in game.bodies for robot in side for v in (robot.v_min, robot.v_max)),
+        "fastest": max(
+            abs(float(v))
+            for side in game.bodies
+            for robot in side
+            for v in (robot.v_min, robot.v_max)
+        ),
         "u1_max": float(body.u1_max),
         "u2_max": float(body.u2_max),
         "arguments": [fact(record) for record in program.arguments if record.leaves],
@@ -190,7 +189,9 @@ def _about(program: Program, player: Player) -> list[str]:
     opponents_text = "its opponent's"
     if player.robots > 2:
         opponents_text = f"its {len(mates)} mates', then its {len(opponents)} opponents'"
-    files = " and ".join(f"{program.name}.{name}" for name in ("player", "game", "memory") if name in names)
+    files = " and ".join(
+        f"{program.name}.{name}" for name in ("player", "game", "memory") if name in names
+    )
     levels = "shares of the largest controls, in [-1, 1]"
     nine = "3 * (level of u1) + (level of u2), a level being 0, 1, 2 for -max, 0, +max"
     field_notes = {
@@ -202,14 +203,17 @@ def _about(program: Program, player: Player) -> list[str]:
         "action": levels if player.policy.continuous else nine,
         "controls": f"acceleration u1 [m/s^2] and turn rate u2 [rad/s], to be held for {game.dt:g} s",
     }
-    limits = (
-        f"v from {body.v_min:g} to {body.v_max:g} m/s, |u1| to {body.u1_max:g} m/s^2, |u2| to {body.u2_max:g} rad/s"
-    )
+    speeds = f"v from {body.v_min:g} to {body.v_max:g} m/s"
+    limits = f"{speeds}, |u1| to {body.u1_max:g} m/s^2, |u2| to {body.u2_max:g} rad/s"
     return [
         f"The {role.name.lower()} {player.name} of a pursuit-evasion game, {game.size}.",
         f"Its robot: {limits}, radius {body.radius:g} m.",
         "",
-        *(f"{name}: {words}." for name, words in field_notes.items() if name == files != "" or name in names),
+        *(
+            f"{name}: {words}."
+            for name, words in field_notes.items()
+            if name == files != "" or name in names
+        ),
         "",
         f"A state with a NaN, an infinity or a number beyond {LARGEST:,.0f} gets full braking, straight ahead"
         + (", but for an opponent's: that is not seen now." if game.sensors else "."),

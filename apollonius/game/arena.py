@@ -37,7 +37,7 @@ class Disc(AbstractObstacle):
         return jnp.sqrt(self._approach(before, after)) - self.radius
 
     def is_hit(self, before: RobotState, after: RobotState, radius: Real) -> Flag:
-        """Return whether a body of this radius [m] touches it anywhere along the segment between
+        """Check whether a body of this radius [m] touches it anywhere along the segment between
         two states.
         """
         return self._approach(before, after) < (self.radius + radius) ** 2
@@ -79,7 +79,9 @@ class Arena(Walls):
     @property
     def named_obstacles(self) -> dict[str, AbstractObstacle]:
         """All obstacles by their names in a game's file: discs, polygons, the map, and those of other kinds."""
-        obstacles: dict[str, AbstractObstacle] = {f"arena.discs[{index}]": one for index, one in enumerate(self.discs)}
+        obstacles: dict[str, AbstractObstacle] = {
+            f"arena.discs[{index}]": one for index, one in enumerate(self.discs)
+        }
         obstacles |= {f"arena.polygons[{index}]": one for index, one in enumerate(self.polygons)}
         if self.map is not None:
             obstacles["arena.map"] = self.map
@@ -105,16 +107,10 @@ class Arena(Walls):
     def check(self) -> None:
         """Refuse walls, obstacles and a territory that cannot be."""
         require(
-            self.x_min < self.x_max,
-            "arena.x_min",
-            self.x_min,
-            f"less than x_max = {self.x_max} m",
+            self.x_min < self.x_max, "arena.x_min", self.x_min, f"less than x_max = {self.x_max} m"
         )
         require(
-            self.y_min < self.y_max,
-            "arena.y_min",
-            self.y_min,
-            f"less than y_max = {self.y_max} m",
+            self.y_min < self.y_max, "arena.y_min", self.y_min, f"less than y_max = {self.y_max} m"
         )
         corners = sum(len(polygon.vertices) for polygon in self.polygons)
         for name, count, unit, most in (
@@ -154,31 +150,30 @@ class Arena(Walls):
 
     def _to_walls(self, x: Scalar, y: Scalar) -> Scalar:
         return jnp.minimum(
-            jnp.minimum(x - self.x_min, self.x_max - x),
-            jnp.minimum(y - self.y_min, self.y_max - y),
+            jnp.minimum(x - self.x_min, self.x_max - x), jnp.minimum(y - self.y_min, self.y_max - y)
         )
 
     def hits_obstacle(self, before: RobotState, after: RobotState, radius: Real) -> Flag:
-        """Return whether a body of this radius [m] touches an obstacle anywhere along a straight
+        """Check whether a body of this radius [m] touches an obstacle anywhere along a straight
         step.
         """
         hits = [obstacle.is_hit(before, after, radius) for obstacle in self._merged]
         return functools.reduce(jnp.logical_or, hits, jnp.zeros((), bool))
 
     def hides(self, here: RobotState, there: RobotState) -> Flag:
-        """Return whether an obstacle is in the line of sight between two robots' centres."""
+        """Check whether an obstacle is in the line of sight between two robots' centres."""
         blocked = [obstacle.hides(here, there) for obstacle in self._merged]
         return functools.reduce(jnp.logical_or, blocked, jnp.zeros((), bool))
 
     def reaches_territory(self, before: RobotState, after: RobotState) -> Flag:
-        """Return whether a robot's centre enters the territory anywhere along the segment between
+        """Check whether a robot's centre enters the territory anywhere along the segment between
         two states.
         """
         assert self.territory is not None, "callers look first"
         return self.territory.is_hit(before, after, 0.0)
 
     def is_out_of_range(self, after: RobotState, radius: Real) -> Flag:
-        """Return whether a body of this radius [m] reaches beyond a wall (Eq. 2).
+        """Check whether a body of this radius [m] reaches beyond a wall (Eq. 2).
 
         The walls bound a convex region, so a segment that starts inside leaves it only if its end
         does.
@@ -202,7 +197,12 @@ def register_obstacle(table: str, kind: type[AbstractObstacle]) -> None:
     Raises InvalidInput if an arena has a field of this name, or another kind has it.
     """
     is_free = table not in Arena.__dataclass_fields__ and _KINDS.get(table, kind) is kind
-    require(table.isidentifier() and is_free, "table", table, "a word that names no other part of an arena")
+    require(
+        table.isidentifier() and is_free,
+        "table",
+        table,
+        "a word that names no other part of an arena",
+    )
     _KINDS[table] = kind
 
 

@@ -114,7 +114,7 @@ class Chart(eqx.Module):
         first = low * COARSE + left
         around = jnp.stack([first, first + 1, first + COARSE, first + COARSE + 1])
         weights = jnp.stack(
-            [(1 - right) * (1 - up), right * (1 - up), (1 - right) * up, right * up],
+            [(1 - right) * (1 - up), right * (1 - up), (1 - right) * up, right * up]
         )
         entry = self.visible[member, row, column].astype(jnp.int32)
         visible = (entry >> (COARSE_BITS + jnp.arange(4, dtype=jnp.int32))) & 1
@@ -132,12 +132,7 @@ class Chart(eqx.Module):
         side = self.side[self.member]
         shares = (x - self.x[self.member]) / side, (y - self.y[self.member]) / side
         column, row = (
-            jnp.clip(
-                jnp.floor(share * SIDE),
-                0.0,
-                SIDE - 1.0,
-            ).astype(jnp.int32)
-            for share in shares
+            jnp.clip(jnp.floor(share * SIDE), 0.0, SIDE - 1.0).astype(jnp.int32) for share in shares
         )
         return self.visible[self.member, row, column].astype(jnp.int32) & (2**COARSE_BITS - 1)
 
@@ -155,7 +150,7 @@ class Chart(eqx.Module):
         return jnp.sum(start_weights[:, None] * lengths * end_weights[None, :]) / 100
 
     def is_seen(self, x: Scalar, y: Scalar, dx: Scalar, dy: Scalar, distance: Scalar) -> Flag:
-        """Return whether a straight line between two points meets no obstacle.
+        """Check whether a straight line between two points meets no obstacle.
 
         Args:
             x, y: the first point [m].
@@ -220,8 +215,7 @@ def entries(
     cells = jnp.where(functools.reduce(jnp.maximum, corners) > 0, coarse, -1)  # -1: not free
 
     def one_row(
-        links: Bool[Array, "steps coarse"],
-        rows: tuple[Array, Array],
+        links: Bool[Array, "steps coarse"], rows: tuple[Array, Array]
     ) -> tuple[Array, None]:
         row, next_row = rows
         starts = jnp.concatenate([row[:-1], row, row[:-1], row[1:]])

@@ -45,10 +45,7 @@ class Drive(eqx.Module):
         bound = f"a whole number of steps from 0 to {MOST_LAG}, or left out"
         lag, time = self.lag, self.turn_time
         require(
-            lag is None or (0 <= lag <= MOST_LAG and lag == int(lag)),
-            f"{name}.lag",
-            lag,
-            bound,
+            lag is None or (0 <= lag <= MOST_LAG and lag == int(lag)), f"{name}.lag", lag, bound
         )
         require(time is None or time >= 0, f"{name}.turn_time", time, "0 s or more, or left out")
 
@@ -58,11 +55,7 @@ class Drive(eqx.Module):
         return DriveState(pending, None if self.turn_time is None else jnp.zeros(()))
 
     def respond(
-        self,
-        state: DriveState,
-        body: Unicycle,
-        action: Action,
-        dt: Real,
+        self, state: DriveState, body: Unicycle, action: Action, dt: Real
     ) -> tuple[Controls, DriveState]:
         """Return the controls that the robot holds in this step, and its drive after it.
 
@@ -103,8 +96,7 @@ def foreseen(
     lag = jnp.asarray(drive.lag).astype(jnp.int32)
 
     def one_step(
-        now: tuple[RobotState, Scalar | None],
-        step: Array,
+        now: tuple[RobotState, Scalar | None], step: Array
     ) -> tuple[tuple[RobotState, Scalar | None], None]:
         (robot, rate), (u1, u2) = now, pending[jnp.maximum(lag - 1 - step, 0)]
         mean, after = turning(body, drive.turn_time, rate, u2, dt)

@@ -81,7 +81,7 @@ def as_action(action: Any) -> Action:
 
 
 def is_continuous(action: Shaped[Array, "..."] | jax.ShapeDtypeStruct) -> bool:
-    """Return whether actions, or their shape and type, are pairs of shares; known before anything
+    """Check whether actions, or their shape and type, are pairs of shares; known before anything
     runs.
     """
     return jnp.issubdtype(action.dtype, jnp.floating)
@@ -112,7 +112,7 @@ class Unicycle(eqx.Module):
 
     @property
     def brakes_to_rest(self) -> bool:
-        """Return whether full braking ends at rest rather than in driving on or backwards."""
+        """Check whether full braking ends at rest rather than in driving on or backwards."""
         return bool(self.v_min == 0 and self.u1_max > 0)
 
     def check(self, name: str, dt: Real) -> None:
@@ -152,9 +152,7 @@ class Unicycle(eqx.Module):
         dv = u1 * dt
         v = jnp.clip(robot.v + dv, self.v_min, self.v_max)
         loss_at_limit = jnp.where(
-            dv == 0,
-            0.0,
-            (v - robot.v) ** 2 / (2 * jnp.where(dv == 0, 1.0, dv)),
+            dv == 0, 0.0, (v - robot.v) ** 2 / (2 * jnp.where(dv == 0, 1.0, dv))
         )
         mean_v = v - loss_at_limit
         half_turn = u2 * dt / 2

@@ -93,10 +93,7 @@ class Game(eqx.Module):
         require(np.float32(self.dt) > 0, "dt", self.dt, "more than 0 s; the paper game uses 0.1")
         bound = "more than 0 m; the paper uses 0.3"
         require(
-            np.float32(self.capture_distance) > 0,
-            "capture_distance",
-            self.capture_distance,
-            bound,
+            np.float32(self.capture_distance) > 0, "capture_distance", self.capture_distance, bound
         )
         steps = self.max_steps
         bound = f"a whole number, at least 1, at most {MAX_STEPS}; the paper game uses 1000"
@@ -171,10 +168,7 @@ class Game(eqx.Module):
     def require_two(self, who: str) -> None:
         """Refuse a game of teams, for `who` knows two robots only; raises InvalidInput."""
         require(
-            self.teams is None,
-            "robots",
-            self.size,
-            f"1 v 1: {who} knows games of two robots only",
+            self.teams is None, "robots", self.size, f"1 v 1: {who} knows games of two robots only"
         )
 
     def duel(self, who: str) -> "Game":
@@ -193,10 +187,7 @@ class Game(eqx.Module):
         return replace(self, teams=None)
 
     def step(
-        self,
-        state: GameState,
-        pursuer_action: SideAction,
-        evader_action: SideAction,
+        self, state: GameState, pursuer_action: SideAction, evader_action: SideAction
     ) -> Timestep:
         """Let all robots hold their actions for `dt` and judge the step.
 

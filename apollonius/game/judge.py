@@ -73,9 +73,7 @@ class _Events(eqx.Module):
 
 @fusion_barrier
 def judge(
-    game: Judged,
-    before: GameState,
-    after: GameState,
+    game: Judged, before: GameState, after: GameState
 ) -> tuple[Int[Array, ""], Statuses | None]:
     """Return the outcome of a step and the status of each robot; None in a game of two.
 
@@ -120,8 +118,7 @@ def statuses_along(game: Judged, states: GameState) -> Statuses | None:
     """Return the statuses of all robots along consecutive states, whatever moved the robots."""
 
     def one_step(
-        status: Statuses | None,
-        step: tuple[GameState, GameState],
+        status: Statuses | None, step: tuple[GameState, GameState]
     ) -> tuple[Statuses | None, Statuses | None]:
         before, after = (replace(state, status=status) for state in step)
         statuses = judge(game, before, after)[1]
@@ -135,9 +132,7 @@ def statuses_along(game: Judged, states: GameState) -> Statuses | None:
 
 
 def fates(
-    outcome: Int[Array, ""],
-    before: Statuses | None,
-    after: Statuses | None,
+    outcome: Int[Array, ""], before: Statuses | None, after: Statuses | None
 ) -> BySide[tuple[Fate, ...]]:
     """Return the fate of each robot in a step, by its outcome and, in teams, by the statuses."""
     if before is None or after is None:

@@ -75,8 +75,7 @@ def surroundings(
         first = last
     longest = max(1, max(map(len, numbers)))
     rows_of_edges = np.array(
-        [[*edges, *[first] * (longest - len(edges))] for edges in numbers],
-        np.int32,
+        [[*edges, *[first] * (longest - len(edges))] for edges in numbers], np.int32
     )
     within = jnp.asarray(rows_of_edges.reshape(rows, columns, longest))
     edges = jax.tree.map(lambda leaf: leaf[: first + 1], _edges_of((*polygons, far_polygon)).edges)

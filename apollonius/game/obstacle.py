@@ -28,13 +28,15 @@ Between = tuple[Int[Array, ""], Scalar]
 
 
 def between_nodes(position: Scalar, nodes: int | Int[Array, ""]) -> Between:
-    """Return where a position is, counted in nodes; clipped to the first and the last."""
+    """Convert a position to nodes; clipped to the first and the last."""
     inside = jnp.clip(position, 0.0, nodes - 1.0)
     before = jnp.clip(jnp.floor(inside), 0.0, nodes - 2.0)
     return before.astype(jnp.int32), inside - before
 
 
-def bilinear(value: Callable[[Int[Array, ""], Int[Array, ""]], Scalar], across: Between, upwards: Between) -> Scalar:
+def bilinear(
+    value: Callable[[Int[Array, ""], Int[Array, ""]], Scalar], across: Between, upwards: Between
+) -> Scalar:
     """Interpolate between a grid's values, a function of row and column."""
     (column, right), (row, up) = across, upwards
     below = (1 - right) * value(row, column) + right * value(row, column + 1)
@@ -84,11 +86,11 @@ class AbstractObstacle(eqx.Module):
         return jnp.minimum(jnp.min(there), jnp.min(there[1:] + there[:-1] - apart) / 2)
 
     def is_hit(self, before: RobotState, after: RobotState, radius: Real) -> Flag:
-        """Return whether a body of this radius [m] touches it anywhere along the segment between two states."""
+        """Check whether a body of this radius [m] touches it anywhere along the segment between two states."""
         return self.clearance_along(before, after) < radius
 
     def hides(self, here: RobotState, there: RobotState) -> Flag:
-        """Return whether it is in the line of sight between two robots' centres."""
+        """Check whether it is in the line of sight between two robots' centres."""
         return self.is_hit(here, there, 0.0)
 
     def outline(self) -> Corners:

@@ -73,11 +73,7 @@ class OccupancyMap(AbstractObstacle):
         rows, columns = self._corners
         across = between_nodes((x - self.x) / self.cell, columns)
         return (
-            bilinear(
-                self._at,
-                across,
-                between_nodes((y - self.y) / self.cell, rows),
-            )
+            bilinear(self._at, across, between_nodes((y - self.y) / self.cell, rows))
             - _ROUNDING * self.cell
         )
 
@@ -92,7 +88,7 @@ class OccupancyMap(AbstractObstacle):
         return self.field[row, column]
 
     def hides(self, here: RobotState, there: RobotState) -> Flag:
-        """Return whether the segment between two robots' centres meets an occupied cell.
+        """Check whether the segment between two robots' centres meets an occupied cell.
 
         The cells that it crosses are looked at one by one (Amanatides and Woo, "A fast voxel
         traversal algorithm for ray tracing", 1987).
@@ -162,8 +158,7 @@ class OneOfMaps(OccupancyMap):
 
 
 def distance_field(
-    occupied: Bool[np.ndarray, "rows columns"],
-    cell: float,
+    occupied: Bool[np.ndarray, "rows columns"], cell: float
 ) -> Float[np.ndarray, "corners_y corners_x"]:
     """Return the field of distances [m] at the corners of cells; raises InvalidInput unless there
     are free cells.

@@ -22,11 +22,9 @@ PURSUER_FAILS = (Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE)
 
 
 def come_within(
-    one: tuple[RobotState, RobotState],
-    other: tuple[RobotState, RobotState],
-    distance: Real,
+    one: tuple[RobotState, RobotState], other: tuple[RobotState, RobotState], distance: Real
 ) -> Flag:
-    """Return whether two centres come closer than a distance [m] anywhere along a step.
+    """Check whether two centres come closer than a distance [m] anywhere along a step.
 
     Both robots move along their segments at the same time.
     """

@@ -96,7 +96,7 @@ class Edge(eqx.Module):
         return jnp.where(crosses, jnp.where(ends_above, self.turn, -self.turn), 0)
 
     def is_crossed(self, before: RobotState, after: RobotState) -> Flag:
-        """Return whether the ends of the edge, and those of a step, lie on different sides of the
+        """Check whether the ends of the edge, and those of a step, lie on different sides of the
         other.
         """
         dx, dy = after.x - before.x, after.y - before.y
@@ -118,10 +118,7 @@ class Place(eqx.Module):
     def beside(self, edge: Edge) -> "Place":
         """Return the point with one more edge."""
         squared = closest_approach_squared(
-            edge.x - self.x,
-            edge.y - self.y,
-            edge.along_x,
-            edge.along_y,
+            edge.x - self.x, edge.y - self.y, edge.along_x, edge.along_y
         )
         windings = self.windings + edge.windings(self.x, self.y)
         return Place(self.x, self.y, jnp.minimum(self.squared, squared), windings)

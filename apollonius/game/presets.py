@@ -135,11 +135,9 @@ def randomised(game: Game, spreads: Sequence[Spread]) -> Game:
         scenario = Scenario(replace(arenas, chart=game.arena.chart), 1)
     numbers = game.pursuer, game.evader, game.capture_distance
     kinds = scenario.kinds or RobotKinds(
-        *jax.tree.map(lambda leaf: jnp.full(_KINDS, leaf, jnp.float32), numbers),
+        *jax.tree.map(lambda leaf: jnp.full(_KINDS, leaf, jnp.float32), numbers)
     )
     kinds = replace(
-        kinds,
-        sensors=kinds.sensors or game.sensors,
-        drives=kinds.drives or game.drives,
+        kinds, sensors=kinds.sensors or game.sensors, drives=kinds.drives or game.drives
     )
     return replace(game, scenario=replace(scenario, kinds=kinds.spread(spreads)))

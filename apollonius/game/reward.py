@@ -42,7 +42,7 @@ class Reward(eqx.Module):
 
     @property
     def time_limit_wins(self) -> bool:
-        """Return whether outliving the time limit is the evader's win (and so terminal) rather than
+        """Check whether outliving the time limit is the evader's win (and so terminal) rather than
         a truncation.
         """
         return self.profile == "zero-sum"
@@ -85,9 +85,7 @@ class Reward(eqx.Module):
             for evader, gain in zip(robots.evader, gains, strict=True)
         ]
         pursuers_reward = jnp.where(
-            territory_reached,
-            -self.capture,
-            functools.reduce(operator.add, shares),
+            territory_reached, -self.capture, functools.reduce(operator.add, shares)
         )
 
         def pursuer(robot: Fate) -> Scalar:
@@ -100,16 +98,11 @@ class Reward(eqx.Module):
         def evader(robot: Fate, gain: Scalar) -> Scalar:
             lead_reward = jnp.where(territory_reached, self.capture, -gain)
             in_play = jnp.where(
-                robot.failed,
-                -self.failure,
-                jnp.where(robot.active, lead_reward, 0.0),
+                robot.failed, -self.failure, jnp.where(robot.active, lead_reward, 0.0)
             )
             return jnp.where(robot.captured, -self.capture, in_play)
 
-        return BySide(
-            tuple(map(pursuer, robots.pursuer)),
-            tuple(map(evader, robots.evader, gains)),
-        )
+        return BySide(tuple(map(pursuer, robots.pursuer)), tuple(map(evader, robots.evader, gains)))
 
 
 def leads(before: GameState, after: GameState, chart: Chart | None) -> list[tuple[Scalar, Scalar]]:
@@ -126,11 +119,7 @@ def leads(before: GameState, after: GameState, chart: Chart | None) -> list[tupl
     def path_length(chart: Chart, state: GameState, evader: RobotState) -> Scalar:
         pursuers = zip(state.robots.pursuer, before.active.pursuer, strict=True)
         lengths = [
-            jnp.where(
-                active,
-                chart.way(robot.x, robot.y, evader.x, evader.y),
-                jnp.inf,
-            )
+            jnp.where(active, chart.way(robot.x, robot.y, evader.x, evader.y), jnp.inf)
             for robot, active in pursuers
         ]
         return functools.reduce(jnp.minimum, lengths)

@@ -96,8 +96,7 @@ class RobotKinds(eqx.Module):
                     values = rng.uniform(spread.low, spread.high, count)
                 kinds = _with(kinds, field.split("."), jnp.asarray(values, jnp.float32), field)
         return jax.tree.map(
-            lambda leaf: jnp.broadcast_to(jnp.asarray(leaf, jnp.float32), (count,)),
-            kinds,
+            lambda leaf: jnp.broadcast_to(jnp.asarray(leaf, jnp.float32), (count,)), kinds
         )
 
 
@@ -162,13 +161,7 @@ class Scenario(eqx.Module):
 
         arena = jax.tree.map(own, replace(self.arenas, map=None, chart=None))
         own_map = cells and OneOfMaps(
-            cells.field,
-            own(cells.x),
-            own(cells.y),
-            own(cells.cell),
-            "",
-            "",
-            number,
+            cells.field, own(cells.x), own(cells.y), own(cells.cell), "", "", number
         )
         return replace(arena, map=own_map, chart=chart and replace(chart, member=number))
 
@@ -193,11 +186,7 @@ def stack_arenas(arenas: Sequence[Arena]) -> Arena:
     def pad(arena: Arena) -> Arena:
         outlines = [np.asarray(polygon.vertices, float) for polygon in arena.polygons]
         outlines_padded = [
-            np.pad(
-                outline,
-                ((0, corners - len(outline)), (0, 0)),
-                mode="edge",
-            )
+            np.pad(outline, ((0, corners - len(outline)), (0, 0)), mode="edge")
             for outline in outlines
         ]
         outlines_padded += [nowhere] * (polygons - len(outlines))
@@ -210,7 +199,9 @@ def stack_arenas(arenas: Sequence[Arena]) -> Arena:
 
     padded = list(map(pad, arenas))
     shapes = set(map(jax.tree.structure, padded))
-    require(len(shapes) == 1, "arenas", "of several kinds", "alike but for discs, polygons and maps")
+    require(
+        len(shapes) == 1, "arenas", "of several kinds", "alike but for discs, polygons and maps"
+    )
     return jax.tree.map(lambda *leaves: jnp.asarray(np.array(leaves, np.float32)), *padded)
 
 

@@ -111,7 +111,7 @@ class Sensors(eqx.Module):
 
     @fusion_barrier
     def reaches(self, arena: Arena, robot: RobotState, other: RobotState) -> Flag:
-        """Return whether a robot has another one's centre in sight."""
+        """Check whether a robot has another one's centre in sight."""
         dx, dy = other.x - robot.x, other.y - robot.y
         is_visible = jnp.ones((), bool)
         if self.line_of_sight:
@@ -146,7 +146,7 @@ class Percept(eqx.Module):
 
 
 def sense(sensors: Sensors, arena: Arena, state: GameState, role: Role, bits: Bits) -> Percept:
-    """Return what the robots of one side sense in a state.
+    """Sense the opponents with the sensors of one side.
 
     Args:
         sensors: the side's sensors.

@@ -49,10 +49,7 @@ class Starts(eqx.Module):
         )
 
     def sample(
-        self,
-        key: PRNGKeyArray,
-        arena: Arena,
-        bodies: BySide[tuple[Unicycle, ...]],
+        self, key: PRNGKeyArray, arena: Arena, bodies: BySide[tuple[Unicycle, ...]]
     ) -> GameState:
         """Draw an initial state. The key is consumed.
 
@@ -66,7 +63,7 @@ class Starts(eqx.Module):
         for mate, mate_key in zip(mates, keys[3:], strict=True):
             robots += self._drawn([*jax.random.split(mate_key, 3)], arena, mate, robots)
         return GameState.at_start(
-            ROLES.map(lambda role: tuple(robot for side, _, robot in robots if side == role)),
+            ROLES.map(lambda role: tuple(robot for side, _, robot in robots if side == role))
         )
 
     def _drawn(
@@ -99,7 +96,7 @@ class Starts(eqx.Module):
         return robots(places, self._speeds(speed_key, [body for _, body in new]), headings)
 
     def fits(self, arena: Arena, one: _Robot, others: Sequence[_Robot]) -> Flag:
-        """Return whether a robot keeps its distances from obstacles, other robots and a territory.
+        """Check whether a robot keeps its distances from obstacles, other robots and a territory.
 
         Only evaders keep away from a territory.
         """
@@ -141,8 +138,6 @@ def _draw_until(
         return next_key, draw(draw_key)
 
     first_key, retry_key = jax.random.split(key)
-    return jax.lax.while_loop(
-        lambda carry: ~fits(carry[1]),
-        redraw,
-        (retry_key, draw(first_key)),
-    )[1]
+    return jax.lax.while_loop(lambda carry: ~fits(carry[1]), redraw, (retry_key, draw(first_key)))[
+        1
+    ]

@@ -79,9 +79,7 @@ def by_distance(
         """Count the robots that come before one."""
         nearer = [comes_before(other, number) for other in range(len(distances)) if other != number]
         return functools.reduce(
-            operator.add,
-            (flag.astype(jnp.int32) for flag in nearer),
-            jnp.zeros((), jnp.int32),
+            operator.add, (flag.astype(jnp.int32) for flag in nearer), jnp.zeros((), jnp.int32)
         )
 
     ranks = [rank_of(number) for number in range(len(distances))]

@@ -96,10 +96,7 @@ def one_each(robots: BySide[tuple[T, ...]]) -> BySide[T]:
     """
     counts = " v ".join(str(len(side)) for side in robots)
     require(
-        counts == "1 v 1",
-        "robots",
-        counts,
-        "1 v 1: this is known for games of two robots only",
+        counts == "1 v 1", "robots", counts, "1 v 1: this is known for games of two robots only"
     )
     return robots.map(lambda side: side[0])
 
@@ -211,10 +208,10 @@ class GameState(eqx.Module):
 
     @property
     def active(self) -> BySide[tuple[Flag, ...]]:
-        """Return whether each robot is in play."""
+        """Check whether each robot is in play."""
         if self.status is None:
             return self.robots.map(
-                lambda side: tuple(jnp.ones(robot.x.shape, bool) for robot in side),
+                lambda side: tuple(jnp.ones(robot.x.shape, bool) for robot in side)
             )
         return self.status.map(lambda side: tuple(status == RobotStatus.ACTIVE for status in side))
 

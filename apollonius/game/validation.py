@@ -92,7 +92,7 @@ def require_key(key: Any) -> None:
 
 
 def is_swept(game: Any) -> bool:
-    """Return whether numbers of a game are traced or swept: arrays, whose values are unknown."""
+    """Check whether numbers of a game are traced or swept: arrays, whose values are unknown."""
     return any(isinstance(leaf, (jax.Array, np.ndarray)) for leaf in _numbers(game).values())
 
 
@@ -102,10 +102,7 @@ def check_finite(game: Any) -> None:
         is_number = isinstance(leaf, (int, float)) and not isinstance(leaf, bool)
         require(is_number and abs(leaf) < math.inf, name, leaf, "a finite number")
         require(
-            abs(leaf) <= MAX_SIZE or name == "max_steps",
-            name,
-            leaf,
-            f"within {MAX_SIZE:g} of 0",
+            abs(leaf) <= MAX_SIZE or name == "max_steps", name, leaf, f"within {MAX_SIZE:g} of 0"
         )
 
 
@@ -163,9 +160,7 @@ def check_space_to_start(arena: Arena, bodies: Bodies, starts: Starts) -> None:
         reach = max(reach, float(distances.max(initial=0.0)))
         if reach >= starts.separation:
             _check_space_for_mates(
-                bodies,
-                starts,
-                [np.stack([x[side], y[side]])[:, is_free[side]] for side in (0, 1)],
+                bodies, starts, [np.stack([x[side], y[side]])[:, is_free[side]] for side in (0, 1)]
             )
             return
     for name, (margin,), fit in zip(_SIDES, margins, fits, strict=True):
@@ -174,14 +169,12 @@ def check_space_to_start(arena: Arena, bodies: Bodies, starts: Starts) -> None:
             problem = f"none of {_DRAWS:,} has {needed}"
             remedy = "make the obstacles or the clearance smaller, or the arena larger"
             raise InvalidInput(
-                f"the arena leaves the {name} no place to start: {problem}; {remedy}.",
+                f"the arena leaves the {name} no place to start: {problem}; {remedy}."
             )
     if not reach:
         problem = f"at none of {_DRAWS:,} pairs of places both are free"
         remedy = "make the obstacles, starts.clearance or the robots smaller, or the arena larger"
-        raise InvalidInput(
-            f"the arena leaves the robots no place to start: {problem}; {remedy}.",
-        )
+        raise InvalidInput(f"the arena leaves the robots no place to start: {problem}; {remedy}.")
     bound = f"at most {reach:.3g} m, the largest distance of the free pairs among {_DRAWS:,}"
     remedy = "make it smaller or the arena larger"
     require(False, "starts.separation", starts.separation, f"{bound}; {remedy}")
@@ -208,20 +201,15 @@ def _check_space_for_mates(bodies: Bodies, starts: Starts, free: Sequence[Points
                 remedy = f"fewer robots, {smaller}, or a larger arena"
                 size = " v ".join(str(len(robots)) for robots in bodies)
                 require(
-                    False,
-                    "teams",
-                    size,
-                    f"few enough robots to fit into the arena; take {remedy}",
+                    False, "teams", size, f"few enough robots to fit into the arena; take {remedy}"
                 )
             robots.append(
-                (side, float(body.radius), free[side][:, rng.choice(np.flatnonzero(fits))]),
+                (side, float(body.radius), free[side][:, rng.choice(np.flatnonzero(fits))])
             )
 
 
 def _clearance(
-    arena: Arena,
-    x: Float[np.ndarray, "2 points"],
-    y: Float[np.ndarray, "2 points"],
+    arena: Arena, x: Float[np.ndarray, "2 points"], y: Float[np.ndarray, "2 points"]
 ) -> Float[np.ndarray, "2 points"]:
     """Return clearances [m]; of walls and discs without a compilation, of which every game would
     need its own.
@@ -232,8 +220,7 @@ def _clearance(
         with jax.ensure_compile_time_eval():
             return np.asarray(_clearances(arena, *points)).reshape(x.shape)
     clearances = np.minimum(
-        np.minimum(x - arena.x_min, arena.x_max - x),
-        np.minimum(y - arena.y_min, arena.y_max - y),
+        np.minimum(x - arena.x_min, arena.x_max - x), np.minimum(y - arena.y_min, arena.y_max - y)
     )
     for disc in arena.discs:
         clearances = np.minimum(clearances, np.hypot(x - disc.x, y - disc.y) - disc.radius)

@@ -50,10 +50,7 @@ def opened(path: Path, remedy: str, kind: str = "safetensors file") -> Generator
 
 
 def write_arrays(
-    path: Path,
-    arrays: dict[str, np.ndarray],
-    header: Any,
-    form: tuple[str, int],
+    path: Path, arrays: dict[str, np.ndarray], header: Any, form: tuple[str, int]
 ) -> None:
     """Write a file of arrays and a header atomically.
 

@@ -215,7 +215,9 @@ def environment() -> str:
 def processor() -> str:
     """Return the processor's capabilities as the system names them, or else this machine's name."""
     try:
-        first_lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").split("\n\n")[0].splitlines()
+        first_lines = (
+            Path("/proc/cpuinfo").read_text(encoding="utf-8").split("\n\n")[0].splitlines()
+        )
     except OSError:
         first_lines = []
     capability_lines = [line for line in first_lines if line.split(":")[0].strip() in _CAPABILITIES]

@@ -21,11 +21,7 @@ _DEEPEST = 100
 
 
 def read_bytes(
-    path: Path,
-    kind: str,
-    remedy: str,
-    most: int = MOST_BYTES,
-    within: Path | None = None,
+    path: Path, kind: str, remedy: str, most: int = MOST_BYTES, within: Path | None = None
 ) -> bytes:
     """Read a regular file.
 
@@ -87,9 +83,7 @@ def whole_folder(folder: Path) -> Generator[Path, None, None]:
     """Yield a temporary folder to write to, which is renamed to this new or empty one at the end."""
     folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(
-        prefix=f".{folder.name}.",
-        suffix=".tmp",
-        dir=folder.parent,
+        prefix=f".{folder.name}.", suffix=".tmp", dir=folder.parent
     ) as parent:
         temporary = Path(parent) / "folder"
         yield temporary

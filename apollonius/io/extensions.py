@@ -31,7 +31,9 @@ def load_extension(group: str, name: str, kind: str) -> Any:
         return None
     if len(entries) > 1:
         packages = " and ".join(sorted({f"'{_package(entry)}'" for entry in entries}))
-        raise InvalidInput(f"the packages {packages} both have '{shown(name)}' in {group}: uninstall one.")
+        raise InvalidInput(
+            f"the packages {packages} both have '{shown(name)}' in {group}: uninstall one."
+        )
     try:
         return entries[0].load()
     except Exception as error:  # whatever a module of somebody else's raises

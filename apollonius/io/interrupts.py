@@ -85,7 +85,7 @@ def asked_to_stop(again: bool = True, parent: int | None = None) -> Generator[No
 
 
 def asked() -> bool:
-    """Return whether to stop, within a block of `asked_to_stop`; elsewhere a signal interrupts at
+    """Check whether to stop, within a block of `asked_to_stop`; elsewhere a signal interrupts at
     once.
     """
     if _asked:

@@ -43,7 +43,9 @@ class Kept(Generic[R]):
     def __call__(self, *args: Any) -> R:
         leaves, structure = jax.tree.flatten(args)
         is_one_cpu = jax.default_backend() == "cpu" and jax.device_count() == 1
-        entries = kept_entries() if is_one_cpu and not jax.config.values["jax_disable_jit"] else None
+        entries = (
+            kept_entries() if is_one_cpu and not jax.config.values["jax_disable_jit"] else None
+        )
         if entries is None or any(isinstance(leaf, Tracer) for leaf in leaves):
             return self._jitted(*args)
         key = structure, tuple(map(jax.typeof, leaves))
@@ -55,11 +57,7 @@ class Kept(Generic[R]):
         return len(self.found) + self._jitted._cache_size()
 
     def _find(
-        self,
-        entries: Entries,
-        args: Any,
-        structure: Any,
-        types: tuple[Any, ...],
+        self, entries: Entries, args: Any, structure: Any, types: tuple[Any, ...]
     ) -> Callable[..., Any]:
         settings = (
             sorted(jax.config.values.items()),
@@ -149,5 +147,5 @@ def _load(data: bytes, entries: Entries, structure: Any) -> Callable[..., Any]:
 def _sources() -> str:
     """Return the digest of the package's files."""
     return sha256(
-        b"".join(path.read_bytes() for path in sorted(_SOURCES.rglob("*.py"))),
+        b"".join(path.read_bytes() for path in sorted(_SOURCES.rglob("*.py")))
     ).hexdigest()

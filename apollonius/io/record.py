@@ -36,11 +36,7 @@ def write_record(value: Any, hooks: Hooks, derived: tuple[str, ...] = ()) -> Any
 
 
 def read_record(
-    kind: type[T],
-    data: dict[str, Any],
-    source: str,
-    hooks: Hooks,
-    named: tuple[type, ...] = (),
+    kind: type[T], data: dict[str, Any], source: str, hooks: Hooks, named: tuple[type, ...] = ()
 ) -> T:
     """Make a dataclass from nested dictionaries; missing values have their defaults.
 
@@ -57,9 +53,7 @@ def read_record(
     try:
         _require_lists(kind, data)
         config = dacite.Config(
-            strict=True,
-            cast=[tuple],
-            type_hooks={float: _real, int: _whole} | dict(hooks),
+            strict=True, cast=[tuple], type_hooks={float: _real, int: _whole} | dict(hooks)
         )
         return dacite.from_dict(kind, data, config)
     except dacite.UnexpectedDataError as error:
@@ -74,7 +68,7 @@ def read_record(
     except (TypeError, ValueError, ArithmeticError, AttributeError, RecursionError) as error:
         # A number in the place of a list, a table in the place of several.
         raise InvalidInput(
-            f"{source}: a value is of the wrong kind ({error}); correct it.",
+            f"{source}: a value is of the wrong kind ({error}); correct it."
         ) from error
 
 
@@ -132,7 +126,9 @@ def _in_words(kind: Any) -> str:
 def _unknown_key(key: str, kind: Any, named: tuple[type, ...]) -> str:
     """Return the complaint about a key in a wrong table, or misspelt."""
     tables = _tables(kind, named)
-    homes = [f"[{table}]" if table else "the top, before all tables" for table in tables.get(key, [])]
+    homes = [
+        f"[{table}]" if table else "the top, before all tables" for table in tables.get(key, [])
+    ]
     if homes:
         places = " or ".join(homes[:3])
         return f"'{key}' is in another table than its own: move it to {places}."

@@ -210,9 +210,7 @@ def on_slurm(jobs: Sequence[Job], logs: Path | None) -> Iterator[tuple[Job, Endi
     with nullcontext(logs) if logs else passing as folder:
         executor = submitit.SlurmExecutor(Path(folder).absolute(), max_num_timeout=_RESTARTS)
         executor.update_parameters(
-            job_name="apollonius",
-            time=_SLURM_MINUTES,
-            array_parallelism=len(jobs),
+            job_name="apollonius", time=_SLURM_MINUTES, array_parallelism=len(jobs)
         )
         try:
             for array in _arrays(jobs):
@@ -273,11 +271,7 @@ def _ask_slurm(*command: str) -> str | None:
     """Return the output of a command of Slurm, or None if it fails."""
     try:
         result = subprocess.run(
-            command,
-            capture_output=True,
-            encoding="utf-8",
-            errors="replace",
-            check=True,
+            command, capture_output=True, encoding="utf-8", errors="replace", check=True
         )
         return result.stdout
     except (OSError, subprocess.CalledProcessError):

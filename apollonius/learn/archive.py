@@ -53,17 +53,29 @@ def init(network: Network, config: OpponentConfig) -> Archive:
 def enter(archive: Archive, network: Network, due: Flag) -> Archive:
     """Return the archive with one more version, where that is due and it is not full."""
     versions = archive.games.shape[0]
-    index = jnp.where(due, archive.count, versions)  # writing there, beyond the last one, does nothing
-    networks = jax.tree.map(lambda all_, one: all_.at[index].set(one, mode="drop"), archive.networks, network)
-    return replace(archive, networks=networks, count=jnp.minimum(archive.count + due.astype(jnp.int32), versions))
+    index = jnp.where(
+        due, archive.count, versions
+    )  # writing there, beyond the last one, does nothing
+    networks = jax.tree.map(
+        lambda all_, one: all_.at[index].set(one, mode="drop"), archive.networks, network
+    )
+    return replace(
+        archive,
+        networks=networks,
+        count=jnp.minimum(archive.count + due.astype(jnp.int32), versions),
+    )
 
 
 def renew(archive: Archive, config: OpponentConfig, key: PRNGKeyArray) -> Archive:
     """Return the archive with its slots drawn again and its records discounted. The key is consumed."""
     versions, weigh = archive.games.shape[0], SCHEMES[config.scheme]
     assert weigh is not None
-    weights = jnp.where(jnp.arange(versions) < archive.count, weigh((archive.lost + 1) / (archive.games + 2)), 0.0)
-    slots = jax.random.choice(key, versions, (config.slots,), p=weights / jnp.sum(weights)).astype(jnp.int32)
+    weights = jnp.where(
+        jnp.arange(versions) < archive.count, weigh((archive.lost + 1) / (archive.games + 2)), 0.0
+    )
+    slots = jax.random.choice(key, versions, (config.slots,), p=weights / jnp.sum(weights)).astype(
+        jnp.int32
+    )
     return replace(
         archive,
         games=FORGETTING * archive.games,

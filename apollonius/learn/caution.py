@@ -24,7 +24,9 @@ COST = 30.0
 _ROWS = 20_000
 
 
-def costs(observations: Float[Array, "*rows size"], wanted: Real, price: Real) -> Float[Array, "*rows 9"]:
+def costs(
+    observations: Float[Array, "*rows size"], wanted: Real, price: Real
+) -> Float[Array, "*rows 9"]:
     """Return what each action costs for what is missing of the `wanted` clearance [m], where a lost game has a price.
 
     Observations are `egocentric` or begin with it.
@@ -33,7 +35,9 @@ def costs(observations: Float[Array, "*rows size"], wanted: Real, price: Real) -
     return COST * ROOM * price * jax.nn.relu(wanted / ROOM - after)
 
 
-def cautious(network: QNetwork, observations: Float[Array, "rows size"], wanted: Real, price: Real) -> QNetwork:
+def cautious(
+    network: QNetwork, observations: Float[Array, "rows size"], wanted: Real, price: Real
+) -> QNetwork:
     """Return a network that values each action as another one does, less its `costs`.
 
     The units that are given up are the nine of each layer that vary least in the observations: their means go into the
@@ -75,7 +79,11 @@ def bold(network: Network) -> Network:
     if not isinstance(network, QNetwork) or network.observation.size <= BRAKING:
         return network
     for number, layer in enumerate(network.layers[:-1]):
-        reads = jnp.zeros((NUM_ACTIONS, layer.weight.shape[1])).at[actions, carried].set(1.0 if number else -1.0)
+        reads = (
+            jnp.zeros((NUM_ACTIONS, layer.weight.shape[1]))
+            .at[actions, carried]
+            .set(1.0 if number else -1.0)
+        )
         alike = jnp.all(layer.weight[None] == reads[:, None], axis=2)
         if not jnp.all(jnp.any(alike, axis=1)):
             return network

@@ -25,7 +25,12 @@ from apollonius.learn.stage_config import (
     StageConfig,
 )
 
-FIXED_TARGET, SELF_PLAY, DISTILLATION, RESPONSE = STAGES = "fixed-target", "self-play", "distillation", "response"
+FIXED_TARGET, SELF_PLAY, DISTILLATION, RESPONSE = STAGES = (
+    "fixed-target",
+    "self-play",
+    "distillation",
+    "response",
+)
 
 
 def require_pay_in_play(game: Game, role: Role) -> None:
@@ -35,7 +40,12 @@ def require_pay_in_play(game: Game, role: Role) -> None:
     and leaving early would cost nothing.
     """
     paid = len(game.bodies[role]) == 1 or game.reward.profile != "zero-sum"
-    require(paid, "reward.profile", game.reward.profile, "'paper' for a team that learns, which pays robots in play")
+    require(
+        paid,
+        "reward.profile",
+        game.reward.profile,
+        "'paper' for a team that learns, which pays robots in play",
+    )
 
 
 @dataclass(frozen=True)
@@ -80,7 +90,12 @@ class RunConfig:
             require_pay_in_play(self.game, role)
         past, games = self.self_play.opponents, (self.sac or self.dqn).games
         fits = past.share == 0 or past.slot_games(games) > 0
-        require(fits, "games", games, f"more, so that {past.scheme} has one for each of 2 x {past.slots} slots")
+        require(
+            fits,
+            "games",
+            games,
+            f"more, so that {past.scheme} has one for each of 2 x {past.slots} slots",
+        )
         copies = 2 * past.versions * (past.share > 0)
         needed = copies * 4 * (self.sac or self.dqn).depth * (self.sac or self.dqn).width ** 2
         require_memory("versions", past.versions, needed, "keep fewer, or train a smaller network")
@@ -88,18 +103,31 @@ class RunConfig:
         bound = f"at least games x max_steps = {longest:,}, so that games that {past.scheme} judges by can end"
         require(past.renewal >= longest or past.share == 0, "renewal", past.renewal, bound)
 
-        used = {FIXED_TARGET: ("pursuer", "evaders"), "both": ()}.get(self.stages, ("pursuer", "evader"))
+        used = {FIXED_TARGET: ("pursuer", "evaders"), "both": ()}.get(
+            self.stages, ("pursuer", "evader")
+        )
         for name, default in (("pursuer", None), ("evader", None), ("evaders", ("still",))):
-            value, bound = getattr(self, name), f"left out where stages is '{self.stages}', which begins without it"
+            value, bound = (
+                getattr(self, name),
+                f"left out where stages is '{self.stages}', which begins without it",
+            )
             shown = ", ".join(value) if name == "evaders" else value
             require(value == default or name in used, name, shown, bound)
         if self.stages == RESPONSE:
             games, bound = self.ppo.games, "as many at least as opponents, so that each has one"
             require(games >= len(self.response.opponents), "ppo.games", games, bound)
-            first, bound = BySide(self.pursuer, self.evader)[self.response.side], "0 for an agent from random weights"
+            first, bound = (
+                BySide(self.pursuer, self.evader)[self.response.side],
+                "0 for an agent from random weights",
+            )
             require(first or self.response.kept == 0, "response.kept", self.response.kept, bound)
         if self.one_side is not None:
-            require(self.sac is None, "sac", "given", f"left out for a {self.stages}, whose actions are the nine")
+            require(
+                self.sac is None,
+                "sac",
+                "given",
+                f"left out for a {self.stages}, whose actions are the nine",
+            )
         if self.stages != DISTILLATION:
             return
         stage, games = self.distillation, self.dqn.games
@@ -139,7 +167,11 @@ class RunConfig:
         of_one_side = self.distillation, replace(self.response, tasks=())
         stages = (self.fixed_target, self.self_play, *of_one_side)
         asked = STAGES[:2] if self.stages == "both" else [self.stages]
-        return {name: Plan(self.learner, stage) for name, stage in zip(STAGES, stages, strict=True) if name in asked}
+        return {
+            name: Plan(self.learner, stage)
+            for name, stage in zip(STAGES, stages, strict=True)
+            if name in asked
+        }
 
     def share(self, stage: str, env_steps: int) -> float:
         """Return the share of the whole training that is done after some env steps of a stage; raises InvalidInput for
@@ -147,7 +179,10 @@ class RunConfig:
         """
         plans = self.plans
         require(stage in plans, "stage", stage, f"one of this training, {', '.join(plans)}")
-        work = {name: (2 if name == SELF_PLAY else 1) * plan.stage.env_steps for name, plan in plans.items()}
+        work = {
+            name: (2 if name == SELF_PLAY else 1) * plan.stage.env_steps
+            for name, plan in plans.items()
+        }
         before = sum(work[name] for name in STAGES[: STAGES.index(stage)] if name in work)
         return (before + work[stage] * plans[stage].share(env_steps)) / sum(work.values())
 
@@ -155,8 +190,7 @@ class RunConfig:
 PRESETS: dict[str, RunConfig] = {
     "paper": RunConfig(),
     "standard": RunConfig(
-        fixed_target=StageConfig(env_steps=6_000_000),
-        self_play=SelfPlayConfig(env_steps=8_000_000),
+        fixed_target=StageConfig(env_steps=6_000_000), self_play=SelfPlayConfig(env_steps=8_000_000)
     ),
     "quick": RunConfig(
         dqn=DQNConfig(width=128, depth=3, learning_rate=3e-3, exploration_fraction=0.1),
@@ -204,5 +238,11 @@ def _set(data: dict[str, Any], field: str, value: Any) -> None:
 
 
 def _dotted(data: dict[str, Any]) -> list[str]:
-    inner = {name: _dotted(value) if isinstance(value, dict) else None for name, value in data.items()}
-    return [f"{name}.{deeper}" if deeper else name for name, below in inner.items() for deeper in below or [""]]
+    inner = {
+        name: _dotted(value) if isinstance(value, dict) else None for name, value in data.items()
+    }
+    return [
+        f"{name}.{deeper}" if deeper else name
+        for name, below in inner.items()
+        for deeper in below or [""]
+    ]

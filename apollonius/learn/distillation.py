@@ -52,11 +52,18 @@ def start_distillation(
     network_key, start_key, train_key = jax.random.split(key, 3)
     learner = first_learner(plan, network_key, network)
     keys = jax.random.split(start_key, len(settings))
-    begun = [_first_games(plan, learner.network, *each) for each in zip(settings, keys, strict=True)]
+    begun = [
+        _first_games(plan, learner.network, *each) for each in zip(settings, keys, strict=True)
+    ]
     asked = functools.partial(queries, _config(plan))
-    block = max(len(jax.eval_shape(asked, *each, key)[2]) for each in zip(settings, begun, strict=True))
+    block = max(
+        len(jax.eval_shape(asked, *each, key)[2]) for each in zip(settings, begun, strict=True)
+    )
     assert isinstance(plan.learner, DQNConfig)
-    rows, size = max(1, plan.learner.replay_capacity // block) * block, learner.network.observation.size
+    rows, size = (
+        max(1, plan.learner.replay_capacity // block) * block,
+        learner.network.observation.size,
+    )
     head, filled, iterations, env_steps, episodes = (jnp.zeros((), jnp.int32) for _ in range(5))
     buffer = ReplayBuffer((jnp.zeros((rows, size)), jnp.zeros((rows, NUM_ACTIONS))), head, filled)
     learners = {_config(plan).side: LearnerState(learner, buffer)}
@@ -66,14 +73,22 @@ def start_distillation(
 @functools.partial(jax.jit, static_argnames="plan")
 def _first_games(plan: Plan, network: QNetwork, setting: Lessons, key: PRNGKeyArray) -> Games:
     bits = jnp.zeros((2, plan.learner.games), jnp.uint32)
-    return begin(setting.game, starts_of(setting, plan.learner.games, key), _players(plan, network, setting, key), bits)
+    return begin(
+        setting.game,
+        starts_of(setting, plan.learner.games, key),
+        _players(plan, network, setting, key),
+        bits,
+    )
 
 
 @functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
 def play_and_learn(plan: Plan, state: TrainState, setting: Lessons) -> tuple[TrainState, Metrics]:
     """Train one chunk in one setting, whose games are played on."""
     after, metrics = jax.lax.scan(
-        lambda state, _: _iterate(plan, state, setting), state, None, plan.learner.iterations_per_chunk
+        lambda state, _: _iterate(plan, state, setting),
+        state,
+        None,
+        plan.learner.iterations_per_chunk,
     )
     return after, jax.tree.map(lambda leaf: jnp.sum(leaf, axis=0), metrics)
 
@@ -91,13 +106,17 @@ def _iterate(plan: Plan, state: TrainState, setting: Lessons) -> tuple[TrainStat
     buffer = add(side.buffer, (seen, jnp.where(learns[:, None], values, jnp.nan)))
     starts = jax.tree.map(lambda leaf: leaf[None], starts_of(setting, config.games, start_key))
     players = _players(plan, network, setting, player_key)
-    games, played = collect(game, players, state.games, starts, play_key, config.steps_per_iteration)
+    games, played = collect(
+        game, players, state.games, starts, play_key, config.steps_per_iteration
+    )
     env_steps = state.env_steps + config.env_steps_per_iteration
     learner, loss = _fit(plan, side.learner, buffer, env_steps, learn_key)
     return iterated(state, games, played, env_steps, {role: (LearnerState(learner, buffer), loss)})
 
 
-def _players(plan: Plan, network: QNetwork, setting: Lessons, key: PRNGKeyArray) -> BySide[AbstractPlayers]:
+def _players(
+    plan: Plan, network: QNetwork, setting: Lessons, key: PRNGKeyArray
+) -> BySide[AbstractPlayers]:
     """Return the student, whose random actions last for a round, and its opponents, each in games of its own."""
     config, table, games = _config(plan), setting.table, plan.learner.games
     robots = len(setting.game.bodies[config.side])
@@ -105,7 +124,10 @@ def _players(plan: Plan, network: QNetwork, setting: Lessons, key: PRNGKeyArray)
     student = replace(explores, bits=jax.random.bits(key, (games * robots,), jnp.uint32))
     players: list[AbstractPolicy] = [*setting.opponents]
     if table is not None:
-        searches = (RolloutSearch(table.zero_sum_game, table.table, greedy(network), *ahead) for ahead in _PLANS)
+        searches = (
+            RolloutSearch(table.zero_sum_game, table.table, greedy(network), *ahead)
+            for ahead in _PLANS
+        )
         players += [Holding(search, plan.learner.steps_per_iteration) for search in searches]
     left = games - config.near_sighted - config.far_sighted
     shares = [*equal_parts(left, len(setting.opponents)), config.near_sighted, config.far_sighted]
@@ -114,7 +136,11 @@ def _players(plan: Plan, network: QNetwork, setting: Lessons, key: PRNGKeyArray)
 
 
 def _fit(
-    plan: Plan, learner: dqn.DQNLearner, buffer: ReplayBuffer[Labels], env_steps: Int[Array, ""], key: PRNGKeyArray
+    plan: Plan,
+    learner: dqn.DQNLearner,
+    buffer: ReplayBuffer[Labels],
+    env_steps: Int[Array, ""],
+    key: PRNGKeyArray,
 ) -> tuple[dqn.DQNLearner, Scalar]:
     """Make some updates from the labels; return their losses, added up."""
     config = plan.learner

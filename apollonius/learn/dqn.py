@@ -32,10 +32,14 @@ _adam = optax.scale_by_adam()
 
 def init(config: DQNConfig, key: PRNGKeyArray, network: Network | None = None) -> DQNLearner:
     """Return a learner that starts from a copy of a network, or from random weights. The key is consumed."""
-    first = network or make_network(config.observation, config.width, config.depth, key, config.symmetric)
+    first = network or make_network(
+        config.observation, config.width, config.depth, key, config.symmetric
+    )
     assert isinstance(first, QNetwork)
     own, target, average = (jax.tree.map(jnp.copy, first) for _ in range(3))
-    return DQNLearner(own, target, average, _adam.init(eqx.filter(own, eqx.is_array)), jnp.zeros((), jnp.int32))
+    return DQNLearner(
+        own, target, average, _adam.init(eqx.filter(own, eqx.is_array)), jnp.zeros((), jnp.int32)
+    )
 
 
 def q_target(
@@ -56,22 +60,34 @@ def loss(network: QNetwork, target: QNetwork, batch: Batch, double: bool) -> Sca
     targets = jax.vmap(q_target)(batch.reward, batch.discount, next_values, next_choice)
     chosen = jnp.take_along_axis(values, batch.action[:, None], axis=1)[:, 0]
     errors = (jax.lax.stop_gradient(targets) - chosen) ** 2
-    return jnp.mean(errors) if batch.active is None else jnp.mean(jnp.where(batch.active, errors, 0.0))
+    return (
+        jnp.mean(errors) if batch.active is None else jnp.mean(jnp.where(batch.active, errors, 0.0))
+    )
 
 
-def update(learner: DQNLearner, batch: Batch, learning_rate: Scalar, config: DQNConfig) -> tuple[DQNLearner, Scalar]:
+def update(
+    learner: DQNLearner, batch: Batch, learning_rate: Scalar, config: DQNConfig
+) -> tuple[DQNLearner, Scalar]:
     """Return the learner after one step of Adam on a batch, and the loss before it."""
-    value, gradient = eqx.filter_value_and_grad(loss)(learner.network, learner.target, batch, config.double)
+    value, gradient = eqx.filter_value_and_grad(loss)(
+        learner.network, learner.target, batch, config.double
+    )
     return step(learner, gradient, learning_rate, config), value
 
 
-def step(learner: DQNLearner, gradient: Any, learning_rate: Scalar, config: DQNConfig) -> DQNLearner:
+def step(
+    learner: DQNLearner, gradient: Any, learning_rate: Scalar, config: DQNConfig
+) -> DQNLearner:
     """Return the learner after one step of Adam along a gradient; the averaged weights go towards the network."""
     direction, optimiser = _adam.update(gradient, learner.optimiser)
-    network = eqx.apply_updates(learner.network, jax.tree.map(lambda step: -learning_rate * step, direction))
+    network = eqx.apply_updates(
+        learner.network, jax.tree.map(lambda step: -learning_rate * step, direction)
+    )
     average = network
     if config.averaging < 1:
-        average = jax.tree.map(lambda old, new: old + config.averaging * (new - old), learner.average, network)
+        average = jax.tree.map(
+            lambda old, new: old + config.averaging * (new - old), learner.average, network
+        )
     return DQNLearner(network, learner.target, average, optimiser, learner.updates + 1)
 
 

@@ -33,8 +33,12 @@ class Drawing(AbstractByNetwork):
         """The number that is held; 0 where none is."""
         return jnp.zeros((), jnp.uint32)
 
-    def __call__(self, seen: Float[Array, " size"], memory: Bits, bits: Bits) -> tuple[Int[Array, ""], Bits]:
-        below = jnp.cumsum(jax.nn.softmax(self.less_costs(inferred(self.network, seen), seen)))
+    def __call__(
+        self, observation: Float[Array, " size"], memory: Bits, bits: Bits
+    ) -> tuple[Int[Array, ""], Bits]:
+        below = jnp.cumsum(
+            jax.nn.softmax(self.less_costs(inferred(self.network, observation), observation))
+        )
         lasts = ((bits & 0xFF).astype(jnp.float32) >= 256 / self.hold) & (memory > 0)
         held = jnp.where(lasts, memory, bits)
         drawn = (held >> 8).astype(jnp.float32) / 2**24
@@ -43,5 +47,7 @@ class Drawing(AbstractByNetwork):
     def log_probabilities(self, observations: Float[Array, "rows size"]) -> Float[Array, "rows 9"]:
         return jax.nn.log_softmax(self.less_costs(self.network.batch(observations), observations))
 
-    def less_costs(self, values: Float[Array, "*rows 9"], observations: Float[Array, "*rows size"]) -> Array:
+    def less_costs(
+        self, values: Float[Array, "*rows 9"], observations: Float[Array, "*rows size"]
+    ) -> Array:
         return values - costs(observations, self.wanted, self.price) if self.wanted else values

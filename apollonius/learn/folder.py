@@ -41,8 +41,18 @@ def create_run(config: RunConfig, folder: Path, force: bool = False) -> None:
         require(folder.is_dir(), "folder", folder, "a folder; choose another")
         if any(folder.iterdir()):
             is_run = (folder / "config.toml").is_file()
-            require(is_run, "folder", folder, "a run's folder, new or empty, but holds something else; choose another")
-            require(force, "folder", folder, "a new folder, as this one holds a run; choose another or force it")
+            require(
+                is_run,
+                "folder",
+                folder,
+                "a run's folder, new or empty, but holds something else; choose another",
+            )
+            require(
+                force,
+                "folder",
+                folder,
+                "a new folder, as this one holds a run; choose another or force it",
+            )
             with held(folder):
                 for path in (path for pattern in _OWN for path in folder.glob(pattern)):
                     path.unlink()
@@ -62,11 +72,15 @@ def held(folder: Path) -> Generator[None, None, None]:
     def opener(path: str, flags: int) -> int:
         return os.open(path, flags | os.O_NOFOLLOW)
 
-    with open(folder / METRICS, "a+b", opener=opener) as file:  # with "+" it does not wait for a reader of a pipe
+    with open(
+        folder / METRICS, "a+b", opener=opener
+    ) as file:  # with "+" it does not wait for a reader of a pipe
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            raise InvalidInput(f"'{folder}' is being trained by another process: wait for it, or stop it.") from error
+            raise InvalidInput(
+                f"'{folder}' is being trained by another process: wait for it, or stop it."
+            ) from error
         except OSError:
             pass  # a file system without locks
         for abandoned in folder.rglob("*.tmp"):  # by a process that was killed
@@ -98,11 +112,15 @@ class Evaluation:
     def __post_init__(self) -> None:
         require_within(self, 0, 2**62, "env_steps", "episodes")
         require_counts(self.outcomes, "evaluation")
-        require(any(self.outcomes.values()), "outcomes", self.outcomes, "those of one game at least")
+        require(
+            any(self.outcomes.values()), "outcomes", self.outcomes, "those of one game at least"
+        )
 
     @property
     def pursuer_win_rate(self) -> float:
-        return sum(self.outcomes[name] for name in names_of(PURSUER_WINS)) / sum(self.outcomes.values())
+        return sum(self.outcomes[name] for name in names_of(PURSUER_WINS)) / sum(
+            self.outcomes.values()
+        )
 
 
 @dataclass(frozen=True)
@@ -127,7 +145,9 @@ class Standing:
 
 def save_checkpoint(path: Path, state: Any, standing: Standing) -> None:
     """Write a pytree of arrays and keys, and how far the run is, so that a crash leaves the old file or the new one."""
-    arrays = {name: np.asarray(_without_key_type(leaf)) for name, leaf in named_leaves(state).items()}
+    arrays = {
+        name: np.asarray(_without_key_type(leaf)) for name, leaf in named_leaves(state).items()
+    }
     write_atomically(path, save(arrays, {FORMAT: to_json(asdict(standing))}))
 
 
@@ -150,7 +170,9 @@ def load_standing(path: Path, config: RunConfig | None = None) -> Standing:
         raise InvalidInput(f"'{path}' is no checkpoint of this version ({FORMAT}): train again.")
     record = parse_json(metadata[FORMAT], f"'{path}' holds no record of a run: train again")
     standing = from_dict(Standing, record, f"the record of '{path}'")
-    if config and (standing.stage not in config.plans or standing.ended not in ("", _digest(config))):
+    if config and (
+        standing.stage not in config.plans or standing.ended not in ("", _digest(config))
+    ):
         raise InvalidInput(f"'{path}' is of another training than its config.toml: train again.")
     return standing
 
@@ -159,8 +181,12 @@ def load_checkpoint(path: Path, template: T) -> T:
     """Return the saved pytree; raises InvalidInput unless its arrays are finite, of the template's shapes and types."""
     misfit = f"'{path}' holds another training state than its config.toml describes: train again."
     with opened(path, "train again", "checkpoint") as file:
-        saved = read_tree(path, file, jax.tree.map(_without_key_type, template), misfit, "train again")
-    return jax.tree.map(lambda leaf, new: jax.random.wrap_key_data(new) if _is_key(leaf) else new, template, saved)
+        saved = read_tree(
+            path, file, jax.tree.map(_without_key_type, template), misfit, "train again"
+        )
+    return jax.tree.map(
+        lambda leaf, new: jax.random.wrap_key_data(new) if _is_key(leaf) else new, template, saved
+    )
 
 
 def _is_key(leaf: Any) -> bool:

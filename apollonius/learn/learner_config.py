@@ -7,7 +7,14 @@ from typing import ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array, Int
 
-from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH, GaussianActor, Network, QNetwork, widened
+from apollonius.agents.network import (
+    MOST_LAYERS,
+    MOST_WIDTH,
+    GaussianActor,
+    Network,
+    QNetwork,
+    widened,
+)
 from apollonius.game.types import Real, Scalar
 from apollonius.io.errors import require, require_positive, require_within
 from apollonius.io.limits import PARALLEL_GAMES, TRANSITIONS
@@ -50,8 +57,15 @@ class LearnerConfig:
     """Games played at a time."""
 
     def __post_init__(self) -> None:
-        mirrored = self.network is QNetwork and find_observation(self.observation).mirror is not None
-        require(mirrored or not self.symmetric, "symmetric", True, f"false with '{self.observation}' or with sac")
+        mirrored = (
+            self.network is QNetwork and find_observation(self.observation).mirror is not None
+        )
+        require(
+            mirrored or not self.symmetric,
+            "symmetric",
+            True,
+            f"false with '{self.observation}' or with sac",
+        )
         require_positive(self, "learning_rate", "final_learning_rate", "batch", "games")
         require_within(self, 1, MOST_WIDTH, "width")
         require_within(self, 1, MOST_LAYERS, "depth")
@@ -59,7 +73,12 @@ class LearnerConfig:
         PARALLEL_GAMES.require("games", self.games)
         TRANSITIONS.require("batch", self.batch)
         falls = self.final_learning_rate <= self.learning_rate
-        require(falls, "final_learning_rate", self.final_learning_rate, f"at most learning_rate = {self.learning_rate}")
+        require(
+            falls,
+            "final_learning_rate",
+            self.final_learning_rate,
+            f"at most learning_rate = {self.learning_rate}",
+        )
 
     @property
     @abstractmethod
@@ -89,11 +108,21 @@ class LearnerConfig:
         """
         wanted = f"{self.network.__name__} of {self.depth} layers of {self.width} that reads '{self.observation}'"
         bound = f"a {wanted}, as this config trains, not one that reads '{network.observation.name}' or of another size"
-        reads, size = find_observation(self.observation), (len(network.layers) - 1, int(network.layers[0].out_features))
-        alike = type(network) is self.network and network.observation.name in {reads.name, reads.extends}
+        reads, size = (
+            find_observation(self.observation),
+            (len(network.layers) - 1, int(network.layers[0].out_features)),
+        )
+        alike = type(network) is self.network and network.observation.name in {
+            reads.name,
+            reads.extends,
+        }
         require(alike and size == (self.depth, self.width), name, value, bound)
         whole = network if network.observation is reads else widened(network, reads)
-        return replace(whole, symmetric=True) if self.symmetric and isinstance(whole, QNetwork) else whole
+        return (
+            replace(whole, symmetric=True)
+            if self.symmetric and isinstance(whole, QNetwork)
+            else whole
+        )
 
 
 @dataclass(frozen=True)
@@ -116,12 +145,24 @@ class ReplayConfig(LearnerConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "n_step", "final_n_step", "averaging", "env_steps_per_update", "replay_capacity")
+        require_positive(
+            self, "n_step", "final_n_step", "averaging", "env_steps_per_update", "replay_capacity"
+        )
         require_within(self, 0, 1, "averaging")
         TRANSITIONS.require("replay_capacity", self.replay_capacity)
-        require(self.final_n_step <= self.n_step, "final_n_step", self.final_n_step, f"at most n_step = {self.n_step}")
+        require(
+            self.final_n_step <= self.n_step,
+            "final_n_step",
+            self.final_n_step,
+            f"at most n_step = {self.n_step}",
+        )
         steps, bound = self.env_steps_per_update, f"a multiple or a divisor of games = {self.games}"
-        require(max(self.games, steps) % min(self.games, steps) == 0, "env_steps_per_update", steps, bound)
+        require(
+            max(self.games, steps) % min(self.games, steps) == 0,
+            "env_steps_per_update",
+            steps,
+            bound,
+        )
         rows = 2 * (self.n_step + self.steps_per_iteration)
         bound = f"at least {rows * self.games} for these games and n_step"
         require(self.rows >= rows, "replay_capacity", self.replay_capacity, bound)
@@ -204,7 +245,9 @@ class SACConfig(ReplayConfig):
         super().__post_init__()
         require_positive(self, "target_averaging", "first_temperature")
         require_within(self, 0, 1, "target_averaging")
-        require_within(self, -1_000, 1.38, "target_entropy")  # of uniformly random actions it is 2 log(2) = 1.386
+        require_within(
+            self, -1_000, 1.38, "target_entropy"
+        )  # of uniformly random actions it is 2 log(2) = 1.386
         require_within(self, 0, 2**31, "critics_first")
         whole = self.noise_steps >= 1 and self.noise_steps % self.steps_per_iteration == 0
         bound = f"a multiple of env_steps_per_update / games = {self.steps_per_iteration}"

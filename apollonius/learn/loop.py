@@ -72,7 +72,9 @@ def in_turns(
 
 
 @functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
-def play_and_learn(plan: Plan, game: Game, state: TrainState, fixed: Mapping[Role, Pool]) -> tuple[TrainState, Metrics]:
+def play_and_learn(
+    plan: Plan, game: Game, state: TrainState, fixed: Mapping[Role, Pool]
+) -> tuple[TrainState, Metrics]:
     """Return the state after a chunk and its metrics. The state is consumed: replay buffers are updated in place."""
     steps, games = plan.learner.steps_per_iteration, plan.learner.games
     drawn_at_once = _STARTS_PER_CHUNK if game.scenario is None else _STARTS_IN_ARENAS
@@ -83,7 +85,9 @@ def play_and_learn(plan: Plan, game: Game, state: TrainState, fixed: Mapping[Rol
     def one_iteration(state: TrainState, index: Int[Array, ""]) -> tuple[TrainState, Metrics]:
         return _iterate(plan, game, state, fixed, turn_of(starts, index))
 
-    after, metrics = jax.lax.scan(one_iteration, state, jnp.arange(plan.learner.iterations_per_chunk))
+    after, metrics = jax.lax.scan(
+        one_iteration, state, jnp.arange(plan.learner.iterations_per_chunk)
+    )
     return after, jax.tree.map(lambda leaf: jnp.sum(leaf, axis=0), metrics)
 
 
@@ -93,7 +97,9 @@ def _iterate(
     """Play some steps of every game, store the transitions, make the updates of each learning side."""
     config, (play_key, *learn_keys) = plan.learner, jax.random.split(_key(state, 1), 3)
     playing = players(plan, state, fixed)
-    games, played = collect(game, playing, state.games, starts, play_key, config.steps_per_iteration)
+    games, played = collect(
+        game, playing, state.games, starts, play_key, config.steps_per_iteration
+    )
     env_steps = state.env_steps + config.env_steps_per_iteration
     learned = {
         role: _learn(plan, side, row_of(played, role), env_steps, learn_keys[role])
@@ -114,14 +120,18 @@ def iterated(
     ended, first = played.ended, min(learned)
     learners = {role: side for role, (side, _) in learned.items()}
     episodes = state.episodes + jnp.sum(ended.astype(jnp.int32))
-    after = TrainState(games, learners, state.key, state.iterations + 1, env_steps, episodes, archives)
+    after = TrainState(
+        games, learners, state.key, state.iterations + 1, env_steps, episodes, archives
+    )
 
     def finished(returns: Array) -> Scalar:
         of_side = returns if returns.ndim == 2 else jnp.mean(returns, axis=2)
         return jnp.sum(jnp.where(ended, of_side, 0.0))
 
     return after, Metrics(
-        outcomes=jnp.stack([jnp.sum((ended & (played.outcome == one)).astype(jnp.int32)) for one in Outcome]),
+        outcomes=jnp.stack(
+            [jnp.sum((ended & (played.outcome == one)).astype(jnp.int32)) for one in Outcome]
+        ),
         returns=played.sides.map(lambda side: finished(side.episode_return)),
         losses=ROLES.map(lambda role: learned[role][1] if role in learned else jnp.zeros(())),
         updates=learners[first].learner.updates - state.learners[first].learner.updates,
@@ -129,14 +139,20 @@ def iterated(
 
 
 def _learn(
-    plan: Plan, side: LearnerState, new: replay_buffer.Row, env_steps: Int[Array, ""], key: PRNGKeyArray
+    plan: Plan,
+    side: LearnerState,
+    new: replay_buffer.Row,
+    env_steps: Int[Array, ""],
+    key: PRNGKeyArray,
 ) -> tuple[LearnerState, Scalar]:
     """Store one side's transitions and make its updates; return their losses, added up."""
     config, stage = plan.learner, plan.stage.env_steps
     assert isinstance(config, ReplayConfig)
     buffer = replay_buffer.add(side.buffer, new)
     rate = linear(config.learning_rate, config.final_learning_rate, stage, env_steps)
-    n_step = jnp.round(linear(config.n_step, config.final_n_step, stage, env_steps)).astype(jnp.int32)
+    n_step = jnp.round(linear(config.n_step, config.final_n_step, stage, env_steps)).astype(
+        jnp.int32
+    )
 
     def update(learner: Learner, key: PRNGKeyArray) -> tuple[Learner, Scalar]:
         batch = replay_buffer.sample(buffer, key, config.batch, config.n_step, n_step, config.gamma)
@@ -147,14 +163,20 @@ def _learn(
         return sac.update(learner, batch, jax.random.fold_in(key, 2), rate, config)
 
     def updates(learner: Learner) -> tuple[Learner, Scalar]:
-        learner, losses = jax.lax.scan(update, learner, jax.random.split(key, config.updates_per_iteration))
+        learner, losses = jax.lax.scan(
+            update, learner, jax.random.split(key, config.updates_per_iteration)
+        )
         return learner, jnp.sum(losses)
 
     enough = (env_steps >= config.learning_starts) & (buffer.filled > config.n_step)
-    learner, loss = jax.lax.cond(enough, updates, lambda learner: (learner, jnp.zeros(())), side.learner)
+    learner, loss = jax.lax.cond(
+        enough, updates, lambda learner: (learner, jnp.zeros(())), side.learner
+    )
     if isinstance(config, DQNConfig) and isinstance(learner, dqn.DQNLearner):
         before = env_steps - config.env_steps_per_iteration
-        learner = dqn.copy_to_target(learner, env_steps // config.target_period > before // config.target_period)
+        learner = dqn.copy_to_target(
+            learner, env_steps // config.target_period > before // config.target_period
+        )
     return LearnerState(learner, buffer), loss
 
 
@@ -165,19 +187,27 @@ def row_of(played: Transition, role: Role) -> replay_buffer.Row:
     if side.active is None or side.lost is None:
         return replay_buffer.Row(*made, *flags)
     robots = side.reward.size // played.terminated.size
-    terminated, truncated = (jnp.repeat(flag, robots, axis=1).reshape(side.lost.shape) for flag in flags)
+    terminated, truncated = (
+        jnp.repeat(flag, robots, axis=1).reshape(side.lost.shape) for flag in flags
+    )
     row = replay_buffer.Row(*made, terminated | side.lost, truncated & ~side.lost, side.active)
     (steps, games), after = played.terminated.shape, side.reward.ndim
     return jax.tree.map(lambda leaf: leaf.reshape(steps, games * robots, *leaf.shape[after:]), row)
 
 
-def _recorded(plan: Plan, game: Game, state: TrainState, played: Transition) -> BySide[archive.Archive] | None:
+def _recorded(
+    plan: Plan, game: Game, state: TrainState, played: Transition
+) -> BySide[archive.Archive] | None:
     """Return the archives with the games counted that say how good their versions are."""
     if (old := state.archives) is None:
         return None
     before = state.iterations * plan.learner.steps_per_iteration % plan.steps_per_assignment
-    over = archive.counted(played.ended, state.games.state.steps, before, plan.steps_per_assignment, game.max_steps)
-    return ROLES.map(lambda role: archive.record(old[role], plan.opponents, role, played.outcome, over))
+    over = archive.counted(
+        played.ended, state.games.state.steps, before, plan.steps_per_assignment, game.max_steps
+    )
+    return ROLES.map(
+        lambda role: archive.record(old[role], plan.opponents, role, played.outcome, over)
+    )
 
 
 @functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
@@ -190,15 +220,21 @@ def renew_opponents(plan: Plan, game: Game, state: TrainState) -> TrainState:
     old, config, games = state.archives, plan.opponents, plan.learner.games
     assert old is not None
     interval = max(1, plan.stage.env_steps // config.versions)
-    due = state.env_steps // interval > (state.env_steps - plan.steps_per_assignment * games) // interval
+    due = (
+        state.env_steps // interval
+        > (state.env_steps - plan.steps_per_assignment * games) // interval
+    )
     start_key, *keys = jax.random.split(_key(state, 2), 3)
-    entered = ROLES.map(lambda role: archive.enter(old[role], state.learners[role].learner.average, due))
+    entered = ROLES.map(
+        lambda role: archive.enter(old[role], state.learners[role].learner.average, due)
+    )
     archives = ROLES.map(lambda role: archive.renew(entered[role], config, keys[role]))
     in_slots = jnp.arange(games) < config.first_game(len(Role), games)
     bits = jax.random.bits(jax.random.fold_in(start_key, 1), (2, games), jnp.uint32)
     begun = begin(game, reset_batch(game, start_key, games), players(plan, state, {}), bits)
     learners = {
-        role: replace(side, buffer=replay_buffer.cut(side.buffer, in_slots)) for role, side in state.learners.items()
+        role: replace(side, buffer=replay_buffer.cut(side.buffer, in_slots))
+        for role, side in state.learners.items()
     }
     broken_off = jax.vmap(choose)(in_slots, begun, state.games)
     return replace(state, games=broken_off, learners=learners, archives=archives)

@@ -45,10 +45,17 @@ class MetricsLine:
     """The greedy evaluation at its end, if there was one."""
 
     def __post_init__(self) -> None:
-        require_within(self, 0, 2**62, "env_steps", "episodes", "updates", "seconds", "env_steps_per_second")
+        require_within(
+            self, 0, 2**62, "env_steps", "episodes", "updates", "seconds", "env_steps_per_second"
+        )
         require_counts(self.outcomes, "metrics")
         sides = set(self.losses)
-        require(sides and sides <= {"pursuer", "evader"}, "losses", ", ".join(sides), "those of pursuer and evader")
+        require(
+            sides and sides <= {"pursuer", "evader"},
+            "losses",
+            ", ".join(sides),
+            "those of pursuer and evader",
+        )
         require_within(self, -_LARGEST_MEAN, _LARGEST_MEAN, "pursuer_return", "evader_return")
         worst = max(self.losses.values(), key=abs)
         require(abs(worst) <= _LARGEST_MEAN, "losses", worst, f"within {_LARGEST_MEAN:g} of 0")
@@ -60,7 +67,12 @@ class MetricsLine:
 
 
 def measure(
-    stage: str, train: TrainState, metrics: Metrics, evaluation: Evaluation | None, seconds: float, speed: float
+    stage: str,
+    train: TrainState,
+    metrics: Metrics,
+    evaluation: Evaluation | None,
+    seconds: float,
+    speed: float,
 ) -> MetricsLine:
     """Return the line of a chunk, after some seconds of the stage, at a speed in env steps per second; raises
     InvalidInput when the losses are beyond all bounds, so that the weights are no good.
@@ -79,12 +91,15 @@ def measure(
             pursuer_return=round(float(metrics.returns.pursuer) / games, 4),
             evader_return=round(float(metrics.returns.evader) / games, 4),
             losses={
-                role.name.lower(): round(float(metrics.losses[role]) / max(1, updates), 6) for role in train.learners
+                role.name.lower(): round(float(metrics.losses[role]) / max(1, updates), 6)
+                for role in train.learners
             },
             evaluation=evaluation,
         )
     except InvalidInput as error:
-        raise InvalidInput(f"the training has diverged ({error}): train again with a lower learning_rate.") from error
+        raise InvalidInput(
+            f"the training has diverged ({error}): train again with a lower learning_rate."
+        ) from error
 
 
 def begin_metrics(path: Path, standing: Standing | None = None) -> None:
@@ -93,7 +108,9 @@ def begin_metrics(path: Path, standing: Standing | None = None) -> None:
     Raises InvalidInput when the checkpoint does not say where the line of its last chunk ends; nothing is cut off.
     """
     if standing is not None:
-        chunks = [line.stage for line in load_metrics(path, standing.metrics_bytes)].count(standing.stage)
+        chunks = [line.stage for line in load_metrics(path, standing.metrics_bytes)].count(
+            standing.stage
+        )
         bound = f"the {standing.chunks:,} that its checkpoint says; train again"
         require(chunks == standing.chunks, f"chunks of {standing.stage} in '{path}'", chunks, bound)
     with open(path, "ab") as file:
@@ -103,16 +120,25 @@ def begin_metrics(path: Path, standing: Standing | None = None) -> None:
 def append_metrics(path: Path, line: MetricsLine) -> int:
     """Add a line to `metrics.jsonl`; return the file's size [bytes]."""
     with open(path, "a", encoding="utf-8") as file:
-        file.write(to_json({name: value for name, value in asdict(line).items() if value is not None}) + "\n")
+        file.write(
+            to_json({name: value for name, value in asdict(line).items() if value is not None})
+            + "\n"
+        )
         file.flush()
         return file.tell()
 
 
-def load_metrics(path: Path, size: int | None = None, within: Path | None = None) -> list[MetricsLine]:
+def load_metrics(
+    path: Path, size: int | None = None, within: Path | None = None
+) -> list[MetricsLine]:
     """Return the lines of the first `size` bytes of a `metrics.jsonl`, or of all; none where there is no file. Raises
     InvalidInput for a bad one or a shorter one, and for one that is not `within` a folder, wherever links lead.
     """
-    whole = read_bytes(path, "a run's metrics", "train again", _MOST_BYTES, within) if path.exists() else b""
+    whole = (
+        read_bytes(path, "a run's metrics", "train again", _MOST_BYTES, within)
+        if path.exists()
+        else b""
+    )
     least = f"{size or 0:,} bytes at least, as its checkpoint says; train again"
     require(len(whole) >= (size or 0), f"'{path}'", f"{len(whole):,} bytes", least)
     lines = enumerate(whole[:size].splitlines(), start=1)
@@ -121,30 +147,46 @@ def load_metrics(path: Path, size: int | None = None, within: Path | None = None
 
 def last_lines(path: Path) -> tuple[MetricsLine | None, Evaluation | None]:
     """Return the last line of a `metrics.jsonl` that may be written to, and the last evaluation in it, if any."""
-    content = read_bytes(path, "a run's metrics", "train again", _MOST_BYTES) if path.exists() else b""
+    content = (
+        read_bytes(path, "a run's metrics", "train again", _MOST_BYTES) if path.exists() else b""
+    )
     *whole, _ = content.split(b"\n")
     evaluated = [line for line in whole if b'"evaluation"' in line]
-    last, judged = (_read_line(some[-1], f"'{path}'") if some else None for some in (whole, evaluated))
+    last, judged = (
+        _read_line(some[-1], f"'{path}'") if some else None for some in (whole, evaluated)
+    )
     return last, judged and judged.evaluation
 
 
 def _read_line(line: bytes, source: str) -> MetricsLine:
-    return from_dict(MetricsLine, parse_json(line, f"{source} is no record of training; train again"), source)
+    return from_dict(
+        MetricsLine, parse_json(line, f"{source} is no record of training; train again"), source
+    )
 
 
-def _opened(to: str, folder: Path, config: dict[str, Any]) -> tuple[Callable[..., object], Callable[[], object]]:
+def _opened(
+    to: str, folder: Path, config: dict[str, Any]
+) -> tuple[Callable[..., object], Callable[[], object]]:
     """Begin a run of a tracker; return what takes values by name and their step, and what is called at the end."""
     tracker: Any = import_module(TRACKERS[to])
     if to == "tensorboard":
-        writer = tracker.SummaryWriter(str(folder / to), purge_step=0)  # in place of what an earlier one has written
-        return lambda values, step: [writer.add_scalar(*one, step) for one in values.items()], writer.close
+        writer = tracker.SummaryWriter(
+            str(folder / to), purge_step=0
+        )  # in place of what an earlier one has written
+        return lambda values, step: [
+            writer.add_scalar(*one, step) for one in values.items()
+        ], writer.close
     if to == "mlflow":
         os.environ.setdefault("MLFLOW_EXPERIMENT_NAME", "apollonius")
         tracker.start_run(run_name=folder.name)
         tracker.log_dict(config, "config.json")
         return tracker.log_metrics, tracker.end_run
-    os.environ.setdefault("WANDB_DIR", str(folder))  # its own files lie in the run, and not where one happens to be
-    project = os.environ.get(f"{to.upper()}_PROJECT", "apollonius")  # trackio is made to be used as wandb
+    os.environ.setdefault(
+        "WANDB_DIR", str(folder)
+    )  # its own files lie in the run, and not where one happens to be
+    project = os.environ.get(
+        f"{to.upper()}_PROJECT", "apollonius"
+    )  # trackio is made to be used as wandb
     return tracker.init(project=project, name=folder.name, config=config).log, tracker.finish
 
 
@@ -170,4 +212,7 @@ class Tracker:
         for kind, outcomes in (("exploring", line.outcomes), ("greedy", judged)):
             games = sum(outcomes.values())
             found |= {f"{kind}/{name}": count / games for name, count in outcomes.items() if games}
-        self._log({f"{line.stage}/{name}": value for name, value in found.items()}, self._before + self._steps)
+        self._log(
+            {f"{line.stage}/{name}": value for name, value in found.items()},
+            self._before + self._steps,
+        )

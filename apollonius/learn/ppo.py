@@ -45,10 +45,14 @@ _STARTS = 8
 """Starts of each column of games in a round; shorter games begin from some again."""
 _ROUNDS_SEEN = 16
 """Rounds of which some observations are kept, to find the units that a network has little use for in all its games."""
-_adam = tuple(optax.chain(optax.clip_by_global_norm(most), optax.scale_by_adam()) for most in (0.5, 1.0))
+_adam = tuple(
+    optax.chain(optax.clip_by_global_norm(most), optax.scale_by_adam()) for most in (0.5, 1.0)
+)
 
 
-def learning_from(network: Network, learner: PPOConfig, name: str, role: Role, game: Game) -> Network:
+def learning_from(
+    network: Network, learner: PPOConfig, name: str, role: Role, game: Game
+) -> Network:
     """Return an agent's network as the first one of a response: without caution, its values as logits."""
     price = price_of_losing(find_player(name, role, game), game)
     return scaled(bold(network), learner.price / price)
@@ -60,15 +64,23 @@ def start_response(
     """Return the state before the first step, from random weights where there is no network, whose values are logits.
     The key is consumed.
     """
-    (config, stage), (network_key, critic_key, start_key, train_key) = _configs(plan), jax.random.split(key, 4)
-    first = network or make_network(config.observation, config.width, config.depth, network_key, config.symmetric)
+    (config, stage), (network_key, critic_key, start_key, train_key) = (
+        _configs(plan),
+        jax.random.split(key, 4),
+    )
+    first = network or make_network(
+        config.observation, config.width, config.depth, network_key, config.symmetric
+    )
     assert isinstance(first, QNetwork)
     own, size = jax.tree.map(jnp.copy, first), first.observation.size
     critic = make_layers([size, *_HIDDEN, 1], critic_key)
     optimisers = tuple(
-        adam.init(eqx.filter(part, eqx.is_array)) for adam, part in zip(_adam, (own, critic), strict=True)
+        adam.init(eqx.filter(part, eqx.is_array))
+        for adam, part in zip(_adam, (own, critic), strict=True)
     )
-    head, filled, iterations, env_steps, episodes, updates = (jnp.zeros((), jnp.int32) for _ in range(6))
+    head, filled, iterations, env_steps, episodes, updates = (
+        jnp.zeros((), jnp.int32) for _ in range(6)
+    )
     seen = ReplayBuffer((jnp.zeros((_ROUNDS_SEEN * _kept_of_a_round(config), size)),), head, filled)
     learners = {stage.side: LearnerState(PPOLearner(own, critic, optimisers, updates), seen)}
     keys = jax.random.split(start_key, len(settings))
@@ -80,7 +92,9 @@ def start_response(
 def _first_games(plan: Plan, network: QNetwork, setting: Setting, key: PRNGKeyArray) -> Practice:
     bits = jnp.zeros((2, plan.learner.games), jnp.uint32)
     starts = reset_batch(setting.game, key, bits.shape[1])
-    return Practice(begin(setting.game, starts, _players(plan, network, setting), bits), no_losses(starts))
+    return Practice(
+        begin(setting.game, starts, _players(plan, network, setting), bits), no_losses(starts)
+    )
 
 
 def _players(plan: Plan, network: QNetwork, setting: Setting) -> BySide[AbstractPlayers]:
@@ -104,18 +118,26 @@ def play_and_learn(plan: Plan, state: TrainState, setting: Setting) -> tuple[Tra
     play_key, start_key, retry_key, learn_key = jax.random.split(key, 4)
     learner = state.learners[stage.side].learner
     assert isinstance(learner, PPOLearner)
-    drawn = with_retries(stage.retries, reset_batch(game, start_key, _STARTS * config.games), before.lost, retry_key)
+    drawn = with_retries(
+        stage.retries, reset_batch(game, start_key, _STARTS * config.games), before.lost, retry_key
+    )
     starts = jax.tree.map(lambda leaf: leaf.reshape(_STARTS, config.games, *leaf.shape[1:]), drawn)
     players = _players(plan, learner.network, setting)
-    games, played = collect(game, players, before.games, starts, play_key, config.steps, foresees=False)
+    games, played = collect(
+        game, players, before.games, starts, play_key, config.steps, foresees=False
+    )
     env_steps = state.env_steps + config.env_steps_per_iteration
     row = row_of(played, stage.side)
-    after, error = _learn(plan, learner, _in_units(game, row), state.iterations, env_steps, learn_key)
+    after, error = _learn(
+        plan, learner, _in_units(game, row), state.iterations, env_steps, learn_key
+    )
     seen, kept = row.observation.reshape(-1, row.observation.shape[-1]), _kept_of_a_round(config)
     buffer = add(state.learners[stage.side].buffer, (seen[:: len(seen) // kept][:kept],))
     lost = with_losses(before.lost, game, before.games.state, played.outcome, stage.side)
     practice = Practice(games, lost)
-    return iterated(state, practice, played, env_steps, {stage.side: (LearnerState(after, buffer), error)})
+    return iterated(
+        state, practice, played, env_steps, {stage.side: (LearnerState(after, buffer), error)}
+    )
 
 
 def _kept_of_a_round(config: PPOConfig) -> int:
@@ -129,7 +151,9 @@ def _in_units(game: Game, row: Row) -> Row:
     return replace(row, reward=row.reward / unit)
 
 
-def advantages(config: PPOConfig, row: Row, values: Float[Array, "steps games"]) -> Float[Array, "steps games"]:
+def advantages(
+    config: PPOConfig, row: Row, values: Float[Array, "steps games"]
+) -> Float[Array, "steps games"]:
     """Return how much better each action was than the policy, by `values` of the observations and the rewards that
     followed: generalised advantage estimation (Schulman et al., 2016).
 
@@ -162,7 +186,12 @@ class _Lesson(eqx.Module):
 
 
 def _learn(
-    plan: Plan, learner: PPOLearner, row: Row, iterations: Int[Array, ""], env_steps: Int[Array, ""], key: PRNGKeyArray
+    plan: Plan,
+    learner: PPOLearner,
+    row: Row,
+    iterations: Int[Array, ""],
+    env_steps: Int[Array, ""],
+    key: PRNGKeyArray,
 ) -> tuple[PPOLearner, Scalar]:
     """Learn from a round; return the learner after it and the critic's errors, added up over its updates."""
     (config, stage), shape = _configs(plan), row.reward.shape
@@ -184,7 +213,9 @@ def _learn(
         some = jax.tree.map(lambda leaf: leaf[rows], lesson)
         (_, error), gradients = eqx.filter_value_and_grad(_loss, has_aux=True)(parts, plan, some)
         each = zip(_adam, gradients, learner.optimisers, strict=True)
-        directions, optimisers = zip(*(adam.update(gradient, own) for adam, gradient, own in each), strict=True)
+        directions, optimisers = zip(
+            *(adam.update(gradient, own) for adam, gradient, own in each), strict=True
+        )
         network, critic = (
             eqx.apply_updates(part, jax.tree.map(lambda step, rate=rate: -rate * step, direction))
             for part, direction, rate in zip(parts, directions, rates, strict=True)
@@ -201,7 +232,9 @@ def _loss(parts: tuple[QNetwork, Layers], plan: Plan, lesson: _Lesson) -> tuple[
     logarithms = _drawing(plan, network).log_probabilities(lesson.observation)
     ratio = jnp.exp(_of(logarithms, lesson.action) - lesson.probability)
     mean = functools.partial(jnp.mean, where=lesson.counts)
-    gain = (lesson.advantage - mean(lesson.advantage)) / (jnp.std(lesson.advantage, where=lesson.counts) + 1e-6)
+    gain = (lesson.advantage - mean(lesson.advantage)) / (
+        jnp.std(lesson.advantage, where=lesson.counts) + 1e-6
+    )
     clipped = jnp.clip(ratio, 1 - config.clip, 1 + config.clip)
     gains = mean(jnp.minimum(ratio * gain, clipped * gain))
     entropy = -mean(jnp.sum(jnp.exp(logarithms) * logarithms, axis=1))

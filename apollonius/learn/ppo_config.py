@@ -47,7 +47,12 @@ class PPOConfig(LearnerConfig):
         require_within(self, 0, 2**31, "critic_first")
         TRANSITIONS.require("games x steps", self.env_steps_per_iteration)
         whole = self.env_steps_per_iteration % self.batch == 0
-        require(whole, "batch", self.batch, f"a divisor of games x steps = {self.env_steps_per_iteration:,}")
+        require(
+            whole,
+            "batch",
+            self.batch,
+            f"a divisor of games x steps = {self.env_steps_per_iteration:,}",
+        )
 
     @property
     def price(self) -> float:

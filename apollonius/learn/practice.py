@@ -42,15 +42,23 @@ def with_losses(
     """
     end, rows = jnp.argmax(outcome != Outcome.ONGOING, axis=0), len(lost.rows.steps)
     first = jnp.take_along_axis(outcome, end[None], axis=0)[0]
-    won = pursuer_wins(first) if role == Role.EVADER else evader_wins(first, game.reward.time_limit_wins)
+    won = (
+        pursuer_wins(first)
+        if role == Role.EVADER
+        else evader_wins(first, game.reward.time_limit_wins)
+    )
     new = won & (end >= _TOO_LATE / game.dt)
     row = jnp.where(new, (lost.head + jnp.cumsum(new) - 1) % rows, rows)
     begun = eqx.tree_at(lambda batch: batch.steps, states, jnp.zeros_like(states.steps))
     kept = jax.tree.map(lambda ring, leaf: ring.at[row].set(leaf, mode="drop"), lost.rows, begun)
-    return ReplayBuffer(kept, (lost.head + jnp.sum(new)) % rows, jnp.minimum(lost.filled + jnp.sum(new), rows))
+    return ReplayBuffer(
+        kept, (lost.head + jnp.sum(new)) % rows, jnp.minimum(lost.filled + jnp.sum(new), rows)
+    )
 
 
-def with_retries(share: float, drawn: GameState, lost: ReplayBuffer[GameState], key: PRNGKeyArray) -> GameState:
+def with_retries(
+    share: float, drawn: GameState, lost: ReplayBuffer[GameState], key: PRNGKeyArray
+) -> GameState:
     """Return starts, a share of which are states of lost games as soon as there are some. The key is consumed."""
     which, row, count = *jax.random.split(key), len(drawn.steps)
     again = jax.random.bernoulli(which, share, (count,)) & (lost.filled > 0)

@@ -42,7 +42,9 @@ def load_state(path: Path) -> State:
     if not path.exists():
         return State()
     content = read_bytes(path, "a run's state", "train again")
-    return from_dict(State, parse_json(content, f"'{path}' is no record of a process; train again"), f"'{path}'")
+    return from_dict(
+        State, parse_json(content, f"'{path}' is no record of a process; train again"), f"'{path}'"
+    )
 
 
 def keep_state(folder: Path, train: Callable[[], bool]) -> bool:
@@ -68,7 +70,7 @@ def keep_state(folder: Path, train: Callable[[], bool]) -> bool:
 
 
 def _was_killed(state: State) -> bool:
-    """Return whether a process that runs by its record is not there any more, as far as this machine knows."""
+    """Check whether a process that runs by its record is not there any more, as far as this machine knows."""
     try:
         if state.machine == platform.node():
             os.kill(state.process, 0)
@@ -113,7 +115,9 @@ def progress_of(run: Path) -> Progress:
         line, evaluation = last_lines(run / METRICS)
         share = config.share(line.stage, line.env_steps) if line else 0.0
         times = [file.stat().st_mtime for file in (run / STATE, run / METRICS) if file.exists()]
-        age = min(max(0.0, time.time() - max(times)), MOST_COUNTED) if times else None  # clocks differ, and may be odd
+        age = (
+            min(max(0.0, time.time() - max(times)), MOST_COUNTED) if times else None
+        )  # clocks differ, and may be odd
         return Progress(run, state, share, line, evaluation, age)
     except (InvalidInput, OSError) as error:
         return Progress(run, State("failed", error=str(error)), 0.0, None, None, None)

@@ -44,14 +44,26 @@ def queries(
 
     bits = jax.random.bits(key, games.state.steps.shape, jnp.uint32)
     _, seen = jax.vmap(functools.partial(update, game, role))(track, games.state, bits)
-    ages = jnp.zeros((1, *games.state.steps.shape)) if seen.sight is None else jnp.stack(seen.sight.ages)
+    ages = (
+        jnp.zeros((1, *games.state.steps.shape))
+        if seen.sight is None
+        else jnp.stack(seen.sight.ages)
+    )
     fresh = jnp.min(ages, axis=0) < config.informed
-    return seen, games.state, jnp.concatenate([active & fresh for active in games.state.active[role]])
+    return (
+        seen,
+        games.state,
+        jnp.concatenate([active & fresh for active in games.state.active[role]]),
+    )
 
 
 def starts_of(setting: Lessons, games: int, key: PRNGKeyArray) -> GameState:
     """Return starts of games: with tables `fresh_starts`, else as the game draws them. The key is consumed."""
-    return reset_batch(setting.game, key, games) if setting.table is None else fresh_starts(setting.game, games, key)
+    return (
+        reset_batch(setting.game, key, games)
+        if setting.table is None
+        else fresh_starts(setting.game, games, key)
+    )
 
 
 def query_states(game: Game, visited: GameState, key: PRNGKeyArray) -> GameState:
@@ -62,7 +74,9 @@ def query_states(game: Game, visited: GameState, key: PRNGKeyArray) -> GameState
     """
     around_key, close_key, anywhere_key = jax.random.split(key, 3)
     games, some = len(visited.steps), len(visited.steps) // 4
-    around = jax.vmap(_around, in_axes=(None, 0, 0))(game, visited, jax.random.split(around_key, games))
+    around = jax.vmap(_around, in_axes=(None, 0, 0))(
+        game, visited, jax.random.split(around_key, games)
+    )
     far = _anywhere(game, some, close_key)
     close = jax.vmap(_closer, in_axes=(None, 0, 0))(game, far, jax.random.split(close_key, some))
     parts = visited, around, close, _anywhere(game, some, anywhere_key)
@@ -79,20 +93,29 @@ def fresh_starts(game: Game, games: int, key: PRNGKeyArray) -> GameState:
 
 def _anywhere(game: Game, games: int, key: PRNGKeyArray) -> GameState:
     """Return robots at all speeds, nearly up to the walls and nearly up to a capture."""
-    starts = replace(game.starts, speed="moving", clearance=0.05, separation=game.capture_distance + 0.05)
-    return jax.vmap(lambda key: starts.sample(key, game.arena, game.bodies))(jax.random.split(key, games))
+    starts = replace(
+        game.starts, speed="moving", clearance=0.05, separation=game.capture_distance + 0.05
+    )
+    return jax.vmap(lambda key: starts.sample(key, game.arena, game.bodies))(
+        jax.random.split(key, games)
+    )
 
 
 def _around(game: Game, state: GameState, key: PRNGKeyArray) -> GameState:
     """Return a state not far from this one."""
     pursuer, evader = jax.random.normal(key, (2, 4)) * jnp.array([SPREAD])
-    robots = _moved(game, game.pursuer, state.pursuer, *pursuer), _moved(game, game.evader, state.evader, *evader)
+    robots = (
+        _moved(game, game.pursuer, state.pursuer, *pursuer),
+        _moved(game, game.evader, state.evader, *evader),
+    )
     return GameState.of_two(*robots, state.steps)
 
 
 def _closer(game: Game, state: GameState, key: PRNGKeyArray) -> GameState:
     """Return the state with the pursuer not far from the evader."""
-    away, angle = jax.random.uniform(key, (2,), minval=jnp.array([0, -jnp.pi]), maxval=jnp.array([NEARBY, jnp.pi]))
+    away, angle = jax.random.uniform(
+        key, (2,), minval=jnp.array([0, -jnp.pi]), maxval=jnp.array([NEARBY, jnp.pi])
+    )
     away = game.capture_distance + away
     there = replace(state.pursuer, x=state.evader.x, y=state.evader.y)
     pursuer = _moved(game, game.pursuer, there, away * jnp.cos(angle), away * jnp.sin(angle))
@@ -100,7 +123,13 @@ def _closer(game: Game, state: GameState, key: PRNGKeyArray) -> GameState:
 
 
 def _moved(
-    game: Game, body: Unicycle, robot: RobotState, x: Scalar, y: Scalar, v: Real = 0.0, heading: Real = 0.0
+    game: Game,
+    body: Unicycle,
+    robot: RobotState,
+    x: Scalar,
+    y: Scalar,
+    v: Real = 0.0,
+    heading: Real = 0.0,
 ) -> RobotState:
     """Return a robot whose numbers differ by these, inside the walls and within its limits."""
     arena = game.arena

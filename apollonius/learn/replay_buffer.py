@@ -53,7 +53,9 @@ class Batch(eqx.Module):
     active: Bool[Array, " batch"] | None = None
 
 
-def init(rows: int, games: int, size: int, continuous: bool = False, of_teams: bool = False) -> ReplayBuffer[Row]:
+def init(
+    rows: int, games: int, size: int, continuous: bool = False, of_teams: bool = False
+) -> ReplayBuffer[Row]:
     """Return an empty ring for `rows` steps of `games` games, by the size of observations and the kind of actions."""
 
     def zeros(shape: tuple[int, ...] = (), dtype: Any = jnp.float32) -> Array:
@@ -75,9 +77,13 @@ def add(buffer: ReplayBuffer[Rows], new: Rows) -> ReplayBuffer[Rows]:
     """Return the ring with new rows over the oldest ones. Its rows must be a multiple of theirs."""
     rows, steps = (jax.tree.leaves(each)[0].shape[0] for each in (buffer.rows, new))
     written = jax.tree.map(
-        lambda ring, part: jax.lax.dynamic_update_slice_in_dim(ring, part, buffer.head, axis=0), buffer.rows, new
+        lambda ring, part: jax.lax.dynamic_update_slice_in_dim(ring, part, buffer.head, axis=0),
+        buffer.rows,
+        new,
     )
-    return ReplayBuffer(written, (buffer.head + steps) % rows, jnp.minimum(buffer.filled + steps, rows))
+    return ReplayBuffer(
+        written, (buffer.head + steps) % rows, jnp.minimum(buffer.filled + steps, rows)
+    )
 
 
 def cut(buffer: ReplayBuffer[Row], games: Bool[Array, " games"]) -> ReplayBuffer[Row]:
@@ -85,7 +91,9 @@ def cut(buffer: ReplayBuffer[Row], games: Bool[Array, " games"]) -> ReplayBuffer
     rows, columns = buffer.rows.reward.shape
     latest, broken_off = (buffer.head - 1) % rows, jnp.repeat(games, columns // games.shape[0])
     truncated = buffer.rows.truncated[latest] | (broken_off & ~buffer.rows.terminated[latest])
-    return eqx.tree_at(lambda ring: ring.rows.truncated, buffer, buffer.rows.truncated.at[latest].set(truncated))
+    return eqx.tree_at(
+        lambda ring: ring.rows.truncated, buffer, buffer.rows.truncated.at[latest].set(truncated)
+    )
 
 
 def sample(

@@ -29,7 +29,14 @@ from apollonius.game.types import ROLES, BySide, Outcome, Role
 from apollonius.io.interrupts import asked
 from apollonius.learn import distillation, loop, ppo, train_state
 from apollonius.learn.caution import cautious, sampled
-from apollonius.learn.config import DISTILLATION, FIXED_TARGET, RESPONSE, SELF_PLAY, STAGES, RunConfig
+from apollonius.learn.config import (
+    DISTILLATION,
+    FIXED_TARGET,
+    RESPONSE,
+    SELF_PLAY,
+    STAGES,
+    RunConfig,
+)
 from apollonius.learn.folder import (
     METRICS,
     Evaluation,
@@ -76,7 +83,9 @@ class Run:
     should_stop: Callable[[], bool] = asked
 
     def __post_init__(self) -> None:
-        self.game = charted(self.config.game, find_observation(self.config.learner.observation).charted)
+        self.game = charted(
+            self.config.game, find_observation(self.config.learner.observation).charted
+        )
         self.checkpoint = self.folder / "checkpoint.safetensors"
         self.metrics = self.folder / METRICS
         self.evaders = find_pool(self.config.evaders, Role.EVADER, self.game)
@@ -123,11 +132,16 @@ class Run:
 
     def start(self, stage: str, networks: BySide[Network | None]) -> Saved:
         """Return the beginning of a stage whose networks go on from these."""
-        plan, key = self.plans[stage], jax.random.fold_in(jax.random.key(self.config.seed), STAGES.index(stage))
+        plan, key = (
+            self.plans[stage],
+            jax.random.fold_in(jax.random.key(self.config.seed), STAGES.index(stage)),
+        )
         if (one_side := self.config.one_side) is not None:
             begin = distillation.start_distillation if stage == DISTILLATION else ppo.start_response
             return Saved(begin(plan, self.settings, key, networks[one_side.side]), None)
-        train = train_state.start(plan, plan.stage.trained_in(self.game), key, self.fixed.get(stage, {}), networks)
+        train = train_state.start(
+            plan, plan.stage.trained_in(self.game), key, self.fixed.get(stage, {}), networks
+        )
         return Saved(train, _pursuer(train) if stage == FIXED_TARGET else None)
 
     def _train_stage(self, saved: Saved, standing: Standing) -> tuple[Saved, bool]:
@@ -155,7 +169,9 @@ class Run:
             self._save_agents(train, before, standing)
             seconds = time.monotonic() - began
             line = measure(stage, train, metrics, evaluation, seconds, speed)
-            standing = replace(standing, seconds=seconds, metrics_bytes=append_metrics(self.metrics, line))
+            standing = replace(
+                standing, seconds=seconds, metrics_bytes=append_metrics(self.metrics, line)
+            )
             self.report(line, self.config.share(stage, line.env_steps))
             stop, ended = self.should_stop(), standing.chunks == plan.chunks
             if stop or ended or time.monotonic() - last_save >= CHECKPOINT_SECONDS:
@@ -165,7 +181,9 @@ class Run:
                 return Saved(train, best), False
             chunk_began = time.monotonic()
         if best is not None and standing.best is not None:
-            self._save_agent(best, Role.PURSUER, self.config.stage1_name, asdict(standing.best), stage)
+            self._save_agent(
+                best, Role.PURSUER, self.config.stage1_name, asdict(standing.best), stage
+            )
         return Saved(train, best), True
 
     def _evaluate(self, stage: str, train: TrainState) -> Evaluation:
@@ -175,7 +193,11 @@ class Run:
             game, fixed = self.settings[0].game, solo(self.settings[0].opponents[0])
 
         def players(role: Role) -> Pool:
-            return solo(greedy(self._finished(train.learners[role]))) if role in train.learners else fixed
+            return (
+                solo(greedy(self._finished(train.learners[role])))
+                if role in train.learners
+                else fixed
+            )
 
         start_key, play_key = jax.random.split(jax.random.key(_EVALUATION_SEED))
         starts = sample_starts(game, start_key, self.plans[stage].stage.evaluation_games)
@@ -184,7 +206,7 @@ class Run:
         return Evaluation(int(train.env_steps), int(train.episodes), outcomes)
 
     def _is_best(self, evaluation: Evaluation, standing: Standing) -> bool:
-        """Return whether a pursuer of stage 1 is the best so far.
+        """Check whether a pursuer of stage 1 is the best so far.
 
         Against an evader that stays that is the one with most captures (section IV), otherwise the latest: the one with
         most wins would be one that waits until a random evader has failed.
@@ -199,20 +221,36 @@ class Run:
         """Save the agents at the snapshots of self-play, and that of a side that learns alone at its end."""
         plan, stage = self.plans[standing.stage], standing.stage
         times = {SELF_PLAY: self.config.self_play.snapshots, FIXED_TARGET: 0}.get(stage, 1)
-        record: dict[str, object] = {"env_steps": int(train.env_steps), "episodes": int(train.episodes)}
+        record: dict[str, object] = {
+            "env_steps": int(train.env_steps),
+            "episodes": int(train.episodes),
+        }
         if self.config.one_side is not None:
             record["price"] = float(self.settings[0].price)
         for percent in (round(100 * number / times) for number in range(1, times + 1)):
             if before < -(-plan.chunks * percent // 100) <= standing.chunks:
                 for role, side in train.learners.items():
                     self._save_agent(
-                        self._finished(side), role, f"{role.name[0]}_{self.config.kind}", record, stage, percent
+                        self._finished(side),
+                        role,
+                        f"{role.name[0]}_{self.config.kind}",
+                        record,
+                        stage,
+                        percent,
                     )
 
     def _finished(self, side: LearnerState) -> Network:
         """Return the network that plays when it counts: averaged, or a response between it and the first; cautious."""
-        network, one_side, kept = side.learner.average, self.config.one_side, self.config.response.kept
-        if self.config.stages == RESPONSE and kept and (first := load_first(self.config, self.config.response.side)):
+        network, one_side, kept = (
+            side.learner.average,
+            self.config.one_side,
+            self.config.response.kept,
+        )
+        if (
+            self.config.stages == RESPONSE
+            and kept
+            and (first := load_first(self.config, self.config.response.side))
+        ):
             network = between(network, first, kept)
         if one_side is None or one_side.caution == 0:
             return network
@@ -220,11 +258,23 @@ class Run:
         return cautious(network, sampled(side.buffer), one_side.caution, self.settings[0].price)
 
     def _save_agent(
-        self, network: Network, role: Role, name: str, record: Mapping[str, object], stage: str, percent: int = 100
+        self,
+        network: Network,
+        role: Role,
+        name: str,
+        record: Mapping[str, object],
+        stage: str,
+        percent: int = 100,
     ) -> None:
         command = "apollonius train --config FILE, where FILE holds the config of this record"
         config = to_dict(self.config)
-        training = {"command": command, "seed": self.config.seed, "stage": stage, **record, "config": config}
+        training = {
+            "command": command,
+            "seed": self.config.seed,
+            "stage": stage,
+            **record,
+            "config": config,
+        }
         agent = describe(network, role, to_dict(self.config.game), training)
         save_agent(agent, agent_file(self.folder, name, percent))
 

@@ -11,7 +11,14 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
-from apollonius.agents.network import GaussianActor, Layers, Network, apply_to_batch, make_actor, make_layers
+from apollonius.agents.network import (
+    GaussianActor,
+    Layers,
+    Network,
+    apply_to_batch,
+    make_actor,
+    make_layers,
+)
 from apollonius.game.types import Scalar
 from apollonius.learn.learner_config import SACConfig
 from apollonius.learn.replay_buffer import Batch
@@ -27,10 +34,14 @@ class Critics(eqx.Module):
     first: Layers
     second: Layers
 
-    def batch(self, observations: Float[Array, "batch size"], actions: Actions) -> Float[Array, "2 batch"]:
+    def batch(
+        self, observations: Float[Array, "batch size"], actions: Actions
+    ) -> Float[Array, "2 batch"]:
         """Return both values of an action in every state."""
         inputs = jnp.concatenate([observations, actions], axis=1)
-        return jnp.stack([apply_to_batch(layers, inputs)[:, 0] for layers in (self.first, self.second)])
+        return jnp.stack(
+            [apply_to_batch(layers, inputs)[:, 0] for layers in (self.first, self.second)]
+        )
 
 
 class SACLearner(eqx.Module):
@@ -62,11 +73,15 @@ def init(config: SACConfig, key: PRNGKeyArray, actor: Network | None = None) -> 
     assert isinstance(actor, GaussianActor)
     sizes = [find_observation(config.observation).size + 2, *[config.width] * config.depth, 1]
     critics = Critics(*(make_layers(sizes, critic_key) for critic_key in jax.random.split(key)))
-    network, average, critics, target = (jax.tree.map(jnp.copy, part) for part in (actor, actor, critics, critics))
+    network, average, critics, target = (
+        jax.tree.map(jnp.copy, part) for part in (actor, actor, critics, critics)
+    )
     log_temperature = jnp.asarray(jnp.log(config.first_temperature), jnp.float32)
     weights: Any = (network, critics, log_temperature)
     optimiser = _adam.init(weights)
-    return SACLearner(network, average, critics, target, log_temperature, optimiser, jnp.zeros((), jnp.int32))
+    return SACLearner(
+        network, average, critics, target, log_temperature, optimiser, jnp.zeros((), jnp.int32)
+    )
 
 
 def sample(
@@ -111,20 +126,36 @@ def update(
     temperature = jnp.exp(learner.log_temperature)
     next_action, next_density = sample(learner.network, batch.next_observation, next_noise)
     next_values = learner.target.batch(batch.next_observation, next_action)
-    targets = batch.reward + batch.discount * (jnp.min(next_values, axis=0) - temperature * next_density)
-    loss, of_critics = eqx.filter_value_and_grad(critics_loss)(learner.critics, batch, jax.lax.stop_gradient(targets))
+    targets = batch.reward + batch.discount * (
+        jnp.min(next_values, axis=0) - temperature * next_density
+    )
+    loss, of_critics = eqx.filter_value_and_grad(critics_loss)(
+        learner.critics, batch, jax.lax.stop_gradient(targets)
+    )
     (_, log_density), of_actor = eqx.filter_value_and_grad(actor_loss, has_aux=True)(
         learner.network, learner.critics, temperature, batch, noise
     )
-    of_temperature = -(log_density + config.target_entropy)  # of -log(alpha) times that, by log(alpha) (Eq. 18)
+    of_temperature = -(
+        log_density + config.target_entropy
+    )  # of -log(alpha) times that, by log(alpha) (Eq. 18)
     gradient: Any = (of_actor, of_critics, of_temperature)
     direction: Any
     direction, optimiser = _adam.update(gradient, learner.optimiser)
     of_actor, of_critics, of_temperature = direction
     acts = (learner.updates >= config.critics_first).astype(jnp.float32)
-    network = eqx.apply_updates(learner.network, jax.tree.map(lambda step: -acts * learning_rate * step, of_actor))
-    critics = eqx.apply_updates(learner.critics, jax.tree.map(lambda step: -learning_rate * step, of_critics))
-    average = jax.tree.map(lambda old, new: old + config.averaging * (new - old), learner.average, network)
-    target = jax.tree.map(lambda old, new: old + config.target_averaging * (new - old), learner.target, critics)
+    network = eqx.apply_updates(
+        learner.network, jax.tree.map(lambda step: -acts * learning_rate * step, of_actor)
+    )
+    critics = eqx.apply_updates(
+        learner.critics, jax.tree.map(lambda step: -learning_rate * step, of_critics)
+    )
+    average = jax.tree.map(
+        lambda old, new: old + config.averaging * (new - old), learner.average, network
+    )
+    target = jax.tree.map(
+        lambda old, new: old + config.target_averaging * (new - old), learner.target, critics
+    )
     log_temperature = learner.log_temperature - acts * learning_rate * of_temperature
-    return SACLearner(network, average, critics, target, log_temperature, optimiser, learner.updates + 1), loss
+    return SACLearner(
+        network, average, critics, target, log_temperature, optimiser, learner.updates + 1
+    ), loss

@@ -41,18 +41,29 @@ def settings_of(stage: ResponseConfig, learner: PPOConfig, game: Game) -> list[S
     caution is wanted of a network that knows no room to brake.
     """
     require_room_to_brake(stage, learner)
-    reads, known, settings = find_observation(learner.observation).charted, list[Game](), list[Setting]()
+    reads, known, settings = (
+        find_observation(learner.observation).charted,
+        list[Game](),
+        list[Setting](),
+    )
     other = stage.side.other
     for one, names in stage.casts(game):
         known.append(_charted_as(one, known, reads))
         here, players = cast(stage.trained_in(known[-1]), names)
-        settings.append(Setting(here, tuple(players[name, other].policy for name in names[other]), learner.price))
+        settings.append(
+            Setting(
+                here, tuple(players[name, other].policy for name in names[other]), learner.price
+            )
+        )
     return settings
 
 
 def require_room_to_brake(stage: OneSideConfig, learner: LearnerConfig) -> None:
     """Refuse caution of a network whose observation does not have the room to brake."""
-    reads, bound = learner.observation, "egocentric or team, which know the room to brake, or no caution"
+    reads, bound = (
+        learner.observation,
+        "egocentric or team, which know the room to brake, or no caution",
+    )
     require(stage.caution == 0 or find_observation(reads).charted, "observation", reads, bound)
 
 
@@ -60,7 +71,13 @@ def _charted_as(game: Game, others: Sequence[Game], are_read: bool) -> Game:
     """Return a game with the charts of another one in the same arenas and with as large robots, or with its own."""
     for other in others:
         ours, theirs = game.scenario, other.scenario
-        if ours and theirs and ours.name and ours.name == theirs.name and largest_radius(game) == largest_radius(other):
+        if (
+            ours
+            and theirs
+            and ours.name
+            and ours.name == theirs.name
+            and largest_radius(game) == largest_radius(other)
+        ):
             return replace(game, scenario=replace(ours, arenas=theirs.arenas))
     return charted(game, are_read)
 

@@ -49,7 +49,9 @@ class StageConfig:
 
     def trained_in(self, game: Game) -> Game:
         """Return the game of this stage's training: with its reward weights, and between the robots that it draws."""
-        rewarded = replace(game, reward=replace(game.reward, progress=self.progress, failure=self.failure))
+        rewarded = replace(
+            game, reward=replace(game.reward, progress=self.progress, failure=self.failure)
+        )
         return randomised(rewarded, self.randomise) if self.randomise else rewarded
 
 
@@ -129,7 +131,12 @@ class ResponseConfig(OneSideConfig):
         super().__post_init__()
         require_within(self, 0, 1, "retries", "kept")
         alike = all(len(task.opponents) in (0, len(self.opponents)) for task in self.tasks)
-        require(alike, "tasks: opponents", "given", f"{len(self.opponents)} names, as those of the stage, or left out")
+        require(
+            alike,
+            "tasks: opponents",
+            "given",
+            f"{len(self.opponents)} names, as those of the stage, or left out",
+        )
 
     def casts(self, game: Game) -> list[tuple[Game, dict[Role, tuple[str, ...]]]]:
         tasks = Task(game), *self.tasks
@@ -168,7 +175,12 @@ class DistillationConfig(OneSideConfig):
         require_within(self, 0, 10**9, "clearance", "near_sighted", "far_sighted", "informed")
         bound = "left out: tables know the rules' own robots only"
         require(not (self.randomise and self.solves), "randomise", "some numbers", bound)
-        require(self.grid is None or len(self.grid) == 4, "grid", self.grid, "four numbers of nodes, or left out")
+        require(
+            self.grid is None or len(self.grid) == 4,
+            "grid",
+            self.grid,
+            "four numbers of nodes, or left out",
+        )
 
     def casts(self, game: Game) -> list[tuple[Game, dict[Role, tuple[str, ...]]]]:
         return [(here, names | {self.side: (self.teacher,)}) for here, names in super().casts(game)]
@@ -203,7 +215,7 @@ class Plan:
         return -(-self.stage.env_steps // self.env_steps_per_chunk)
 
     def evaluates(self, before: int, after: int) -> bool:
-        """Return whether one of the stage's evaluations is in the chunks (before, after]."""
+        """Check whether one of the stage's evaluations is in the chunks (before, after]."""
         times = self.stage.evaluations
         return after * times // self.chunks > before * times // self.chunks
 
@@ -224,5 +236,5 @@ class Plan:
         return self.chunks_per_assignment * self.env_steps_per_chunk // self.learner.games
 
     def renews_after(self, chunks: int) -> bool:
-        """Return whether opponents are drawn again after this many chunks of a stage."""
+        """Check whether opponents are drawn again after this many chunks of a stage."""
         return self.opponents.share > 0 and chunks > 0 and chunks % self.chunks_per_assignment == 0

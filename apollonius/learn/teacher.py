@@ -52,7 +52,9 @@ class Clearance(eqx.Module):
 
         def clearance(action: Int[Array, ""]) -> Scalar:
             course = self.motion.hold(robot, action)
-            return jnp.minimum(self.motion.clearance(course), self.grid.interpolate(self.table, last(course)))
+            return jnp.minimum(
+                self.motion.clearance(course), self.grid.interpolate(self.table, last(course))
+            )
 
         return jax.vmap(clearance)(actions)
 
@@ -83,7 +85,9 @@ class Lessons(Setting):
         """Return one side's values of the nine actions in states, leaves `[games]`; the best has the teacher's own."""
         read, rows = perceive(self.teacher.observation, self.game, states, role)
         bits = jnp.zeros((), jnp.uint32)
-        values = jax.vmap(lambda row: self.teacher.weigh(read(row), self.teacher.memory, bits)[0])(rows)
+        values = jax.vmap(lambda row: self.teacher.weigh(read(row), self.teacher.memory, bits)[0])(
+            rows
+        )
         best = jnp.max(values, axis=1, keepdims=True)
         behind = jnp.maximum((values - best) / self.price, -DEEPEST)
         if self.clearance is not None:
@@ -105,7 +109,12 @@ def make_lessons(config: RunConfig, game: Game, folder: Path | None) -> list[Les
         here, players = cast(stage.trained_in(game), asked)
         return [_lessons(stage, players, here, None)]
     kinds = "robots of several kinds"
-    require(scenario is None or scenario.kinds is None, "game", kinds, "of one kind: the solved game has its robots")
+    require(
+        scenario is None or scenario.kinds is None,
+        "game",
+        kinds,
+        "of one kind: the solved game has its robots",
+    )
     alone = each_alone(game)
     grids = [reference_grid(one, role) for one in alone]
     counts = tuple(np.max([grid.counts for grid, _ in grids], axis=0).tolist())
@@ -120,14 +129,22 @@ def make_lessons(config: RunConfig, game: Game, folder: Path | None) -> list[Les
             return found
         grid = make_grid(here.arena, here.body(role), counts)
         safety = solve_safety(here, role, grid, grids[0][1])
-        return replace(found, clearance=Clearance(motion_of(here, role, _AHEAD), grid, safety.table, stage.clearance))
+        return replace(
+            found,
+            clearance=Clearance(motion_of(here, role, _AHEAD), grid, safety.table, stage.clearance),
+        )
 
     return [lessons(number, one) for number, one in enumerate(alone)]
 
 
-def _lessons(stage: DistillationConfig, players: Players, game: Game, table: SaddlePolicy | None) -> Lessons:
+def _lessons(
+    stage: DistillationConfig, players: Players, game: Game, table: SaddlePolicy | None
+) -> Lessons:
     found, other = players[stage.teacher, stage.side], stage.side.other
-    policy, bound = found.policy, "one that values the nine actions: table, or an agent trained by DQN"
+    policy, bound = (
+        found.policy,
+        "one that values the nine actions: table, or an agent trained by DQN",
+    )
     require(isinstance(policy, AbstractActionValuePolicy), "teacher", stage.teacher, bound)
     assert isinstance(policy, AbstractActionValuePolicy)
     opponents = tuple(players[name, other].policy for name in stage.opponents)

@@ -85,7 +85,10 @@ def start(
     *network_keys, stage_key = jax.random.split(key, 1 + len(learning))
 
     def first(role: Role, key: PRNGKeyArray) -> LearnerState:
-        columns, size = config.games * len(game.bodies[role]), find_observation(config.observation).size
+        columns, size = (
+            config.games * len(game.bodies[role]),
+            find_observation(config.observation).size,
+        )
         continuous, of_teams = isinstance(config, SACConfig), game.teams is not None
         buffer = replay_buffer.init(config.rows, columns, size, continuous, of_teams)
         return LearnerState(first_learner(plan, key, networks[role]), buffer)
@@ -93,12 +96,16 @@ def start(
     learners = {role: first(role, key) for role, key in zip(learning, network_keys, strict=True)}
     archives = None
     if plan.opponents.share > 0:
-        archives = ROLES.map(lambda role: archive.init(learners[role].learner.network, plan.opponents))
+        archives = ROLES.map(
+            lambda role: archive.init(learners[role].learner.network, plan.opponents)
+        )
     start_key, member_key, train_key = jax.random.split(stage_key, 3)
     iterations, env_steps, episodes = (jnp.zeros((), jnp.int32) for _ in range(3))
     state = TrainState(None, learners, train_key, iterations, env_steps, episodes, archives)
     bits = jax.random.bits(member_key, (2, config.games), jnp.uint32)
-    begun = begin(game, reset_batch(game, start_key, config.games), players(plan, state, fixed), bits)
+    begun = begin(
+        game, reset_batch(game, start_key, config.games), players(plan, state, fixed), bits
+    )
     # Apart: at the start what a side knows is the state itself.
     return replace(state, games=jax.tree.map(jnp.array, begun))
 

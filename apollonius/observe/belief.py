@@ -114,11 +114,7 @@ def moved(chart: Chart, belief: Belief, reach: Scalar, time: Real) -> Belief:
 
 
 def looked(
-    chart: Chart,
-    sensors: Sensors,
-    belief: Belief,
-    percept: Percept,
-    active: Sequence[Flag],
+    chart: Chart, sensors: Sensors, belief: Belief, percept: Percept, active: Sequence[Flag]
 ) -> Belief:
     """Remove the cells that a side's robots see from a belief, as they hold no opponent.
 
@@ -134,8 +130,7 @@ def looked(
     """
     robots = zip(percept.own, active, strict=True)
     is_visible = functools.reduce(
-        jnp.logical_or,
-        [is_active & visible(chart, sensors, robot) for robot, is_active in robots],
+        jnp.logical_or, [is_active & visible(chart, sensors, robot) for robot, is_active in robots]
     )
     is_seen, number = is_visible & percept.looked, jnp.arange(COARSE**2).reshape(COARSE, COARSE)
     hidden = jnp.where(is_visible, _SEEN, _owners(chart))
@@ -222,9 +217,7 @@ def _profile(chart: Chart, robot: RobotState, margin: Scalar) -> Float[Array, " 
 
 
 def _beside(
-    links: Array,
-    values: Array,
-    outside: float | int,
+    links: Array, values: Array, outside: float | int
 ) -> Iterator[tuple[float, Array, Array]]:
     """Yield for each of a cell's neighbours their distance [cells], whether it is entered from
     there, and its value.

@@ -104,7 +104,7 @@ class Egocentric(AbstractObservation):
         courses = ranges[::every], directions[0][::every], directions[1][::every]
         room = jnp.clip(clearances_after(chart, view.own, view.dt) / ROOM, -1.0, 1.0)
         return jnp.concatenate(
-            [robots, rays, _paths(view, chart, (dx, dy), distance, courses), room],
+            [robots, rays, _paths(view, chart, (dx, dy), distance, courses), room]
         )
 
 
@@ -162,11 +162,7 @@ def on_two_scales(length: Scalar) -> list[Scalar]:
 
 
 def _paths(
-    view: View,
-    chart: Chart,
-    away: tuple[Scalar, Scalar],
-    distance: Scalar,
-    courses: Courses,
+    view: View, chart: Chart, away: tuple[Scalar, Scalar], distance: Scalar, courses: Courses
 ) -> Float[Array, "37"]:
     """Return the opponent's path lengths to the robot and to points around it."""
     own, opponent = view.own.state, view.opponent.state
@@ -190,11 +186,7 @@ def _paths(
 
 
 def _from_ahead(
-    chart: Chart,
-    cell: Int[Array, ""],
-    own: RobotState,
-    courses: Courses,
-    reach: float,
+    chart: Chart, cell: Int[Array, ""], own: RobotState, courses: Courses, reach: float
 ) -> tuple[Float[Array, "16"], Float[Array, "16"]]:
     """Return distances of points ahead of a robot, and their path lengths from a coarse cell."""
     ranges, cos, sin = courses

@@ -46,8 +46,7 @@ class Mirror:
     def __call__(self, numbers: Float[Array, "*rows size"]) -> Float[Array, "*rows size"]:
         """Return the numbers of the mirror images."""
         return numbers[..., np.array(self.order)] * jnp.broadcast_to(
-            np.array(self.signs, np.float32),
-            numbers.shape,
+            np.array(self.signs, np.float32), numbers.shape
         )
 
 
@@ -73,10 +72,7 @@ class AbstractObservation(Whole):
 
 
 def perceive(
-    observation: Whole,
-    game: Game,
-    states: GameState,
-    role: Role,
+    observation: Whole, game: Game, states: GameState, role: Role
 ) -> tuple[Callable[[Any], Any], Any]:
     """Return a function that reads a player's observation from a row, and the rows of a side.
 

@@ -16,11 +16,13 @@ _KIND = "an AbstractObservation of the same name"
 
 def observation_names() -> list[str]:
     """Return the names of all observations, those of other packages too."""
-    return list(dict.fromkeys([*OBSERVATIONS, *extensions.extension_names(extensions.OBSERVATIONS)]))
+    return list(
+        dict.fromkeys([*OBSERVATIONS, *extensions.extension_names(extensions.OBSERVATIONS)])
+    )
 
 
 def has_observation(name: str) -> bool:
-    """Return whether an observation has the name; raises InvalidInput for a broken one of another package."""
+    """Check whether an observation has the name; raises InvalidInput for a broken one of another package."""
     if name not in OBSERVATIONS:
         part = extensions.load_extension(extensions.OBSERVATIONS, name, _KIND)
         if part is None:
@@ -49,4 +51,9 @@ def register_observation(observation: AbstractObservation) -> None:
     Raises InvalidInput if another one has the name.
     """
     known = OBSERVATIONS.setdefault(observation.name, observation)
-    require(known == observation, "observation", observation.name, "a name that no other observation has")
+    require(
+        known == observation,
+        "observation",
+        observation.name,
+        "a name that no other observation has",
+    )

@@ -53,7 +53,7 @@ class Team(AbstractObservation):
     mirror = _mirror()
 
     def __call__(self, view: View) -> Float[Array, " size"]:
-        """Return the numbers of a view; errors as of `egocentric`."""
+        """Return the numbers of a view; raises InvalidInput as `egocentric` does."""
         first = EGOCENTRIC(view)
         chart = view.chart
         own = view.own.state
@@ -77,9 +77,7 @@ class Team(AbstractObservation):
 
 
 def _path_length(
-    chart: Chart,
-    start: tuple[RobotState, CellWeights],
-    end: tuple[RobotState, CellWeights],
+    chart: Chart, start: tuple[RobotState, CellWeights], end: tuple[RobotState, CellWeights]
 ) -> Scalar:
     """Return the path length [m] between two robots, at least their distance."""
     distance = jnp.sqrt(distance_squared(start[0], end[0]))

@@ -89,11 +89,7 @@ def begin(game: Game, state: GameState, role: Role, believes: bool = True) -> Tr
 
 
 def update(
-    game: Game,
-    role: Role,
-    track: Track | None,
-    state: GameState,
-    bits: Bits,
+    game: Game, role: Role, track: Track | None, state: GameState, bits: Bits
 ) -> tuple[Track | None, GameState]:
     """Let one side sense a state; return its track and the state as it knows it.
 
@@ -125,12 +121,10 @@ def update(
 
 
 def delayed(
-    sensors: Sensors,
-    late: Percept | None,
-    percept: Percept,
+    sensors: Sensors, late: Percept | None, percept: Percept
 ) -> tuple[Percept | None, Percept]:
-    """Return what a side sees in the latest steps, and what it saw as long ago as its sensors'
-    delay.
+    """Add a percept to those of the latest steps; return them, and the one that is as old as the
+    sensors' delay.
     """
     if sensors.delay is None:
         return None, percept
@@ -167,12 +161,7 @@ def learn(game: Game, track: Track, percept: Percept, state: GameState, role: Ro
 
 
 def _believed(
-    game: Game,
-    sensors: Sensors,
-    before: Belief,
-    percept: Percept,
-    state: GameState,
-    role: Role,
+    game: Game, sensors: Sensors, before: Belief, percept: Percept, state: GameState, role: Role
 ) -> Belief:
     """Return the belief after a step in which opponents moved, and after what was seen."""
     chart, active = game.arena.chart, state.active
@@ -183,9 +172,7 @@ def _believed(
     opponents = zip(active[role.other], percept.seen, strict=True)
     unseen = [is_active & ~is_seen for is_active, is_seen in opponents]
     credit = hidden = jnp.where(
-        functools.reduce(operator.or_, unseen),
-        after.credit,
-        -jnp.ones_like(after.credit),
+        functools.reduce(operator.or_, unseen), after.credit, -jnp.ones_like(after.credit)
     )
     for robot, is_seen in zip(percept.opponents, percept.seen, strict=True):
         credit = jnp.maximum(credit, jnp.where(is_seen, belief.at(chart, robot, bound), hidden))
@@ -193,7 +180,7 @@ def _believed(
 
 
 def _reach(game: Game, role: Role, steps: Real = 1.0) -> Scalar:
-    """Return how far the fastest opponent moves in some steps [m]."""
+    """Return the greatest distance that an opponent can move in some steps [m]."""
     bodies = game.bodies[role.other]
     speeds = [jnp.maximum(jnp.float32(body.v_max), -jnp.float32(body.v_min)) for body in bodies]
     return functools.reduce(jnp.maximum, speeds) * game.dt * steps

@@ -133,10 +133,7 @@ def look(game: Game, state: GameState, role: Role, number: int = 0) -> View:
 
 
 def _driven(
-    game: Game,
-    role: Role,
-    robots: tuple[Robot, ...],
-    drives: DriveStates | None,
+    game: Game, role: Role, robots: tuple[Robot, ...], drives: DriveStates | None
 ) -> tuple[Robot, ...]:
     """Return the robots of a side with what they know of their drives in a game in one arena."""
     drive = drive_of(game.drives, role)
@@ -171,10 +168,7 @@ def rows_of(states: GameState, role: Role) -> tuple[GameState, Int[Array, " rows
             drives = state.drives and state.drives[number:] + state.drives[:number]
             status = state.status
             return replace(
-                state,
-                robots=rotate(state.robots),
-                status=status and rotate(status),
-                drives=drives,
+                state, robots=rotate(state.robots), status=status and rotate(status), drives=drives
             )
 
         return jax.vmap(of_one)(states)

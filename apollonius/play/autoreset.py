@@ -34,28 +34,24 @@ Step = Callable[[Batch, BothActions], tuple[Batch, Timestep]]
 
 
 def autoreset(
-    game: Game,
-    key: PRNGKeyArray,
-    games: int,
-    starts: int = STARTS,
+    game: Game, key: PRNGKeyArray, games: int, starts: int = STARTS
 ) -> tuple[Batch, Step]:
-    """Return games at their starts, and `step(batch, actions) -> batch, timestep`, in which a game
-    that ends begins again. The key is consumed.
+    """Make a batch of games that begin again when they end, and its step function.
 
-    The states are `batch.state`, leaves `[games]`. `timestep.state` is what the step led to in
-    every game, also where it ended; there the next batch has another start. `step` is pure: for
-    `jit`, and for `scan` as it stands.
+    Returns the batch at its starts, and `step(batch, actions) -> (batch, timestep)`, which is pure:
+    `jit` and `scan` take it as it stands. `batch.state` has leaves `[games]`. `timestep.state` is
+    the state that a step led to, also in a game that ended; the next batch has a new start there.
+
+    The actions are a pair, the pursuers' and the evaders': `[games]` of 0 to 8, `[games, 2]` of
+    numbers in [-1, 1], or one number for all games; of a team a tuple of these, one for each robot.
 
     Args:
         game: the rules.
-        key: draws the starts.
-        games: the number of games at once.
-        starts: how many each game has. It takes them in turn, then the first again: drawing one for
-            every game at every step would cost far more than the step. Another call, with another
-            key, draws others; its `step` takes the same batch.
-
-    The actions are of the pursuers and of the evaders: `[games]` of 0..8, `[games, 2]` of two
-    numbers in [-1, 1], or one number for all games; of a team a tuple of these, one a robot.
+        key: draws the starts; consumed.
+        games: the number of games.
+        starts: the number of starts of each game. A game takes them in turn, then the first again:
+            drawing one for every game at every step would cost far more than the step. The `step`
+            of another call, with another key, goes on with the same batch and other starts.
 
     Raises:
         InvalidInput: for no games, no starts, and actions of another number of games.
@@ -94,11 +90,10 @@ def _draw(game: Game, key: PRNGKeyArray, games: int, starts: int) -> GameState:
 
 
 def turn_of(rows: T, turn: Int[Array, ""]) -> T:
-    """Return the row of a pytree, leaves `[rows, ...]`, whose turn it is: after the last the first
-    again.
+    """Return the row of a pytree, leaves `[rows, ...]`, whose turn it is; after the last row the
+    first follows.
     """
     count = len(jax.tree.leaves(rows)[0])
     return jax.tree.map(
-        lambda leaf: jax.lax.dynamic_index_in_dim(leaf, turn % count, keepdims=False),
-        rows,
+        lambda leaf: jax.lax.dynamic_index_in_dim(leaf, turn % count, keepdims=False), rows
     )

@@ -142,7 +142,7 @@ def play_out(
     default_slots = 64 if on_cpu else 512
     width = 2 ** ((slots or default_slots) - 1).bit_length()
     under_way = _zeros(
-        jax.eval_shape(jax.jit(_empty), game, players, key, watcher, _cut(rows, 0, width)),
+        jax.eval_shape(jax.jit(_empty), game, players, key, watcher, _cut(rows, 0, width))
     )
     under_way.index[:] = _NOBODY
     results = _zeros(jax.eval_shape(lambda: _no_results(watcher, total, under_way.games)))
@@ -209,9 +209,7 @@ def _play_share(
         new_ended = int(ended.count)
         index = np.asarray(ended.index)[:new_ended] - first
         for column, new_results in zip(
-            jax.tree.leaves(results),
-            jax.tree.leaves(ended.results),
-            strict=True,
+            jax.tree.leaves(results), jax.tree.leaves(ended.results), strict=True
         ):
             column[index] = np.asarray(new_results)[:new_ended]
         ended_games += new_ended
@@ -237,8 +235,7 @@ def _empty(
 def _no_results(watcher: AbstractWatcher | None, count: int, games: Games) -> Results:
     """Return blank results of a number of games such as these."""
     statistics = jax.tree.map(
-        lambda leaf: jnp.repeat(leaf[None], count, axis=0),
-        watcher and watcher.begin(),
+        lambda leaf: jnp.repeat(leaf[None], count, axis=0), watcher and watcher.begin()
     )
     zeros = jnp.zeros(count, jnp.int32)
     status, sightings = jax.tree.map(lambda _: zeros, (games.state.status, games.sightings))
@@ -275,9 +272,7 @@ def _advance(
     rows = len(under_way.index) + len(starts.steps)  # no more games than these can end
     unwatched = watcher and watcher.begin()
     no_results = _Ended(
-        jnp.zeros(rows, jnp.int32),
-        _no_results(watcher, rows, under_way.games),
-        jnp.asarray(0),
+        jnp.zeros(rows, jnp.int32), _no_results(watcher, rows, under_way.games), jnp.asarray(0)
     )
 
     def should_continue(progress: _Progress) -> Array:
@@ -293,8 +288,7 @@ def _advance(
         is_new = is_empty & (upcoming < count)
         index = jnp.where(is_new, first + upcoming, under_way.index)
         state = jax.tree.map(
-            lambda leaf: leaf[jnp.minimum(upcoming, len(starts.steps) - 1)],
-            starts,
+            lambda leaf: leaf[jnp.minimum(upcoming, len(starts.steps) - 1)], starts
         )
         bits = random_bits_of(key, index, jnp.full(index.shape, -1))
         new_games = begin(game, state, players, bits)
@@ -313,11 +307,7 @@ def _advance(
         watched = jax.vmap(watcher.follow)(slots.watched, transition) if watcher else None
         has_ended = (index != _NOBODY) & (transition.terminated | transition.truncated)
         results = Results(
-            transition.outcome,
-            games.state.steps,
-            watched,
-            games.state.status,
-            games.sightings,
+            transition.outcome, games.state.steps, watched, games.state.status, games.sightings
         )
         return _Progress(
             under_way=_Slots(games, watched, jnp.where(has_ended, _NOBODY, index)),

@@ -39,7 +39,7 @@ def fold_in(key: PRNGKeyArray, number: Int[Array, ""]) -> PRNGKeyArray:
 
 
 def _is_default_key(key: PRNGKeyArray) -> bool:
-    """Return whether JAX hashes such keys, and counts words, as this module: its default."""
+    """Check whether JAX hashes such keys, and counts words, as this module: its default."""
     is_partitionable = jax.config.values["jax_threefry_partitionable"]
     return jax.random.key_impl(key) == "threefry2x32" and is_partitionable
 
@@ -50,8 +50,7 @@ def _words(shape: tuple[int, ...], key: UInt32[Array, "2"]) -> UInt32[Array, "..
 
 
 def _hash(
-    key: UInt32[Array, "2"],
-    counter: UInt32[Array, "..."],
+    key: UInt32[Array, "2"], counter: UInt32[Array, "..."]
 ) -> tuple[UInt32[Array, "..."], UInt32[Array, "..."]]:
     """Return two words of each counter: Threefry-2x32 with 20 rounds (Salmon et al., 2011)."""
     keys = (key[0], key[1], key[0] ^ key[1] ^ jnp.uint32(_PARITY))
@@ -66,9 +65,7 @@ def _hash(
 
 
 def random_bits_of(
-    key: PRNGKeyArray,
-    index: Int[Array, " games"],
-    step: Int[Array, " games"],
+    key: PRNGKeyArray, index: Int[Array, " games"], step: Int[Array, " games"]
 ) -> UInt32[Array, "2 games"]:
     """Return random bits of either side, by the game's index and its step alone; step -1 is the
     beginning.
@@ -76,9 +73,7 @@ def random_bits_of(
 
     def sample(index: Int[Array, ""], step: Int[Array, ""]) -> UInt32[Array, "2"]:
         return jax.random.bits(
-            jax.random.fold_in(jax.random.fold_in(key, index), step),
-            (2,),
-            jnp.uint32,
+            jax.random.fold_in(jax.random.fold_in(key, index), step), (2,), jnp.uint32
         )
 
     return jax.vmap(sample)(index, step).T

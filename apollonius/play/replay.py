@@ -60,9 +60,7 @@ class _Recorder(AbstractWatcher):
         return jnp.zeros((), jnp.int32), self.actions
 
     def follow(
-        self,
-        known: tuple[Int[Array, ""], AllActions],
-        transition: Transition,
+        self, known: tuple[Int[Array, ""], AllActions], transition: Transition
     ) -> tuple[Int[Array, ""], AllActions]:
         step, actions = known
         robot_actions: list[Array] = []
@@ -72,11 +70,7 @@ class _Recorder(AbstractWatcher):
 
 
 def trace(
-    game: Game,
-    players: BySide[Pool],
-    starts: GameState,
-    key: PRNGKeyArray,
-    index: int,
+    game: Game, players: BySide[Pool], starts: GameState, key: PRNGKeyArray, index: int
 ) -> Trajectory:
     """Return the course of one of the games that `play_out` plays with the same arguments.
 
@@ -92,13 +86,7 @@ def trace(
     continuous = any(pool.members.continuous for pool in players)
     blank = np.zeros((*shape, 2), np.float32) if continuous else np.zeros(shape, np.int32)
     results = play_out(
-        game,
-        players,
-        start,
-        key,
-        slots=1,
-        watcher=_Recorder(jax.device_put(blank)),
-        first=index,
+        game, players, start, key, slots=1, watcher=_Recorder(jax.device_put(blank)), first=index
     )
     actions, steps = results.watched[1][0], int(results.steps[0])
     single = jax.device_put(jax.tree.map(lambda leaf: leaf[0], start))
@@ -112,9 +100,7 @@ def trace(
 
 @jax.jit
 def play_actions(
-    game: Game,
-    start: GameState,
-    actions: AllActions,
+    game: Game, start: GameState, actions: AllActions
 ) -> tuple[GameState, Int[Array, " steps"]]:
     """Play recorded actions; return all states, leaves `[steps + 1]`, and each step's outcome."""
     unpaid = replace(game, reward=replace(game.reward, along_paths=False))  # needs no charts
@@ -122,8 +108,7 @@ def play_actions(
     drives = ROLES.map(lambda role: drives_at_start(game, start, role))
 
     def one_step(
-        now: tuple[GameState, BySide[DriveStates]],
-        action: Shaped[Array, "robots ..."],
+        now: tuple[GameState, BySide[DriveStates]], action: Shaped[Array, "robots ..."]
     ) -> tuple[tuple[GameState, BySide[DriveStates]], tuple[GameState, Int[Array, ""]]]:
         state, drives = now
         sides = BySide(tuple(action[:pursuers]), tuple(action[pursuers:]))
@@ -132,9 +117,7 @@ def play_actions(
 
     _, (states, outcomes) = jax.lax.scan(one_step, (start, drives), actions)
     all_states = jax.tree.map(
-        lambda first, rest: jnp.concatenate([first[None], rest]),
-        start,
-        states,
+        lambda first, rest: jnp.concatenate([first[None], rest]), start, states
     )
     return all_states, outcomes
 
@@ -200,7 +183,7 @@ class Replay:
         )
 
     def ending(self) -> str:
-        """Return how and when the game ended, as `captured after 12.3 s`."""
+        """Describe the end of the game, as `captured after 12.3 s`."""
         outcome = self.outcome.name.lower().replace("_", " ")
         return f"{outcome} after {len(self.actions) * float(self.game.dt):.1f} s"
 
@@ -211,9 +194,7 @@ def as_rows(states: GameState) -> Float32[np.ndarray, "rows numbers"]:
 
 
 def as_state(
-    row: Float32[Array, " numbers"],
-    steps: Int[Array, ""],
-    pursuers: int = 1,
+    row: Float32[Array, " numbers"], steps: Int[Array, ""], pursuers: int = 1
 ) -> GameState:
     """Return the state of a row of 4 numbers for each robot, pursuers first, after some steps; all
     are active.
@@ -248,10 +229,7 @@ def load_replay(path: Path) -> Replay:
     states = _numbers(record.states, f"'{path}': states")
     discrete = actions.ndim < 3
     require(
-        actions.dtype.kind == "i" or not discrete,
-        f"'{path}': actions",
-        "some",
-        "whole numbers",
+        actions.dtype.kind == "i" or not discrete, f"'{path}': actions", "some", "whole numbers"
     )
     game = from_dict(Game, record.game, f"'{path}'")
     robots = sum(map(len, game.bodies))

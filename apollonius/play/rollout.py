@@ -103,10 +103,7 @@ class Games(eqx.Module):
 
 
 def begin(
-    game: Game,
-    starts: GameState,
-    players: BySide[AbstractPlayers],
-    bits: UInt32[Array, "2 games"],
+    game: Game, starts: GameState, players: BySide[AbstractPlayers], bits: UInt32[Array, "2 games"]
 ) -> Games:
     """Return games at their starts, with members drawn from both pools.
 
@@ -143,10 +140,7 @@ def of_robots(values: Sequence[Array]) -> Array:
 
 
 def look_around(
-    game: Game,
-    players: BySide[AbstractPlayers],
-    games: Games,
-    bits: UInt32[Array, "2 games"],
+    game: Game, players: BySide[AbstractPlayers], games: Games, bits: UInt32[Array, "2 games"]
 ) -> tuple[BySide[Track | None], BySide[tuple[Read, Any]]]:
     """Let both sides sense; return their tracks, and their perceptions as `perceive` gives them.
 
@@ -243,10 +237,7 @@ def step_games(
 
 
 def step_driven(
-    game: Game,
-    state: GameState,
-    drives: BySide[DriveStates],
-    actions: BySide[tuple[Action, ...]],
+    game: Game, state: GameState, drives: BySide[DriveStates], actions: BySide[tuple[Action, ...]]
 ) -> tuple[Timestep, BySide[DriveStates]]:
     """Play one step through the robots' drives; return the drives after it, too.
 
@@ -269,10 +260,7 @@ def step_driven(
 
 
 def decide(
-    players: AbstractPlayers,
-    side: SideState,
-    seen: tuple[Read, Any],
-    bits: UInt32[Array, " games"],
+    players: AbstractPlayers, side: SideState, seen: tuple[Read, Any], bits: UInt32[Array, " games"]
 ) -> tuple[tuple[Actions, ...], Memory]:
     """Return the actions of a side's robots in many games, and their next memory.
 
@@ -303,17 +291,13 @@ def decide(
         actions = tuple(jnp.split(actions, robots))
     else:  # the opponent depends on the game's place in the batch
         parts = [
-            jax.tree.map(
-                lambda leaf, robot=robot: jnp.split(leaf, robots)[robot],
-                arguments,
-            )
+            jax.tree.map(lambda leaf, robot=robot: jnp.split(leaf, robots)[robot], arguments)
             for robot in range(robots)
         ]
         results = [players.act(side.member, read, *part_arguments) for part_arguments in parts]
         actions = tuple(action for action, _ in results)
         after = jax.tree.map(
-            lambda *leaves: jnp.concatenate(leaves),
-            *(memory for _, memory in results),
+            lambda *leaves: jnp.concatenate(leaves), *(memory for _, memory in results)
         )
     return actions, jax.tree.map(as_games, after)
 

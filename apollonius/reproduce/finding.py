@@ -51,7 +51,9 @@ def mean_share(shares: Sequence[float]) -> str:
         return "-"
     percents = [100 * share for share in shares]
     low, high = mean_interval(percents)
-    return f"{np.mean(percents):.1f}" + (f" ± {(high - low) / 2:.1f}%" if len(percents) > 1 else "%")
+    return f"{np.mean(percents):.1f}" + (
+        f" ± {(high - low) / 2:.1f}%" if len(percents) > 1 else "%"
+    )
 
 
 def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -76,14 +78,17 @@ def rates(matches: Matches, share: Callable[[MatchResult], float]) -> Rates:
 
 
 def differences(first: Rates, second: Rates) -> Rates:
-    """Return how much larger each value of the first is than that of the second."""
+    """Return the difference of each value of the first to that of the second."""
     return tuple(map(tuple, np.subtract(first, second).tolist()))
 
 
 def outcome_shares(matches: Matches) -> Shares:
     """Return the share of each outcome with each training of the pursuer, over those of the evader."""
     return {
-        outcome: [float(np.mean([match.outcomes[outcome] / match.games for match in row])) for row in matches]
+        outcome: [
+            float(np.mean([match.outcomes[outcome] / match.games for match in row]))
+            for row in matches
+        ]
         for outcome in matches[0][0].outcomes
     }
 
@@ -94,13 +99,16 @@ def beside_the_paper(results: dict[str, Matches], paper: dict[str, dict[str, int
     for name, counts in paper.items():
         games = sum(counts.values())
         columns.append(
-            (f"{name}, paper", {outcome: [count / games] for outcome, count in counts.items()}),
+            (f"{name}, paper", {outcome: [count / games] for outcome, count in counts.items()})
         )
     return outcome_table(columns)
 
 
 def as_data(results: dict[str, Matches]) -> dict[str, list[list[dict[str, Any]]]]:
-    return {name: [[match.to_dict() for match in row] for row in matches] for name, matches in results.items()}
+    return {
+        name: [[match.to_dict() for match in row] for row in matches]
+        for name, matches in results.items()
+    }
 
 
 def write_report(study: Study, findings: Sequence[Finding]) -> None:
@@ -167,7 +175,9 @@ def claim_table(claims: Sequence[Claim], is_full: bool) -> str:
         values = np.array(claim.values)
         trainings = f"{values.min():.1%} to {values.max():.1%}"
         if values.size <= _MOST_LISTED:
-            trainings = "; ".join(", ".join(f"{value:.1%}" for value in row) for row in claim.values)
+            trainings = "; ".join(
+                ", ".join(f"{value:.1%}" for value in row) for row in claim.values
+            )
         rows.append(
             [
                 claim.name,

@@ -61,10 +61,7 @@ def figure_4(study: Study) -> Finding:
             label="the paper, 200,000 episodes",
         )
         success_axes.set(
-            title="success rate in stage 1",
-            xlabel="episodes",
-            ylabel="captured [%]",
-            ylim=(0, 102),
+            title="success rate in stage 1", xlabel="episodes", ylabel="captured [%]", ylim=(0, 102)
         )
         success_axes.legend(loc="lower right")
         draw_seeds(reward_axes, rewards, palette.PURSUER, "exploring")
@@ -88,8 +85,7 @@ def _rewards(study: Study, name: str, seed: int, stage: str) -> Curve:
     """
     lines = [line for line in study.metrics(name, seed, stage) if line.games]
     return [line.episodes for line in lines], smooth(
-        [line.pursuer_return for line in lines],
-        _WINDOW,
+        [line.pursuer_return for line in lines], _WINDOW
     )
 
 
@@ -130,11 +126,7 @@ def figure_6(study: Study) -> Finding:
     claims = (
         Claim("P_curriculum beats E_scratch", "Fig. 6", 0.70, 0.70, rates(chasing, won)),
         Claim(
-            "E_curriculum undefeated by P_scratch",
-            "Fig. 6",
-            0.70,
-            0.70,
-            rates(fleeing, undefeated),
+            "E_curriculum undefeated by P_scratch", "Fig. 6", 0.70, 0.70, rates(fleeing, undefeated)
         ),
     )
     names = ["P_curriculum wins\nagainst E_scratch", "E_curriculum undefeated\nby P_scratch"]
@@ -142,17 +134,12 @@ def figure_6(study: Study) -> Finding:
     ours = claims[0].values, [*zip(*claims[1].values, strict=True)]
     with style.picture(study.folder / "figure6.png") as (axes,):
         draw_strips(
-            axes,
-            names,
-            ours,
-            [claim.prediction.interval for claim in claims],
-            palette.SIDES,
+            axes, names, ours, [claim.prediction.interval for claim in claims], palette.SIDES
         )
         axes.axhline(70, color=palette.INK, linewidth=0.8, linestyle=":")
         axes.set_title("against agents from scratch (dotted: the paper's 70 %)")
     text = beside_the_paper(
-        {"P_curriculum v E_scratch": chasing, "P_scratch v E_curriculum": fleeing},
-        paper={},
+        {"P_curriculum v E_scratch": chasing, "P_scratch v E_curriculum": fleeing}, paper={}
     )
     text += (
         "\n\nEach coloured line is one training of the curriculum, from its worst to its best against the trainings "
@@ -208,8 +195,7 @@ def figure_8(study: Study) -> Finding:
     index, pursuers = int(jnp.argmax(is_example)), ("P_random", "P_curriculum")
     games = {
         f"{name} against E_scratch": record_game(
-            study.pairing(name, "E_scratch", (seed, seed)),
-            index,
+            study.pairing(name, "E_scratch", (seed, seed)), index
         )
         for name in pursuers
     }
@@ -217,10 +203,7 @@ def figure_8(study: Study) -> Finding:
     ends = [f"{name}: {end}" for name, end in zip(pursuers, endings, strict=True)]
     text = f"Game {index} of the match. {'; '.join(ends)}."
     return Finding(
-        "Fig. 8: the same start",
-        text,
-        ("figure8.png",),
-        data={"game": index, "ends": ends},
+        "Fig. 8: the same start", text, ("figure8.png",), data={"game": index, "ends": ends}
     )
 
 
@@ -228,7 +211,10 @@ def table_2(study: Study) -> Finding:
     """Play both pursuers against the random evader: wins, and direct captures."""
     results = {name: study.matches(name, "random") for name in TABLE_2}
     pair = "P_random", "P_curriculum"
-    captures = [rates(results[name], lambda match: match.outcomes["captured"] / match.games) for name in pair]
+    captures = [
+        rates(results[name], lambda match: match.outcomes["captured"] / match.games)
+        for name in pair
+    ]
     claims = (
         Claim("P_curriculum beats random", "Table II", 0.93, 0.93, rates(results["P_curriculum"], won)),
         Claim("P_random beats random", "Table II", 0.91, 0.91, rates(results["P_random"], won)),
@@ -239,10 +225,7 @@ def table_2(study: Study) -> Finding:
     )  # fmt: skip
     text = beside_the_paper(results, TABLE_2)
     return Finding(
-        "Table II: against the random evader",
-        text,
-        claims=claims,
-        data=as_data(results),
+        "Table II: against the random evader", text, claims=claims, data=as_data(results)
     )
 
 
@@ -326,12 +309,15 @@ def _train_missing(study: Study, report: Callable[[str], None], run: Run) -> Non
             create_run(config, folder)
         elif load_config(folder / "config.toml") != config:
             raise InvalidInput(
-                f"'{folder}' holds another training than this one: choose another folder.",
+                f"'{folder}' holds another training than this one: choose another folder."
             )
         if not all(agent_file(folder, agent).is_file() for agent in agents):
             unfinished.append(folder)
     report(f"{len(unfinished)} of {len(study.trainings())} trainings to do")
     if unfinished:
         run(
-            [Job(f"the training in '{folder}'", train, (folder.absolute(),)) for folder in unfinished],
+            [
+                Job(f"the training in '{folder}'", train, (folder.absolute(),))
+                for folder in unfinished
+            ]
         )

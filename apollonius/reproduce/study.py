@@ -35,9 +35,7 @@ def run_configs(preset: RunConfig, seed: int) -> dict[str, RunConfig]:
     return {
         "curriculum": preset,
         "scratch": replace(
-            preset,
-            stages="self-play",
-            self_play=replace(preset.self_play, pursuer_epsilon=1.0),
+            preset, stages="self-play", self_play=replace(preset.self_play, pursuer_epsilon=1.0)
         ),
         "random": replace(
             preset,
@@ -73,15 +71,13 @@ class Study:
             seed: Seed of its training.
             percent: Part of self-play after which it is taken [%].
         """
-        player = str(agent_file(self.run(RUN_OF[name], seed), name, percent)) if name in RUN_OF else name
+        player = (
+            str(agent_file(self.run(RUN_OF[name], seed), name, percent)) if name in RUN_OF else name
+        )
         return replace(find_player(player, role, PRESETS[self.budget].game), name=name)
 
     def pairing(
-        self,
-        pursuer: str,
-        evader: str,
-        seeds: tuple[int, int],
-        percent: int = 100,
+        self, pursuer: str, evader: str, seeds: tuple[int, int], percent: int = 100
     ) -> Match:
         """Make the match between two agents, as `agent` finds them.
 
@@ -96,11 +92,7 @@ class Study:
         return Match(PRESETS[self.budget].game, BySide(chasing, fleeing), self.games, MATCH_SEED)
 
     def play(
-        self,
-        pursuer: str,
-        evader: str,
-        seeds: tuple[int, int],
-        report: Report | None = None,
+        self, pursuer: str, evader: str, seeds: tuple[int, int], report: Report | None = None
     ) -> Results:
         """Play the match between two agents once; return its results.
 
@@ -113,8 +105,7 @@ class Study:
         key = (pursuer, evader, *seeds)
         if key not in self._played:
             self._played[key] = play_games(
-                self.pairing(pursuer, evader, seeds),
-                report=report or self.progress,
+                self.pairing(pursuer, evader, seeds), report=report or self.progress
             )
         return self._played[key]
 
@@ -132,14 +123,20 @@ class Study:
 
             seeds = self.seeds[row], evaders[column]
             return count(
-                self.pairing(pursuer, evader, seeds),
-                self.play(pursuer, evader, seeds, report),
+                self.pairing(pursuer, evader, seeds), self.play(pursuer, evader, seeds, report)
             )
 
-        return [[result(row, column) for column in range(len(evaders))] for row in range(len(self.seeds))]
+        return [
+            [result(row, column) for column in range(len(evaders))]
+            for row in range(len(self.seeds))
+        ]
 
     def metrics(self, name: str, seed: int, stage: str) -> list[MetricsLine]:
-        return [line for line in load_metrics(self.run(name, seed) / "metrics.jsonl") if line.stage == stage]
+        return [
+            line
+            for line in load_metrics(self.run(name, seed) / "metrics.jsonl")
+            if line.stage == stage
+        ]
 
     def trainings(self) -> dict[Path, tuple[RunConfig, list[str]]]:
         """Return by folder the training, and the agents of the finished run."""

@@ -47,9 +47,7 @@ def _side_name(game: Game, role: Role) -> str:
 
 
 def _standing(
-    game: Game,
-    robots: Float32[np.ndarray, " numbers"],
-    active: Bool[np.ndarray, " robots"],
+    game: Game, robots: Float32[np.ndarray, " numbers"], active: Bool[np.ndarray, " robots"]
 ) -> str:
     """Return the least distance of a pursuer and an evader; for teams also the numbers of robots in
     play.
@@ -81,8 +79,7 @@ def fog(replay: Replay) -> tuple[Role, Bool[np.ndarray, "states rows columns"]] 
 @functools.partial(jax.jit, static_argnames="role")
 def _beliefs(game: Game, states: GameState, bits: UInt32[Array, " states"], role: Role) -> Array:
     def observe_step(
-        track: Any,
-        step_inputs: tuple[GameState, UInt32[Array, ""]],
+        track: Any, step_inputs: tuple[GameState, UInt32[Array, ""]]
     ) -> tuple[Any, Any]:
         state, own_bits = step_inputs
         track, known_state = tracking.update(game, role, track, state, own_bits)
@@ -115,10 +112,7 @@ def save_animation(replay: Replay, path: Path, speed: float = 1.0) -> None:
     """
     formats = (*MOVING, ".png")
     require(
-        path.suffix in formats,
-        "path",
-        path,
-        f"a file that ends in one of {', '.join(formats)}",
+        path.suffix in formats, "path", path, f"a file that ends in one of {', '.join(formats)}"
     )
     require(
         SLOWEST <= speed <= FASTEST,
@@ -141,8 +135,12 @@ def save_animation(replay: Replay, path: Path, speed: float = 1.0) -> None:
     ]
     if path.suffix == ".gif":
         palette = pictures[-1].quantize(_COLOURS, Image.Quantize.MAXCOVERAGE)
-        pictures = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
-    options: dict[str, Any] = {"optimize": True} if path.suffix == ".gif" else {"method": 0, "quality": 80}
+        pictures = [
+            picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures
+        ]
+    options: dict[str, Any] = (
+        {"optimize": True} if path.suffix == ".gif" else {"method": 0, "quality": 80}
+    )
     options |= {"save_all": True, "append_images": pictures[1:], "duration": durations, "loop": 0}
     write_atomically(path, _encoded(pictures[0], path.suffix[1:], **options))
 
@@ -154,9 +152,7 @@ def _encoded(picture: Image.Image, kind: str, **options: Any) -> bytes:
 
 
 def frames(
-    replay: Replay,
-    steps: list[int] | None = None,
-    speed: float = 1.0,
+    replay: Replay, steps: list[int] | None = None, speed: float = 1.0
 ) -> Iterator[Image.Image]:
     """Yield a picture for each of these steps of a game, or for every one; those in between leave
     their trail. Above the arena are names and legend, below it the clock and at the end the

@@ -36,7 +36,7 @@ def draw_arena(axes: Axes, arena: Arena) -> None:
         )
     for corners, colour, is_filled in shapes(arena):
         axes.add_patch(
-            Polygon(corners, color=colour, fill=is_filled, linewidth=0 if is_filled else 1.4),
+            Polygon(corners, color=colour, fill=is_filled, linewidth=0 if is_filled else 1.4)
         )
     x, y = float(arena.x_min), float(arena.y_min)
     width, height = float(arena.x_max) - x, float(arena.y_max) - y
@@ -88,19 +88,16 @@ def save_plan(name: str, game: Game, survey: Survey, path: Path) -> None:
     ends = (float(arena.x_min), float(arena.x_max), float(arena.y_min), float(arena.y_max))
     width, height = ends[1] - ends[0], ends[3] - ends[2]
     inches = _LONGER / max(width, height)
-    with style.picture(path, width=max(inches * width, 4.6), height=inches * height + 1.6) as (axes,):
+    with style.picture(path, width=max(inches * width, 4.6), height=inches * height + 1.6) as (
+        axes,
+    ):
         norm = BoundaryNorm(np.arange(len(KINDS) + 1) - 0.5, len(KINDS))
         # Obstacles are drawn with the arena, sharper than places can show them.
         colours = ListedColormap(
-            ["none" if colour == palette.OBSTACLE else colour for colour in KINDS.values()],
+            ["none" if colour == palette.OBSTACLE else colour for colour in KINDS.values()]
         )
         axes.imshow(
-            kinds,
-            cmap=colours,
-            norm=norm,
-            extent=ends,
-            origin="lower",
-            interpolation="nearest",
+            kinds, cmap=colours, norm=norm, extent=ends, origin="lower", interpolation="nearest"
         )
         draw_arena(axes, arena)
         body = "a robot's" if game.pursuer.radius == game.evader.radius else "the pursuer's"
@@ -120,5 +117,9 @@ def save_plan(name: str, game: Game, survey: Survey, path: Path) -> None:
             ncols=2,
         )
         count = len(survey.wrong)
-        verdict = f"{count} {'thing is' if count == 1 else 'things are'} wrong" if count else "nothing is wrong"
+        verdict = (
+            f"{count} {'thing is' if count == 1 else 'things are'} wrong"
+            if count
+            else "nothing is wrong"
+        )
         axes.set_title(f"{name}, {width:g} x {height:g} m: {verdict}")

@@ -33,9 +33,18 @@ def shapes(arena: Arena) -> list[tuple[list[Point], str, bool]]:
     Each shape has corners x, y [m], a colour, and whether it is filled; otherwise only its edge is
     drawn.
     """
-    x, y, x_max, y_max = (float(end) for end in (arena.x_min, arena.y_min, arena.x_max, arena.y_max))
-    outlines = [_circle(obstacle) if isinstance(obstacle, Disc) else obstacle.outline() for obstacle in arena.obstacles]
-    polygons = [([(float(x), float(y)) for x, y in outline], OBSTACLE, True) for outline in outlines if outline]
+    x, y, x_max, y_max = (
+        float(end) for end in (arena.x_min, arena.y_min, arena.x_max, arena.y_max)
+    )
+    outlines = [
+        _circle(obstacle) if isinstance(obstacle, Disc) else obstacle.outline()
+        for obstacle in arena.obstacles
+    ]
+    polygons = [
+        ([(float(x), float(y)) for x, y in outline], OBSTACLE, True)
+        for outline in outlines
+        if outline
+    ]
     if arena.territory:
         polygons.append((_circle(arena.territory), EVADER, False))
     return [*polygons, ([(x, y), (x_max, y), (x_max, y_max), (x, y_max)], INK, False)]
@@ -93,10 +102,7 @@ class Canvas:
         places = [robots[first : first + 4] for first in range(0, 4 * len(self._robots), 4)]
         draw, is_first = ImageDraw.Draw(self._trails), not self._here
         for (role, _, radius), before, after in zip(
-            self._robots,
-            self._here or places,
-            places,
-            strict=True,
+            self._robots, self._here or places, places, strict=True
         ):
             if is_first:
                 start = self._pixel(after[0], after[1])
@@ -106,8 +112,7 @@ class Canvas:
         self._here, self._active = places, active
 
     def picture(
-        self,
-        fog: tuple[Bool[np.ndarray, "rows columns"], Role] | None = None,
+        self, fog: tuple[Bool[np.ndarray, "rows columns"], Role] | None = None
     ) -> Image.Image:
         """Return the game as it stands, or an empty arena where no robot has moved yet.
 
@@ -118,7 +123,7 @@ class Canvas:
         if fog:
             (cells, role), side = fog, max(picture.size)
             mask = Image.fromarray(np.where(cells[::-1], _SHADE, 0).astype(np.uint8)).resize(
-                (side, side),
+                (side, side)
             )
             picture.paste(SIDES[role], (0, picture.height - side), mask)
         draw, finer = ImageDraw.Draw(picture), self._scale
@@ -137,12 +142,7 @@ class Canvas:
         return picture.reduce(_FINER)
 
     def _draw_mark(
-        self,
-        draw: ImageDraw.ImageDraw,
-        mark: str,
-        centre: Point,
-        radius: float,
-        colour: str,
+        self, draw: ImageDraw.ImageDraw, mark: str, centre: Point, radius: float, colour: str
     ) -> None:
         """Draw a number beside a robot, on the side of the arena's middle."""
         size, away = self._trails.size, 2.4 * radius
@@ -151,11 +151,7 @@ class Canvas:
             for coordinate, side in zip(centre, size, strict=True)
         )
         draw.text(
-            (x, y),
-            mark,
-            fill=colour,
-            font=ImageFont.load_default(round(2.2 * radius)),
-            anchor="mm",
+            (x, y), mark, fill=colour, font=ImageFont.load_default(round(2.2 * radius)), anchor="mm"
         )
 
     def _draw_cells(self, occupancy: OccupancyMap) -> None:
@@ -171,7 +167,9 @@ class Canvas:
         )
 
     def _pixel(self, x: float, y: float) -> Point:
-        return (x - float(self._arena.x_min)) * self._scale, (float(self._arena.y_max) - y) * self._scale
+        return (x - float(self._arena.x_min)) * self._scale, (
+            float(self._arena.y_max) - y
+        ) * self._scale
 
 
 _ARROWHEAD = ((1.4, 0.0), (1.2, 2.4), (0.4, pi), (1.2, -2.4))
@@ -179,11 +177,7 @@ _ARROWHEAD = ((1.4, 0.0), (1.2, 2.4), (0.4, pi), (1.2, -2.4))
 
 
 def draw_robot(
-    draw: ImageDraw.ImageDraw,
-    centre: Point,
-    radius: float,
-    role: Role,
-    heading: float = 0.0,
+    draw: ImageDraw.ImageDraw, centre: Point, radius: float, role: Role, heading: float = 0.0
 ) -> None:
     """Draw the sign of a pursuer, an arrowhead, or of an evader, a disc with a nose.
 

@@ -31,13 +31,12 @@ def learning_pictures(lines: Sequence[MetricsLine], against: Sequence[str]) -> l
         pictures.append(inline_svg(lambda axes: _draw_greedy(axes, evaluations, fixed), label))
 
     def draw(
-        metric_lines: list[MetricsLine],
-        value: Callable[[MetricsLine, str], float],
-        **about: str,
+        metric_lines: list[MetricsLine], value: Callable[[MetricsLine, str], float], **about: str
     ) -> None:
         if len(metric_lines) > 1:
             curves = {
-                side: _curve(metric_lines, [value(line, side) for line in metric_lines]) for side in lines[-1].losses
+                side: _curve(metric_lines, [value(line, side) for line in metric_lines])
+                for side in lines[-1].losses
             }
             label = f"{about['ylabel'].capitalize()} over env steps"
             pictures.append(inline_svg(lambda axes: _draw_sides(axes, curves, **about), label))
@@ -63,7 +62,10 @@ def _draw_greedy(axes: Axes, evaluations: Sequence[Evaluation], fixed: bool) -> 
     games = [sum(evaluation.outcomes.values()) for evaluation in evaluations]
 
     def draw(outcomes: Sequence[Outcome], colour: str, label: str) -> None:
-        times = [sum(evaluation.outcomes.get(name, 0) for name in names_of(outcomes)) for evaluation in evaluations]
+        times = [
+            sum(evaluation.outcomes.get(name, 0) for name in names_of(outcomes))
+            for evaluation in evaluations
+        ]
         draw_rate(axes, steps, times, games, colour, label)
 
     if fixed:

@@ -25,11 +25,7 @@ def _draw_win_rates(axes: Axes, tournament: Tournament) -> None:
     rates = 100 * tournament.win_rates
     colours = axes.imshow(rates, cmap="RdBu_r", vmin=0, vmax=100, aspect="auto")
     axes.set_xticks(
-        range(len(tournament.evaders)),
-        tournament.evaders,
-        rotation=45,
-        ha="right",
-        fontsize=7,
+        range(len(tournament.evaders)), tournament.evaders, rotation=45, ha="right", fontsize=7
     )
     axes.set_yticks(range(len(tournament.pursuers)), tournament.pursuers, fontsize=7)
     axes.grid(visible=False)
@@ -37,13 +33,7 @@ def _draw_win_rates(axes: Axes, tournament: Tournament) -> None:
         for (row, column), value in np.ndenumerate(rates):
             colour = "white" if abs(value - 50) > 35 else palette.INK
             axes.text(
-                column,
-                row,
-                f"{value:.0f}",
-                ha="center",
-                va="center",
-                fontsize=6,
-                color=colour,
+                column, row, f"{value:.0f}", ha="center", va="center", fontsize=6, color=colour
             )
     axes.set(title="who beats whom", xlabel="evader", ylabel="pursuer")
     label = "the pursuer wins [% of games]"
@@ -58,13 +48,7 @@ def _draw_ratings(axes: Axes, tournament: Tournament) -> None:
     ):
         lines = first + np.arange(len(rated.points))
         axes.errorbar(
-            rated.points,
-            lines,
-            xerr=rated.reach,
-            fmt=sign,
-            color=colour,
-            markersize=4,
-            label=label,
+            rated.points, lines, xerr=rated.reach, fmt=sign, color=colour, markersize=4, label=label
         )
     names = [*tournament.pursuers, *tournament.evaders]
     axes.set_yticks(range(len(names)), names, fontsize=7)
@@ -74,8 +58,7 @@ def _draw_ratings(axes: Axes, tournament: Tournament) -> None:
 
 
 WHO_WINS = LinearSegmentedColormap.from_list(
-    "who wins",
-    [palette.EVADER, palette.LIGHT["panel"], palette.PURSUER],
+    "who wins", [palette.EVADER, palette.LIGHT["panel"], palette.PURSUER]
 )
 """From values with which the pursuer wins no game to those with which it wins all."""
 
@@ -94,13 +77,7 @@ def draw_varied(varied: VariedMatches, path: Path) -> None:
             across = first.values
             up = second[0].values
             mesh = axes.pcolormesh(
-                across,
-                up,
-                rates,
-                cmap=WHO_WINS,
-                vmin=0,
-                vmax=100,
-                shading="nearest",
+                across, up, rates, cmap=WHO_WINS, vmin=0, vmax=100, shading="nearest"
             )
             if min(rates.shape) > 1 and rates.min() < 50 < rates.max():
                 axes.contour(across, up, rates, levels=[50.0], colors=palette.INK)

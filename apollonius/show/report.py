@@ -75,7 +75,10 @@ def games_to_show(match: Match) -> list[tuple[Replay, int]]:
     first: dict[int, int] = {}
     for index in worst_first(results):
         first.setdefault(int(outcomes[index]), index)
-    return [(record_game(match, index), int(np.sum(outcomes == outcome))) for outcome, index in first.items()]
+    return [
+        (record_game(match, index), int(np.sum(outcomes == outcome)))
+        for outcome, index in first.items()
+    ]
 
 
 @dataclass(frozen=True)
@@ -109,7 +112,7 @@ def load_matches(path: Path) -> list[Judged]:
         require(len(pair) == 2, f"'{path}': match", name, f"NAME against NAME; {remedy}")
         names = [name if name in PLAYERS else f"{run}/{name}" for name in pair]
         matches.append(
-            Judged(names[0], names[1], read_result(data, f"'{path}'"), paper_shares(*pair)),
+            Judged(names[0], names[1], read_result(data, f"'{path}'"), paper_shares(*pair))
         )
     return matches
 
@@ -120,7 +123,9 @@ def report_of(folder: Path) -> dict[str, Any]:
     """
     config = load_config(folder / "config.toml", folder)
     lines = load_metrics(folder / "metrics.jsonl", within=folder)
-    stages = {name: plan.stage for name, plan in config.plans.items() if name in (FIXED_TARGET, SELF_PLAY)}
+    stages = {
+        name: plan.stage for name, plan in config.plans.items() if name in (FIXED_TARGET, SELF_PLAY)
+    }
     by_stage = {name: [line for line in lines if line.stage == name] for name in stages}
     env_steps = {name: lines[-1].env_steps if lines else 0 for name, lines in by_stage.items()}
     matches = load_matches(folder / "evaluation.json")
@@ -133,7 +138,7 @@ def report_of(folder: Path) -> dict[str, Any]:
             warnings.append(f"Not finished: {share}. Go on with: apollonius resume {folder}")
     if not matches:
         warnings += [
-            "Not judged: the run has no evaluation.json, which apollonius train writes when it has finished.",
+            "Not judged: the run has no evaluation.json, which apollonius train writes when it has finished."
         ]
     if not games:
         warnings += ["No games to show: no stage has ended, so there are no agents yet."]
@@ -156,7 +161,9 @@ def report_of(folder: Path) -> dict[str, Any]:
 
 def _described(game: Game) -> str:
     arena = game.arena
-    obstacles = f"{len(arena.discs)} discs" + (f", {len(arena.polygons)} polygons" if arena.polygons else "")
+    obstacles = f"{len(arena.discs)} discs" + (
+        f", {len(arena.polygons)} polygons" if arena.polygons else ""
+    )
     obstacles += f", {len(arena.extra)} others" if arena.extra else ""
     obstacles += f", the map {Path(arena.map.file).name}" if arena.map else ""
     return (
@@ -178,17 +185,18 @@ def save_report(report: Mapping[str, Any], path: Path) -> None:
 def render(report: Mapping[str, Any]) -> str:
     """Return a report as HTML, with everything from files escaped."""
     environment = Environment(
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.policies["json.dumps_kwargs"]["allow_nan"] = False
     return environment.from_string((_HERE / "report.html").read_text(encoding="utf-8")).render(
         **report,
         replays=[for_page(replay) for replay, _ in report["games"]],
         asked={"games": GAMES, "seed": SEED},
-        bar=[outcome for outcome in _BAR if any(outcome in match.result.outcomes for match in report["matches"])],
+        bar=[
+            outcome
+            for outcome in _BAR
+            if any(outcome in match.result.outcomes for match in report["matches"])
+        ],
         light=palette.LIGHT,
         dark=palette.DARK,
         style=Markup((_HERE / "report.css").read_text(encoding="utf-8")),
@@ -217,7 +225,9 @@ def bundled(entry: Path) -> str:
                 text = text_of(source)
                 exports = ", ".join(_EXPORT.findall(text))
                 inner = re.sub("^export ", "", text, flags=re.MULTILINE)
-                objects[source] = f"const {name} = (() => {{\n{inner}return {{ {exports} }};\n}})();\n"
+                objects[source] = (
+                    f"const {name} = (() => {{\n{inner}return {{ {exports} }};\n}})();\n"
+                )
             return f"const {{{statement[1].replace(' as ', ': ')}}} = {name};\n"
 
         return _IMPORT.sub(imported, _COMMENT.sub("", path.read_text(encoding="utf-8")))

@@ -38,9 +38,7 @@ _LEVELS = {"brake": "_", "hold": ".", "speed up": "+"}
 
 
 Slice = tuple[
-    Float[np.ndarray, " columns"],
-    Float[np.ndarray, " rows"],
-    Float[np.ndarray, "rows columns 9"],
+    Float[np.ndarray, " columns"], Float[np.ndarray, " rows"], Float[np.ndarray, "rows columns 9"]
 ]
 """x and y of cells' centres [m], and the values of the nine actions there: a network's discounted
 reward to come, in the units of its training, or a solved game's discounted payoff; NaN where the
@@ -117,10 +115,7 @@ def save_slice(
         # as precise as the speeds themselves
         slowest, fastest = np.float32(body.v_min), np.float32(body.v_max)
         require(
-            slowest <= speed <= fastest,
-            what,
-            f"{speed:g}",
-            f"from {slowest:g} to {fastest:g} m/s",
+            slowest <= speed <= fastest, what, f"{speed:g}", f"from {slowest:g} to {fastest:g} m/s"
         )
     place = (float(opponent.x), float(opponent.y))
     require(
@@ -167,11 +162,7 @@ def _draw_actions(axes: Axes, values_slice: Slice) -> None:
     action = np.where(free, np.argmax(np.nan_to_num(values, nan=-np.inf), axis=-1), 0)
     turn = np.ma.masked_where(~free, action % 3)
     axes.pcolormesh(
-        x,
-        y,
-        turn,
-        cmap=ListedColormap(list(_TURNS.values())),
-        norm=BoundaryNorm([0, 1, 2, 3], 3),
+        x, y, turn, cmap=ListedColormap(list(_TURNS.values())), norm=BoundaryNorm([0, 1, 2, 3], 3)
     )
     every = max(1, len(x) // _SIGNS)
     every_nth = slice(every // 2, None, every)
@@ -186,8 +177,14 @@ def _draw_actions(axes: Axes, values_slice: Slice) -> None:
             markersize=4,
             markeredgewidth=0.9,
         )
-    keys = [Patch(facecolor=colour, edgecolor=palette.OBSTACLE, label=name) for name, colour in _TURNS.items()]
-    keys += [Line2D([], [], color=palette.INK, marker=sign, ls="none", label=name) for name, sign in _LEVELS.items()]
+    keys = [
+        Patch(facecolor=colour, edgecolor=palette.OBSTACLE, label=name)
+        for name, colour in _TURNS.items()
+    ]
+    keys += [
+        Line2D([], [], color=palette.INK, marker=sign, ls="none", label=name)
+        for name, sign in _LEVELS.items()
+    ]
     axes.legend(
         handles=keys,
         loc="upper center",
@@ -205,7 +202,7 @@ def _draw_opponent(axes: Axes, role: Role, opponent: RobotState, game: Game) -> 
     y = float(opponent.y)
     heading = float(opponent.heading)
     axes.add_patch(
-        Circle((x, y), reach, fill=False, edgecolor=colour, linewidth=1.2, linestyle="--"),
+        Circle((x, y), reach, fill=False, edgecolor=colour, linewidth=1.2, linestyle="--")
     )
     arena = game.arena
     length = _ARROW * float(max(arena.x_max - arena.x_min, arena.y_max - arena.y_min))
@@ -213,13 +210,6 @@ def _draw_opponent(axes: Axes, role: Role, opponent: RobotState, game: Game) -> 
     dy = length * np.sin(heading)
     width = length / 14
     axes.arrow(
-        x,
-        y,
-        dx,
-        dy,
-        width=width,
-        head_width=4 * width,
-        length_includes_head=True,
-        color=colour,
+        x, y, dx, dy, width=width, head_width=4 * width, length_includes_head=True, color=colour
     )
     axes.plot(x, y, "o", color=colour, markersize=6, markeredgecolor=palette.PAPER)

@@ -43,10 +43,7 @@ _SETTINGS: dict[Any, Any] = {
 
 @contextmanager
 def picture(
-    path: Path,
-    columns: int = 1,
-    width: float = 4.6,
-    height: float = 3.0,
+    path: Path, columns: int = 1, width: float = 4.6, height: float = 3.0
 ) -> Generator[list[Axes], None, None]:
     """Open a figure of panels side by side, which is saved as PNG when the block ends.
 
@@ -81,10 +78,7 @@ def inline_svg(draw: Callable[[Axes], None], label: str) -> str:
     svg_element = re.search(r"<svg.*</svg>", file.getvalue(), re.DOTALL)
     assert svg_element, "matplotlib writes one svg element"
     svg = re.sub(
-        r'<metadata>.*?</metadata>|xmlns(:\w+)?="[^"]*"',
-        "",
-        svg_element.group(),
-        flags=re.DOTALL,
+        r'<metadata>.*?</metadata>|xmlns(:\w+)?="[^"]*"', "", svg_element.group(), flags=re.DOTALL
     )
     for name, colour in LIGHT.items():
         svg = svg.replace(colour, f"var(--{name})")
@@ -144,7 +138,7 @@ def draw_rate(
         label: Words for the legend.
     """
     low, high = 100 * np.transpose(
-        [wilson_interval(*counts) for counts in zip(times, games, strict=True)],
+        [wilson_interval(*counts) for counts in zip(times, games, strict=True)]
     )
     axes.fill_between(x, low, high, color=colour, alpha=0.18, linewidth=0)
     axes.plot(x, 100 * np.asarray(times) / np.asarray(games), color=colour, label=label)
@@ -175,17 +169,12 @@ def draw_strips(
         colours: Colour of each strip.
     """
     for index, (rows, (low, high), colour) in enumerate(
-        zip(rates, intervals, colours, strict=True),
+        zip(rates, intervals, colours, strict=True)
     ):
         percents = 100 * np.asarray(sorted(rows, key=np.mean))
         places = index + (np.linspace(-0.3, 0.2, len(rows)) if len(rows) > 1 else np.zeros(1))
         axes.vlines(
-            places,
-            percents.min(axis=1),
-            percents.max(axis=1),
-            color=colour,
-            alpha=0.4,
-            linewidth=3,
+            places, percents.min(axis=1), percents.max(axis=1), color=colour, alpha=0.4, linewidth=3
         )
         axes.plot(places, percents.mean(axis=1), "o", color=colour, markersize=4)
         axes.vlines(index + 0.35, 100 * low, 100 * high, color=INK, linewidth=2)

@@ -70,9 +70,7 @@ class Drive:
         require(self.mass_behind < self.caster, "mass_behind", self.mass_behind, bound)
 
     def wheel_speeds(
-        self,
-        v: Float[np.ndarray, "*robots"],
-        turn_rate: Float[np.ndarray, "*robots"],
+        self, v: Float[np.ndarray, "*robots"], turn_rate: Float[np.ndarray, "*robots"]
     ) -> np.ndarray:
         """Return the speeds of left and right wheels [rad/s] at a speed [m/s] and a turn rate
         [rad/s].
@@ -137,9 +135,7 @@ class References:
                 self.controls = chosen
             self.v = np.clip(self.v + self.controls[..., 0] * h, *limits.T)
             self.turn_rate = self.turn_rate + np.clip(
-                self.controls[..., 1] - self.turn_rate,
-                -reach,
-                reach,
+                self.controls[..., 1] - self.turn_rate, -reach, reach
             )
             wheel_speeds[:, step] = drive.wheel_speeds(self.v, self.turn_rate)
         self.controls = chosen

@@ -86,7 +86,10 @@ def _geom(
     meets: str = _NOTHING,
     **more: object,
 ) -> None:
-    texts = {key: _numbers(*value) if isinstance(value, tuple) else str(value) for key, value in more.items()}
+    texts = {
+        key: _numbers(*value) if isinstance(value, tuple) else str(value)
+        for key, value in more.items()
+    }
     SubElement(parent, "geom", name=name, type=shape, contype=kind, conaffinity=meets, attrib=texts)
 
 
@@ -213,10 +216,7 @@ class Physics:
         rollout: Any = import_module("mujoco.rollout")
         dt = float(game.dt)
         require(
-            drive.latency <= dt,
-            "latency",
-            drive.latency,
-            f"at most one step of the game, {dt:g} s",
+            drive.latency <= dt, "latency", drive.latency, f"at most one step of the game, {dt:g} s"
         )
         self.drive = drive
         self.robots = tuple(robots_of(game))
@@ -227,8 +227,7 @@ class Physics:
         self._rollout = rollout.Rollout(nthread=1)
 
     def place(
-        self,
-        rows: Float[np.ndarray, "games columns"],
+        self, rows: Float[np.ndarray, "games columns"]
     ) -> Float64[np.ndarray, "games numbers"]:
         """Return states in which the robots stand, or roll, where rows of x, y, v and heading say."""
         data, kind = self._data, self._mujoco.mjtState.mjSTATE_FULLPHYSICS
@@ -281,16 +280,13 @@ class Physics:
         return trajectories[:, -1]
 
     def measure(
-        self,
-        states: Float64[np.ndarray, "games numbers"],
+        self, states: Float64[np.ndarray, "games numbers"]
     ) -> Float64[np.ndarray, "games columns"]:
         """Return the game's view of states: x, y, forward speed and heading of pursuers, then
         evaders.
         """
         positions, speeds = np.split(
-            states[:, 1 : 1 + self.model.nq + self.model.nv],
-            [self.model.nq],
-            axis=1,
+            states[:, 1 : 1 + self.model.nq + self.model.nv], [self.model.nq], axis=1
         )
         columns = []
         for side in self.robots:
@@ -302,10 +298,9 @@ class Physics:
         return np.stack(columns, axis=-1)
 
     def turn_rates(
-        self,
-        states: Float64[np.ndarray, "games numbers"],
+        self, states: Float64[np.ndarray, "games numbers"]
     ) -> Float64[np.ndarray, "games robots"]:
-        """Return how fast robots turn in states [rad/s], as a gyroscope measures it."""
+        """Return the turn rates of robots in some states [rad/s], as a gyroscope measures them."""
         first = 1 + self.model.nq
         return np.stack(
             [states[:, first + self.model.joint(side).dofadr[0] + 5] for side in self.robots],

@@ -85,7 +85,7 @@ def simulate(
     strongest = np.array([body.u1_max for body in bodies_of], float)
     limits = np.array([[body.v_min, body.v_max] for body in bodies_of], float)
     turning = np.array(
-        [_turn_acceleration(game, drive, role) for role in Role for _ in game.bodies[role]],
+        [_turn_acceleration(game, drive, role) for role in Role for _ in game.bodies[role]]
     )
     rows = as_rows(starts)
     known_game = _with_drive(game, drive)
@@ -105,12 +105,7 @@ def simulate(
         halted = np.stack([braking, np.zeros_like(braking)], axis=-1)
         body_controls = np.where(is_out[..., None], halted, np.asarray(controls, float))
         wheel_speeds = references.follow(
-            drive,
-            body_controls,
-            limits,
-            physics.steps,
-            physics.step,
-            turning,
+            drive, body_controls, limits, physics.steps, physics.step, turning
         )
         bodies[alive] = physics.advance(bodies[alive], wheel_speeds[alive])
         before, rows = rows, rows.copy()
@@ -123,16 +118,13 @@ def simulate(
     index, states, actions, after = (np.concatenate(parts) for parts in zip(*log, strict=True))
     state = games.state
     results = Results(
-        jnp.asarray(outcome),
-        state.steps,
-        status=state.status,
-        sightings=games.sightings,
+        jnp.asarray(outcome), state.steps, status=state.status, sightings=games.sightings
     )
     return Simulated(results, index, states, actions, after)
 
 
 def _turn_acceleration(game: Game, drive: Drive, role: Role) -> float:
-    """Return how fast the turn rate of one side's robots can change [rad/s^2]."""
+    """Return the greatest turn acceleration of one side's robots [rad/s^2]."""
     time = drive_of(game.drives, role).turn_time
     slow = inf if time is None else float(game.bodies[role][0].u2_max) / max(float(time), 1e-6)
     return min(drive.turn_acceleration, slow)
@@ -157,7 +149,9 @@ def _with_turn_rates(games: Games, rates: Float[np.ndarray, "games robots"]) -> 
     def side(state: SideState) -> SideState:
         return replace(
             state,
-            drives=tuple(replace(drive_state, turn_rate=next(rates_by_robot)) for drive_state in state.drives),
+            drives=tuple(
+                replace(drive_state, turn_rate=next(rates_by_robot)) for drive_state in state.drives
+            ),
         )
 
     return replace(games, sides=games.sides.map(side))
@@ -202,10 +196,7 @@ def _choose(
     """
     steps = games.state.steps
     after, moves = step_games(
-        game,
-        players,
-        games,
-        random_bits_of(key, jnp.arange(len(steps)), steps),
+        game, players, games, random_bits_of(key, jnp.arange(len(steps)), steps)
     )
     late = ROLES.map(lambda role: replace(drive_of(drives, role), turn_time=None))
 
@@ -216,11 +207,7 @@ def _choose(
     def held(states: Any, actions: BySide[tuple[Action, ...]]) -> Float[Array, "robots 2"]:
         controls_by_side = ROLES.map(
             lambda role: respond(
-                late[role],
-                states[role],
-                game.bodies[role],
-                actions[role],
-                game.dt,
+                late[role], states[role], game.bodies[role], actions[role], game.dt
             )[0]
         )
         return jnp.stack([jnp.stack(controls) for side in controls_by_side for controls in side])
@@ -241,8 +228,7 @@ def _judged(
     """Return the games that are not over after a step that led to these rows, and how each ended."""
 
     def judge_game(
-        state: GameState,
-        row: Float32[Array, " columns"],
+        state: GameState, row: Float32[Array, " columns"]
     ) -> tuple[GameState, Int[Array, ""]]:
         after = replace(
             state,

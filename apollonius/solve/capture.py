@@ -54,10 +54,7 @@ def decisive(zero_sum_game: ZeroSumGame, first: Side, second: Side) -> Decided:
 
 @eqx.filter_jit
 def _decisive(
-    zero_sum_game: ZeroSumGame,
-    first: Side,
-    second: Side,
-    reach: tuple[int, int],
+    zero_sum_game: ZeroSumGame, first: Side, second: Side, reach: tuple[int, int]
 ) -> Decided:
     """Return the decisive actions by windows of `reach` cells along x and y, beyond which nobody
     can be captured.
@@ -112,10 +109,7 @@ def _steps_to_capture(
     captures = jax.vmap(come_within, (0, 0, None))
 
     def steps(
-        own_course: RobotState,
-        their_course: RobotState,
-        x: Scalar,
-        y: Scalar,
+        own_course: RobotState, their_course: RobotState, x: Scalar, y: Scalar
     ) -> UInt8[Array, ""]:
         place = (their_course.x + x, their_course.y + y)
         moved_course = eqx.tree_at(lambda robot: (robot.x, robot.y), their_course, place)
@@ -138,7 +132,7 @@ def _pack(
     own: UInt8[Array, "9"],
     theirs: UInt8[Array, "slices wide high 9"],
 ) -> UInt16[Array, "slices wide high"]:
-    """Return which actions decide, and when, packed as `Decided`.
+    """Find the actions that decide, and their times, packed as `Decided`.
 
     Args:
         role: the side that moves first.
@@ -161,7 +155,5 @@ def _pack(
     bits = jnp.array([1 << action for action in range(NUM_ACTIONS)], jnp.uint16)
     actions = jnp.sum(jnp.where(decides, bits[None, None, None], 0), axis=-1, dtype=jnp.uint16)
     return jnp.where(
-        actions > 0,
-        actions | (steps_taken.astype(jnp.uint16) << NUM_ACTIONS),
-        0,
+        actions > 0, actions | (steps_taken.astype(jnp.uint16) << NUM_ACTIONS), 0
     ).astype(jnp.uint16)

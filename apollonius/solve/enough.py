@@ -83,7 +83,7 @@ class Enough:
 
 
 def read_chase(tiling: Tiling) -> Reading | None:
-    """Return how many pursuers are enough to catch an evader on a graph; None where it is too
+    """Find the least number of pursuers that catch an evader on a graph; None where it is too
     large.
     """
     nodes, pursuers = core(tiling.adjacency), 1
@@ -133,7 +133,7 @@ def core(adjacency: Adjacency) -> Int[np.ndarray, " kept"]:
     nodes = np.arange(len(adjacency))
     while True:
         near = csr_array(
-            (adjacency[np.ix_(nodes, nodes)] | np.eye(len(nodes), dtype=bool)).astype(np.int32),
+            (adjacency[np.ix_(nodes, nodes)] | np.eye(len(nodes), dtype=bool)).astype(np.int32)
         )
         sizes = near.sum(axis=1)
         common = near.multiply(near @ near).tocoo()

@@ -60,11 +60,7 @@ class Grid(eqx.Module):
         return x, y, v, 2 * jnp.pi / self.counts[3]
 
     def node(
-        self,
-        v: Int[Array, ""],
-        heading: Int[Array, ""],
-        x: Int[Array, ""],
-        y: Int[Array, ""],
+        self, v: Int[Array, ""], heading: Int[Array, ""], x: Int[Array, ""], y: Int[Array, ""]
     ) -> RobotState:
         """Return the state at a node; its heading is in [0, 2 pi).
 

@@ -67,7 +67,7 @@ class Duel(eqx.Module):
 
 
 def make_duel(zero_sum_game: ZeroSumGame, whole_cells: bool = False) -> Duel:
-    """Return what all sweeps have in common, of the game from the side that moves first.
+    """Prepare the arrays that all sweeps share, for the side that moves first.
 
     `whole_cells` takes moves along x and y for whole cells, and interpolates only speeds and
     headings. Raises InvalidInput when it does not fit into memory, or the robots' grids do not have
@@ -112,15 +112,11 @@ def value_before_move(duel: Duel, moved: JointTable) -> JointTable:
         forced = duel.decided[tile].reshape(-1, *first.grid.shape[2:], lanes)
 
         def value(
-            index: Int[Array, ""],
-            action: int,
-            later: Float[Array, "x y lanes"],
+            index: Int[Array, ""], action: int, later: Float[Array, "x y lanes"]
         ) -> Float[Array, "x y lanes"]:
             time = (forced[index] >> NUM_ACTIONS).astype(jnp.float32) * zero_sum_game.game.dt
             value = jnp.where(
-                first.free[index, action][..., None],
-                first.motion.discount * later,
-                LOSE,
+                first.free[index, action][..., None], first.motion.discount * later, LOSE
             )
             captured = zero_sum_game.capture * discount_after(time)
             return jnp.where((forced[index] >> action) & 1 > 0, captured, value)
@@ -139,15 +135,12 @@ def _sweep(duel: Duel, table: JointTable) -> tuple[JointTable, Scalar]:
     lanes = table.shape[2]
 
     def value(
-        index: Int[Array, ""],
-        action: int,
-        later: Float[Array, "x y lanes"],
+        index: Int[Array, ""], action: int, later: Float[Array, "x y lanes"]
     ) -> Float[Array, "x y lanes"]:
         return jnp.where(second.free[index, action][..., None], later, WIN)
 
     def refresh(
-        residual: Scalar,
-        tile: tuple[Int[Array, ""], Float[Array, "moving lanes"]],
+        residual: Scalar, tile: tuple[Int[Array, ""], Float[Array, "moving lanes"]]
     ) -> tuple[Scalar, Float[Array, "moving lanes"]]:
         number, old = tile
         values = _tile_of(before, number, lanes).reshape(*second.grid.shape, lanes)
@@ -155,9 +148,7 @@ def _sweep(duel: Duel, table: JointTable) -> tuple[JointTable, Scalar]:
         return jnp.maximum(residual, jnp.max(jnp.abs(new - old))), new
 
     residual, after = jax.lax.scan(
-        refresh,
-        jnp.zeros((), jnp.float32),
-        (jnp.arange(table.shape[0]), table),
+        refresh, jnp.zeros((), jnp.float32), (jnp.arange(table.shape[0]), table)
     )
     return after, residual
 
@@ -187,8 +178,7 @@ def interpolate(
     # One corner of the moving robot after another: of all ways to look up and weigh 256 entries the
     # quickest by far.
     def add(
-        total: Float[Array, "n 16 games"],
-        corner: tuple[Array, Array],
+        total: Float[Array, "n 16 games"], corner: tuple[Array, Array]
     ) -> tuple[Float[Array, "n 16 games"], None]:
         node, share = corner
         around = entries.at[tiles + (node * lanes)[None, None]].get(mode="promise_in_bounds")

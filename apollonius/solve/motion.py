@@ -136,7 +136,7 @@ class Alone(eqx.Module):
 def first_events(
     game: Game, pursuer: RobotState, evader: RobotState
 ) -> tuple[Int[Array, "m n games"], Float[Array, "m n games"]]:
-    """Return how the rules end several games along each pair of courses, and after how many
+    """Return the outcomes of several games along each pair of courses, and after how many
     seconds.
 
     Courses have leaves `[steps + 1, m, games]` and `[steps + 1, n, games]`. A robot alone is judged
@@ -210,9 +210,7 @@ class ZeroSumGame(eqx.Module):
 
 
 def payoff_of(
-    role: Role,
-    outcome: Int[Array, "*batch"],
-    seconds: Float[Array, "*batch"],
+    role: Role, outcome: Int[Array, "*batch"], seconds: Float[Array, "*batch"]
 ) -> Float[Array, "*batch"]:
     """Return the value to one side of an outcome after some seconds."""
     pursuer_won = pursuer_wins(outcome)

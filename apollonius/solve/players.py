@@ -49,12 +49,12 @@ class AbstractSearch(AbstractActionValuePolicy):
 
     zero_sum_game: ZeroSumGame
 
-    def values(self, seen: View) -> Float[Array, "9"]:
-        return self.weigh(seen, (), jnp.zeros((), jnp.uint32))[0]
+    def values(self, view: View) -> Float[Array, "9"]:
+        return self.weigh(view, (), jnp.zeros((), jnp.uint32))[0]
 
-    def weigh(self, seen: View, memory: Memory, bits: Bits) -> tuple[Float[Array, "9"], Memory]:
+    def weigh(self, view: View, memory: Memory, bits: Bits) -> tuple[Float[Array, "9"], Memory]:
         """Return the values against an opponent that acts by chance, as by these bits."""
-        return _values_in_one(self, seen.own.state, seen.opponent.state, bits), memory
+        return _values_in_one(self, view.own.state, view.opponent.state, bits), memory
 
     @eqx.filter_jit
     def best_value(self, states: GameState) -> Float[Array, " games"]:
@@ -64,29 +64,20 @@ class AbstractSearch(AbstractActionValuePolicy):
 
     @abstractmethod
     def action_values(
-        self,
-        own: RobotState,
-        other: RobotState,
-        bits: UInt32[Array, " games"],
+        self, own: RobotState, other: RobotState, bits: UInt32[Array, " games"]
     ) -> Values:
         """Return the values of the nine actions in several games, against chance by these bits."""
 
 
 def _values_in_many(
-    size: int,
-    batched: Any,
-    player: AbstractSearch,
-    *seen: Any,
+    size: int, batched: Any, player: AbstractSearch, *seen: Any
 ) -> Float[Array, "games 9"]:
     return player.action_values(*spread(size, tuple(batched[1:]), seen)).T
 
 
 @batched_by(_values_in_many)
 def _values_in_one(
-    player: AbstractSearch,
-    own: RobotState,
-    other: RobotState,
-    bits: Bits,
+    player: AbstractSearch, own: RobotState, other: RobotState, bits: Bits
 ) -> Float[Array, "9"]:
     """Return the values of the nine actions in one game; a batch of games is looked at together."""
     one_game = jax.tree.map(lambda leaf: leaf[None], (own, other, bits))
@@ -101,10 +92,7 @@ class SaddlePolicy(AbstractSearch):
     table: Shaped[Array, "tiles moving lanes"]
 
     def action_values(
-        self,
-        own: RobotState,
-        other: RobotState,
-        bits: UInt32[Array, " games"],
+        self, own: RobotState, other: RobotState, bits: UInt32[Array, " games"]
     ) -> Values:
         """Return the value of each action against the answer that is worst for it.
 
@@ -119,14 +107,10 @@ class SaddlePolicy(AbstractSearch):
         if game.role == Role.EVADER:
             outcome, seconds = jnp.swapaxes(outcome, 0, 1), jnp.swapaxes(seconds, 0, 1)
         later = game.motions[0].discount * interpolate(
-            self.table,
-            (other_grid, other),
-            (grid, last(own_courses)),
+            self.table, (other_grid, other), (grid, last(own_courses))
         )
         values = jnp.where(
-            outcome == Outcome.ONGOING,
-            later[:, None],
-            payoff_of(game.role, outcome, seconds),
+            outcome == Outcome.ONGOING, later[:, None], payoff_of(game.role, outcome, seconds)
         )
         return jnp.min(values, axis=1)
 
@@ -151,10 +135,7 @@ class RolloutSearch(AbstractSearch):
     width: int = eqx.field(static=True, default=NUM_ACTIONS)
 
     def action_values(
-        self,
-        own: RobotState,
-        other: RobotState,
-        bits: UInt32[Array, " games"],
+        self, own: RobotState, other: RobotState, bits: UInt32[Array, " games"]
     ) -> Values:
         """Return the value of each action as the beginning of the best plan; -inf where no such
         plan was extended.
@@ -163,9 +144,7 @@ class RolloutSearch(AbstractSearch):
         steps = jnp.zeros(robots.pursuer.x.shape, jnp.int32)
         states = jax.vmap(jax.vmap(GameState.of_two))(*robots, steps=steps)
         plans = _Plans(
-            jnp.zeros_like(states.steps),
-            states,
-            jnp.full_like(states.steps, int(Outcome.ONGOING)),
+            jnp.zeros_like(states.steps), states, jnp.full_like(states.steps, int(Outcome.ONGOING))
         )
         for number in range(self.holds):
             if number > 0 and self.width < plans.first.shape[1]:
@@ -190,8 +169,7 @@ class RolloutSearch(AbstractSearch):
             return jnp.broadcast_to(leaf, shape).reshape(-1)
 
         def one_step(
-            before: tuple[GameState, Int[Array, "games plans"]],
-            bits: UInt32[Array, " games"],
+            before: tuple[GameState, Int[Array, "games plans"]], bits: UInt32[Array, " games"]
         ) -> tuple[tuple[GameState, Int[Array, "games plans"]], None]:
             states = jax.tree.map(flat, before[0])
             # All plans in a game meet the same course of an opponent that acts by chance.
@@ -211,23 +189,16 @@ class RolloutSearch(AbstractSearch):
         flat = jax.tree.map(lambda leaf: leaf.reshape(-1), plans.states)
         own, other = zero_sum_game.pair(flat.pursuer, flat.evader)
         own_row = jax.tree.map(lambda leaf: leaf[None], own)
-        later = interpolate(
-            self.table,
-            (other_grid, other),
-            (grid, own_row),
-        ).reshape(plans.outcome.shape)
+        later = interpolate(self.table, (other_grid, other), (grid, own_row)).reshape(
+            plans.outcome.shape
+        )
         seconds = plans.states.steps.astype(jnp.float32) * zero_sum_game.game.dt
         payoff = payoff_of(zero_sum_game.role, plans.outcome, seconds)
         return jnp.where(plans.outcome == Outcome.ONGOING, discount_after(seconds) * later, payoff)
 
 
 def act_in(
-    policy: AbstractPolicy,
-    game: Game,
-    states: GameState,
-    role: Role,
-    memory: Memory,
-    bits: RowBits,
+    policy: AbstractPolicy, game: Game, states: GameState, role: Role, memory: Memory, bits: RowBits
 ) -> Acted:
     """Return a player's actions in a batch of states, and its memories after them.
 
@@ -246,8 +217,7 @@ def act_in(
 def some_of(tree: Any, courses: Int[Array, "games some"]) -> Any:
     """Return some courses of each game, of leaves `[games, courses, ...]`."""
     return jax.tree.map(
-        lambda leaf: jax.vmap(lambda leaf, courses: leaf[courses])(leaf, courses),
-        tree,
+        lambda leaf: jax.vmap(lambda leaf, courses: leaf[courses])(leaf, courses), tree
     )
 
 

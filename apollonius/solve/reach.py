@@ -56,8 +56,8 @@ class Reach(AbstractActionValuePolicy):
     target_y: Scalar
     table: Float[Array, "v heading x y"]
 
-    def values(self, seen: View) -> Float[Array, "9"]:
-        return self.action_values(seen.own.state)
+    def values(self, view: View) -> Float[Array, "9"]:
+        return self.action_values(view.own.state)
 
     def action_values(self, robot: RobotState) -> Float[Array, "9"]:
         """Return the value of each action, held by the rules and then interpolated."""
@@ -72,11 +72,7 @@ class Reach(AbstractActionValuePolicy):
 
 
 def solve_reach(
-    game: Game,
-    grid: Grid,
-    hold: int,
-    target: tuple[float, float],
-    report: Report | None = None,
+    game: Game, grid: Grid, hold: int, target: tuple[float, float], report: Report | None = None
 ) -> tuple[Reach, Solved]:
     """Compute the least time to a target from everywhere on the pursuer's grid.
 
@@ -99,23 +95,17 @@ def solve_reach(
     cells = ceil(farthest / grid.spacing[0]) + 1, ceil(farthest / grid.spacing[1]) + 1
     captures = _caught(game, side, cells, x, y)
     solution = iterate(
-        lambda table: _sweep(side, captures, table),
-        jnp.zeros(grid.shape, jnp.float32),
-        report,
+        lambda table: _sweep(side, captures, table), jnp.zeros(grid.shape, jnp.float32), report
     )
     return Reach(game, side.motion, grid, x, y, solution.table), solution
 
 
 @eqx.filter_jit
 def _sweep(
-    side: Side,
-    caught: Float[Array, "v heading x y"],
-    table: Float[Array, "v heading x y"],
+    side: Side, caught: Float[Array, "v heading x y"], table: Float[Array, "v heading x y"]
 ) -> tuple[Float[Array, "v heading x y"], Scalar]:
     def value(
-        index: Int[Array, ""],
-        action: int,
-        later: Float[Array, "x y"],
+        index: Int[Array, ""], action: int, later: Float[Array, "x y"]
     ) -> Float[Array, "x y"]:
         return jnp.where(side.free[index, action], side.motion.discount * later, 0.0)
 
@@ -124,11 +114,7 @@ def _sweep(
 
 
 def _hold_values(
-    game: Game,
-    motion: Motion,
-    robot: RobotState,
-    x: Scalar,
-    y: Scalar,
+    game: Game, motion: Motion, robot: RobotState, x: Scalar, y: Scalar
 ) -> tuple[Bool[Array, "9"], Float[Array, "9"], RobotState]:
     """Hold each action: whether the game ends meanwhile, the value of that, and the robot after."""
     courses = every_hold(motion, jax.tree.map(lambda leaf: leaf[None], robot))
@@ -142,11 +128,7 @@ def _hold_values(
 
 @eqx.filter_jit
 def _caught(
-    game: Game,
-    side: Side,
-    cells: tuple[int, int],
-    x: Scalar,
-    y: Scalar,
+    game: Game, side: Side, cells: tuple[int, int], x: Scalar, y: Scalar
 ) -> Float[Array, "v heading x y"]:
     """Return the value of the best capture within one hold at each node; it is 0 farther away than
     `cells`.
@@ -172,8 +154,6 @@ def _caught(
     values = jax.lax.map(best, jnp.arange(grid.shape[0] * grid.shape[1]))
     captures = jnp.zeros((values.shape[0], *grid.shape[2:]), jnp.float32)
     captures = jax.lax.dynamic_update_slice(
-        captures,
-        values,
-        (jnp.zeros((), jnp.int32), near[0][0], near[1][0]),
+        captures, values, (jnp.zeros((), jnp.int32), near[0][0], near[1][0])
     )
     return captures.reshape(grid.shape)

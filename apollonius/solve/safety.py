@@ -35,11 +35,7 @@ BYTES_PER_NODE = 4 * (9 + 5)
 
 
 def solve_safety(
-    game: Game,
-    role: Role,
-    grid: Grid,
-    hold: int,
-    report: Report | None = None,
+    game: Game, role: Role, grid: Grid, hold: int, report: Report | None = None
 ) -> Solved:
     """Compute the clearance [m] that one side's robot can keep, at every node of a grid.
 
@@ -75,8 +71,7 @@ def _sweep(
     table: Float[Array, "v heading x y"],
 ) -> tuple[Float[Array, "v heading x y"], Scalar]:
     after = transitions.backup(
-        table,
-        lambda index, action, later: jnp.minimum(clearances[index, action], later),
+        table, lambda index, action, later: jnp.minimum(clearances[index, action], later)
     )
     # Only rounding can raise a value here; without the minimum it could go up and down for ever.
     after = jnp.minimum(after, table)

@@ -48,15 +48,12 @@ def how_many_to_see(game: Game, space: FreeSpace, report: Callable[[float], None
     """
     sensors = (game.sensors and game.sensors.pursuer) or Sensors(line_of_sight=True)
     return how_many(
-        space,
-        report,
-        partial(_read, game.arena, replace(sensors, field_of_view=None)),
-        SIZES,
+        space, report, partial(_read, game.arena, replace(sensors, field_of_view=None)), SIZES
     )
 
 
 def _read(arena: Arena, sensors: Sensors, tiling: Tiling) -> Reading | None:
-    """Return how many pursuers are enough on a graph, and their strategy; None without one."""
+    """Find the least number of pursuers on a graph, and their strategy; None without one."""
     in_sight, exact = sights(arena, sensors, tiling.places), True
     for pursuers in range(1, MOST_SEARCHERS + 1):
         search_with = partial(clearing, tiling.adjacency, in_sight, pursuers)
@@ -70,18 +67,15 @@ def _read(arena: Arena, sensors: Sensors, tiling: Tiling) -> Reading | None:
 
 
 def sights(
-    arena: Arena,
-    sensors: Sensors,
-    places: Float[np.ndarray, "nodes 2"],
+    arena: Arena, sensors: Sensors, places: Float[np.ndarray, "nodes 2"]
 ) -> Bool[np.ndarray, "nodes nodes"]:
-    """Return which nodes a robot at each node has in sight."""
+    """Return the nodes that a robot at each node has in sight."""
     x, y = jnp.asarray(places.T, jnp.float32)
 
     def sees(node: Int[Array, ""], other: Int[Array, ""]) -> Flag:
         zero = jnp.zeros(())
         return sensors.reaches(
-            arena,
-            *(RobotState(x[number], y[number], zero, zero) for number in (node, other)),
+            arena, *(RobotState(x[number], y[number], zero, zero) for number in (node, other))
         )
 
     nodes = jnp.arange(len(places))
@@ -126,7 +120,7 @@ def clearing(
         paths.append((team, before))
 
     def is_outdated(number: int, contaminated: Nodes) -> bool:
-        """Return whether a state was replaced by one with fewer contaminated nodes."""
+        """Check whether a state was replaced by one with fewer contaminated nodes."""
         team, _ = paths[number]
         return not any(contaminated is state for state in least[team])
 

@@ -55,8 +55,7 @@ def reference_grid(game: Game, role: Role) -> tuple[Grid, int]:
     dt = float(game.dt)
     hold = max(1, round(HOLD / dt))
     speeds = max(
-        2,
-        1 + ceil((body.v_max - body.v_min) / max(float(body.u1_max) * dt * hold, _FASTER) - 1e-6),
+        2, 1 + ceil((body.v_max - body.v_min) / max(float(body.u1_max) * dt * hold, _FASTER) - 1e-6)
     )
     turn = float(body.u2_max) * dt * hold
     headings = min(_HEADINGS, key=lambda count: abs(turn * count / tau - round(turn * count / tau)))
@@ -121,7 +120,7 @@ def table_player(path: Path, game: Game) -> SaddlePolicy:
     )
     if any(solved_for[part] != wanted_game[part] for part in PHYSICS):
         raise InvalidInput(
-            f"'{path}' was solved for another game: solve this one with apollonius solve game.",
+            f"'{path}' was solved for another game: solve this one with apollonius solve game."
         )
     return SaddlePolicy(zero_sum_game_of(problem, game), jnp.asarray(solution.table))
 
@@ -134,11 +133,9 @@ def zero_sum_game_of(problem: Problem, game: Game) -> ZeroSumGame:
 
 def joint_grids(game: Game, counts: list[int]) -> tuple[Grid, Grid]:
     """Return the pursuer's grid and the evader's, with as many nodes each."""
-    return make_grid(
-        game.arena,
-        game.pursuer,
-        tuple(counts),
-    ), make_grid(game.arena, game.evader, tuple(counts))
+    return make_grid(game.arena, game.pursuer, tuple(counts)), make_grid(
+        game.arena, game.evader, tuple(counts)
+    )
 
 
 def solve_problem(problem: Problem, game: Game, report: Report | None = None) -> Solution:
@@ -182,9 +179,7 @@ def cached_tables(
         problem = joint_problem(game, role, counts)
         physics = {part: problem.game.get(part) for part in PHYSICS}
         path = folder and entry(
-            folder,
-            f"{problem.role}.safetensors",
-            asdict(problem) | {"game": physics},
+            folder, f"{problem.role}.safetensors", asdict(problem) | {"game": physics}
         )
         solution = cached(
             path,

@@ -122,7 +122,7 @@ def is_solution(path: Path) -> bool:
 
 
 def _fits(problem: Problem, kinds: dict[str, tuple[tuple[int, ...], Any]], path: Path) -> bool:
-    """Return whether arrays are the table that a problem asks for, by shapes and number types."""
+    """Check whether arrays are the table that a problem asks for, by shapes and number types."""
     x, y, v, heading = problem.counts
     two = problem.kind == "game"
     expected = np.dtype(np.float16 if two else np.float32)

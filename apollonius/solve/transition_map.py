@@ -52,8 +52,7 @@ class TransitionMap(eqx.Module):
         self,
         table: Float[Array, "v heading x y *others"],
         value: Callable[
-            [Int[Array, ""], int, Float[Array, "x y *others"]],
-            Float[Array, "x y *others"],
+            [Int[Array, ""], int, Float[Array, "x y *others"]], Float[Array, "x y *others"]
         ],
         choose: Callable[[Array, Array], Array] = jnp.maximum,
     ) -> Float[Array, "v heading x y *others"]:
@@ -94,9 +93,7 @@ class TransitionMap(eqx.Module):
                 corner = self.cells[index, action] + jnp.array(offset) + self.margin
                 start = (self.source[index, action, term], *corner, *(0,) * (wide_slices.ndim - 3))
                 values_there = jax.lax.dynamic_slice(
-                    wide_slices,
-                    start,
-                    (1, across, along, *wide_slices.shape[3:]),
+                    wide_slices, start, (1, across, along, *wide_slices.shape[3:])
                 )[0]
                 values = values + self.weight[index, action, term] * share * values_there
         return values
@@ -112,10 +109,7 @@ class TransitionMap(eqx.Module):
 
 
 def transition_map_of(
-    motion: Motion,
-    grid: Grid,
-    slack: float = 0.0,
-    whole_cells: bool = False,
+    motion: Motion, grid: Grid, slack: float = 0.0, whole_cells: bool = False
 ) -> TransitionMap:
     """Return the images of the grid's nodes under the robot's held actions.
 
@@ -136,8 +130,7 @@ def transition_map_of(
     end = jax.tree.map(lambda leaf: np.asarray(leaf[..., -1], np.float64), course)
     dx, dy, dv, dheading = (float(distance) for distance in grid.spacing)
     cells, fraction = _whole_and_rest(
-        np.stack([end.x / dx, end.y / dy], axis=-1),
-        1.0 if whole_cells else 0.0,
+        np.stack([end.x / dx, end.y / dy], axis=-1), 1.0 if whole_cells else 0.0
     )
     slower, share_v = _whole_and_rest((end.v - float(grid.low[2])) / dv)
     before, share_heading = _whole_and_rest(end.heading / dheading, slack)

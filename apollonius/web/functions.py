@@ -130,9 +130,7 @@ def network(
 
             def add(place: Int[Array, ""], total: Array) -> Array:
                 return total + hidden[place] * jax.lax.dynamic_slice(
-                    weights,
-                    (start + (place + 1) * UNITS,),
-                    (UNITS,),
+                    weights, (start + (place + 1) * UNITS,), (UNITS,)
                 )
 
             biases = jax.lax.dynamic_slice(weights, (start,), (UNITS,))
@@ -144,7 +142,9 @@ def network(
 
     def add_side(side: Int[Array, ""], total: Array) -> Array:
         side_inputs = jnp.where(side == 0, inputs, image)
-        outputs = jax.lax.fori_loop(0, count, layer, (jnp.zeros((), jnp.int32), side_inputs))[1][:UNITS]
+        outputs = jax.lax.fori_loop(0, count, layer, (jnp.zeros((), jnp.int32), side_inputs))[1][
+            :UNITS
+        ]
         return total + jnp.where(side == 0, outputs, outputs[exchanged])
 
     total = jax.lax.fori_loop(0, 1 + symmetric, add_side, jnp.zeros(UNITS, jnp.float32))
@@ -152,11 +152,7 @@ def network(
 
 
 def clearance_after(
-    robots: Robots,
-    levels: Levels,
-    dt: Scalar,
-    floor: Floor,
-    field: Field,
+    robots: Robots, levels: Levels, dt: Scalar, floor: Floor, field: Field
 ) -> Scalar:
     """Return the least clearance during an action of the first robot and its best manoeuvre to rest
     after it [m].
@@ -169,16 +165,13 @@ def clearance_after(
     longest = after.v**2 / (2 * body.u1_max) + after.v * dt
     least = (
         jnp.minimum(
-            arena.clearance_along(robot, after),
-            arena.clearance(after.x, after.y) - longest,
+            arena.clearance_along(robot, after), arena.clearance(after.x, after.y) - longest
         )
         - body.radius
     )
     is_enough = (least > MARGIN) & (body.v_min >= 0) & (floor.counts[3] == 0)
     return jax.lax.cond(
-        is_enough,
-        lambda: least,
-        lambda: backup.clearance_after(Robot(body, robot), levels),
+        is_enough, lambda: least, lambda: backup.clearance_after(Robot(body, robot), levels)
     )
 
 
@@ -192,8 +185,8 @@ def search(
     known: Known,
     shares: Float[Array, " coarse"],
 ) -> dict[str, Any]:
-    """Return what the first robot knows after a look at its one opponent, and that opponent as a
-    pursuer seeks it: as it was seen of late, or at rest where it can be.
+    """Update the first robot's knowledge by a look at its one opponent; return it with the opponent
+    as a pursuer seeks it: as it was seen lately, or at rest where it can be.
 
     `sight` says whether it was ever seen.
 
@@ -241,15 +234,8 @@ def chart(
     links, member = entries(clearance_field, visible)[None], jnp.zeros((), jnp.int32)
     return {
         "chart": Chart(
-            clearance_field[None],
-            lengths[None],
-            visible[None],
-            x,
-            y,
-            side[None],
-            links,
-            member,
-        ),
+            clearance_field[None], lengths[None], visible[None], x, y, side[None], links, member
+        )
     }
 
 
@@ -270,9 +256,7 @@ def leads(robots: Robots, chart: Chart, capture_distance: Scalar) -> Float[Array
         slower = (jnp.sqrt(v**2 + 2 * thrust * remaining) - v) / thrust
         faster = (body.v_max - v) / thrust + (remaining - ramp) / body.v_max
         return jnp.where(
-            lengths < NO_PATH // 100,
-            jnp.where(remaining < ramp, slower, faster),
-            jnp.inf,
+            lengths < NO_PATH // 100, jnp.where(remaining < ramp, slower, faster), jnp.inf
         )
 
     def first(side: slice) -> Float[Array, " coarse"]:

@@ -52,10 +52,7 @@ class SomeEdges(Edges):
 
     def _over_edges(self, add_edge: Callable[[Any, Edge], Any], initial: Any) -> Any:
         return jax.lax.fori_loop(
-            0,
-            self.count,
-            lambda number, total: add_edge(total, at(self.edges, number)),
-            initial,
+            0, self.count, lambda number, total: add_edge(total, at(self.edges, number)), initial
         )
 
 
@@ -87,9 +84,7 @@ class Cells(OccupancyMap):
     def hides(self, here: RobotState, there: RobotState) -> Bool[Array, ""]:
         no = jnp.zeros((), bool)
         return jax.lax.cond(
-            self.columns > 0,
-            lambda: OccupancyMap.hides(self, here, there),
-            lambda: no,
+            self.columns > 0, lambda: OccupancyMap.hides(self, here, there), lambda: no
         )
 
 
@@ -147,29 +142,17 @@ class Robots(eqx.Module):
     def state(self) -> GameState:
         """The state of the game, the first side its pursuers."""
         return GameState(
-            _by_side(self.states),
-            jnp.zeros((), jnp.int32),
-            status=_by_side(self.status),
+            _by_side(self.states), jnp.zeros((), jnp.int32), status=_by_side(self.status)
         )
 
     def game(
-        self,
-        arena: Arena,
-        capture_distance: Scalar,
-        dt: Real,
-        max_steps: int | Array = 1,
+        self, arena: Arena, capture_distance: Scalar, dt: Real, max_steps: int | Array = 1
     ) -> Game:
         """Return the game between them."""
         (first_pursuer, *pursuers), (first_evader, *evaders) = _by_side(self.bodies)
         teams = Teams(tuple(pursuers), tuple(evaders))
         return Game(
-            first_pursuer,
-            first_evader,
-            arena,
-            capture_distance,
-            dt,
-            max_steps,
-            teams=teams,
+            first_pursuer, first_evader, arena, capture_distance, dt, max_steps, teams=teams
         )
 
     def seen(self, arena: Arena, capture_distance: Scalar, dt: Scalar) -> View:
@@ -203,14 +186,10 @@ class AnyBackup(Backup):
     steps: int | Array  # pyright: ignore[reportIncompatibleVariableOverride]
 
     def _clearances(
-        self,
-        robot: Robot,
-        motion: Motion,
-        near: Edges | None,
+        self, robot: Robot, motion: Motion, near: Edges | None
     ) -> Float[Array, " manoeuvres"]:
         def one_step(
-            _: Int[Array, ""],
-            carry: list[tuple[Motion, Scalar]],
+            _: Int[Array, ""], carry: list[tuple[Motion, Scalar]]
         ) -> list[tuple[Motion, Scalar]]:
             after = self._braked(robot, [before for before, _ in carry])
             return [
@@ -220,9 +199,6 @@ class AnyBackup(Backup):
 
         current = self.arena.clearance(motion.state.x, motion.state.y)
         ends = jax.lax.fori_loop(
-            0,
-            self.steps,
-            one_step,
-            [(motion, current)] * len(self.manoeuvres),
+            0, self.steps, one_step, [(motion, current)] * len(self.manoeuvres)
         )
         return jnp.stack([least for _, least in ends]) - robot.body.radius

@@ -137,27 +137,14 @@ def _examples() -> dict[str, Any]:
     return {
         "robots": Robots(several(many, body), several(many, robot), whole(many)),
         "floor": Floor(
-            real(4),
-            disc,
-            several(MOST_DISCS, disc),
-            several(MOST_EDGES, edge),
-            real(3),
-            whole(4),
+            real(4), disc, several(MOST_DISCS, disc), several(MOST_EDGES, edge), real(3), whole(4)
         ),
         "field": real(_ENDLESS),
         "chart": Chart(
-            real(1, SIDE + 1, SIDE + 1),
-            lengths,
-            visible,
-            real(1),
-            real(1),
-            real(1),
-            links,
-            whole(),
+            real(1, SIDE + 1, SIDE + 1), lengths, visible, real(1), real(1), real(1), links, whole()
         ),
         "known": Known(
-            Track((robot,), (robot,), (number,), None, belief, Sightings(whole(), whole())),
-            whole(),
+            Track((robot,), (robot,), (number,), None, belief, Sightings(whole(), whole())), whole()
         ),
         "shares": real(COARSE**2),
         "corners": real(2, SIDE + 1),
@@ -193,7 +180,7 @@ def sources(programs: Iterable[Program]) -> dict[str, str]:
 def digest(files: dict[str, str]) -> str:
     """Return the SHA-256 of C files."""
     return hashlib.sha256(
-        "".join(f"{name}\n{text}" for name, text in files.items()).encode(),
+        "".join(f"{name}\n{text}" for name, text in files.items()).encode()
     ).hexdigest()
 
 

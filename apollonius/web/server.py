@@ -35,8 +35,7 @@ class FolderHandler(SimpleHTTPRequestHandler):
         port = self.server.server_port  # pyright: ignore[reportAttributeAccessIssue]
         if self.headers.get("Host") not in (f"{LOOPBACK}:{port}", f"localhost:{port}"):
             self.send_error(
-                HTTPStatus.MISDIRECTED_REQUEST,
-                "This server answers to its own name only",
+                HTTPStatus.MISDIRECTED_REQUEST, "This server answers to its own name only"
             )
             return None
         try:

@@ -95,7 +95,9 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
         )
         name, agents = name.removesuffix(bare) + path.stem, {path.stem: path}
     elif header is None or bare.startswith(SEARCHING):
-        rule_names = [rule for rule in PLAYERS if rule not in BY_CHART and BuiltIn().fits(rule, side, rules)]
+        rule_names = [
+            rule for rule in PLAYERS if rule not in BY_CHART and BuiltIn().fits(rule, side, rules)
+        ]
         require(
             bare in rule_names,
             "opponent",
@@ -106,20 +108,15 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
         require(header.observation in READS, "observation", header.observation, _MADE)
         path = find_trained(bare)[1].resolve()
         # Two runs give their agents the same names, and those of the zoo.
-        agents = {} if path.parent == ZOO.resolve() else {f"{path.stem} of {path.parents[1].name}": path}
+        agents = (
+            {} if path.parent == ZOO.resolve() else {f"{path.stem} of {path.parents[1].name}": path}
+        )
         name = name.removesuffix(bare) + next(iter(agents), path.stem)
     players, difficulty = BySide.of(side, name, YOU), "fair" if against is None else "sharp"
     arena, level = Path(game_name).stem if games else game_name, 1 if is_first else None
     game_name = f"{team}/{arena}" if team else arena
     return Choice(
-        players.pursuer,
-        players.evader,
-        game_name,
-        difficulty,
-        seed,
-        level,
-        agents,
-        games,
+        players.pursuer, players.evader, game_name, difficulty, seed, level, agents, games
     )
 
 
@@ -160,7 +157,9 @@ def write_site(folder: Path, choice: Choice | None = None) -> None:
     names: dict[str, list[str]] = {role.name.lower(): [] for role in Role}
     published, anywhere = {}, []
     paths = {name: ZOO / f"{name}.safetensors" for name in zoo_names()}
-    paths |= {path.stem: path for path in sorted(LEARNERS.glob("*.safetensors"), key=_by_number)} | first_choice.agents
+    paths |= {
+        path.stem: path for path in sorted(LEARNERS.glob("*.safetensors"), key=_by_number)
+    } | first_choice.agents
     for number, (name, path) in enumerate(paths.items()):
         header = None if path.suffix == OWN else load_header(path)
         if header is None or header.observation in READS:
@@ -171,16 +170,26 @@ def write_site(folder: Path, choice: Choice | None = None) -> None:
             anywhere += [name] if header is None or header.observation in ANY_ARENA else []
     all_games = {name: find_game(name) for name in game_names()}
     games = {
-        name: game for name, game in all_games.items() if game.sensors is None and game.drives is None
+        name: game
+        for name, game in all_games.items()
+        if game.sensors is None and game.drives is None
     } | first_choice.games
     catalogue = {
         "games": {name: to_dict(game) for name, game in games.items()},
-        "maps": {name: _write_map(game.arena.map, folder) for name, game in games.items() if game.arena.map},
+        "maps": {
+            name: _write_map(game.arena.map, folder)
+            for name, game in games.items()
+            if game.arena.map
+        },
         "agents": names,
         "anywhere": anywhere,
         "files": published,
         "learning": parse_json(LEARNING.read_bytes(), str(LEARNING)),
-        "chosen": {name: value for name, value in vars(first_choice).items() if name not in ("agents", "games")},
+        "chosen": {
+            name: value
+            for name, value in vars(first_choice).items()
+            if name not in ("agents", "games")
+        },
     }
     (folder / "catalogue.json").write_text(to_json(catalogue), encoding="utf-8")
 

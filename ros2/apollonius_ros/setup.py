@@ -14,5 +14,10 @@ setup(
     ],
     install_requires=["setuptools"],
     extras_require={"bag": ["rosbags>=0.11"]},
-    entry_points={"console_scripts": ["play = apollonius_ros.node:main", "bridge = apollonius_ros.bridge:main"]},
+    entry_points={
+        "console_scripts": [
+            "play = apollonius_ros.node:main",
+            "bridge = apollonius_ros.bridge:main",
+        ]
+    },
 )

@@ -25,7 +25,7 @@ def test_each_document_belongs_to_one_part():
         (DOCUMENT, "[rules](../reference/rules.md#starts)", "[rules](../reference/rules.md#starts)"),
         (DOCUMENT, "[numbers](../results/paper.json)", "[numbers](../results/paper.json)"),
         (DOCUMENT, "[elsewhere](https://arxiv.org/)", "[elsewhere](https://arxiv.org/)"),
-        (DOCUMENT, "![a picture](../figures/chase.gif)", "![a picture](../figures/chase.gif)"),
+        (DOCUMENT, "![a picture](../figures/course.png)", "![a picture](../figures/course.png)"),
         (DOCUMENT, "[games](../../tests/golden)", "games"),
         (DOCUMENT, "[[`games`](../../tests/golden)]", "[`games`]"),
         (DOCUMENT, "[home](../../README.md#use)", "[home](../index.md)"),

@@ -94,7 +94,7 @@ def _clearances(rock: Bool[np.ndarray, "rows columns"]) -> np.ndarray:
 
 
 def _is_one(free: Bool[np.ndarray, "rows columns"]) -> bool:
-    """Return whether robots of all sizes up to the gap find one connected part."""
+    """Check whether robots of all sizes up to the gap find one connected part."""
     clearances = _clearances(~free)
     return all(largest(clearances >= least)[1] <= 1 for least in np.linspace(0.5, _REACH, _PER_GAP))
 

@@ -25,10 +25,7 @@ def turned(room: Room) -> Room:
 
 
 def pieces(
-    low: float,
-    openings: list[float],
-    width: float,
-    high: float,
+    low: float, openings: list[float], width: float, high: float
 ) -> list[tuple[float, float]]:
     """Return the start and end of each piece of a wall with openings [m].
 
@@ -66,10 +63,7 @@ class Layout:
         """Return the arena with these walls, turned where they were laid out along y."""
         rectangles = [turned(wall) if along_y else wall for wall in walls]
         polygons = [
-            Polygon(
-                ((x, y), (x_to, y), (x_to, y_to), (x, y_to)),
-            )
-            for x, y, x_to, y_to in rectangles
+            Polygon(((x, y), (x_to, y), (x_to, y_to), (x, y_to))) for x, y, x_to, y_to in rectangles
         ]
         return self.arena(polygons)
 
@@ -121,9 +115,7 @@ def discs(layout: Layout, rng: np.random.Generator) -> Arena:
                 "smaller gap, or a larger arena."
             )
     return Arena(
-        x_max=layout.width,
-        y_max=layout.height,
-        discs=tuple(Disc(*place) for place in placed),
+        x_max=layout.width, y_max=layout.height, discs=tuple(Disc(*place) for place in placed)
     )
 
 

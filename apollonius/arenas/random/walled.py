@@ -15,7 +15,7 @@ _FEW_OPENED = 0.04
 
 
 def labyrinth(layout: Layout, rng: np.random.Generator) -> Arena:
-    """Build a maze of long ways and dead ends, with few loops; errors as those of `maze`."""
+    """Build a maze of long ways and dead ends, with few loops; raises InvalidInput as `maze` does."""
     return maze(layout, rng, _FEW_OPENED)
 
 
@@ -132,10 +132,7 @@ def rooms(layout: Layout, rng: np.random.Generator) -> Arena:
     shorter = f"{_LEAST * layout.gap:g} m for the other"
     enough = f"{least:g} m and more for one side, two rooms, and {shorter}"
     require(
-        max(sides) >= least and min(sides) >= _LEAST * layout.gap,
-        "width, height",
-        sides,
-        enough,
+        max(sides) >= least and min(sides) >= _LEAST * layout.gap, "width, height", sides, enough
     )
     walls: list[Room] = []
     doors: list[Room] = []
@@ -144,11 +141,7 @@ def rooms(layout: Layout, rng: np.random.Generator) -> Arena:
         room = waiting.pop()
         whole = (
             walls
-            and max(
-                room[2] - room[0],
-                room[3] - room[1],
-            )
-            < _LARGE * layout.gap
+            and max(room[2] - room[0], room[3] - room[1]) < _LARGE * layout.gap
             and rng.uniform() < _WHOLE
         )
         parted = None if whole else _part(room, doors, layout.gap, rng)

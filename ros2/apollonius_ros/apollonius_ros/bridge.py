@@ -34,7 +34,9 @@ class Bridge(Node):
 
     def __init__(self):
         super().__init__("bridge", automatically_declare_parameters_from_overrides=True)
-        self.given = DEFAULTS | {name: one.value for name, one in self.get_parameters_by_prefix("").items()}
+        self.given = DEFAULTS | {
+            name: one.value for name, one in self.get_parameters_by_prefix("").items()
+        }
         self.transforms = Buffer()
         self.listener = TransformListener(self.transforms, self)
         self.odometry = self.create_publisher(Odometry, "map_odom", qos_profile_sensor_data)
@@ -45,12 +47,16 @@ class Bridge(Node):
         try:
             found = self.transforms.lookup_transform(frame, header.frame_id, Time())
         except TransformException as error:
-            self.warn(f"no transform from '{frame}' to '{header.frame_id}': {error}; does the localiser run?")
+            self.warn(
+                f"no transform from '{frame}' to '{header.frame_id}': {error}; does the localiser run?"
+            )
             return
         since = seconds(found.header.stamp)
         age = seconds(header.stamp) - since
         if since > 0 and age > self.given["patience"]:  # a static transform's stamp is 0
-            self.warn(f"the transform from '{frame}' is {age:.1f} s older than the odometry; does the localiser run?")
+            self.warn(
+                f"the transform from '{frame}' is {age:.1f} s older than the odometry; does the localiser run?"
+            )
             return
         move(message.pose.pose, found.transform)
         header.frame_id = frame

@@ -6,7 +6,12 @@ from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
 
-NUMBERS = {"float32": ctypes.c_float, "int32": ctypes.c_int32, "uint32": ctypes.c_uint32, "bool": ctypes.c_uint8}
+NUMBERS = {
+    "float32": ctypes.c_float,
+    "int32": ctypes.c_int32,
+    "uint32": ctypes.c_uint32,
+    "bool": ctypes.c_uint8,
+}
 
 
 class Export:
@@ -27,12 +32,18 @@ class Export:
         self.robots = 1 + self.facts["mates"] + self.facts["opponents"]
         base, name = file.resolve().parent, self.facts["name"]
         library, source = base / f"{name}.so", base / f"{name}.c"
-        if not library.exists() or (source.exists() and source.stat().st_mtime > library.stat().st_mtime):
+        if not library.exists() or (
+            source.exists() and source.stat().st_mtime > library.stat().st_mtime
+        ):
             command = f"gcc -std=c99 -O2 -shared -fPIC {source} -lm -o {library}"
             raise ValueError(f"{library}: missing, or older than its source; give {command}")
         self._function = getattr(ctypes.CDLL(str(library)), name)
-        self._results = {one["name"]: ctypes.create_string_buffer(one["bytes"]) for one in self.facts["results"]}
-        self._given = {one["name"]: self._content(base / name, one) for one in self.facts["arguments"]}
+        self._results = {
+            one["name"]: ctypes.create_string_buffer(one["bytes"]) for one in self.facts["results"]
+        }
+        self._given = {
+            one["name"]: self._content(base / name, one) for one in self.facts["arguments"]
+        }
         self._first = bytes(self._given.get("memory", b""))
 
     @staticmethod
@@ -43,7 +54,9 @@ class Export:
         file = base.with_suffix(f".{fact['name']}")
         content = file.read_bytes()
         if sha256(content).hexdigest() != fact["sha256"]:
-            raise ValueError(f"{file}: not as it was exported; copy all files of one export together")
+            raise ValueError(
+                f"{file}: not as it was exported; copy all files of one export together"
+            )
         return ctypes.create_string_buffer(content, fact["bytes"])
 
     def begin(self) -> None:
@@ -62,7 +75,9 @@ class Export:
             bits: 32 random bits.
         """
         values = {
-            "state": (ctypes.c_float * (4 * self.robots))(*(number for state in states for number in state)),
+            "state": (ctypes.c_float * (4 * self.robots))(
+                *(number for state in states for number in state)
+            ),
             "active": (ctypes.c_uint8 * self.robots)(*active),
             "bits": ctypes.c_uint32(bits),
         }
@@ -74,7 +89,10 @@ class Export:
         self._function(*given, *self._results.values())
         if self._first:
             ctypes.memmove(self._given["memory"], self._results["next_memory"], len(self._first))
-        action, controls = self._results["action"].raw, (ctypes.c_float * 2).from_buffer(self._results["controls"])
+        action, controls = (
+            self._results["action"].raw,
+            (ctypes.c_float * 2).from_buffer(self._results["controls"]),
+        )
         chosen = ctypes.c_int32 if len(action) == 4 else ctypes.c_float * 2
         made = chosen.from_buffer_copy(action)
         return [made.value] if len(action) == 4 else list(made), list(controls)

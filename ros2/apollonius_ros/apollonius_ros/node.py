@@ -69,7 +69,9 @@ class PursuitNode(Node):
 
     def __init__(self):
         super().__init__("player", automatically_declare_parameters_from_overrides=True)
-        self.given = given = {name: one.value for name, one in self.get_parameters_by_prefix("").items()}
+        self.given = given = {
+            name: one.value for name, one in self.get_parameters_by_prefix("").items()
+        }
         player = Export(Path(given["player"]).expanduser())
         sides = [[name for name in given[side] if name] for side in ("mates", "opponents")]
         for side, names in zip(("mates", "opponents"), sides, strict=True):
@@ -79,8 +81,13 @@ class PursuitNode(Node):
         if len(set(names)) < len(names):
             raise ValueError(f"own, mates, opponents: {', '.join(names)}; name each robot once")
         robots = [Robot(name) for name in names]
-        self.pilot = Pilot(player, robots, given["patience"], given["lead"], refereed=bool(given["in_play"]))
-        self.velocity, kind = f"{given['own']}/{given['velocity']}", TwistStamped if given["stamped"] else Twist
+        self.pilot = Pilot(
+            player, robots, given["patience"], given["lead"], refereed=bool(given["in_play"])
+        )
+        self.velocity, kind = (
+            f"{given['own']}/{given['velocity']}",
+            TwistStamped if given["stamped"] else Twist,
+        )
         self.drive = None if given["dry_run"] else self.create_publisher(kind, self.velocity, 1)
         self.decisions = self.create_publisher(String, "~/decisions", 10)
         self.diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -93,7 +100,9 @@ class PursuitNode(Node):
         for robot in robots:
             self.listen(robot)
         clock = self.get_clock()
-        if not clock.ros_time_is_active:  # the system's clock can be set back, and timers would wait
+        if (
+            not clock.ros_time_is_active
+        ):  # the system's clock can be set back, and timers would wait
             clock = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(player.facts["dt"], self.tick, clock=clock)
         self.create_timer(1.0, self.diagnose, clock=clock)
@@ -102,7 +111,9 @@ class PursuitNode(Node):
         def on_odometry(message):
             frame = message.header.frame_id
             if frame != self.given["frame"]:
-                warning = f"{robot.name}: left out, in frame '{frame}' instead of '{self.given['frame']}'"
+                warning = (
+                    f"{robot.name}: left out, in frame '{frame}' instead of '{self.given['frame']}'"
+                )
                 self.get_logger().warning(warning, throttle_duration_sec=1.0)
                 return
             stamp = message.header.stamp
@@ -113,7 +124,9 @@ class PursuitNode(Node):
             robot.in_play, robot.judged = message.data, self.now()
             self.record(in_play, message)
 
-        odometry, in_play = (f"{robot.name}/{self.given[topic]}" for topic in ("odometry", "in_play"))
+        odometry, in_play = (
+            f"{robot.name}/{self.given[topic]}" for topic in ("odometry", "in_play")
+        )
         self.create_subscription(Odometry, odometry, on_odometry, qos_profile_sensor_data)
         if self.given["in_play"]:
             self.create_subscription(Bool, in_play, on_referee, 10)
@@ -138,7 +151,10 @@ class PursuitNode(Node):
         message = twist = Twist()
         if self.given["stamped"]:
             message = TwistStamped()
-            message.header.stamp, message.header.frame_id = self.get_clock().now().to_msg(), "base_link"
+            message.header.stamp, message.header.frame_id = (
+                self.get_clock().now().to_msg(),
+                "base_link",
+            )
             twist = message.twist
         twist.linear.x, twist.angular.z = made.speed, made.turn_rate
         self.publish(self.drive, self.velocity, message)
@@ -149,9 +165,16 @@ class PursuitNode(Node):
         trouble = self.last.trouble if self.last else "not begun"
         late = slowest > self.pilot.player.facts["dt"] / 2
         warning = f"braking; {trouble}" if trouble else self.pilot.doubt or "slow" * late
-        values = {"step": self.pilot.step, "speed [m/s]": f"{self.pilot.speed:.2f}", "dry run": self.drive is None}
+        values = {
+            "step": self.pilot.step,
+            "speed [m/s]": f"{self.pilot.speed:.2f}",
+            "dry run": self.drive is None,
+        }
         values["slowest decision [ms]"] = f"{1000 * slowest:.2f}"
-        values |= {f"age of {robot.name} [s]": f"{self.now() - robot.seen:.2f}" for robot in self.pilot.robots}
+        values |= {
+            f"age of {robot.name} [s]": f"{self.now() - robot.seen:.2f}"
+            for robot in self.pilot.robots
+        }
         status = DiagnosticStatus(
             level=DiagnosticStatus.WARN if warning else DiagnosticStatus.OK,
             name=f"{self.get_name()}: {self.pilot.player.facts['player']}",
@@ -203,7 +226,9 @@ def main():
         node = PursuitNode()
     except (KeyError, ValueError, OSError) as error:
         missing = f"no parameter {error}: config/params.yaml has all of them"
-        print(f"apollonius_ros: {missing if isinstance(error, KeyError) else error}", file=sys.stderr)
+        print(
+            f"apollonius_ros: {missing if isinstance(error, KeyError) else error}", file=sys.stderr
+        )
         return 2
     while not stop:
         rclpy.spin_once(node, timeout_sec=0.1)

@@ -138,8 +138,12 @@ class Pilot:
         bits = secrets.randbits(32)
         action, controls = self.player.decide(states, active, bits)
         u1, turn_rate = controls
-        if not (abs(u1) <= 1.01 * facts["u1_max"] and abs(turn_rate) <= 1.01 * facts["u2_max"]):  # also where NaN
-            raise ValueError(f"player: controls {u1}, {turn_rate} beyond {facts['u1_max']}, {facts['u2_max']}")
+        if not (
+            abs(u1) <= 1.01 * facts["u1_max"] and abs(turn_rate) <= 1.01 * facts["u2_max"]
+        ):  # also where NaN
+            raise ValueError(
+                f"player: controls {u1}, {turn_rate} beyond {facts['u1_max']}, {facts['u2_max']}"
+            )
         self.speed = min(self.speed, states[0][2] + self.lead)
         self.step += 1
         return Decision(self.step - 1, 0.0, 0.0, "", states, active, bits, action, controls)
