@@ -105,7 +105,7 @@ def test_all_documents_say_the_same_of_shields_on_robots():
             before = counts.get((side, kind), (0, 0))
             counts[side, kind] = [one + more for one, more in zip(before, cell[f"{side} fail"], strict=True)]
     forms = {
-        ("pursuers", "shielded"): "in {} of {:,} simulated games,",
+        ("pursuers", "shielded"): "in {} of {:,} robots' games in simulation,",
         ("evaders", "shielded"): "in {} of {:,},",
         ("pursuers", "bare"): "in {} of {:,};",
     }
