@@ -175,7 +175,7 @@ def learned_elsewhere(player: Named, game: Game) -> bool:
 
 
 def load_network(name: str, role: Role) -> Network:
-    """Return the network of a trained agent of a side; raises InvalidInput if there is none."""
+    """Return the network of a trained agent of a side; raises InvalidInput without one."""
     return find_trained(name, role)[0].network
 
 

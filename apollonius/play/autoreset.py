@@ -51,7 +51,7 @@ def autoreset(
         games: the number of games.
         starts: the number of starts of each game. A game takes them in turn, then the first again:
             drawing one for every game at every step would cost far more than the step. The `step`
-            of another call, with another key, goes on with the same batch and other starts.
+            of another call, with another key, takes the same batch and has other starts.
 
     Raises:
         InvalidInput: for no games, no starts, and actions of another number of games.
