@@ -163,15 +163,17 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
     from dataclasses import replace
 
     from apollonius.arenas.file import find_game
-    from apollonius.learn.config import PRESETS
+    from apollonius.learn.config import PRESETS, with_profile
     from apollonius.learn.folder import load_config
-    from apollonius.learn.learner_config import PROFILES, SACConfig
+    from apollonius.learn.learner_config import SACConfig
 
     config = load_config(options.config) if options.config else PRESETS[options.preset]
     algorithm = options.algorithm or ("sac" if config.sac else "dqn")
     bound = "left out with --algorithm sac, whose numbers a --config says"
     require(options.profile is None or algorithm == "dqn", "--profile", options.profile, bound)
     config = replace(config, sac=(config.sac or SACConfig()) if algorithm == "sac" else None)
+    if options.profile:
+        config = with_profile(config, options.profile)
     self_play = config.self_play
     if options.opponents:
         self_play = replace(
@@ -181,7 +183,6 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
         "self_play": self_play,
         "stages": options.stage,
         "seed": options.seed,
-        "dqn": PROFILES[options.profile] if options.profile else None,
         "game": find_game(options.game) if options.game else None,
     }
     return replace(config, **{key: value for key, value in changes.items() if value is not None})

@@ -14,7 +14,7 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import BySide, Role
 from apollonius.io.errors import InvalidInput, require
 from apollonius.io.limits import SEED, TRAININGS, require_memory
-from apollonius.learn.learner_config import DQNConfig, LearnerConfig, SACConfig
+from apollonius.learn.learner_config import PROFILES, DQNConfig, LearnerConfig, SACConfig
 from apollonius.learn.ppo_config import PPOConfig
 from apollonius.learn.stage_config import (
     DistillationConfig,
@@ -200,6 +200,19 @@ PRESETS: dict[str, RunConfig] = {
 }
 """`quick`: a small network, two minutes of a core. `standard`: some three times that. `paper`: about the paper's
 200,000 + 300,000 episodes."""
+
+
+def with_profile(config: RunConfig, profile: str) -> RunConfig:
+    """Set how DQN learns by the name of a profile; `paper` also sets c and T of stage 1, which the paper leaves open.
+
+    With c = 3 and games of 1,000 steps whose last state is bootstrapped, the values of standing still grow beyond all
+    returns.
+    """
+    changed = replace(config, dqn=PROFILES[profile])
+    if profile != "paper":
+        return changed
+    stage1 = replace(config.fixed_target, progress=10.0, time_limit=200, limit_terminates=True)
+    return replace(changed, fixed_target=stage1)
 
 
 def sweep(config: RunConfig, values: Mapping[str, Sequence[Any]]) -> dict[str, RunConfig]:

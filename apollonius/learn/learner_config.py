@@ -203,15 +203,20 @@ class DQNConfig(ReplayConfig):
     """Share of random actions once exploration has settled."""
     exploration_fraction: float = 0.2
     """Part of a stage over which the share of random actions falls to its final value."""
+    exploration_steps: int | None = None
+    """Env steps over which it falls, in place of a part of the stage."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self, "target_period")
         require_within(self, 0, 1, "final_epsilon", "exploration_fraction")
+        if self.exploration_steps is not None:
+            require_positive(self, "exploration_steps")
 
     def epsilon(self, first: float, stage: int, env_steps: Int[Array, ""]) -> Scalar:
         """Return the share of random actions, from `first` at the beginning of a stage of this many env steps."""
-        return linear(first, self.final_epsilon, self.exploration_fraction * stage, env_steps)
+        over = self.exploration_steps or self.exploration_fraction * stage
+        return linear(first, self.final_epsilon, over, env_steps)
 
 
 @dataclass(frozen=True)
@@ -266,10 +271,17 @@ PROFILES: dict[str, DQNConfig] = {
         batch=32,
         env_steps_per_update=1,
         averaging=1.0,
-        target_period=1_000,
+        target_period=30_000,
         games=1,
-        learning_starts=10_000,
-        final_epsilon=0.05,
+        replay_capacity=1_000_000,
+        learning_starts=50_000,
+        final_epsilon=0.1,
+        exploration_steps=500_000,
     ),
 }
-"""`fast`: the default. `paper`: plain DQN as printed (Eq. 3, section IV, Algorithms 1 and 2)."""
+"""`fast`: the default. `paper`: plain DQN as printed (Eq. 3, section IV, Algorithms 1 and 2).
+
+Where the paper is silent, replay, first update and last exploration are those of the work that it cites for DQN (Mnih
+et al., "Human-level control through deep reinforcement learning", 2015). The target is copied every 30,000 updates,
+there every 10,000.
+"""

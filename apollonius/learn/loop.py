@@ -100,6 +100,8 @@ def _iterate(
     games, played = collect(
         game, playing, state.games, starts, play_key, config.steps_per_iteration
     )
+    if plan.stage.limit_terminates:
+        played = replace(played, terminated=played.ended, truncated=jnp.zeros_like(played.ended))
     env_steps = state.env_steps + config.env_steps_per_iteration
     learned = {
         role: _learn(plan, side, row_of(played, role), env_steps, learn_keys[role])

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from apollonius.catalogue import TABLE
-from apollonius.game.game import Game
+from apollonius.game.game import MAX_STEPS, Game
 from apollonius.game.presets import randomised
 from apollonius.game.scenario import Spread
 from apollonius.game.types import BySide, Role
@@ -32,6 +32,10 @@ class StageConfig:
     """Greedy evaluations in the course of the stage, evenly spaced."""
     evaluation_games: int = 1000
     """Games in each evaluation, always from the same starts."""
+    time_limit: int | None = None
+    """Time limit of games of training [steps]; None for that of the game. Evaluations keep the game's."""
+    limit_terminates: bool = False
+    """True for games of training that end with the time limit: no value is bootstrapped from their last state."""
     randomise: tuple[Spread, ...] = ()
     """Numbers of the robots, their sensors and drives that each game draws while training."""
 
@@ -41,6 +45,8 @@ class StageConfig:
         require_within(self, 1, 2**30 - 1, "env_steps")  # as the counter can hold
         require_within(self, 0, 10**9, "progress", "failure")
         require_within(self, 0, 1, "pursuer_epsilon", "evader_epsilon")
+        if self.time_limit is not None:
+            require_within(self, 1, MAX_STEPS, "time_limit")
 
     @property
     def epsilon(self) -> BySide[float]:
@@ -48,11 +54,11 @@ class StageConfig:
         return BySide(self.pursuer_epsilon, self.evader_epsilon)
 
     def trained_in(self, game: Game) -> Game:
-        """Return the game of this stage's training: with its reward weights, and between the robots that it draws."""
-        rewarded = replace(
-            game, reward=replace(game.reward, progress=self.progress, failure=self.failure)
-        )
-        return randomised(rewarded, self.randomise) if self.randomise else rewarded
+        """Return the game of this stage's training: with its reward weights and time limit, and the robots it draws."""
+        reward = replace(game.reward, progress=self.progress, failure=self.failure)
+        max_steps = game.max_steps if self.time_limit is None else self.time_limit
+        trained = replace(game, reward=reward, max_steps=max_steps)
+        return randomised(trained, self.randomise) if self.randomise else trained
 
 
 @dataclass(frozen=True)

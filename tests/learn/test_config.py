@@ -7,6 +7,7 @@ from dataclasses import asdict
 from functools import partial
 
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
 from apollonius.arenas.file import find_game, to_dict
@@ -16,7 +17,7 @@ from apollonius.game.presets import in_teams, make_game
 from apollonius.game.scenario import Spread
 from apollonius.io.document import to_json
 from apollonius.io.errors import InvalidInput
-from apollonius.learn.config import PRESETS, RunConfig, sweep
+from apollonius.learn.config import PRESETS, RunConfig, sweep, with_profile
 from apollonius.learn.folder import create_run, load_config
 from apollonius.learn.learner_config import PROFILES, DQNConfig, SACConfig, linear
 from apollonius.learn.opponents import OpponentConfig
@@ -92,6 +93,8 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
         (PPOConfig, {"hold": 0.5}, "hold = 0.5"),
         (RunConfig, {"stages": "response", "response": ResponseConfig(kept=0.5)}, "response.kept = 0.5 .*random"),
         (ResponseConfig, {"tasks": (TASK,)}, "tasks: opponents = given .* 1 names"),
+        (StageConfig, {"time_limit": 0}, "time_limit = 0"),
+        (DQNConfig, {"exploration_steps": 0}, "exploration_steps = 0"),
         (RunConfig, {"stages": "distillation", "sac": SACConfig()}, "sac = given .*must be left out"),
         (RunConfig, {"stages": "distillation", "dqn": DQNConfig(games=256)}, "games = 256 .*more than the 256"),
     ],
@@ -107,8 +110,23 @@ def test_both_profiles_have_the_numbers_that_the_documents_compare():
     found = {profile: [getattr(config, name) for name in names.split()] for profile, config in PROFILES.items()}
     assert found == {
         "fast": ["encoded", True, 16, 4, 512, 256, 512, 5e-4, 2e-5, 128_000, 3e-4, 256, 4, 0.99],
-        "paper": ["paper", False, 1, 1, 1, 32, 1, 1e-4, 1e-4, 1_000, 1, 256, 4, 0.99],
+        "paper": ["paper", False, 1, 1, 1, 32, 1, 1e-4, 1e-4, 30_000, 1, 256, 4, 0.99],
     }
+
+
+def test_the_profile_paper_sets_c_and_the_length_of_games_of_stage_1_only():
+    config = with_profile(RunConfig(), "paper")
+    assert config.dqn is PROFILES["paper"]
+    assert config.self_play == RunConfig().self_play
+    trained, judged = config.fixed_target.trained_in(config.game), config.game
+    assert (trained.max_steps, judged.max_steps, trained.reward.progress) == (200, 1000, 10)
+    assert with_profile(RunConfig(), "fast") == RunConfig()
+
+
+def test_exploration_may_last_for_a_number_of_env_steps_whatever_the_length_of_the_stage():
+    config = DQNConfig(exploration_steps=1000, final_epsilon=0.1)
+    shares = [float(config.epsilon(1.0, stage, jnp.array(500))) for stage in (2000, 10**7)]
+    np.testing.assert_allclose(shares, 0.55, rtol=1e-6)
 
 
 def test_what_is_just_possible_is_not_refused():

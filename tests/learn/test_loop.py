@@ -128,6 +128,17 @@ def test_play_explores_as_scheduled_and_then_is_greedy(stage):
     assert all_exploit.all()
 
 
+@pytest.mark.parametrize("terminates", [False, True])
+def test_games_of_training_end_at_the_time_limit_of_their_stage(terminates):
+    plan = replace(PLAN, stage=replace(STAGE, time_limit=5, limit_terminates=terminates))
+    game = plan.stage.trained_in(GAME)
+    state, _ = play_and_learn(plan, game, start(plan, game, jax.random.key(0), EVADER), EVADER)
+    rows = state.learners[Role.PURSUER].buffer.rows
+    assert int(jnp.max(state.games.state.steps)) < 5
+    assert bool(jnp.any(rows.truncated)) is not terminates
+    assert bool(jnp.any(rows.terminated)) is terminates
+
+
 def test_a_stage_is_traced_once(monkeypatch):
     """Not again for later chunks, nor for other numbers of the game or another seed, with sensors too."""
     traces, step_controls = [], Game.step_controls
