@@ -100,11 +100,9 @@ def _iterate(
     games, played = collect(
         game, playing, state.games, starts, play_key, config.steps_per_iteration
     )
-    if plan.stage.limit_terminates:
-        played = replace(played, terminated=played.ended, truncated=jnp.zeros_like(played.ended))
     env_steps = state.env_steps + config.env_steps_per_iteration
     learned = {
-        role: _learn(plan, side, row_of(played, role), env_steps, learn_keys[role])
+        role: _learn(plan, side, row_of(plan, played, role), env_steps, learn_keys[role])
         for role, side in state.learners.items()
     }
     return iterated(state, games, played, env_steps, learned, _recorded(plan, game, state, played))
@@ -182,9 +180,11 @@ def _learn(
     return LearnerState(learner, buffer), loss
 
 
-def row_of(played: Transition, role: Role) -> replay_buffer.Row:
+def row_of(plan: Plan, played: Transition, role: Role) -> replay_buffer.Row:
     """Return one side's transitions, of a team those of each robot, whose game is over when it is out of play."""
     side, flags = played.sides[role], (played.terminated, played.truncated)
+    if plan.stage.limit_terminates:
+        flags = played.ended, jnp.zeros_like(played.ended)
     made = side.observation, side.action, side.reward, side.next_observation
     if side.active is None or side.lost is None:
         return replay_buffer.Row(*made, *flags)

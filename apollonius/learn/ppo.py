@@ -127,7 +127,7 @@ def play_and_learn(plan: Plan, state: TrainState, setting: Setting) -> tuple[Tra
         game, players, before.games, starts, play_key, config.steps, foresees=False
     )
     env_steps = state.env_steps + config.env_steps_per_iteration
-    row = row_of(played, stage.side)
+    row = row_of(plan, played, stage.side)
     after, error = _learn(
         plan, learner, _in_units(game, row), state.iterations, env_steps, learn_key
     )
