@@ -1,10 +1,10 @@
 """The public names, and where each is from: for type checkers, and for `__init__.py`, which imports what is used."""
 
-from apollonius.agents.kind import Named as Named
 from apollonius.agents.policy import AbstractPolicy as AbstractPolicy
-from apollonius.agents.pool import solo as solo
+from apollonius.agents.pool import single_player as single_player
 from apollonius.agents.pool import stack as stack
-from apollonius.agents.shield import shielded as shielded
+from apollonius.agents.shield import with_shield as with_shield
+from apollonius.agents.source import NamedPlayer as NamedPlayer
 from apollonius.agents.store import load_agent as load_agent
 from apollonius.agents.store import save_agent as save_agent
 from apollonius.agents.trained import Greedy as Greedy

@@ -13,7 +13,7 @@ def main() -> int:
     os.environ.setdefault(
         "TF_CPP_MIN_LOG_LEVEL", "3"
     )  # or XLA raises alarm at a compilation of some minutes
-    from apollonius.io.interrupts import leave, listen, status, stopped
+    from apollonius.io.interrupts import interrupt_status, leave, listen, stop_message
 
     listen()
     try:
@@ -22,10 +22,10 @@ def main() -> int:
         ended = run()
     except BaseException:
         # A module that is being loaded makes errors of its own of a Ctrl-C.
-        if number := status():
-            leave(number, stopped())
+        if number := interrupt_status():
+            leave(number, stop_message())
         raise
-    if status():
+    if interrupt_status():
         leave(ended)
     return ended
 

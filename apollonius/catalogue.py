@@ -11,27 +11,27 @@ from apollonius.agents.built_in import BuiltIn
 from apollonius.agents.classical import BRAKE_STRAIGHT, Still, Uniform
 from apollonius.agents.departure import Departing
 from apollonius.agents.extension import Extension
-from apollonius.agents.kind import AbstractKind, Named, unknown
 from apollonius.agents.names import SEARCHING, SHIELDED
-from apollonius.agents.network import QNetwork, valuing
+from apollonius.agents.network import QNetwork, one_action_network
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
-from apollonius.agents.pool import Pool, solo, stack
+from apollonius.agents.pool import Pool, single_player, stack
 from apollonius.agents.searching import Searching
-from apollonius.agents.shield import shielded
-from apollonius.agents.trained import Greedy, SquashedMean, Trained, exploring
+from apollonius.agents.shield import with_shield
+from apollonius.agents.source import NamedPlayer, PlayerSource, unknown_player
+from apollonius.agents.trained import Greedy, SquashedMean, Trained, exploring_policy
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.game.validation import MAX_SIZE
 from apollonius.io.errors import require
 from apollonius.solve.solving import SolvedGame
 
-KINDS: tuple[AbstractKind, ...] = (BuiltIn(), SolvedGame(), Trained(), Extension())
+SOURCES: tuple[PlayerSource, ...] = (BuiltIn(), SolvedGame(), Trained(), Extension())
 """All kinds of players; a name is of the first that knows it. A new kind is a file of its own and its name here."""
 TABLE = "table"
 """Instead of a player's name, where both sides are solved anyway: the player by the game solved for that side."""
 
 
-def find_player(name: str | AbstractPolicy, role: Role, game: Game) -> Named:
+def find_player(name: str | AbstractPolicy, role: Role, game: Game) -> NamedPlayer:
     """Return the player of a name: built in, in the zoo, of a training run, or a file; greedy if it was trained. A
     policy is returned under the name of its class.
 
@@ -46,7 +46,7 @@ def find_player(name: str | AbstractPolicy, role: Role, game: Game) -> Named:
             cannot help.
     """
     if isinstance(name, AbstractPolicy):
-        return Named(type(name).__name__, name)
+        return NamedPlayer(type(name).__name__, name)
     require(
         isinstance(cast(object, name), str),
         "player",
@@ -57,7 +57,7 @@ def find_player(name: str | AbstractPolicy, role: Role, game: Game) -> Named:
     require(is_once, "player", name, f"one with '{SHIELDED}' once, and '{SEARCHING}' once")
     if name.startswith(SHIELDED):
         bare = find_player(name.removeprefix(SHIELDED), role, game)
-        return replace(bare, name=SHIELDED + bare.name, policy=shielded(bare.policy, game, role))
+        return replace(bare, name=SHIELDED + bare.name, policy=with_shield(bare.policy, game, role))
     if name.startswith(SEARCHING):
         bare = find_player(name.removeprefix(SEARCHING), role, game)
         bound = "followed by a player that values the nine actions and finds its way by the chart, as pursuer does"
@@ -68,20 +68,20 @@ def find_player(name: str | AbstractPolicy, role: Role, game: Game) -> Named:
             "left out for an evader: the pursuer only searches",
         )
         require(
-            bare.policy.charted and isinstance(bare.policy, AbstractActionValuePolicy),
+            bare.policy.needs_chart and isinstance(bare.policy, AbstractActionValuePolicy),
             SEARCHING,
             bare.name,
             bound,
         )
         assert isinstance(bare.policy, AbstractActionValuePolicy)
         return replace(bare, name=SEARCHING + bare.name, policy=Searching(bare.policy))
-    for kind in KINDS:
+    for kind in SOURCES:
         if found := kind.find(name, role, game):
             return found
-    raise unknown(name, *KINDS)
+    raise unknown_player(name, *SOURCES)
 
 
-def price_of_losing(player: Named, game: Game) -> float:
+def loss_value(player: NamedPlayer, game: Game) -> float:
     """Return about what a lost game costs in the units of a player's action values.
 
     It is 1 for a solved game's player, the price in the record of a student, which has its teacher's, and the reward of
@@ -104,7 +104,7 @@ def price_of_losing(player: Named, game: Game) -> float:
 
 def player_names(role: Role, game: Game) -> list[str]:
     """Return the names of all the players of one side that need no file and that the game is one for."""
-    return [name for kind in KINDS for name in kind.names() if kind.fits(name, role, game)]
+    return [name for kind in SOURCES for name in kind.names() if kind.fits(name, role, game)]
 
 
 def find_pool(names: Sequence[str], role: Role, game: Game) -> Pool:
@@ -120,7 +120,7 @@ def find_pool(names: Sequence[str], role: Role, game: Game) -> Pool:
     require(names, side, "none", "one player at least")
     policies = [find_player(name, role, game).policy for name in names]
     if len(policies) == 1:
-        return solo(policies[0])
+        return single_player(policies[0])
     policies = [policy.policy if isinstance(policy, Departing) else policy for policy in policies]
     networks = [policy.network for policy in policies if isinstance(policy, Greedy | SquashedMean)]
     bound = "one player, or trained agents with networks of one shape, and random and still beside discrete ones"
@@ -138,10 +138,10 @@ def find_pool(names: Sequence[str], role: Role, game: Game) -> Pool:
     def of_one_structure(policy: AbstractPolicy) -> AbstractPolicy:
         """Return the player as one with a network: who explores always is random, and who values one action still."""
         if isinstance(policy, Greedy | SquashedMean):
-            return exploring(policy.network, jnp.asarray(0.0))
+            return exploring_policy(policy.network, jnp.asarray(0.0))
         assert isinstance(network, QNetwork)
         if isinstance(policy, Still):
-            return exploring(valuing(network, BRAKE_STRAIGHT), jnp.asarray(0.0))
-        return exploring(network, jnp.asarray(1.0))
+            return exploring_policy(one_action_network(network, BRAKE_STRAIGHT), jnp.asarray(0.0))
+        return exploring_policy(network, jnp.asarray(1.0))
 
     return stack([of_one_structure(policy) for policy in policies])

@@ -24,20 +24,20 @@ import jax.numpy as jnp
 import numpy as np
 
 from apollonius import MatchResult
-from apollonius.agents.pool import Pool, solo
-from apollonius.agents.trained import greedy
+from apollonius.agents.pool import Pool, single_player
+from apollonius.agents.trained import greedy_policy
 from apollonius.catalogue import find_player
-from apollonius.evaluate.match import keys_of
+from apollonius.evaluate.match import match_keys
 from apollonius.evaluate.statistics import predict
 from apollonius.game.game import Game, sample_starts
 from apollonius.game.outcome import counts_by_name
-from apollonius.game.types import BySide, Outcome, Role, choose
+from apollonius.game.types import BySide, Outcome, Role, tree_where
 from apollonius.learn.config import FIXED_TARGET, PRESETS, SELF_PLAY, STAGES
-from apollonius.learn.loop import play_and_learn
+from apollonius.learn.loop import train_chunk
 from apollonius.learn.stage_config import Plan, SelfPlayConfig
 from apollonius.learn.train_state import TrainState, start
 from apollonius.play.random_bits import random_bits_of
-from apollonius.play.rollout import begin, step_games
+from apollonius.play.rollout import init_games, step_games
 from apollonius.reproduce.finding import (
     Finding,
     Matches,
@@ -84,7 +84,7 @@ def train(
     )
 
     def chunk(_: Any, state: TrainState) -> TrainState:
-        return inspect.unwrap(play_and_learn)(plan, rewarded, state, fixed)[0]
+        return inspect.unwrap(train_chunk)(plan, rewarded, state, fixed)[0]
 
     first = jax.jit(
         jax.vmap(lambda key, network: start(plan, rewarded, key, fixed, BySide(network, None)))
@@ -99,7 +99,9 @@ def train(
         state = train_chunks(state)
         if call * looks // calls > (call - 1) * looks // calls:
             percent = 100 * (call * looks // calls) / looks
-            players = {role: greedy(side.learner.average) for role, side in state.learners.items()}
+            players = {
+                role: greedy_policy(side.learner.average) for role, side in state.learners.items()
+            }
             yield percent, jax.tree.map(jnp.copy, players)
             speed = int(state.env_steps[0]) * len(seeds) / (time.time() - start_time)
             print(
@@ -117,7 +119,7 @@ def matches(game: Game, pursuers: Any, evaders: Any, games: int) -> list[list[li
         evaders: The evaders, stacked, or one for all.
         games: Games of each match.
     """
-    start_key, key = keys_of(np.uint32(MATCH_SEED))
+    start_key, key = match_keys(np.uint32(MATCH_SEED))
     ends = np.asarray(
         _outcomes(game, pursuers, evaders, sample_starts(game, start_key, games), key)
     )
@@ -130,15 +132,15 @@ def _outcomes(game: Game, pursuers: Any, evaders: Any, starts: Any, key: Any) ->
     numbers = jnp.arange(len(starts.steps))
 
     def of_pair(*pair: Any) -> Any:
-        players = BySide(*map(solo, pair))
+        players = BySide(*map(single_player, pair))
 
         def step(carry: tuple[Any, Any]) -> tuple[Any, Any]:
             games, outcome = carry
             bits = random_bits_of(key, numbers, games.state.steps)
-            games, transitions = step_games(game, players, games, bits, observes=False)
+            games, transitions = step_games(game, players, games, bits, with_obs=False)
             return games, jnp.where(outcome == Outcome.ONGOING, transitions.outcome, outcome)
 
-        first_games = begin(
+        first_games = init_games(
             game, starts, players, random_bits_of(key, numbers, jnp.full_like(numbers, -1))
         )
         ongoing = jnp.full(len(numbers), int(Outcome.ONGOING), jnp.int32)
@@ -178,7 +180,9 @@ def play_all(options: argparse.Namespace, path: Path) -> dict[str, Any]:
 
     first, best = plan_of("curriculum", FIXED_TARGET), np.full(len(seeds), -1)
     best_pursuers: Any = None
-    for _, agents in train(first, game, seeds, {Role.EVADER: solo(still)}, first.stage.evaluations):
+    for _, agents in train(
+        first, game, seeds, {Role.EVADER: single_player(still)}, first.stage.evaluations
+    ):
         # Of each seed the pursuer with most captures so far is kept (section IV).
         current = agents[Role.PURSUER]
         captures = np.array(
@@ -187,7 +191,7 @@ def play_all(options: argparse.Namespace, path: Path) -> dict[str, Any]:
                 for row in matches(game, current, still, first.stage.evaluation_games)
             ]
         )
-        best_pursuers = jax.vmap(choose)(
+        best_pursuers = jax.vmap(tree_where)(
             jnp.asarray(captures > best), current, best_pursuers or current
         )
         best = np.maximum(best, captures)
@@ -213,7 +217,7 @@ def play_all(options: argparse.Namespace, path: Path) -> dict[str, Any]:
     write(**{"P_curriculum v random": matches(game, agents[Role.PURSUER], uniform, options.games)})
 
     ((_, agents),) = train(
-        plan_of("random", FIXED_TARGET), game, seeds, {Role.EVADER: solo(uniform)}, looks=1
+        plan_of("random", FIXED_TARGET), game, seeds, {Role.EVADER: single_player(uniform)}, looks=1
     )
     for name, evader in (("random", uniform), ("E_scratch", agents_from_scratch[100][Role.EVADER])):
         write(**{f"P_random v {name}": matches(game, agents[Role.PURSUER], evader, options.games)})

@@ -22,21 +22,21 @@ import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.agents.classical import Still, Uniform
-from apollonius.agents.pool import Pool, solo
+from apollonius.agents.pool import Pool, single_player
 from apollonius.arenas.file import find_game
 from apollonius.cli.values import nodes
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.presets import make_game
-from apollonius.game.types import NUM_ACTIONS, BySide, GameState, Role, Timestep, choose
+from apollonius.game.types import NUM_ACTIONS, BySide, GameState, Role, Timestep, tree_where
 from apollonius.learn.learner_config import PROFILES, DQNConfig
-from apollonius.learn.loop import play_and_learn
+from apollonius.learn.loop import train_chunk
 from apollonius.learn.stage_config import Plan, SelfPlayConfig, StageConfig
 from apollonius.learn.train_state import start
 from apollonius.observe.registry import find_observation
 from apollonius.observe.view import look
-from apollonius.play.autoreset import Batch, autoreset
-from apollonius.play.random_bits import fold_in, random_bits
-from apollonius.play.rollout import Games, begin, collect
+from apollonius.play.autoreset import RunningBatch, autoreset
+from apollonius.play.random_bits import fold_in, threefry_bits
+from apollonius.play.rollout import Games, collect, init_games
 from apollonius.solve.grid import lanes_of
 from apollonius.solve.joint import make_duel, value_before_move
 from apollonius.solve.motion import make_zero_sum_game, motion_of
@@ -57,11 +57,13 @@ def measure_env(game: Game, games: int) -> dict[str, Any]:
     start_key, word_key = jax.random.split(jax.random.key(0))
     all_starts = jax.jit(reset_batch, static_argnums=2)(game, start_key, START_ROWS * games)
     starts = jax.tree.map(lambda leaf: leaf.reshape(START_ROWS, games), all_starts)
-    players = BySide(*[solo(Uniform())] * 2)
+    players = BySide(*[single_player(Uniform())] * 2)
     first, row = (
         jax.tree.map(lambda leaf, rows=rows: leaf[rows], starts) for rows in (0, slice(1))
     )
-    first_games = begin(game, first, players, jax.random.bits(word_key, (2, games), jnp.uint32))
+    first_games = init_games(
+        game, first, players, jax.random.bits(word_key, (2, games), jnp.uint32)
+    )
     carry = _step(game, players, first_games, row, jax.random.key(0))
 
     def run(repeat: int) -> Stepped:
@@ -102,17 +104,21 @@ def measure_loops(game: Game, games: int) -> dict[str, Any]:
     key, (batch, step) = jax.random.key(0), autoreset(game, jax.random.key(1), games)
     encode = find_observation("encoded")
 
-    def step_alone(batch: Batch, actions: Array) -> tuple[Batch, Timestep]:
+    def step_alone(batch: RunningBatch, actions: Array) -> tuple[RunningBatch, Timestep]:
         after = jax.vmap(game.step)(batch.state, *actions)
         return replace(batch, state=after.state), after
 
-    def drawing(batch: Batch, actions: Array) -> tuple[Batch, Timestep]:
+    def drawing(batch: RunningBatch, actions: Array) -> tuple[RunningBatch, Timestep]:
         after = jax.vmap(game.step)(batch.state, *actions)
         fresh = reset_batch(game, jax.random.fold_in(key, batch.turn), games)
         is_over = after.terminated | after.truncated
-        return Batch(jax.vmap(choose)(is_over, fresh, after.state), batch.turn + 1), after
+        return RunningBatch(
+            jax.vmap(tree_where)(is_over, fresh, after.state), batch.turn + 1
+        ), after
 
-    def observed(batch: Batch, actions: Array) -> tuple[Batch, tuple[Timestep, Array]]:
+    def observed(
+        batch: RunningBatch, actions: Array
+    ) -> tuple[RunningBatch, tuple[Timestep, Array]]:
         batch, after = step(batch, actions)
         return batch, (
             after,
@@ -128,13 +134,17 @@ def measure_loops(game: Game, games: int) -> dict[str, Any]:
     return {name: _speed_of(loop, batch, games) for name, loop in loops.items()}
 
 
-def _speed_of(loop: Callable[[Batch, Array], tuple[Batch, Any]], batch: Batch, games: int) -> float:
+def _speed_of(
+    loop: Callable[[RunningBatch, Array], tuple[RunningBatch, Any]], batch: RunningBatch, games: int
+) -> float:
     """Return env steps per second of the processor."""
 
     @jax.jit
-    def play(batch: Batch, key: PRNGKeyArray) -> tuple[Batch, Any]:
-        def one_step(carry: tuple[Batch, Any], turn: Array) -> tuple[tuple[Batch, Any], None]:
-            words = random_bits(fold_in(key, turn), (2, games))
+    def play(batch: RunningBatch, key: PRNGKeyArray) -> tuple[RunningBatch, Any]:
+        def one_step(
+            carry: tuple[RunningBatch, Any], turn: Array
+        ) -> tuple[tuple[RunningBatch, Any], None]:
+            words = threefry_bits(fold_in(key, turn), (2, games))
             batch, step_result = loop(
                 carry[0], (((words >> 16) * NUM_ACTIONS) >> 16).astype(jnp.int32)
             )
@@ -170,13 +180,15 @@ def _kept(step_result: Any) -> tuple[Array, ...]:
 def measure_training(config: DQNConfig, stage: str) -> dict[str, Any]:
     """Time training; updates are those of all sides that learn."""
     game, key = make_game("paper"), jax.random.key(0)
-    fixed: Mapping[Role, Pool] = {} if stage == "self-play" else {Role.EVADER: solo(Still())}
+    fixed: Mapping[Role, Pool] = (
+        {} if stage == "self-play" else {Role.EVADER: single_player(Still())}
+    )
     plan = Plan(config, StageConfig(env_steps=10**9) if fixed else SelfPlayConfig(env_steps=10**9))
     state = start(plan, game, key, fixed)
 
     def run(repeat: int) -> Any:
         nonlocal state
-        state, metrics = play_and_learn(plan, game, state, fixed)
+        state, metrics = train_chunk(plan, game, state, fixed)
         return metrics
 
     while int(state.env_steps) < config.learning_starts:

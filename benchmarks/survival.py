@@ -15,8 +15,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from apollonius.agents.kind import Named
-from apollonius.arenas.charting import charted
+from apollonius.agents.source import NamedPlayer
+from apollonius.arenas.charting import with_chart
 from apollonius.arenas.suite import suite_arena, suite_names
 from apollonius.catalogue import find_player
 from apollonius.evaluate.match import Match, play_games
@@ -45,13 +45,13 @@ def main() -> None:
     arenas = [suite_arena(*place) for place in places]
     stacked, survivals = stack_arenas(arenas), dict[str, dict[str, list[int]]]()
     for number, (place, arena) in enumerate(zip(places, arenas, strict=True)):
-        chart = charted(Game(arena=arena)).arena.chart
+        chart = with_chart(Game(arena=arena)).arena.chart
         # Of one shape, so that steps compile once.
         own_arena = jax.tree.map(lambda leaf, number=number: leaf[number], stacked)
         own_arena = replace(own_arena, chart=jax.tree.map(jnp.asarray, chart))
         game = replace(Game(arena=own_arena), max_steps=SECONDS * 10)
         pursuer = find_player("pursuer", Role.PURSUER, game)
-        planner = Named(PLANNER, planner_against(pursuer, Role.PURSUER, game, FOLLOWED))
+        planner = NamedPlayer(PLANNER, planner_against(pursuer, Role.PURSUER, game, FOLLOWED))
         for evader in (planner, find_player("evader", Role.EVADER, game)):
             match = Match(game, BySide(pursuer, evader), options.games, options.seed)
             outcome = np.asarray(play_games(match, slots=options.games).outcome)

@@ -64,7 +64,7 @@ def main(states: int = 200_000, updates: int = 3_000, games: int = 1_000, width:
     print(f"the pupil answers as its teacher in {agreement.mean():.0%} of the states")
 
     evader = apollonius.find_player("flee", apollonius.Role.EVADER, GAME)
-    for pursuer in (teacher, apollonius.Named("the pupil", Pupil(network))):
+    for pursuer in (teacher, apollonius.NamedPlayer("the pupil", Pupil(network))):
         match = apollonius.Match(GAME, apollonius.BySide(pursuer, evader), games)
         result = apollonius.play_match(match)
         print(f"{pursuer.name} wins {result.pursuer_win_rate:.1%} against {evader.name}")

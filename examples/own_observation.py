@@ -53,7 +53,7 @@ def main(games: int = 1_000, degrees: tuple = (15, 30, 60, 120, 360)) -> None:
     evader = apollonius.find_player("still", apollonius.Role.EVADER, game)
     for width in degrees:
         camera = Camera(angle=math.radians(width))
-        follower = apollonius.Named("follower", Follower(camera))
+        follower = apollonius.NamedPlayer("follower", Follower(camera))
         match = apollonius.Match(game, apollonius.BySide(follower, evader), games)
         result = apollonius.play_match(match)
         share = result.outcomes["captured"] / games

@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 from apollonius.learn.config import PRESETS
 from apollonius.learn.folder import create_run
 from apollonius.learn.metrics import load_metrics
-from apollonius.learn.run import Run
+from apollonius.learn.run import TrainingRun
 
 
 def main(env_steps: int = 8_000_000, games: int = 500, out: str = "runs/chase", **dqn: int) -> None:
@@ -35,7 +35,7 @@ def main(env_steps: int = 8_000_000, games: int = 500, out: str = "runs/chase", 
 
     folder = Path(out)
     create_run(config, folder)
-    Run(config, folder).execute()
+    TrainingRun(config, folder).execute()
 
     lines = load_metrics(folder / "metrics.jsonl")
     evaluations = [line.evaluation for line in lines if line.evaluation]

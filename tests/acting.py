@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from apollonius.agents.kind import Named
+from apollonius.agents.source import NamedPlayer
 from apollonius.evaluate.match import Match
 from apollonius.game.types import BySide, GameState, RobotState
 from apollonius.observe.registry import find_observation
@@ -51,7 +51,7 @@ def of_views(function, game, states, role, *rest):
 
 def a_match(game, pursuer, evader, games, seed=0, **which):
     """Return a match of two policies that nobody has named."""
-    return Match(game, BySide(Named("pursuer", pursuer), Named("evader", evader)), games, seed, **which)
+    return Match(game, BySide(NamedPlayer("pursuer", pursuer), NamedPlayer("evader", evader)), games, seed, **which)
 
 
 @jax.jit

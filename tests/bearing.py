@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 
 from apollonius.game.dynamics import unit_vector
-from apollonius.observe.observation import AbstractObservation, scaled
+from apollonius.observe.observation import AbstractObservation, rescale
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Bearing(AbstractObservation):
         longer = jnp.maximum(arena.x_max - arena.x_min, arena.y_max - arena.y_min)
         distance = jnp.hypot(opponent.x - own.x, opponent.y - own.y) / longer
         clearances = [arena.clearance(one.state.x, one.state.y) - one.body.radius for one in view.robots]
-        speed = scaled(own.v, body.v_min, body.v_max)
+        speed = rescale(own.v, body.v_min, body.v_max)
         return jnp.stack([speed, *unit_vector(direction), distance, *(jnp.clip(one, -1.0, 1.0) for one in clearances)])
 
 

@@ -70,7 +70,7 @@ def asked(words):
             pytest.fail("a command of an unknown kind: say here how it is checked")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(argparse.ArgumentParser, "parse_args", stop)
-        patch.setattr(values, "_is", lambda question: True)  # the files that a document names are not here
+        patch.setattr(values, "_path_fact", lambda question: True)  # the files that a document names are not here
         patch.setattr(values, "_unwritable", lambda path, folder: None)
         patch.setattr("sys.argv", [words[0], *arguments])
         with pytest.raises(Parsed) as parsed:

@@ -11,20 +11,20 @@ import pytest
 
 from apollonius import catalogue
 from apollonius.agents.classical import Still
-from apollonius.agents.kind import AbstractKind, Named
 from apollonius.agents.network import make_network
-from apollonius.agents.pool import solo
-from apollonius.agents.shield import Shielded, shielded
+from apollonius.agents.pool import single_player
+from apollonius.agents.shield import Shielded, with_shield
+from apollonius.agents.source import NamedPlayer, PlayerSource
 from apollonius.agents.store import describe, load_agent, save_agent
-from apollonius.agents.trained import Greedy, learned_elsewhere
-from apollonius.arenas.charting import charted
+from apollonius.agents.trained import Greedy, trained_elsewhere
+from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import find_game, from_dict, to_dict
 from apollonius.arenas.survey import survey
 from apollonius.catalogue import find_player, find_pool
-from apollonius.export.c import Compiled, header
-from apollonius.export.parity import cases_of, compare
+from apollonius.export.c import CompiledProgram, header
+from apollonius.export.parity import cases_of, compare_decisions
 from apollonius.export.player import find_exportable
-from apollonius.export.translate import translated
+from apollonius.export.translate import translate_block
 from apollonius.game.arena import Arena, Disc, register_obstacle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
@@ -32,7 +32,7 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import BySide, Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import opponents
-from apollonius.learn.archive import renew
+from apollonius.learn.archive import resample_opponents
 from apollonius.observe import registry
 from apollonius.observe.registry import register_observation
 from apollonius.observe.view import look
@@ -91,7 +91,7 @@ def test_a_new_obstacle_is_one_for_games_players_surveys_and_pictures():
     red, green, blue = (int(OBSTACLE[first : first + 2], 16) for first in (1, 3, 5))
     pixels = np.array(Canvas(game).picture()).reshape(-1, 3)
     assert (pixels == (red, green, blue)).all(axis=1).mean() > 0.015
-    player = shielded(Greedy(make_network("encoded", 4, 1, jax.random.key(0))), game, Role.PURSUER)
+    player = with_shield(Greedy(make_network("encoded", 4, 1, jax.random.key(0))), game, Role.PURSUER)
     blocked = look(game, state((5.0, 4.3, 1.2, np.pi / 2), (9.0, 9.0)), Role.PURSUER)
     assert int(act(player, blocked, jnp.uint32(0))) in (0, 1, 2)  # it brakes
 
@@ -140,10 +140,10 @@ def test_a_new_observation_is_read_by_networks_in_games_and_from_files(tmp_path,
     assert read.observation == BEARING
     assert read.layers[0].in_features == 6
     exported = find_exportable(str(tmp_path / "agent.safetensors"), Role.PURSUER, game)
-    assert "void bearing(" in header(translated(exported.decide, *exported.arguments, name="bearing"))
+    assert "void bearing(" in header(translate_block(exported.decide, *exported.arguments, name="bearing"))
     starts = jax.jit(reset_batch, static_argnums=2)(game, jax.random.key(0), 4)
     player = Greedy(make_network("encoded", 8, 2, jax.random.key(1)))
-    results = play_out(game, BySide(solo(Greedy(read)), solo(player)), starts, jax.random.key(1))
+    results = play_out(game, BySide(single_player(Greedy(read)), single_player(player)), starts, jax.random.key(1))
     assert int(results.outcome.min()) > 0
 
 
@@ -154,7 +154,7 @@ def test_a_new_scheme_is_read_from_configs_and_draws_opponents(monkeypatch):
     monkeypatch.setitem(opponents.SCHEMES, "recent", recent)
     config = from_dict(opponents.OpponentConfig, {"scheme": "recent", "versions": 4, "slots": 7000}, "a config")
     assert config.share == 0.5
-    slots = renew(archive_of(3, config), config, jax.random.key(0)).slots
+    slots = resample_opponents(archive_of(3, config), config, jax.random.key(0)).slots
     np.testing.assert_allclose(np.bincount(slots) / 7000, [1 / 7, 2 / 7, 4 / 7], atol=0.03)
 
 
@@ -175,11 +175,11 @@ def test_a_new_robot_is_read_from_files_and_turns_as_fast_as_it_is_steered():
 def test_a_new_robot_is_the_same_in_c_and_its_shield_brakes_as_it_drives():
     game = from_dict(WithCars, STEERED, "a file")
     player = find_exportable("shielded:P_curriculum", Role.PURSUER, game)
-    in_c, cases = Compiled(translated(player.decide, *player.arguments, name="car")), cases_of(player, 500)
-    assert compare(lambda *given: in_c(player.policy, player.game, *given)[:2], player, cases).errors == 0
+    in_c, cases = CompiledProgram(translate_block(player.decide, *player.arguments, name="car")), cases_of(player, 500)
+    assert compare_decisions(lambda *given: in_c(player.policy, player.game, *given)[:2], player, cases).errors == 0
     starts = jax.jit(reset_batch, static_argnums=2)(game, jax.random.key(0), 200)
     uniform = find_exportable("random", Role.EVADER, game).package
-    ends = play_out(game, BySide(solo(player.package), solo(uniform)), starts, jax.random.key(1))
+    ends = play_out(game, BySide(single_player(player.package), single_player(uniform)), starts, jax.random.key(1))
     assert not np.isin(ends.outcome, (Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE)).any()
 
 
@@ -212,19 +212,19 @@ def test_a_file_plays_greedily_its_own_side_and_an_agent_of_a_run_is_called_afte
         find_player("demo/P_stage2", Role.PURSUER, PAPER)
 
 
-class Echo(AbstractKind):
+class Echo(PlayerSource):
     """A kind of one's own: players that are called after what they do."""
 
-    looks = "always:ACTION"
+    syntax = "always:ACTION"
 
     def find(self, name, role, game):
-        return Named(name, Still()) if name == "always:1" else None
+        return NamedPlayer(name, Still()) if name == "always:1" else None
 
 
 def test_a_new_kind_is_known_everywhere_once_it_is_registered(monkeypatch):
     with pytest.raises(InvalidInput, match="unknown agent 'always:1'"):
         find_player("always:1", Role.EVADER, PAPER)
-    monkeypatch.setattr(catalogue, "KINDS", (*catalogue.KINDS, Echo()))
+    monkeypatch.setattr(catalogue, "SOURCES", (*catalogue.SOURCES, Echo()))
     assert isinstance(find_player("always:1", Role.EVADER, PAPER).policy, Still)
     guarded = find_player("shielded:always:1", Role.EVADER, PAPER)
     assert (guarded.name, type(guarded.policy)) == ("shielded:always:1", Shielded)
@@ -267,7 +267,7 @@ def test_symmetric_agents_and_others_make_no_pool(tmp_path):
 
 
 def test_it_is_known_who_has_learned_in_another_arena_only():
-    maze, charts = find_game("maze"), charted(PAPER)
+    maze, charts = find_game("maze"), with_chart(PAPER)
     asked = [("P_curriculum", one) for one in (PAPER, charts, maze)] + [("pursuer", maze), ("still", maze)]
-    found = [learned_elsewhere(find_player(name, Role.PURSUER, game), game) for name, game in asked]
+    found = [trained_elsewhere(find_player(name, Role.PURSUER, game), game) for name, game in asked]
     assert found == [False, False, True, False, False]

@@ -20,7 +20,7 @@ from apollonius.catalogue import find_player, player_names
 from apollonius.cli.main import main
 from apollonius.cli.values import known_agent
 from apollonius.conformance.defects import Nonconformance
-from apollonius.export.player import home_of, side_of
+from apollonius.export.player import exported_side, training_game
 from apollonius.game import arena as arenas
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
@@ -100,8 +100,8 @@ def test_parts_of_a_package_are_found_by_name_in_lists_files_and_exports(mine, c
     assert known_agent("shielded:mine:policy", "evader") == "shielded:mine:policy"
     with pytest.raises(Exception, match="did you mean 'mine:policy'"):
         known_agent("mine:polcy")
-    assert side_of("mine:policy", "evader") is Role.EVADER
-    assert home_of("mine:policy") == PAPER
+    assert exported_side("mine:policy", "evader") is Role.EVADER
+    assert training_game("mine:policy") == PAPER
     assert registry.find_observation("camera").size == 2
     (mine / "walled.toml").write_text(WALLED)
     game = apollonius.find_game(str(mine / "walled.toml"))
@@ -228,7 +228,7 @@ class Wild(apollonius.AbstractPolicy):
         level = jax.pure_callback(lambda speed: speed, form, seen.own.state.v, vmap_method="expand_dims")
         return (9 + level).astype(jnp.int32), memory
 
-    def choose(self, weighed, allowed):
+    def select(self, scores, allowed):
         return jnp.int32(4)
 
 

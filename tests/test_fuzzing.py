@@ -36,21 +36,21 @@ from apollonius.evaluate import benchmark
 from apollonius.evaluate.benchmark import ROUNDS, Benchmark, Round
 from apollonius.evaluate.match import Match
 from apollonius.evaluate.suite_card import FORMAT, SuiteCard, load_card
-from apollonius.export.bag import ask_again, bag_of, load_bag
+from apollonius.export.bag import bag_of, load_bag, recompute_decisions
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game, sample_starts
 from apollonius.game.types import Role
 from apollonius.io.document import to_json
 from apollonius.io.errors import InvalidInput, require
 from apollonius.learn.config import RunConfig
-from apollonius.learn.folder import METRICS, load_config, load_standing, save_checkpoint
+from apollonius.learn.folder import METRICS, load_checkpoint_meta, load_config, save_checkpoint
 from apollonius.learn.metrics import MetricsLine, begin_metrics
 from apollonius.learn.progress import STATE, progress_of
 from apollonius.observe.view import look
 from apollonius.play.replay import load_replay
 from apollonius.show.animation import save_animation
 from apollonius.show.report import for_page, render, report_of
-from apollonius.simulate.drive import Drive, load_drive
+from apollonius.simulate.drive import RobotHardware, load_drive
 from apollonius.simulate.simulation import simulate_match
 from apollonius.solve.grid import make_grid
 from apollonius.solve.store import Problem, Solution, is_solution, load_solution, save_solution
@@ -184,7 +184,7 @@ def decisions(folder):
 
 
 def use_bag(bag):
-    ask_again(bag, bag.player, bag.game)
+    recompute_decisions(bag, bag.player, bag.game)
     assert bag.side in Role
 
 
@@ -212,7 +212,7 @@ def cards(folder):
 
 
 def drives(folder):
-    return [tomli_w.dumps(asdict(Drive())).encode(), b"mass = 30\nfriction = 0.4\nlatency = 0.1\n"]
+    return [tomli_w.dumps(asdict(RobotHardware())).encode(), b"mass = 30\nfriction = 0.4\nlatency = 0.1\n"]
 
 
 def use_drive(path):
@@ -265,7 +265,7 @@ def use_run(path):
     to_json(asdict(progress) | {"folder": str(run)})
     require(not progress.state.error, "run", progress.state.error, "whole")
     config = load_config(run / "config.toml")
-    standing = load_standing(run / "checkpoint.safetensors", config)
+    standing = load_checkpoint_meta(run / "checkpoint.safetensors", config)
     with suppress(InvalidInput):  # of other metrics
         begin_metrics(shutil.copy(run / METRICS, run / "copy.jsonl"), standing)
     render(report_of(run))

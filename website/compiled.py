@@ -8,7 +8,13 @@ from typing import Any
 
 from apollonius.export.c import Program
 from apollonius.export.record import Record
-from apollonius.web.programs import OF_PAGE, compiled, digest, page_programs, sources
+from apollonius.web.programs import (
+    OF_PAGE,
+    compile_programs,
+    page_programs,
+    sources,
+    sources_digest,
+)
 from apollonius.web.site import PAGE
 
 COMPILED = PAGE / "compiled.js"
@@ -42,14 +48,12 @@ def _layouts(programs: Iterable[Program]) -> dict[str, Any]:
 def main() -> None:
     """Write the file; with `--check`, fail if it is outdated."""
     programs = [*page_programs()]
-    source_line = (
-        f'export const SOURCE = "{digest(sources(programs))}"; // SHA-256 of all C sources\n'
-    )
+    source_line = f'export const SOURCE = "{sources_digest(sources(programs))}"; // SHA-256 of all C sources\n'
     if "--check" in sys.argv:
         current = source_line in COMPILED.read_text(encoding="utf-8")
         sys.exit(None if current else "the page's programs are outdated: run `make page`")
     layouts = json.dumps(_layouts(programs), separators=(",", ":"))
-    module = base64.b64encode(compiled(programs, OF_PAGE)).decode()
+    module = base64.b64encode(compile_programs(programs, OF_PAGE)).decode()
     COMPILED.write_text(
         f"// Made by `make page` from `apollonius/web/programs.py`.\n\n{source_line}"
         f'export const LAYOUTS = {layouts};\nexport const MODULE = "{module}";\n',

@@ -7,7 +7,7 @@ import json
 import shutil
 from pathlib import Path
 
-from apollonius.show.report import bundled
+from apollonius.show.report import bundle
 from apollonius.web.site import write_site
 
 _SCRIPTS = Path(__file__).parent / "scripts"
@@ -40,7 +40,7 @@ def write_playground(folder: Path) -> None:
                 f"apolloniusFile(...{file});\n", encoding="utf-8"
             )
     (folder / "offline" / "player.js").write_text(
-        f"(() => {{\n{bundled(folder / 'player.js')}}})();\n", encoding="utf-8"
+        f"(() => {{\n{bundle(folder / 'player.js')}}})();\n", encoding="utf-8"
     )
     for script in _SCRIPTS.glob("*.js"):
         shutil.copy(script, folder / script.name)

@@ -6,7 +6,7 @@ import re
 import shutil
 from pathlib import Path
 
-from apollonius.arenas.file import about_game, game_names
+from apollonius.arenas.file import describe_game, game_names
 
 HERE = Path(__file__).parent
 REPOSITORY = HERE.parent
@@ -58,7 +58,7 @@ def cards() -> str:
     play = '- <a class="play" href="../playground/index.html?game={0}">{0}</a>: {1}'
     return (
         "\n## Play in each\n\n"
-        + "\n".join(play.format(name, about_game(name)) for name in game_names())
+        + "\n".join(play.format(name, describe_game(name)) for name in game_names())
         + "\n"
     )
 
@@ -76,7 +76,7 @@ def leaderboard() -> str:
     ]
     rows.append("|---|---|---|---|---|---|---|---|---|")
     for card in sorted(
-        cards, key=lambda card: (card["track"], card["side"], -card["score"]["worth"])
+        cards, key=lambda card: (card["track"], card["side"], -card["score"]["net_win_rate"])
     ):
         score, (low, high) = card["score"], card["score"]["interval"]
         cells = [

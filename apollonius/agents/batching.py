@@ -8,13 +8,15 @@ import jax.numpy as jnp
 from jax.custom_batching import custom_vmap
 from jaxtyping import Array, Bool, Int, PyTree
 
-Together = Callable[..., Any]
+BatchFunction = Callable[..., Any]
 """Takes the number of rows, for each leaf of the arguments whether it has an axis of rows, and the
 arguments.
 """
 
 
-def batched_by(together: Together) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def with_batch_function(
+    together: BatchFunction,
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Return a decorator by which a `vmap` of a function is computed by `together`.
 
     The function's first argument is a player. If the players differ from row to row as well, the
@@ -38,7 +40,7 @@ def batched_by(together: Together) -> Callable[[Callable[..., Any]], Callable[..
     return decorate
 
 
-def spread(size: int, batched: Any, tree: Any) -> Any:
+def broadcast_rows(size: int, batched: Any, tree: Any) -> Any:
     """Return arguments whose leaves all have the axis of rows."""
 
     def in_rows(leaf: Any, has_rows: bool) -> Any:
@@ -47,7 +49,7 @@ def spread(size: int, batched: Any, tree: Any) -> Any:
     return jax.tree.map(in_rows, tree, batched)
 
 
-def where_needed(
+def compute_where(
     needed: Bool[Array, " rows"],
     some: Callable[[Int[Array, " few"]], PyTree[Array]],
     defaults: PyTree[Array],

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 from apollonius.agents.classical import AbstractClassical, Still, Uniform
 from apollonius.agents.guidance import Flee, FleeAware, Intercept, PurePursuit, Territory
-from apollonius.agents.kind import AbstractKind, Named
 from apollonius.agents.names import BUILT_IN
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.searching import Hide, Search
+from apollonius.agents.source import NamedPlayer, PlayerSource
 from apollonius.agents.surrounding import Encirclement, VoronoiPursuit
 from apollonius.game.game import Game
 from apollonius.game.types import Role
@@ -36,7 +36,7 @@ BY_CHART = "search", "hide"
 """Those that find their way by the arena's chart."""
 
 
-class BuiltIn(AbstractKind):
+class BuiltIn(PlayerSource):
     """The players of `PLAYERS`."""
 
     def names(self) -> Sequence[str]:
@@ -46,7 +46,7 @@ class BuiltIn(AbstractKind):
         policy, sides = PLAYERS[name]
         return role in sides and (not issubclass(policy, AbstractClassical) or policy.fits(game))
 
-    def find(self, name: str, role: Role, game: Game) -> Named | None:
+    def find(self, name: str, role: Role, game: Game) -> NamedPlayer | None:
         if name not in PLAYERS:
             return None
         policy, sides = PLAYERS[name]
@@ -54,6 +54,6 @@ class BuiltIn(AbstractKind):
         require(
             role in sides, side, f"'{name}'", f"another player, as this one plays the {only} only"
         )
-        return Named(
+        return NamedPlayer(
             name, policy.for_side(game, role) if issubclass(policy, AbstractClassical) else policy()
         )

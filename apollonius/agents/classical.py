@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Int
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy, Memory
 from apollonius.game.dynamics import wrap_angle
 from apollonius.game.game import Game
-from apollonius.game.types import NUM_ACTIONS, Bits, RobotState, Role, Scalar
+from apollonius.game.types import NUM_ACTIONS, RandomBits, RobotState, Role, Scalar
 from apollonius.io.errors import require
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.paper import PAPER
@@ -22,7 +22,7 @@ BRAKE_STRAIGHT = 1
 """Index of the action (u1 = -u1_max, u2 = 0)."""
 
 
-class AbstractBlind(AbstractPolicy):
+class AbstractOpenLoop(AbstractPolicy):
     """A player that does not look."""
 
     @property
@@ -31,25 +31,25 @@ class AbstractBlind(AbstractPolicy):
         return PAPER
 
 
-class Still(AbstractBlind):
+class Still(AbstractOpenLoop):
     """Brakes straight ahead and then stays: the stationary evader of stage 1 (Algorithm 1)."""
 
     def __call__(
-        self, observation: Float[Array, " size"], memory: Memory, bits: Bits
+        self, observation: Float[Array, " size"], memory: Memory, bits: RandomBits
     ) -> tuple[Int[Array, ""], Memory]:
         return jnp.full((), BRAKE_STRAIGHT, jnp.int32), memory
 
 
-def uniform_action(bits: Bits) -> Int[Array, ""]:
+def uniform_action(bits: RandomBits) -> Int[Array, ""]:
     """Return one of the 9 actions from the upper half of random bits, uniform to 1.5e-5."""
     return (((bits >> 16) * NUM_ACTIONS) >> 16).astype(jnp.int32)
 
 
-class Uniform(AbstractBlind):
+class Uniform(AbstractOpenLoop):
     """Each of the 9 actions with equal probability at every step (section V-B of the paper)."""
 
     def __call__(
-        self, observation: Float[Array, " size"], memory: Memory, bits: Bits
+        self, observation: Float[Array, " size"], memory: Memory, bits: RandomBits
     ) -> tuple[Int[Array, ""], Memory]:
         return uniform_action(bits), memory
 

@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float
 
 from apollonius.agents.policy import AbstractActionValuePolicy, Memory
 from apollonius.game.dynamics import wrap_angle
-from apollonius.game.types import NUM_ACTIONS, Bits, Scalar
+from apollonius.game.types import NUM_ACTIONS, RandomBits, Scalar
 from apollonius.observe.view import View
 
 NEAR = 0.05
@@ -44,7 +44,7 @@ def departures(view: View) -> Bool[Array, "9"]:
     straight on. Where no direction is free all actions are allowed.
     """
     chart = view.chart
-    own = view.own.state_on_command
+    own = view.own.predicted
     body = view.own.body
     room = chart.clearance(own.x, own.y) - body.radius
     target = chart.nearest_cell(view.opponent.state.x, view.opponent.state.y)
@@ -85,7 +85,7 @@ class Departing(AbstractActionValuePolicy):
     policy: AbstractActionValuePolicy
 
     @property
-    def charted(self) -> bool:
+    def needs_chart(self) -> bool:
         return True
 
     @property
@@ -93,8 +93,10 @@ class Departing(AbstractActionValuePolicy):
         return self.policy.memory
 
     def values(self, view: View) -> Float[Array, "9"]:
-        return self.weigh(view, self.memory, jnp.uint32(0))[0]
+        return self.score(view, self.memory, jnp.uint32(0))[0]
 
-    def weigh(self, view: View, memory: Memory, bits: Bits) -> tuple[Float[Array, "9"], Memory]:
-        values, memory = self.policy.weigh(self.policy.observation(view), memory, bits)
+    def score(
+        self, view: View, memory: Memory, bits: RandomBits
+    ) -> tuple[Float[Array, "9"], Memory]:
+        values, memory = self.policy.score(self.policy.observation(view), memory, bits)
         return values - departure_costs(view), memory

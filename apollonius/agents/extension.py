@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from apollonius.agents.classical import AbstractClassical
-from apollonius.agents.kind import AbstractKind, Named
 from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.source import NamedPlayer, PlayerSource
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput
@@ -14,14 +14,14 @@ from apollonius.io.extensions import PLAYERS, extension_names, load_extension, u
 _KIND = "an AbstractPolicy, its class, or a function of game and role that returns one"
 
 
-class Extension(AbstractKind):
+class Extension(PlayerSource):
     """The policies of the entry points `apollonius.players`.
 
     Each is a policy, a class of policies that needs no arguments, or a function of a game and a role that returns one
     and raises InvalidInput for a side that it does not play.
     """
 
-    looks = "PACKAGE:NAME for a player of an installed package"
+    syntax = "PACKAGE:NAME for a player of an installed package"
 
     def names(self) -> Sequence[str]:
         return extension_names(PLAYERS)
@@ -34,11 +34,11 @@ class Extension(AbstractKind):
             return False
         return True
 
-    def find(self, name: str, role: Role, game: Game) -> Named | None:
+    def find(self, name: str, role: Role, game: Game) -> NamedPlayer | None:
         if ":" not in name:
             return None
         part = load_extension(PLAYERS, name, _KIND)
-        return None if part is None else Named(name, _policy_of(part, name, role, game))
+        return None if part is None else NamedPlayer(name, _policy_of(part, name, role, game))
 
 
 def _policy_of(part: Any, name: str, role: Role, game: Game) -> AbstractPolicy:

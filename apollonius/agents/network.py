@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from apollonius.agents.batching import batched_by
+from apollonius.agents.batching import with_batch_function
 from apollonius.game.dynamics import MIRRORED
 from apollonius.game.types import NUM_ACTIONS
 from apollonius.observe.observation import AbstractObservation
@@ -41,13 +41,13 @@ class QNetwork(eqx.Module):
     symmetric: bool = eqx.field(static=True, default=False)
 
     def __call__(self, observation: Float[Array, " size"]) -> Float[Array, "9"]:
-        return self.by(apply, observation)
+        return self.apply_by(apply_layers, observation)
 
     def batch(self, observations: Float[Array, "batch size"]) -> Float[Array, "batch 9"]:
         """Return the outputs for a batch, with a quicker gradient than that of a `vmap`."""
-        return self.by(apply_to_batch, observations)
+        return self.apply_by(apply_to_batch, observations)
 
-    def by(
+    def apply_by(
         self, layers: Callable[[Layers, Array], Array], observation: Float[Array, "*batch size"]
     ) -> Array:
         """Return the action values; `layers` is the function that applies the layers to
@@ -74,15 +74,15 @@ class GaussianActor(eqx.Module):
         self, observation: Float[Array, " size"]
     ) -> tuple[Float[Array, "2"], Float[Array, "2"]]:
         """Return means and standard deviations for one observation."""
-        return self.of_outputs(apply(self.layers, observation))
+        return self.distribution(apply_layers(self.layers, observation))
 
     def batch(
         self, observations: Float[Array, "batch size"]
     ) -> tuple[Float[Array, "batch 2"], Float[Array, "batch 2"]]:
         """Return the outputs for a batch, with a quicker gradient than that of a `vmap`."""
-        return self.of_outputs(apply_to_batch(self.layers, observations))
+        return self.distribution(apply_to_batch(self.layers, observations))
 
-    def of_outputs(
+    def distribution(
         self, outputs: Float[Array, "*batch 4"]
     ) -> tuple[Float[Array, "*batch 2"], Float[Array, "*batch 2"]]:
         """Return the means and standard deviations that the last layer's outputs stand for."""
@@ -103,7 +103,7 @@ never explore.
 """
 
 
-def valuing(network: QNetwork, action: int) -> QNetwork:
+def one_action_network(network: QNetwork, action: int) -> QNetwork:
     """Return a network of the same shape with the value 1 for one action and 0 for all others."""
     blank = jax.tree.map(jnp.zeros_like, network)
     return eqx.tree_at(
@@ -111,7 +111,7 @@ def valuing(network: QNetwork, action: int) -> QNetwork:
     )
 
 
-def apply(layers: Layers, inputs: Float[Array, " in"]) -> Float[Array, " out"]:
+def apply_layers(layers: Layers, inputs: Float[Array, " in"]) -> Float[Array, " out"]:
     """Return the outputs of the layers for one input."""
     hidden = inputs
     for layer in layers[:-1]:
@@ -119,19 +119,19 @@ def apply(layers: Layers, inputs: Float[Array, " in"]) -> Float[Array, " out"]:
     return layers[-1](hidden)
 
 
-def inferred(network: Network, observation: Float[Array, " size"]) -> Any:
+def infer(network: Network, observation: Float[Array, " size"]) -> Any:
     """Evaluate a network on one observation: faster under `vmap`, not differentiable."""
     if isinstance(network, QNetwork):
-        return network.by(_inferred, observation)
-    return network.of_outputs(_inferred(network.layers, observation))
+        return network.apply_by(_infer, observation)
+    return network.distribution(_infer(network.layers, observation))
 
 
-@batched_by(lambda size, batched, layers, inputs: _apply_together(layers, inputs))
-def _inferred(layers: Layers, inputs: Float[Array, " in"]) -> Float[Array, " out"]:
-    return apply(layers, inputs)
+@with_batch_function(lambda size, batched, layers, inputs: _apply_in_batch(layers, inputs))
+def _infer(layers: Layers, inputs: Float[Array, " in"]) -> Float[Array, " out"]:
+    return apply_layers(layers, inputs)
 
 
-def _apply_together(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[Array, "batch out"]:
+def _apply_in_batch(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[Array, "batch out"]:
     """Apply the layers to a batch, to the same bits as a `vmap` of `apply`, faster if it is large.
 
     A `vmap` puts the weights before the inputs, and XLA on the CPU then transposes the outputs of
@@ -149,7 +149,9 @@ def _apply_together(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[A
 def _weights_first(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[Array, "batch out"]:
     """Apply the layers by a `vmap`, whose products have the weights first, as in a pool."""
     members = jax.tree.map(lambda leaf: leaf[None], layers)
-    return jax.vmap(lambda layers: jax.vmap(apply, in_axes=(None, 0))(layers, inputs))(members)[0]
+    return jax.vmap(lambda layers: jax.vmap(apply_layers, in_axes=(None, 0))(layers, inputs))(
+        members
+    )[0]
 
 
 def apply_to_batch(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[Array, "batch out"]:
@@ -200,7 +202,7 @@ def make_layers(sizes: Sequence[int], key: PRNGKeyArray) -> Layers:
     )
 
 
-def widened(network: Network, reads: AbstractObservation) -> Network:
+def widen_inputs(network: Network, reads: AbstractObservation) -> Network:
     """Return the same network for a longer observation, of which it reads the first numbers."""
     first, more = network.layers[0], reads.size - network.observation.size
     weight = jnp.pad(first.weight, ((0, 0), (0, more)))
@@ -209,7 +211,7 @@ def widened(network: Network, reads: AbstractObservation) -> Network:
     return replace(network, layers=(wide, *network.layers[1:]), observation=reads)
 
 
-def scaled(network: Network, factor: float) -> Network:
+def scale_outputs(network: Network, factor: float) -> Network:
     """Return a network whose outputs are another one's, times a factor."""
     last = network.layers[-1]
     assert last.bias is not None
@@ -219,7 +221,7 @@ def scaled(network: Network, factor: float) -> Network:
     )
 
 
-def between(network: Network, other: Network, share: float) -> Network:
+def interpolate_networks(network: Network, other: Network, share: float) -> Network:
     """Return a network with weights between two, a share of the way to the other's."""
     return jax.tree.map(lambda first, second: first + share * (second - first), network, other)
 

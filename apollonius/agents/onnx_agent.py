@@ -19,9 +19,9 @@ from jaxtyping import Array, Float, Int
 
 from apollonius.agents.classical import BRAKE_STRAIGHT
 from apollonius.agents.policy import AbstractPolicy
-from apollonius.game.types import NUM_ACTIONS, Action, Bits
+from apollonius.game.types import NUM_ACTIONS, Action, RandomBits
 from apollonius.io.document import read_bytes
-from apollonius.io.errors import InvalidInput, missing, require, shown
+from apollonius.io.errors import InvalidInput, format_value, missing_extra, require
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.registry import OBSERVATIONS
 
@@ -41,7 +41,7 @@ class OnnxProcess:
     """
 
     def __init__(self, path: Path) -> None:
-        remedy = missing("export", "onnxruntime")
+        remedy = missing_extra("export", "onnxruntime")
         require(
             remedy is None,
             "agent",
@@ -50,8 +50,8 @@ class OnnxProcess:
         )
         self.content = read_bytes(path, "an ONNX model", "check the path", _MOST_BYTES)
         self._running: tuple[subprocess.Popen[bytes], socket.socket, IO[bytes]] | None = None
-        size, numbers = self.begin(0)
-        self.end()
+        size, numbers = self.start_round(0)
+        self.stop()
         if self.reason:
             remedy = "give a model in one file, without external data"
             raise InvalidInput(f"'{path}' does not start ({self.reason}): {remedy}.")
@@ -65,12 +65,12 @@ class OnnxProcess:
         else:
             self.brake = np.array([-1, 0], np.float32)
 
-    def begin(self, games: int) -> list[int]:
+    def start_round(self, games: int) -> list[int]:
         """Start the process of a new round, whose games have the first slots of a batch.
 
         Returns how many numbers the model reads, and how many make an action.
         """
-        self.end()
+        self.stop()
         self.reason, self._seconds = "", ROUND_SECONDS
         variables = {"PATH": os.defpath, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
         line, other_end = socket.socketpair()
@@ -91,7 +91,7 @@ class OnnxProcess:
         self._games, self.forfeited = games, set(range(games)) if self.reason else set[int]()
         return np.frombuffer(answer, np.uint32).tolist()
 
-    def end(self) -> None:
+    def stop(self) -> None:
         """End the process and its group; wait for no other one."""
         if self._running:
             process, line, errors = self._running
@@ -101,7 +101,7 @@ class OnnxProcess:
                 process.wait(1.0)
         self._running = None
 
-    def ask(self, observation: object, steps: object) -> np.ndarray:
+    def request_actions(self, observation: object, steps: object) -> np.ndarray:
         """Return the actions of all rows of a batch.
 
         A robot whose game is over brakes; where there is no action, it does so too, and its game is
@@ -154,11 +154,11 @@ class OnnxProcess:
             ending = f"status {status}"
             if status < 0:
                 ending = f"signal {-status}, as at its limit of time"
-            self.reason = shown(lines[-1] if lines else f"it ended with {ending}")
+            self.reason = format_value(lines[-1] if lines else f"it ended with {ending}")
         self._seconds = max(until - time.monotonic(), 1e-3)
         if len(answer) == size:
             return answer
-        self.end()
+        self.stop()
         return _NO_ACTION * size
 
 
@@ -180,15 +180,15 @@ class OnnxAgent(AbstractPolicy):
         return jnp.zeros((), jnp.int32)
 
     def __call__(
-        self, observation: Float[Array, " size"], memory: Int[Array, ""], bits: Bits
+        self, observation: Float[Array, " size"], memory: Int[Array, ""], bits: RandomBits
     ) -> tuple[Action, Int[Array, ""]]:
         result = jax.ShapeDtypeStruct(self.process.brake.shape, self.process.brake.dtype)
         action = jax.pure_callback(
-            self.process.ask, result, observation, memory, vmap_method="broadcast_all"
+            self.process.request_actions, result, observation, memory, vmap_method="broadcast_all"
         )
         return action, memory + 1
 
 
-def process_of(policy: AbstractPolicy) -> OnnxProcess | None:
+def external_process(policy: AbstractPolicy) -> OnnxProcess | None:
     """Return the process that a player asks; None for a player of the package."""
     return policy.process if isinstance(policy, OnnxAgent) else None

@@ -11,14 +11,16 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree, UInt32
 
 from apollonius.game.dynamics import action_levels
-from apollonius.game.types import NUM_ACTIONS, Action, Bits, Scalar
-from apollonius.observe.observation import WHOLE, Whole
+from apollonius.game.types import NUM_ACTIONS, Action, RandomBits, Scalar
+from apollonius.observe.observation import RAW_VIEW, RawView
 
 Memory = PyTree[Array]
 """What a player carries from step to step of a game; `()` for one that carries nothing."""
 
 
-def mixed(bits: UInt32[Array, "*rows"], number: UInt32[Array, "*numbers"]) -> UInt32[Array, "..."]:
+def mix_bits(
+    bits: UInt32[Array, "*rows"], number: UInt32[Array, "*numbers"]
+) -> UInt32[Array, "..."]:
     """Mix a number into random bits: a step of the golden ratio and the finaliser of MurmurHash3
     (Appleby, 2011).
     """
@@ -32,18 +34,18 @@ class AbstractPolicy(eqx.Module):
     """A player of one side. Unbatched; batching is the caller's `vmap`."""
 
     @property
-    def observation(self) -> Whole:
+    def observation(self) -> RawView:
         """The part of a view that it reads: all, or the numbers that its network reads
         (`apollonius.observe`).
         """
-        return WHOLE
+        return RAW_VIEW
 
     @property
-    def charted(self) -> bool:
+    def needs_chart(self) -> bool:
         """True if it plays by a chart, which the game then must have
         (`apollonius.arenas.charting`).
         """
-        return self.observation.charted
+        return self.observation.needs_chart
 
     @property
     def continuous(self) -> bool:
@@ -56,7 +58,9 @@ class AbstractPolicy(eqx.Module):
         return ()
 
     @abstractmethod
-    def __call__(self, observation: Any, /, memory: Memory, bits: Bits) -> tuple[Action, Memory]:
+    def __call__(
+        self, observation: Any, /, memory: Memory, bits: RandomBits
+    ) -> tuple[Action, Memory]:
         """Choose an action, always of the same kind.
 
         The memory is what it returned in the step before, in a game's first step its own. There are
@@ -64,17 +68,17 @@ class AbstractPolicy(eqx.Module):
         costs more than the games themselves.
         """
 
-    def weigh(self, observation: Any, /, memory: Memory, bits: Bits) -> tuple[Any, Memory]:
-        """Return all that `choose` needs before it is known which actions are allowed: here the
+    def score(self, observation: Any, /, memory: Memory, bits: RandomBits) -> tuple[Any, Memory]:
+        """Return all that `select` needs before it is known which actions are allowed: here the
         player's own action.
         """
         return self(observation, memory, bits)
 
-    def choose(self, weighed: Any, allowed: Bool[Array, "9"]) -> Int[Array, ""]:
+    def select(self, scores: Any, allowed: Bool[Array, "9"]) -> Int[Array, ""]:
         """Return the player's own discrete action if it is allowed, else the allowed one of lowest
         index.
         """
-        return jnp.where(allowed[weighed], weighed, jnp.argmax(allowed)).astype(jnp.int32)
+        return jnp.where(allowed[scores], scores, jnp.argmax(allowed)).astype(jnp.int32)
 
 
 class AbstractActionValuePolicy(AbstractPolicy):
@@ -87,20 +91,20 @@ class AbstractActionValuePolicy(AbstractPolicy):
         """Return the values of the nine actions: the higher the better."""
 
     def __call__(
-        self, observation: Any, /, memory: Memory, bits: Bits
+        self, observation: Any, /, memory: Memory, bits: RandomBits
     ) -> tuple[Int[Array, ""], Memory]:
-        values, memory = self.weigh(observation, memory, bits)
+        values, memory = self.score(observation, memory, bits)
         return jnp.argmax(values).astype(jnp.int32), memory
 
-    def weigh(
-        self, observation: Any, /, memory: Memory, bits: Bits
+    def score(
+        self, observation: Any, /, memory: Memory, bits: RandomBits
     ) -> tuple[Float[Array, "9"], Memory]:
         """Return the values of the nine actions."""
         return self.values(observation), memory
 
-    def choose(self, weighed: Float[Array, "9"], allowed: Bool[Array, "9"]) -> Int[Array, ""]:
+    def select(self, scores: Float[Array, "9"], allowed: Bool[Array, "9"]) -> Int[Array, ""]:
         """Return the allowed action of highest value."""
-        return jnp.argmax(jnp.where(allowed, weighed, -jnp.inf)).astype(jnp.int32)
+        return jnp.argmax(jnp.where(allowed, scores, -jnp.inf)).astype(jnp.int32)
 
 
 class AbstractWrapper(AbstractPolicy):
@@ -109,8 +113,8 @@ class AbstractWrapper(AbstractPolicy):
     policy: AbstractPolicy
 
     @property
-    def charted(self) -> bool:
-        return self.policy.charted
+    def needs_chart(self) -> bool:
+        return self.policy.needs_chart
 
     @property
     def continuous(self) -> bool:
@@ -128,9 +132,9 @@ class AbstractContinuous(AbstractPolicy):
     def continuous(self) -> bool:
         return True
 
-    def choose(self, weighed: Float[Array, "2"], allowed: Bool[Array, "9"]) -> Int[Array, ""]:
+    def select(self, scores: Float[Array, "2"], allowed: Bool[Array, "9"]) -> Int[Array, ""]:
         """Return the allowed discrete action whose levels are nearest to the player's own."""
-        own = action_levels(weighed)
+        own = action_levels(scores)
 
         def distance(action: Int[Array, ""]) -> Scalar:
             level_u1, level_u2 = action_levels(action)

@@ -15,19 +15,19 @@ from jaxtyping import Array, Int, UInt32
 
 from apollonius.agents.policy import AbstractPolicy, Memory
 from apollonius.game.types import Actions
-from apollonius.observe.observation import WHOLE, Whole
+from apollonius.observe.observation import RAW_VIEW, RawView
 
-Read = Callable[[Any], Any]
+ObservationReader = Callable[[Any], Any]
 """From a row of a batch to what players read."""
 RowBits = UInt32[Array, " rows"]
 """Random bits for each row of a batch."""
-Acted = tuple[Actions, Memory]
+ActionsAndMemory = tuple[Actions, Memory]
 """The action and the next memory in each row of a batch."""
 
 
 def act_in_rows(
-    policy: AbstractPolicy, read: Read, rows: Any, memory: Memory, bits: RowBits
-) -> Acted:
+    policy: AbstractPolicy, read: ObservationReader, rows: Any, memory: Memory, bits: RowBits
+) -> ActionsAndMemory:
     """Return one player's action and next memory in each row of a batch.
 
     Args:
@@ -45,7 +45,7 @@ class AbstractPlayers(eqx.Module):
 
     @property
     @abstractmethod
-    def observation(self) -> Whole:
+    def observation(self) -> RawView:
         """The observation of all members."""
 
     @property
@@ -64,8 +64,13 @@ class AbstractPlayers(eqx.Module):
 
     @abstractmethod
     def act(
-        self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: RowBits
-    ) -> Acted:
+        self,
+        member: Int[Array, " rows"],
+        read: ObservationReader,
+        rows: Any,
+        memory: Memory,
+        bits: RowBits,
+    ) -> ActionsAndMemory:
         """Return the action and the next memory in each row of a batch.
 
         Args:
@@ -102,7 +107,7 @@ class Pool(AbstractPlayers):
         return policy if self.rest is None else eqx.combine(policy, self.rest)
 
     @property
-    def observation(self) -> Whole:
+    def observation(self) -> RawView:
         return self._first.observation
 
     @property
@@ -119,13 +124,18 @@ class Pool(AbstractPlayers):
         return (((bits >> 16) * self.size) >> 16).astype(jnp.int32)
 
     def act(
-        self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: RowBits
-    ) -> Acted:
+        self,
+        member: Int[Array, " rows"],
+        read: ObservationReader,
+        rows: Any,
+        memory: Memory,
+        bits: RowBits,
+    ) -> ActionsAndMemory:
         bits = bits if self.bits is None else self.bits
         if self.size == 1:
             return act_in_rows(self._first, read, rows, memory, bits)
 
-        def of_member(policy: AbstractPolicy) -> Acted:
+        def of_member(policy: AbstractPolicy) -> ActionsAndMemory:
             return act_in_rows(self._whole(policy), read, rows, memory, bits)
 
         def of_own_member(by_member: Array) -> Array:
@@ -135,7 +145,7 @@ class Pool(AbstractPlayers):
         return jax.tree.map(of_own_member, jax.vmap(of_member, axis_size=self.size)(self.members))
 
 
-class Assigned(AbstractPlayers):
+class LearnerAndPast(AbstractPlayers):
     """One player for most games of a batch, and others who each have a few games of their own, in a
     row.
 
@@ -144,20 +154,20 @@ class Assigned(AbstractPlayers):
     `games`. Bits are as of a `Pool`.
     """
 
-    at_large: AbstractPolicy
-    assigned: AbstractPolicy
+    learner: AbstractPolicy
+    past: AbstractPolicy
     count: int = eqx.field(static=True)
     first: int = eqx.field(static=True)
     games: int = eqx.field(static=True)
     bits: UInt32[Array, " games"] | None = None
 
     @property
-    def observation(self) -> Whole:
-        return self.at_large.observation
+    def observation(self) -> RawView:
+        return self.learner.observation
 
     @property
     def memory(self) -> Memory:
-        return self.at_large.memory
+        return self.learner.memory
 
     def sample(self, bits: UInt32[Array, " games"]) -> Int[Array, " games"]:
         game = jnp.arange(bits.shape[0]) - self.first
@@ -166,8 +176,13 @@ class Assigned(AbstractPlayers):
         ).astype(jnp.int32)
 
     def act(
-        self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: RowBits
-    ) -> Acted:
+        self,
+        member: Int[Array, " rows"],
+        read: ObservationReader,
+        rows: Any,
+        memory: Memory,
+        bits: RowBits,
+    ) -> ActionsAndMemory:
         end = self.first + self.count * self.games
         arguments = (rows, memory, bits if self.bits is None else self.bits)
         their_arguments = jax.tree.map(
@@ -178,9 +193,9 @@ class Assigned(AbstractPlayers):
             lambda leaf: jnp.concatenate([leaf[: self.first], leaf[end:]]), arguments
         )
         their_actions = jax.vmap(lambda policy, *arguments: act_in_rows(policy, read, *arguments))(
-            self.assigned, *their_arguments
+            self.past, *their_arguments
         )
-        rest_actions = act_in_rows(self.at_large, read, *rest_arguments)
+        rest_actions = act_in_rows(self.learner, read, *rest_arguments)
 
         def in_order(rest_actions: Array, their_actions: Array) -> Array:
             return jnp.concatenate(
@@ -194,7 +209,7 @@ class Assigned(AbstractPlayers):
         return jax.tree.map(in_order, rest_actions, their_actions)
 
 
-class Apart(AbstractPlayers):
+class PartitionedPlayers(AbstractPlayers):
     """Players of several kinds, for a side of one robot: each has some games of a batch, the first
     those in front.
     """
@@ -203,9 +218,9 @@ class Apart(AbstractPlayers):
     games: tuple[int, ...] = eqx.field(static=True)
 
     @property
-    def observation(self) -> Whole:
+    def observation(self) -> RawView:
         """The view, from which each makes its own observation."""
-        return WHOLE
+        return RAW_VIEW
 
     @property
     def memory(self) -> Memory:
@@ -218,8 +233,13 @@ class Apart(AbstractPlayers):
         )
 
     def act(
-        self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: RowBits
-    ) -> Acted:
+        self,
+        member: Int[Array, " rows"],
+        read: ObservationReader,
+        rows: Any,
+        memory: Memory,
+        bits: RowBits,
+    ) -> ActionsAndMemory:
         actions, after = [], []
         for number, policy in enumerate(self.policies):
             first = sum(self.games[:number])
@@ -241,7 +261,7 @@ class Apart(AbstractPlayers):
         return jnp.concatenate(actions), tuple(after)
 
 
-def solo(policy: AbstractPolicy) -> Pool:
+def single_player(policy: AbstractPolicy) -> Pool:
     """Return one player as the players of a side, as `play_out` and `collect` take them."""
     return stack([policy])
 

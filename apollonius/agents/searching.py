@@ -12,12 +12,12 @@ from jaxtyping import Array, Float, Int
 
 from apollonius.agents.classical import AbstractSteering, direction
 from apollonius.agents.guidance import arc_speed
-from apollonius.agents.policy import AbstractActionValuePolicy, Memory, mixed
+from apollonius.agents.policy import AbstractActionValuePolicy, Memory, mix_bits
 from apollonius.game.chart import COARSE, Chart
 from apollonius.game.sensing import Sensors
 from apollonius.game.teams import separation
-from apollonius.game.types import Bits, Flag, RobotState, Scalar, choose
-from apollonius.observe.belief import prospects, visible
+from apollonius.game.types import Flag, RandomBits, RobotState, Scalar, tree_where
+from apollonius.observe.belief import search_priority, visible
 from apollonius.observe.view import View
 
 COURSES = 32
@@ -32,20 +32,20 @@ _RECENT = 1.05
 """Age of a sighting [s] up to which it is driven to."""
 _AT_HAND = 1.0
 """Length of a path [m] up to which a cell is at hand."""
-_CAUTION = 8.0
+_SAFE_LENGTH = 8.0
 """Length of a pursuer's way [m] beyond which a place is no safer."""
 _NOWHERE = -1
 """In place of the coarse cell that a robot drives to: none."""
 
 
-class AbstractWayfinder(AbstractSteering):
+class AbstractPathFollower(AbstractSteering):
     """A player that drives along the shortest path to a place."""
 
     @property
-    def charted(self) -> bool:
+    def needs_chart(self) -> bool:
         return True
 
-    def way(self, view: View, place: RobotState) -> tuple[Scalar, Scalar]:
+    def course_to(self, view: View, place: RobotState) -> tuple[Scalar, Scalar]:
         """Return the heading [rad] and the speed [m/s] with which to set out for a place.
 
         Straight to it where that is free; else to the place a little ahead from which, together
@@ -72,13 +72,13 @@ class AbstractWayfinder(AbstractSteering):
         length = reach + remaining + 0.5 * is_tight.astype(jnp.float32)
         best = jnp.argmin(length + jnp.where(reach < 0.05, _FAR, 0.0))
         corner = RobotState(x[best], y[best], own.v, own.heading)
-        aim = choose(is_free, place, corner)
+        aim = tree_where(is_free, place, corner)
         ahead = chart.range(own.x, own.y, jnp.cos(own.heading), jnp.sin(own.heading))
         stoppable = jnp.sqrt(2 * body.u1_max * jnp.maximum(ahead - margin, 0.0))
         return direction(own, aim), jnp.minimum(arc_speed(body, own, aim), stoppable)
 
 
-class Search(AbstractWayfinder):
+class Search(AbstractPathFollower):
     """Drives along the shortest path to the opponent or, not seeing it, to one place after another
     where it can be.
 
@@ -94,14 +94,14 @@ class Search(AbstractWayfinder):
         """The coarse cell that it drives to; -1 for none."""
         return jnp.full((), _NOWHERE, jnp.int32)
 
-    def weigh(
-        self, view: View, memory: Int[Array, ""], bits: Bits
+    def score(
+        self, view: View, memory: Int[Array, ""], bits: RandomBits
     ) -> tuple[Float[Array, "9"], Memory]:
-        sought, cell = sought_by(view, memory, random_shares(bits))
+        sought, cell = search_view(view, memory, random_shares(bits))
         return self.values(sought), cell
 
     def course(self, view: View) -> tuple[Scalar, Scalar]:
-        return self.way(view, view.opponent.state)
+        return self.course_to(view, view.opponent.state)
 
 
 class Searching(AbstractActionValuePolicy):
@@ -115,7 +115,7 @@ class Searching(AbstractActionValuePolicy):
     policy: AbstractActionValuePolicy
 
     @property
-    def charted(self) -> bool:
+    def needs_chart(self) -> bool:
         return True
 
     @property
@@ -126,15 +126,15 @@ class Searching(AbstractActionValuePolicy):
     def values(self, view: View) -> Float[Array, "9"]:
         return self.policy.values(self.policy.observation(view))
 
-    def weigh(
-        self, view: View, memory: tuple[Memory, Int[Array, ""]], bits: Bits
+    def score(
+        self, view: View, memory: tuple[Memory, Int[Array, ""]], bits: RandomBits
     ) -> tuple[Float[Array, "9"], Memory]:
-        sought, cell = sought_by(view, memory[1], random_shares(bits))
-        values, own_memory = self.policy.weigh(self.policy.observation(sought), memory[0], bits)
+        sought, cell = search_view(view, memory[1], random_shares(bits))
+        values, own_memory = self.policy.score(self.policy.observation(sought), memory[0], bits)
         return values, (own_memory, cell)
 
 
-class Hide(AbstractWayfinder):
+class Hide(AbstractPathFollower):
     """Drives where the pursuer does not see it, to a near place to which the pursuer has a long
     way, and stays there.
 
@@ -148,17 +148,19 @@ class Hide(AbstractWayfinder):
             jnp.minimum(chart.lengths_from(state.x, state.y), _FAR) for state in states
         )
         is_hidden = ~visible(chart, Sensors(line_of_sight=True), pursuer.state)
-        safety = jnp.minimum(pursuer_lengths, _CAUTION) - jnp.where(is_hidden, 0.0, _CAUTION / 2)
+        safety = jnp.minimum(pursuer_lengths, _SAFE_LENGTH) - jnp.where(
+            is_hidden, 0.0, _SAFE_LENGTH / 2
+        )
         is_first = pursuer_lengths > own_lengths + 0.5
-        score = jnp.where(is_first, safety - 0.7 * own_lengths, safety - 2 * _CAUTION)
-        place = middle_of(chart, jnp.argmax(jnp.where(own_lengths < _FAR, score, -_FAR)))
-        heading, speed = self.way(view, place)
+        score = jnp.where(is_first, safety - 0.7 * own_lengths, safety - 2 * _SAFE_LENGTH)
+        place = cell_middle(chart, jnp.argmax(jnp.where(own_lengths < _FAR, score, -_FAR)))
+        heading, speed = self.course_to(view, place)
         distance = separation(view.own.state, place)
         stopping = jnp.sqrt(2 * view.own.body.u1_max * jnp.maximum(distance - 0.2, 0.0))
         return heading, jnp.minimum(speed, stopping)
 
 
-def sought_by(
+def search_view(
     view: View, cell: Int[Array, ""], shares: Float[Array, " coarse"]
 ) -> tuple[View, Int[Array, ""]]:
     """Return the view of a robot that searches, and the coarse cell that it drives to.
@@ -174,31 +176,33 @@ def sought_by(
     if view.belief is None:
         return view, cell
     chart, own = view.chart, view.own.state
-    new_cell = jnp.argmax(shares * prospects(chart, view.belief, own).ravel()).astype(jnp.int32)
+    new_cell = jnp.argmax(shares * search_priority(chart, view.belief, own).ravel()).astype(
+        jnp.int32
+    )
     can_be_there = view.belief.ravel()[cell] >= 0
     is_far = chart.lengths_from(own.x, own.y).ravel()[cell] > _AT_HAND
     place = jnp.where((cell >= 0) & can_be_there & is_far, cell, new_cell)
-    opponent_found = is_found(view)
-    target = middle_of(chart, place)
+    opponent_found = is_recently_seen(view)
+    target = cell_middle(chart, place)
     opponents = tuple(
-        replace(robot, state=choose(opponent_found, robot.state, target))
+        replace(robot, state=tree_where(opponent_found, robot.state, target))
         for robot in view.opponents
     )
     return replace(view, opponents=opponents), jnp.where(opponent_found, _NOWHERE, place)
 
 
-def random_shares(bits: Bits) -> Float[Array, " coarse"]:
+def random_shares(bits: RandomBits) -> Float[Array, " coarse"]:
     """Return a random number from 0 to 1 for each coarse cell of a chart."""
-    words = mixed(bits, jnp.arange(1, COARSE**2 + 1, dtype=jnp.uint32))
+    words = mix_bits(bits, jnp.arange(1, COARSE**2 + 1, dtype=jnp.uint32))
     return (words >> 8).astype(jnp.float32) / 2**24
 
 
-def is_found(view: View) -> Flag:
+def is_recently_seen(view: View) -> Flag:
     """Check whether the opponent was seen so lately that it is driven to."""
     return jnp.asarray(view.opponent.age) < _RECENT
 
 
-def middle_of(chart: Chart, cell: Int[Array, ""]) -> RobotState:
+def cell_middle(chart: Chart, cell: Int[Array, ""]) -> RobotState:
     """Return the middle of a coarse cell, as of a robot at rest."""
     (x, y), zero = chart.middles(), jnp.zeros(())
     return RobotState(x[0, cell % COARSE], y[cell // COARSE, 0], zero, zero)

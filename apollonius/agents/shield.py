@@ -10,10 +10,10 @@ import jax.numpy as jnp
 from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
-from apollonius.agents.batching import batched_by, spread
+from apollonius.agents.batching import broadcast_rows, with_batch_function
 from apollonius.agents.policy import AbstractPolicy, AbstractWrapper, Memory
 from apollonius.game.arena import Arena
-from apollonius.game.drive import turning
+from apollonius.game.drive import limited_turn_rate
 from apollonius.game.dynamics import Unicycle, action_levels, unit_vector
 from apollonius.game.game import Game
 from apollonius.game.nearby import Surroundings, surroundings
@@ -22,8 +22,8 @@ from apollonius.game.types import (
     NUM_ACTIONS,
     Action,
     Actions,
-    Bits,
     Flag,
+    RandomBits,
     Real,
     RobotState,
     Role,
@@ -63,11 +63,11 @@ class Backup(eqx.Module):
     steps: int = eqx.field(static=True)
     manoeuvres: tuple[int, ...] = eqx.field(static=True, default=BRAKING)
     surroundings: Surroundings | None = None
-    anywhere: bool = eqx.field(static=True, default=False)
+    uses_arena_of_view: bool = eqx.field(static=True, default=False)
 
-    def of(self, view: View) -> "Backup":
+    def for_view(self, view: View) -> "Backup":
         """Return the manoeuvres of the robot that sees this."""
-        return replace(self, arena=view.arena) if self.anywhere else self
+        return replace(self, arena=view.arena) if self.uses_arena_of_view else self
 
     @jax.jit
     def clearance_after(self, robot: Robot, action: Action) -> Scalar:
@@ -77,13 +77,13 @@ class Backup(eqx.Module):
         radius, for the best of the manoeuvres. Polygons out of reach by the `surroundings` are left
         out; that only changes clearances above `MARGIN`.
         """
-        before = Motion(robot.state_on_command, robot.turn_rate)
-        near, after = self._near(before.state), self._hold(robot, before, action)
-        step = self._along(before.state, after.state, near) - robot.body.radius
+        before = Motion(robot.predicted, robot.turn_rate)
+        near, after = self._nearby_edges(before.state), self._hold(robot, before, action)
+        step = self._clearance_along(before.state, after.state, near) - robot.body.radius
         return jnp.minimum(step, jnp.max(self._clearances(robot, after, near)))
 
     @jax.jit
-    def surely_stops(self, robot: Robot, action: Action) -> Flag:
+    def can_stop_straight(self, robot: Robot, action: Action) -> Flag:
         """Check by one segment whether braking straight ahead after an action is certainly safe.
 
         That path is one segment, so this takes little arithmetic. It must leave twice the `MARGIN`,
@@ -92,18 +92,21 @@ class Backup(eqx.Module):
         if self.arena.map is not None or robot.turn_time is not None:
             # Clearances on maps depend on where a segment is cut, and a slow drive keeps turning.
             return replace(self, manoeuvres=(1,)).clearance_after(robot, action) > MARGIN
-        before = Motion(robot.state_on_command, None)
-        near, after = self._near(before.state), self._hold(robot, before, action).state
+        before = Motion(robot.predicted, None)
+        near, after = self._nearby_edges(before.state), self._hold(robot, before, action).state
         (cos, sin), length = unit_vector(after.heading), after.v**2 / (2 * robot.body.u1_max)
         rest = replace(after, x=after.x + length * cos, y=after.y + length * sin)
-        least = jnp.minimum(self._along(before.state, after, near), self._along(after, rest, near))
+        least = jnp.minimum(
+            self._clearance_along(before.state, after, near),
+            self._clearance_along(after, rest, near),
+        )
         return least - robot.body.radius > 2 * MARGIN
 
     def _clearances(
         self, robot: Robot, motion: Motion, near: Edges | None
     ) -> Float[Array, " manoeuvres"]:
         def one_step(before: list[Motion], _: None) -> tuple[list[Motion], list[RobotState]]:
-            after = self._braked(robot, before)
+            after = self._brake(robot, before)
             return after, [motion.state for motion in after]
 
         _, paths = jax.lax.scan(one_step, [motion] * len(self.manoeuvres), length=self.steps)
@@ -114,20 +117,22 @@ class Backup(eqx.Module):
             return jnp.concatenate([firsts, later[:, :-1]], axis=1)
 
         before = jax.tree.map(shift, motion.state, after)
-        along = jax.vmap(jax.vmap(lambda start, end: self._along(start, end, near)))(before, after)
+        along = jax.vmap(jax.vmap(lambda start, end: self._clearance_along(start, end, near)))(
+            before, after
+        )
         return jnp.min(along, axis=1) - robot.body.radius
 
-    def _near(self, robot: RobotState) -> Edges | None:
+    def _nearby_edges(self, robot: RobotState) -> Edges | None:
         return self.surroundings.near(robot.x, robot.y) if self.surroundings else None
 
-    def _along(self, before: RobotState, after: RobotState, near: Edges | None) -> Scalar:
+    def _clearance_along(self, before: RobotState, after: RobotState, near: Edges | None) -> Scalar:
         """Return the least clearance [m] on a segment; polygons count by these edges only."""
         if near is None:
             return self.arena.clearance_along(before, after)
         clearance = replace(self.arena, polygons=()).clearance_along(before, after)
         return jnp.minimum(clearance, near.clearance_along(before, after))
 
-    def _braked(self, robot: Robot, motions: list[Motion]) -> list[Motion]:
+    def _brake(self, robot: Robot, motions: list[Motion]) -> list[Motion]:
         """Return the motion in each manoeuvre after one more step."""
         actions = [jnp.full((), action, jnp.int32) for action in self.manoeuvres]
         pairs = zip(motions, actions, strict=True)
@@ -135,7 +140,7 @@ class Backup(eqx.Module):
 
     def _hold(self, robot: Robot, motion: Motion, action: Action) -> Motion:
         u1, u2 = robot.body.controls(action)
-        mean, rate = turning(robot.body, robot.turn_time, motion.turn_rate, u2, self.dt)
+        mean, rate = limited_turn_rate(robot.body, robot.turn_time, motion.turn_rate, u2, self.dt)
         return Motion(robot.body.move(motion.state, u1, mean, self.dt), rate)
 
 
@@ -155,26 +160,26 @@ class Shielded(AbstractWrapper):
 
     backup: Backup
 
-    def __call__(self, view: View, memory: Memory, bits: Bits) -> tuple[Action, Memory]:
-        weighed, memory = self.policy.weigh(self.policy.observation(view), memory, bits)
-        return _held_back(self, view, weighed), memory
+    def __call__(self, view: View, memory: Memory, bits: RandomBits) -> tuple[Action, Memory]:
+        scores, memory = self.policy.score(self.policy.observation(view), memory, bits)
+        return _shield(self, view, scores), memory
 
-    def wanted(self, weighed: Any) -> Action:
+    def preferred_action(self, scores: Any) -> Action:
         """Return the action of the player behind the shield."""
         if self.policy.continuous:
-            return weighed
-        return self.policy.choose(weighed, jnp.ones(NUM_ACTIONS, bool))
+            return scores
+        return self.policy.select(scores, jnp.ones(NUM_ACTIONS, bool))
 
-    def begin(self, view: View, weighed: Any) -> "_Search":
+    def start_search(self, view: View, scores: Any) -> "_Search":
         """Start the search for an allowed action; it ends at once where the own one surely is."""
-        action = self.wanted(weighed)
+        action = self.preferred_action(scores)
         number = jnp.full((), NUM_ACTIONS, jnp.int32) if self.policy.continuous else action
-        is_open = ~self.backup.of(view).surely_stops(view.own, action)
+        is_open = ~self.backup.for_view(view).can_stop_straight(view.own, action)
         return _Search(action, number, jnp.full(NUM_ACTIONS, jnp.inf), is_open)
 
-    def go_on(self, view: View, weighed: Any, search: "_Search") -> "_Search":
+    def try_next(self, view: View, scores: Any, search: "_Search") -> "_Search":
         """Try the search's action; unless it is allowed, the best untried one comes next."""
-        clearance = self.backup.of(view).clearance_after(view.own, search.action)
+        clearance = self.backup.for_view(view).clearance_after(view.own, search.action)
         allowed = clearance > MARGIN
         clearances = jnp.where(
             jnp.arange(NUM_ACTIONS) == search.number, clearance, search.clearances
@@ -182,7 +187,7 @@ class Shielded(AbstractWrapper):
         untried = jnp.isinf(clearances)
         some_untried = jnp.any(untried)
         number = jnp.where(
-            some_untried, self.policy.choose(weighed, untried), jnp.argmax(clearances)
+            some_untried, self.policy.select(scores, untried), jnp.argmax(clearances)
         ).astype(jnp.int32)
         action = jnp.stack(action_levels(number)) if self.policy.continuous else number
         return _Search(
@@ -203,36 +208,34 @@ class _Search(eqx.Module):
     action: Action
     number: Int[Array, ""]
     clearances: Float[Array, "9"]
-    open: Flag
+    is_open: Flag
 
 
-def _held_back_together(
-    size: int, batched: Any, player: Shielded, view: View, weighed: Any
-) -> Actions:
+def _shield_in_batch(size: int, batched: Any, player: Shielded, view: View, scores: Any) -> Actions:
     """Return the actions in many games: those whose search is open are tried, a few at a time."""
     axes = jax.tree.map(lambda has: 0 if has else None, batched[1])
-    weighed = spread(size, batched[2], weighed)
-    search = jax.vmap(player.begin, in_axes=(axes, 0), axis_size=size)(view, weighed)
+    scores = broadcast_rows(size, batched[2], scores)
+    search = jax.vmap(player.start_search, in_axes=(axes, 0), axis_size=size)(view, scores)
 
     def try_next(search: _Search) -> _Search:
-        (rows,) = jnp.nonzero(search.open, size=_TRIED, fill_value=size)
+        (rows,) = jnp.nonzero(search.is_open, size=_TRIED, fill_value=size)
         their_views = jax.tree.map(lambda leaf, has: leaf[rows] if has else leaf, view, batched[1])
-        their_searches = jax.tree.map(lambda leaf: leaf[rows], (weighed, search))
-        go_on = jax.vmap(player.go_on, in_axes=(axes, 0, 0), axis_size=_TRIED)
+        their_searches = jax.tree.map(lambda leaf: leaf[rows], (scores, search))
+        go_on = jax.vmap(player.try_next, in_axes=(axes, 0, 0), axis_size=_TRIED)
         tried = go_on(their_views, *their_searches)
         return jax.tree.map(
             lambda leaf, new_leaf: leaf.at[rows].set(new_leaf, mode="drop"), search, tried
         )
 
-    return jax.lax.while_loop(lambda search: jnp.any(search.open), try_next, search).action
+    return jax.lax.while_loop(lambda search: jnp.any(search.is_open), try_next, search).action
 
 
-@batched_by(_held_back_together)
-def _held_back(player: Shielded, view: View, weighed: Any) -> Action:
+@with_batch_function(_shield_in_batch)
+def _shield(player: Shielded, view: View, scores: Any) -> Action:
     """Return the action that a player behind a shield takes, by its preferences."""
-    search = player.begin(view, weighed)
+    search = player.start_search(view, scores)
     return jax.lax.while_loop(
-        lambda one: one.open, lambda one: player.go_on(view, weighed, one), search
+        lambda one: one.is_open, lambda one: player.try_next(view, scores, one), search
     ).action
 
 
@@ -248,7 +251,7 @@ def brakes(game: Game, role: Role) -> Backup:
     steps = max(ceil(body.v_max / (body.u1_max * game.dt)) for body in bodies)
     body = bodies[0]
     if game.scenario is not None or any(other != body for other in bodies):
-        return Backup(game.arena, game.dt, steps, anywhere=True)
+        return Backup(game.arena, game.dt, steps, uses_arena_of_view=True)
     return Backup(game.arena, game.dt, steps, surroundings=_surroundings(game, body))
 
 
@@ -269,7 +272,7 @@ def _surroundings(game: Game, body: Unicycle) -> Surroundings | None:
     )
 
 
-def shielded(policy: AbstractPolicy, game: Game, role: Role) -> Shielded:
+def with_shield(policy: AbstractPolicy, game: Game, role: Role) -> Shielded:
     """Put a player behind a shield, which replaces actions after which it could not brake in time.
 
     Raises:

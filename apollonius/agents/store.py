@@ -22,8 +22,8 @@ from apollonius.agents.network import (
 from apollonius.arenas.file import from_dict
 from apollonius.game.types import NUM_ACTIONS, Role
 from apollonius.game.validation import require_usual_numbers
-from apollonius.io.arrays import named_leaves, opened, read_header, read_tree, write_arrays
-from apollonius.io.errors import InvalidInput, require, require_within, shown
+from apollonius.io.arrays import named_leaves, open_arrays, read_header, read_tree, write_arrays
+from apollonius.io.errors import InvalidInput, format_value, require, require_within
 from apollonius.observe.registry import OBSERVATIONS, has_observation
 
 FORMAT = "apollonius-agent", 1
@@ -107,7 +107,7 @@ def load_agent(path: Path) -> Agent:
     newer version, or made for an observation that this version does not have.
     """
     require_usual_numbers()
-    with _opened_agent(path) as (file, header):
+    with _read_agent(path) as (file, header):
         sizes = header.observation, header.width, header.depth
         template = eqx.filter_eval_shape(lambda: _MAKE[header.network](*sizes, jax.random.key(0)))
         if isinstance(template, QNetwork):
@@ -120,33 +120,37 @@ def load_agent(path: Path) -> Agent:
 
 def load_header(path: Path) -> AgentHeader:
     """Read the header of an agent's file alone. Raises InvalidInput as `load_agent` does."""
-    with _opened_agent(path) as (_, header):
+    with _read_agent(path) as (_, header):
         return header
 
 
 @contextmanager
-def _opened_agent(path: Path) -> Generator[tuple[Any, AgentHeader], None, None]:
+def _read_agent(path: Path) -> Generator[tuple[Any, AgentHeader], None, None]:
     if not os.path.isfile(path):
         raise InvalidInput(
             f"there is no agent file '{path}': check the path, or name a built-in agent."
         )
     foreign = f"'{path}' holds no Apollonius agent: give a file from a run's agents/ folder"
-    with opened(path, "copy or train it again") as file:
-        yield file, _checked(path, read_header(path, file, FORMAT, foreign))
+    with open_arrays(path, "copy or train it again") as file:
+        yield file, _check_agent(path, read_header(path, file, FORMAT, foreign))
 
 
-def _checked(path: Path, fields: dict[str, Any]) -> AgentHeader:
+def _check_agent(path: Path, fields: dict[str, Any]) -> AgentHeader:
     header = from_dict(AgentHeader, fields, f"the header of '{path}'")
     if header.network not in _MAKE:
         remedy = f"this program reads {', '.join(_MAKE)}: update it"
-        raise InvalidInput(f"'{path}' has a network of the kind {shown(header.network)}, {remedy}.")
+        raise InvalidInput(
+            f"'{path}' has a network of the kind {format_value(header.network)}, {remedy}."
+        )
     own_observation = None
     if has_observation(header.observation):
         own_observation = OBSERVATIONS[header.observation]
     if own_observation is None or own_observation.size != header.observation_size:
         sizes = ((name, observation.size) for name, observation in OBSERVATIONS.items())
         observations = ", ".join(f"{name} ({size})" for name, size in sizes)
-        made_for = f"{shown(header.observation)} ({shown(header.observation_size)} numbers)"
+        made_for = (
+            f"{format_value(header.observation)} ({format_value(header.observation_size)} numbers)"
+        )
         remedy = f"this program has {observations}: train it again"
         raise InvalidInput(f"'{path}' was made for the observation {made_for}; {remedy}.")
     mirrored = own_observation.mirror is not None and header.network == "values"

@@ -52,7 +52,7 @@ class AbstractSurrounding(AbstractSteering):
     misfit = "pursuers", "1", "2 at least, who surround an evader: as team-2v1"
 
     @property
-    def charted(self) -> bool:
+    def needs_chart(self) -> bool:
         return True
 
     @classmethod
@@ -105,21 +105,22 @@ class VoronoiPursuit(AbstractSurrounding):
     def cost(self, view: View) -> Cost:
         """Return the area [m^2], and a little of the path to the evader [m]."""
         evader, mates = view.opponent, view.mates
-        evader_lengths = to_all(view, evader)
+        evader_lengths = path_lengths_from(view, evader)
         is_reachable = evader_lengths < NO_PATH / 100
         cell = (view.chart.side[view.chart.member] * _STRIDE / COARSE) ** 2
         blur = jnp.sqrt(cell) / view.own.body.v_max
         deadline = jnp.full(evader_lengths.shape, jnp.inf)
         for mate in mates:
             deadline = jnp.minimum(
-                deadline, jnp.where(mate.active, to_all(view, mate) / mate.body.v_max, jnp.inf)
+                deadline,
+                jnp.where(mate.active, path_lengths_from(view, mate) / mate.body.v_max, jnp.inf),
             )
         path_length = path_length_to(view, evader.state)
 
         def cost(x: Scalar, y: Scalar) -> Scalar:
             state = view.own.state
             own = Robot(view.own.body, RobotState(x, y, state.v, state.heading))
-            arrival = jnp.minimum(deadline, to_all(view, own) / own.body.v_max)
+            arrival = jnp.minimum(deadline, path_lengths_from(view, own) / own.body.v_max)
             lead = arrival - evader_lengths / evader.body.v_max
             area = cell * jnp.sum(jnp.where(is_reachable, jax.nn.sigmoid(lead / blur), 0.0))
             return area + _PATH_WEIGHT * path_length(x, y)
@@ -174,7 +175,7 @@ def path_length_to(view: View, end: RobotState) -> Cost:
     return lambda x, y: chart.path_length(chart.cell_weights(x, y), end_weights)
 
 
-def to_all(view: View, robot: Robot) -> Float[Array, " places"]:
+def path_lengths_from(view: View, robot: Robot) -> Float[Array, " places"]:
     """Return the lengths [m] of the paths from a robot to points all over the arena, huge where it
     cannot be.
     """

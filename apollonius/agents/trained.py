@@ -14,19 +14,19 @@ from jaxtyping import Array, Float, Int
 
 from apollonius.agents.classical import uniform_action
 from apollonius.agents.departure import Departing
-from apollonius.agents.kind import AbstractKind, Named, unknown
 from apollonius.agents.names import AGENTS, FROM_ZOO, ZOO, agents_folders, zoo_names
-from apollonius.agents.network import GaussianActor, Network, QNetwork, inferred
+from apollonius.agents.network import GaussianActor, Network, QNetwork, infer
 from apollonius.agents.policy import (
     AbstractActionValuePolicy,
     AbstractContinuous,
     AbstractPolicy,
     Memory,
 )
+from apollonius.agents.source import NamedPlayer, PlayerSource, unknown_player
 from apollonius.agents.store import Agent, load_agent, load_header
 from apollonius.arenas.file import from_dict, to_dict
 from apollonius.game.game import Game
-from apollonius.game.types import Bits, BySide, Role, Scalar
+from apollonius.game.types import BySide, RandomBits, Role, Scalar
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.registry import find_observation
@@ -54,7 +54,7 @@ class Greedy(AbstractByNetwork, AbstractActionValuePolicy):
 
     def values(self, observation: Float[Array, " size"]) -> Float[Array, "9"]:
         """Return the network's action values."""
-        return inferred(self.network, observation)
+        return infer(self.network, observation)
 
 
 class EpsilonGreedy(AbstractByNetwork):
@@ -64,9 +64,9 @@ class EpsilonGreedy(AbstractByNetwork):
     epsilon: Scalar
 
     def __call__(
-        self, observation: Float[Array, " size"], memory: Memory, bits: Bits
+        self, observation: Float[Array, " size"], memory: Memory, bits: RandomBits
     ) -> tuple[Int[Array, ""], Memory]:
-        best = jnp.argmax(inferred(self.network, observation)).astype(jnp.int32)
+        best = jnp.argmax(infer(self.network, observation)).astype(jnp.int32)
         explore = (bits & 0xFFFF).astype(jnp.float32) < self.epsilon * 65536
         return jnp.where(explore, uniform_action(bits), best), memory
 
@@ -77,7 +77,7 @@ class SquashedMean(AbstractByNetwork, AbstractContinuous):
     network: GaussianActor
 
     def __call__(
-        self, observation: Float[Array, " size"], memory: Memory, bits: Bits
+        self, observation: Float[Array, " size"], memory: Memory, bits: RandomBits
     ) -> tuple[Float[Array, "2"], Memory]:
         return jnp.tanh(self.network(observation)[0]), memory
 
@@ -91,13 +91,13 @@ class SquashedGaussian(AbstractByNetwork, AbstractContinuous):
     spread: Scalar
 
     def __call__(
-        self, observation: Float[Array, " size"], memory: Memory, bits: Bits
+        self, observation: Float[Array, " size"], memory: Memory, bits: RandomBits
     ) -> tuple[Float[Array, "2"], Memory]:
-        mean, deviation = inferred(self.network, observation)
+        mean, deviation = infer(self.network, observation)
         return jnp.tanh(mean + self.spread * deviation * normal_pair(bits)), memory
 
 
-def normal_pair(bits: Bits) -> Float[Array, "2"]:
+def normal_pair(bits: RandomBits) -> Float[Array, "2"]:
     """Return two independent standard normal numbers from the halves of random bits (Box and
     Muller, 1958).
 
@@ -109,12 +109,12 @@ def normal_pair(bits: Bits) -> Float[Array, "2"]:
     return radius * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
 
 
-def greedy(network: Network) -> Greedy | SquashedMean:
+def greedy_policy(network: Network) -> Greedy | SquashedMean:
     """Return the player that does what the network values most."""
     return Greedy(network) if isinstance(network, QNetwork) else SquashedMean(network)
 
 
-def exploring(network: Network, amount: Scalar) -> EpsilonGreedy | SquashedGaussian:
+def exploring_policy(network: Network, amount: Scalar) -> EpsilonGreedy | SquashedGaussian:
     """Return the player that acts by a network and explores around its best action.
 
     The amount is the share of random actions, or a factor of the standard deviations; 0 for none.
@@ -124,10 +124,10 @@ def exploring(network: Network, amount: Scalar) -> EpsilonGreedy | SquashedGauss
     return SquashedGaussian(network, amount)
 
 
-class Trained(AbstractKind):
+class Trained(PlayerSource):
     """The agents of the zoo, of training runs and of files, at their best."""
 
-    looks = "a .safetensors file, or RUN/NAME for an agent of a training run"
+    syntax = "a .safetensors file, or RUN/NAME for an agent of a training run"
 
     def names(self) -> Sequence[str]:
         return zoo_names()
@@ -135,14 +135,16 @@ class Trained(AbstractKind):
     def fits(self, name: str, role: Role, game: Game) -> bool:
         return load_header(ZOO / f"{name}.safetensors").role == role.name.lower()
 
-    def find(self, name: str, role: Role, game: Game) -> Named | None:
-        if file_of(name) is None:
+    def find(self, name: str, role: Role, game: Game) -> NamedPlayer | None:
+        if agent_path(name) is None:
             return None
         agent, path = find_trained(name, role)
-        policy = greedy(agent.network)
-        if role is Role.PURSUER and policy.charted and isinstance(policy, Greedy):
+        policy = greedy_policy(agent.network)
+        if role is Role.PURSUER and policy.needs_chart and isinstance(policy, Greedy):
             policy = Departing(policy)
-        return Named(name if name.startswith(FROM_ZOO) else called(path), policy, agent.header)
+        return NamedPlayer(
+            name if name.startswith(FROM_ZOO) else display_name(path), policy, agent.header
+        )
 
 
 TRAINED = Trained()
@@ -152,9 +154,9 @@ def find_trained(name: str, role: Role | None = None) -> tuple[Agent, Path]:
     """Return the trained agent of a name and its file; raises InvalidInput for an unknown name, a
     bad file, and one of another side than is wanted.
     """
-    path = file_of(name)
+    path = agent_path(name)
     if path is None:
-        raise unknown(name, TRAINED)
+        raise unknown_player(name, TRAINED)
     agent = load_agent(path)
     if role is not None and agent.header.role != role.name.lower():
         side = role.name.lower()
@@ -163,12 +165,12 @@ def find_trained(name: str, role: Role | None = None) -> tuple[Agent, Path]:
     return agent, path
 
 
-def learned_elsewhere(player: Named, game: Game) -> bool:
+def trained_elsewhere(player: NamedPlayer, game: Game) -> bool:
     """Check whether an agent was trained in other arenas only than those of a game; an agent that
     reads a chart fits every arena.
     """
     header = player.header
-    if header is None or not header.game or find_observation(header.observation).charted:
+    if header is None or not header.game or find_observation(header.observation).needs_chart:
         return False
     arena = from_dict(Game, header.game, f"the header of '{player.name}'").arena
     return game.scenario is not None or to_dict(arena) != to_dict(replace(game.arena, chart=None))
@@ -179,7 +181,7 @@ def load_network(name: str, role: Role) -> Network:
     return find_trained(name, role)[0].network
 
 
-def called(path: Path) -> str:
+def display_name(path: Path) -> str:
     """Return the name of the agent of a file: RUN/NAME in the folder of a run, where many are
     called alike.
     """
@@ -188,7 +190,7 @@ def called(path: Path) -> str:
     return f"{path.resolve().parents[1].name}/{path.stem}"
 
 
-def file_of(name: str) -> Path | None:
+def agent_path(name: str) -> Path | None:
     """Return the file of a name, if it has one."""
     in_zoo = name.removeprefix(FROM_ZOO)
     if in_zoo in zoo_names():

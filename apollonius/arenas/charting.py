@@ -18,7 +18,7 @@ from apollonius.game.game import Game
 from apollonius.game.obstacle import between_nodes, bilinear
 from apollonius.game.types import Flag, Scalar
 from apollonius.io.cache import Memory
-from apollonius.io.kept import Kept
+from apollonius.io.persistent_jit import PersistentJit
 
 _STEPS = ((1, 0), (0, 1), (1, 1), (-1, 1), (2, 1), (-2, 1), (1, 2), (-1, 2))
 """From each coarse cell to those beside it, columns and rows: eight directions, and as many between
@@ -44,7 +44,7 @@ _Cells = Int[Array, "rows columns"]
 _Lengths = Int[Array, "rows columns starts"]
 
 
-def charted(game: Game, are_read: bool = True) -> Game:
+def with_chart(game: Game, are_read: bool = True) -> Game:
     """Add charts of all its arenas to a game, by the paths of the largest robot.
 
     A game that has charts stays as it is, and one in which nobody reads them: no player
@@ -100,7 +100,7 @@ def clearances(
     return jax.lax.map(lambda y: jax.vmap(lambda x: arena.clearance(x, y))(x), y)
 
 
-@Kept
+@PersistentJit
 def paths(
     field: _Field, side: Scalar, radius: Scalar
 ) -> tuple[UInt16[Array, "coarse coarse"], UInt16[Array, "cells cells"]]:
@@ -139,7 +139,7 @@ def _is_clear(
     return jax.lax.fori_loop(0, _LOOKS, look, jnp.asarray(True))
 
 
-def _middle(cell: Any) -> Any:
+def _cell_middle(cell: Any) -> Any:
     """Return the middle of the coarse cell of a column or row, in cells of the field."""
     return (cell + 0.5) * (SIDE / COARSE)
 
@@ -154,7 +154,7 @@ def _links(field: _Field, radius: Scalar) -> Int[Array, "2 steps rows columns"]:
         from_column, from_row = column - step[0], row - step[1]
         in_columns = (from_column >= 0) & (from_column < COARSE)
         is_inside = in_columns & (from_row >= 0) & (from_row < COARSE)
-        x, y, from_x, from_y = (_middle(cell) for cell in (column, row, from_column, from_row))
+        x, y, from_x, from_y = (_cell_middle(cell) for cell in (column, row, from_column, from_row))
         length = jnp.round(_UNIT * jnp.hypot(step[0], step[1])).astype(jnp.int32)
         return jnp.where(
             is_inside & _is_clear(field, x, y, from_x, from_y, radius - _SLACK), length, _FAR
@@ -225,7 +225,7 @@ def _sweep_up(lengths: _Lengths, links: Int[Array, "steps rows columns"]) -> _Le
     return jax.lax.scan(upwards, (blank, blank), (lengths, jnp.moveaxis(links, 1, 0)))[1]
 
 
-class _Looks(NamedTuple):
+class _Visibility(NamedTuple):
     """Bits of visible coarse cells, the nearest one, -1 without any, and its distance."""
 
     bits: Int[Array, ""]
@@ -241,22 +241,22 @@ def _visible(field: _Field, is_linked: Bool[Array, " coarse"]) -> UInt16[Array, 
         left = jnp.clip(jnp.floor(x / SIDE * COARSE - 0.5), 0, COARSE - 2)
         low = jnp.clip(jnp.floor(y / SIDE * COARSE - 0.5), 0, COARSE - 2)
 
-        def try_cell(bit: Int[Array, ""], before: _Looks) -> _Looks:
+        def try_cell(bit: Int[Array, ""], before: _Visibility) -> _Visibility:
             right, up = bit % 2, bit // 2
             to_column = left + right.astype(jnp.float32)
             to_row = low + up.astype(jnp.float32)
             cell = (to_row * COARSE + to_column).astype(jnp.int32)
-            to_x, to_y = _middle(to_column), _middle(to_row)
+            to_x, to_y = _cell_middle(to_column), _cell_middle(to_row)
             is_seen = is_linked[cell] & _is_clear(field, x, y, to_x, to_y, 0.0)
             distance = jnp.hypot(x - to_x, y - to_y)
             is_nearer = is_seen & (distance < before.shortest)
-            return _Looks(
+            return _Visibility(
                 bits=before.bits | (is_seen.astype(jnp.int32) << (COARSE_BITS + bit)),
                 nearest=jnp.where(is_nearer, cell, before.nearest),
                 shortest=jnp.where(is_nearer, distance, before.shortest),
             )
 
-        start = _Looks(jnp.asarray(0), jnp.asarray(-1), jnp.asarray(jnp.inf))
+        start = _Visibility(jnp.asarray(0), jnp.asarray(-1), jnp.asarray(jnp.inf))
         looks = jax.lax.fori_loop(0, 4, try_cell, start)
         return looks.bits, looks.nearest
 

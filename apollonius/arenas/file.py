@@ -10,7 +10,7 @@ import tomli_w
 
 from apollonius.arenas.map_file import load_map
 from apollonius.arenas.names import GALLERY, SUITES, game_names, unknown_game
-from apollonius.arenas.random_arena import is_drawn, random_map
+from apollonius.arenas.random_arena import is_random_map, random_map
 from apollonius.arenas.suite import (
     arena_names,
     find_scenario,
@@ -33,7 +33,7 @@ from apollonius.io.record import Hooks, read_record, write_record
 T = TypeVar("T")
 
 
-def about_game(name: str) -> str:
+def describe_game(name: str) -> str:
     """Describe a game that ships with the package in a line: a preset's docstring, or a file's
     first comment.
     """
@@ -109,7 +109,7 @@ def to_dict(config: Any) -> dict[str, Any]:
         OccupancyMap: lambda found: {"file": found.file, "sha256": found.digest},
     }
     return write_record(
-        config, hooks | {Arena: partial(_written_arena, hooks=hooks)}, derived=("chart",)
+        config, hooks | {Arena: partial(_arena_data, hooks=hooks)}, derived=("chart",)
     )
 
 
@@ -131,7 +131,7 @@ def from_dict(kind: type[T], data: dict[str, Any], source: str, folder: Path = P
     hooks = {
         Game: lambda given: find_game(given) if isinstance(given, str) else given,
         Arena: lambda arena: _with_map(_with_extra(arena), folder),
-        Polygon: _opened,
+        Polygon: _read_document,
         Scenario: lambda value: value if isinstance(value, Scenario) else find_scenario(value),
     }
     return read_record(kind, data, source, hooks, named=(Scenario, OccupancyMap))
@@ -147,7 +147,7 @@ def _name(scenario: Scenario) -> str:
     return scenario.name
 
 
-def _written_arena(arena: Arena, hooks: Hooks) -> dict[str, Any]:
+def _arena_data(arena: Arena, hooks: Hooks) -> dict[str, Any]:
     """Return an arena's record, with a list of tables for each kind of obstacles of other packages."""
     record = write_record(arena, hooks, derived=("chart", "extra"))
     for obstacle in arena.extra:
@@ -183,7 +183,7 @@ def _with_extra(arena: Any) -> Any:
     return record | {"extra": tuple(extra)}
 
 
-def _opened(polygon: Any) -> Any:
+def _read_document(polygon: Any) -> Any:
     """Leave out the last corner of a ring that is closed, as GeoJSON and WKT write it."""
     corners: Any = polygon.get("vertices") if isinstance(polygon, dict) else None
     is_closed = isinstance(corners, list) and len(corners) > 1 and corners[0] == corners[-1]
@@ -207,7 +207,7 @@ def _with_map(arena: Any, folder: Path) -> Any:
             f"map = {entry} is not possible: it must be the name of a ROS map's YAML file."
         )
     name, digest = reference["file"], reference["sha256"]
-    cells = random_map(name, digest) if is_drawn(name) else load_map(folder / name, digest)
+    cells = random_map(name, digest) if is_random_map(name) else load_map(folder / name, digest)
     ends = {"x_min": cells.x, "x_max": cells.x_max, "y_min": cells.y, "y_max": cells.y_max}
     return ends | arena | {"map": cells}
 
@@ -242,7 +242,7 @@ def save_game(record: dict[str, Any], path: Path) -> None:
     """
     arena = record["arena"]
     reference = arena.get("map")
-    if isinstance(reference, dict) and not is_drawn(reference["file"]):
+    if isinstance(reference, dict) and not is_random_map(reference["file"]):
         file = os.path.relpath(reference["file"], path.parent)
         arena = arena | {"map": reference | {"file": file}}
     record = record | {"arena": arena}

@@ -16,8 +16,8 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from apollonius.arenas.map_file import islands, largest
-from apollonius.arenas.survey import places
+from apollonius.arenas.map_file import count_islands, keep_largest
+from apollonius.arenas.survey import grid_points
 from apollonius.game.game import Game
 from apollonius.io.errors import require
 
@@ -46,7 +46,7 @@ class FreeSpace:
 def free_space(game: Game) -> FreeSpace:
     """Return the free space of a game's larger robot; raises InvalidInput where it fits nowhere."""
     arena = game.arena
-    _, _, cell, clearance = places(arena)
+    _, _, cell, clearance = grid_points(arena)
     radius = max(float(game.pursuer.radius), float(game.evader.radius))
     free = clearance >= radius
     require(
@@ -65,8 +65,8 @@ def largest_part(
         x, y: lower left corner of the raster [m].
         cell: side of a cell [m].
     """
-    part, count = largest(free)
-    return FreeSpace(part, x, y, cell, count, islands(part))
+    part, count = keep_largest(free)
+    return FreeSpace(part, x, y, cell, count, count_islands(part))
 
 
 @dataclass(frozen=True)
@@ -123,8 +123,8 @@ def tile(space: FreeSpace, spacing: float, angle: float) -> Tiling:
 
 
 def _hexagons(
-    x: Float[np.ndarray, " places"], y: Float[np.ndarray, " places"]
-) -> Int[np.ndarray, " places"]:
+    x: Float[np.ndarray, " grid_points"], y: Float[np.ndarray, " grid_points"]
+) -> Int[np.ndarray, " grid_points"]:
     """Return a number for the hexagon around each point; the middles of neighbours are 1 apart."""
     high = np.sqrt(3)
     even = np.round(x), np.round(y / high)

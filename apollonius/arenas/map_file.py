@@ -57,7 +57,7 @@ def load_map(path: Path, digest: str | None = None) -> OccupancyMap:
     return _map(path.resolve(), found_digest, text, content)
 
 
-def unknown_read_as_free(path: Path) -> float:
+def share_of_unknown_cells(path: Path) -> float:
     """Return the share of a map's cells that are of map_server's grey for unknown and yet below
     `free_thresh`.
     """
@@ -87,14 +87,14 @@ def _map(path: Path, digest: str, text: bytes, content: bytes) -> OccupancyMap:
     x, y, _ = values["origin"]
     occupied = np.ascontiguousarray(~free[::-1])
     if values["least_obstacle"]:
-        parts, _ = connected(occupied)
+        parts, _ = label_parts(occupied)
         areas = np.bincount(parts.ravel())[parts] * values["resolution"] ** 2
         occupied &= areas >= values["least_obstacle"]
     field = distance_field(occupied, values["resolution"])
     return OccupancyMap(jnp.asarray(field), x, y, values["resolution"], str(path), digest)
 
 
-def connected(
+def label_parts(
     cells: Bool[np.ndarray, "rows columns"], corners: bool = True
 ) -> tuple[Int[np.ndarray, "rows columns"], int]:
     """Number the connected parts of a grid from 1, and count them; cells also touch at `corners` or
@@ -106,20 +106,20 @@ def connected(
     return numbered, int(count)
 
 
-def largest(
+def keep_largest(
     cells: Bool[np.ndarray, "rows columns"],
 ) -> tuple[Bool[np.ndarray, "rows columns"], int]:
     """Return the largest part of a grid that is connected along sides, and the number of parts."""
-    numbered, count = connected(cells, corners=False)
+    numbered, count = label_parts(cells, corners=False)
     sizes = np.bincount(numbered.ravel(), minlength=count + 1)
     return (numbered == 1 + np.argmax(sizes[1:])) if count else cells, count
 
 
-def islands(free: Bool[np.ndarray, "rows columns"]) -> int:
+def count_islands(free: Bool[np.ndarray, "rows columns"]) -> int:
     """Count the pieces of what is not free that are apart from the outside, not even touching it at
     corners.
     """
-    return connected(np.pad(~free, 1, constant_values=True))[1] - 1
+    return label_parts(np.pad(~free, 1, constant_values=True))[1] - 1
 
 
 def save_map(cells: OccupancyMap, path: Path) -> None:

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from apollonius.game.names import PRESETS
-from apollonius.io.errors import nearest, unknown_name
+from apollonius.io.errors import closest_names, unknown_name
 
 GALLERY = Path(__file__).parent / "gallery"
 """Folder of the game files that ship with the package."""
@@ -25,4 +25,4 @@ def unknown_game(name: str) -> str:
     in_teams = "one of teams, as 'team-3v1' or 'team-3v1/office'"
     named = f"choose one of {', '.join(game_names())}"
     choices = f"{named}, or give {in_suite}, {in_teams}, or a .toml or .json file"
-    return unknown_name("game", name, choices, nearest(name, game_names()))
+    return unknown_name("game", name, choices, closest_names(name, game_names()))

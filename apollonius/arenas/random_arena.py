@@ -64,7 +64,7 @@ def random_arena(
     return arena
 
 
-def is_drawn(name: str) -> bool:
+def is_random_map(name: str) -> bool:
     """Check whether a name is of a random map, not of a file."""
     return bool(_DRAWN.fullmatch(name))
 
@@ -97,7 +97,7 @@ def random_map(name: str, digest: str | None = None) -> OccupancyMap:
     return cells
 
 
-def in_random_arena(
+def with_random_arena(
     game: Game, kind: str, seed: int, gap: float, size: tuple[float, float]
 ) -> Game:
     """Return a game in one random arena in which both of its robots can go everywhere.

@@ -32,9 +32,9 @@ from apollonius.io.document import parse_toml
 from apollonius.io.errors import require
 from apollonius.io.record import read_record
 
-PAPERS_OWN = 16
+PAPER_PAIRS = 16
 """Pairs of the paper's robots in training."""
-OTHERS = 48
+OTHER_PAIRS = 48
 """Pairs of other robots in training."""
 
 
@@ -92,14 +92,14 @@ def suite_arena(suite: str, name: str) -> Arena:
     bound = f"one of {', '.join(names[:2])} ... {names[-1]}"
     require(name in entries, f"arena of {suite}", name, bound)
     arena, published = entries[name].draw(), entries[name].sha256
-    found_digest = digest(arena)
+    found_digest = arena_digest(arena)
     bound = f"{published[:12]}... as published; draw it with the version that published it"
     shown_digest = f"{found_digest[:12]}..."
     require(found_digest == published, f"SHA-256 of {suite}/{name}", shown_digest, bound)
     return arena
 
 
-def digest(arena: Arena) -> str:
+def arena_digest(arena: Arena) -> str:
     """Return the SHA-256 of an arena's numbers to a micrometre and its cells as bits, the same on
     every machine.
     """
@@ -149,7 +149,7 @@ def find_scenario(name: Any) -> Scenario:
     return Scenario(stack_arenas(arenas), len(arenas), kinds, name)
 
 
-def each_alone(game: Game) -> list[Game]:
+def single_arena_games(game: Game) -> list[Game]:
     """Return the game in each arena of its scenario alone, itself without one; errors as those of
     `find_scenario`.
     """
@@ -189,8 +189,8 @@ def draw_robot_kinds(suite: str = SUITES[0]) -> RobotKinds:
     rng = np.random.default_rng(0)
 
     def draw(low: float, high: float, paper: float) -> np.ndarray:
-        other_values = np.exp(rng.uniform(np.log(low), np.log(high), OTHERS))
-        return np.concatenate([np.full(PAPERS_OWN, paper), other_values]).astype(np.float32)
+        other_values = np.exp(rng.uniform(np.log(low), np.log(high), OTHER_PAIRS))
+        return np.concatenate([np.full(PAPER_PAIRS, paper), other_values]).astype(np.float32)
 
     pursuer_v = draw(0.6, 2.0, 1.2)
     evader_v = np.clip(pursuer_v * draw(1 / 1.4, 1.4, 1.0), 0.6, 2.0)
@@ -200,7 +200,7 @@ def draw_robot_kinds(suite: str = SUITES[0]) -> RobotKinds:
         every_other = np.arange(len(v)) % 2
         radius = draw(0.05, 0.25, 0.0) * every_other
         if suite != SUITES[0]:
-            is_other = np.arange(len(v)) >= PAPERS_OWN
+            is_other = np.arange(len(v)) >= PAPER_PAIRS
             radius = rng.uniform(0, 0.3, len(v)).astype(np.float32) * (every_other | is_other)
         return Unicycle(
             jnp.zeros(len(v)), *(jnp.asarray(leaf, jnp.float32) for leaf in (v, u1, u2, radius))

@@ -13,8 +13,8 @@ from scipy.ndimage import distance_transform_edt
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from apollonius.arenas.charting import charted, clearances, largest_radius
-from apollonius.arenas.map_file import connected, unknown_read_as_free
+from apollonius.arenas.charting import clearances, largest_radius, with_chart
+from apollonius.arenas.map_file import label_parts, share_of_unknown_cells
 from apollonius.game.arena import Arena
 from apollonius.game.chart import COARSE, NO_PATH, SIDE
 from apollonius.game.dynamics import Unicycle
@@ -78,7 +78,7 @@ class _SideSurvey:
 def survey(game: Game) -> Survey:
     """Survey a game's arena, to a five-hundredth of its longer side."""
     arena = game.arena
-    x, y, cell, clearance = places(arena)
+    x, y, cell, clearance = grid_points(arena)
     pursuer = _survey_side(game, "pursuer", game.pursuer, clearance, cell)
     evader = _survey_side(game, "evader", game.evader, clearance, cell)
     faults = [*pursuer.faults, *evader.faults]
@@ -106,7 +106,7 @@ def _survey_side(
     game: Game, name: str, body: Unicycle, clearance: Grid, cell: float
 ) -> _SideSurvey:
     """Survey the free space of one side's robot, by clearances [m] on cells of a side [m]."""
-    labels = _parts(clearance >= float(body.radius))
+    labels = _label_parts(clearance >= float(body.radius))
     start = clearance >= float(game.starts.clearance + body.radius)
     areas = [cell**2 * np.sum(labels == part) for part in range(1, labels.max() + 1)]
     faults: list[str] = []
@@ -147,13 +147,13 @@ def map_notes(arena: Arena) -> list[str]:
         return []
     path = Path(arena.map.file)
     notes: list[str] = []
-    share = unknown_read_as_free(path)
+    share = share_of_unknown_cells(path)
     if share:
         notes.append(
             f"unknown cells of the map, grey 205, are read as free, on {share:.1%} of it: "
             f"set free_thresh to 0.196 in '{path}' if no robot should go there."
         )
-    parts, _ = connected(arena.map.occupied())
+    parts, _ = label_parts(arena.map.occupied())
     _, firsts, sizes = np.unique(parts, return_index=True, return_counts=True)
     cell, specks = float(arena.map.cell), firsts[1:][sizes[1:] <= _SPECK]  # without what is free
     if len(specks):
@@ -170,7 +170,7 @@ def map_notes(arena: Arena) -> list[str]:
     return notes
 
 
-def places(arena: Arena) -> tuple[Grid, Grid, float, Grid]:
+def grid_points(arena: Arena) -> tuple[Grid, Grid, float, Grid]:
     """Return the middles x, y [m] of square cells all over an arena, a cell's side [m], and their
     clearances [m].
     """
@@ -186,9 +186,9 @@ def places(arena: Arena) -> tuple[Grid, Grid, float, Grid]:
     return *np.meshgrid(x, y), cell, np.asarray(clearance, float)
 
 
-def _parts(free: Bool[np.ndarray, "rows columns"]) -> Int[np.ndarray, "rows columns"]:
+def _label_parts(free: Bool[np.ndarray, "rows columns"]) -> Int[np.ndarray, "rows columns"]:
     """Number the connected parts from 1, without specks."""
-    labels, count = connected(free)
+    labels, count = label_parts(free)
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
     large_parts = [part for part in range(1, count + 1) if sizes[part] > _LEAST_PART * free.size]
     renumber = np.zeros(count + 1, int)
@@ -205,11 +205,11 @@ def missed_passage(game: Game) -> list[str]:
     """
     arena = game.arena
     radius = largest_radius(game)
-    chart = charted(game).arena.chart
+    chart = with_chart(game).arena.chart
     assert chart is not None, "which a charted game has"
     lengths = np.asarray(chart.lengths)[0]
     side = float(np.asarray(chart.side)[0])
-    x, y, cell, clearance = places(arena)
+    x, y, cell, clearance = grid_points(arena)
     clearance -= radius
     graph, start, end, length = _links(clearance, cell)
     other_lengths = np.where(np.eye(len(lengths), dtype=bool), NO_PATH, lengths)

@@ -6,9 +6,9 @@ from typing import Any
 
 from apollonius.agents.names import BUILT_IN, SIDES, side_of, zoo_names
 from apollonius.arenas.names import KINDS
-from apollonius.cli.options import add_json, answer, command, finish
+from apollonius.cli.options import add_json, print_next_step, print_result, shell_command
 from apollonius.cli.terminal import advice_table
-from apollonius.cli.values import count, known_game, new_file, real
+from apollonius.cli.values import known_game, new_file, real_number, whole_number
 from apollonius.io.errors import require
 from apollonius.io.extensions import PLAYERS, extension_names
 from apollonius.io.limits import GAME_FILES, SEED
@@ -40,16 +40,24 @@ def add_arena(parser: argparse.ArgumentParser) -> None:
         "--kind", choices=KINDS, default="discs", help="of obstacles (default: %(default)s)"
     )
     draw.add_argument(
-        "--seed", type=count(SEED), default=0, help="seed of the arena (default: %(default)s)"
+        "--seed",
+        type=whole_number(SEED),
+        default=0,
+        help="seed of the arena (default: %(default)s)",
     )
     draw.add_argument(
         "--gap",
-        type=real,
+        type=real_number,
         default=1.0,
         help="least width of all passages [m] (default: %(default)s)",
     )
     draw.add_argument(
-        "--size", type=real, nargs=2, default=(10.0, 10.0), metavar=("WIDTH", "HEIGHT"), help="[m]"
+        "--size",
+        type=real_number,
+        nargs=2,
+        default=(10.0, 10.0),
+        metavar=("WIDTH", "HEIGHT"),
+        help="[m]",
     )
     draw.add_argument(
         "--game", type=known_game, default="paper", help="whose other rules it has (default: paper)"
@@ -66,10 +74,10 @@ def add_arena(parser: argparse.ArgumentParser) -> None:
 
 
 def run_list(options: argparse.Namespace) -> int:
-    from apollonius.arenas.file import about_game, game_names
+    from apollonius.arenas.file import describe_game, game_names
 
     for name in game_names():
-        print(f"{name:<12} {about_game(name)}")
+        print(f"{name:<12} {describe_game(name)}")
     return 0
 
 
@@ -84,7 +92,7 @@ def run_check(options: argparse.Namespace) -> int:
         not (writes_game and options.out.exists()), "--out", out, "a new file; choose another name"
     )
     game = game_in_one_arena(options.game, "arena check")
-    options.display.begin("surveying the arena")
+    options.display.begin_task("surveying the arena")
     findings = survey(game)
     notes = [*findings.notes, *missed_passage(game)]
     lines = [*(f"wrong: {line}" for line in findings.wrong), *(f"note: {line}" for line in notes)]
@@ -93,23 +101,23 @@ def run_check(options: argparse.Namespace) -> int:
     if options.players:
         from apollonius.evaluate.tournament import advise
 
-        options.display.begin("playing the players against each other")
+        options.display.begin_task("playing the players against each other")
         advice = advise(game, GAMES, report=options.display.report)
         data["players"] = advice.to_dict()
         verdict.append(advice_table(advice))
-    answer(options, data, "\n".join([*lines, *verdict]))
+    print_result(options, data, "\n".join([*lines, *verdict]))
     if out and writes_game:
         save_game(to_dict(game), out)
-        finish(options, out, then=command("play", "--game", out))
+        print_next_step(options, out, then=shell_command("play", "--game", out))
     elif out:
         from apollonius.show.arena import save_plan
 
         save_plan(Path(options.game).stem, game, findings, out)
-        again = command("arena", "check", options.game, "--out", out)
-        watch = command(
+        again = shell_command("arena", "check", options.game, "--out", out)
+        watch = shell_command(
             "show", "pursuer", "evader", "--game", options.game, "--out", out.with_suffix(".gif")
         )
-        finish(options, out, then=f"mend it, then {again}" if findings.wrong else watch)
+        print_next_step(options, out, then=f"mend it, then {again}" if findings.wrong else watch)
     return 1 if findings.wrong else 0
 
 
@@ -117,7 +125,7 @@ def run_random(options: argparse.Namespace) -> int:
     """Write a game like another, in an arena drawn at random."""
     from apollonius.arenas.file import find_game, save_game, to_dict
     from apollonius.arenas.map_file import save_map
-    from apollonius.arenas.random_arena import in_random_arena
+    from apollonius.arenas.random_arena import with_random_arena
 
     cells = (
         [options.out.with_suffix(suffix) for suffix in (".yaml", ".pgm")]
@@ -128,7 +136,7 @@ def run_random(options: argparse.Namespace) -> int:
         require(
             options.force or not path.exists(), "--out", path, "a new file; --force overwrites it"
         )
-    random_game = in_random_arena(
+    random_game = with_random_arena(
         find_game(options.game), options.kind, options.seed, options.gap, tuple(options.size)
     )
     record = to_dict(random_game)
@@ -140,10 +148,10 @@ def run_random(options: argparse.Namespace) -> int:
         contents = f"a map of {' x '.join(counts)} cells"
     save_game(record, options.out)
     print(f"{options.kind}, {contents}, passages of {options.gap:g} m and more")
-    finish(
+    print_next_step(
         options,
         options.out,
-        then=command("arena", "check", options.out, "--out", options.out.with_suffix(".png")),
+        then=shell_command("arena", "check", options.out, "--out", options.out.with_suffix(".png")),
     )
     return 0
 
@@ -188,7 +196,7 @@ def run_players(options: argparse.Namespace) -> int:
     facts = [
         {"name": name, "sides": side_of(name), "about": about} for name, about in words.items()
     ]
-    answer(options, {"players": facts, "forms": OTHERS}, "\n".join(lines))
+    print_result(options, {"players": facts, "forms": OTHERS}, "\n".join(lines))
     return 0
 
 

@@ -16,7 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from apollonius.io.compiling import compiling_seconds
-from apollonius.io.errors import LONGEST_MESSAGE, shown
+from apollonius.io.errors import LONGEST_MESSAGE, format_value
 from apollonius.io.interrupts import before_leaving
 
 _FIRST_LINE_SECONDS = 1.0
@@ -50,7 +50,7 @@ class Display(Progress):
             redirect_stdout=sys.stdout.isatty(), refresh_per_second=4,
         )  # fmt: skip
         self._task = self.add_task("loading", total=None)
-        self.begin("loading")
+        self.begin_task("loading")
         self._next_line = _LOADING_SECONDS
 
     def start(self) -> None:
@@ -66,12 +66,12 @@ class Display(Progress):
         if self.live.is_started:
             super().stop()
 
-    def begin(self, what: str, share: Callable[[], float] | None = None) -> None:
+    def begin_task(self, what: str, share: Callable[[], float] | None = None) -> None:
         """Begin a piece of work, in words; `share` is asked for the part that is done if nobody
         reports it.
         """
         self._notes, self._share = {}, share
-        self._begun = self._asked = self.get_time()
+        self._start_time = self._polled = self.get_time()
         self._next_line = _FIRST_LINE_SECONDS
         self._reports = deque[tuple[float, float]](maxlen=1_000)
         self.reset(self._task, total=None, description=what)
@@ -92,10 +92,10 @@ class Display(Progress):
         """Set further facts about the piece, in words by name."""
         self._notes = notes
 
-    def tell(self, line: str) -> None:
+    def print_line(self, line: str) -> None:
         """Print one line that stays, whatever is in it, on standard error."""
         self.console.print(
-            shown(line, LONGEST_MESSAGE), markup=False, highlight=False, soft_wrap=True
+            format_value(line, LONGEST_MESSAGE), markup=False, highlight=False, soft_wrap=True
         )
 
     def state(self) -> str:
@@ -124,7 +124,7 @@ class Display(Progress):
 
     def get_renderables(self) -> Iterable[RenderableType]:
         """Yield the live view."""
-        self._ask()
+        self._poll_share()
         yield self.make_tasks_table(self.tasks)
         if self._notes:
             notes = Table(show_header=False, box=None, pad_edge=False)
@@ -137,7 +137,7 @@ class Display(Progress):
         under way if any.
         """
         words = [] if self.tasks[0].total is None else [f"{self.tasks[0].percentage:.1f}%"]
-        words.append(_clock(self.get_time() - self._begun))
+        words.append(_clock(self.get_time() - self._start_time))
         seconds_left, compiling = self.seconds_left(), compiling_seconds()
         if seconds_left is not None:
             words.append(f"{_clock(seconds_left)} left")
@@ -145,20 +145,20 @@ class Display(Progress):
             words.append(f"compiling (once) for {_clock(compiling)}")
         return ", ".join(words)
 
-    def _ask(self) -> None:
+    def _poll_share(self) -> None:
         """Ask for the share that is done, at most once a second."""
-        if self._share and self.get_time() - self._asked >= 1:
-            self._asked = self.get_time()
+        if self._share and self.get_time() - self._polled >= 1:
+            self._polled = self.get_time()
             self.report(self._share(), 1)
 
     def _write_lines(self) -> None:
         least, greatest = _LINE_SECONDS
         while not self._over.wait(_LOOK_SECONDS):
-            age = self.get_time() - self._begun
+            age = self.get_time() - self._start_time
             if age >= self._next_line:
                 self._next_line = age + min(max(age / 3, least), greatest)
-                self._ask()
-                self.tell(f"apollonius {self._command}: {self.state()}")
+                self._poll_share()
+                self.print_line(f"apollonius {self._command}: {self.state()}")
 
 
 class _Words(ProgressColumn):

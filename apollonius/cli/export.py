@@ -6,10 +6,10 @@ import argparse
 from pathlib import Path
 
 from apollonius.agents.names import SIDES
-from apollonius.cli.options import add_json, answer, finish, warn
+from apollonius.cli.options import add_json, print_next_step, print_result, warn
 from apollonius.cli.terminal import columns
-from apollonius.cli.values import known_agent, known_game, named, new_file
-from apollonius.io.errors import require, require_extra, shown
+from apollonius.cli.values import known_agent, known_game, new_file, player_or_file
+from apollonius.io.errors import format_value, require, require_extra
 
 FORMATS = {"c": ".c", "onnx": ".onnx"}
 SHOWN = 10
@@ -47,7 +47,7 @@ def run_export(options: argparse.Namespace) -> int:
     """Write the files and check them."""
     from apollonius.arenas.file import game_in_one_arena
     from apollonius.catalogue import find_player
-    from apollonius.export.player import find_exportable, home_of, side_of
+    from apollonius.export.player import exported_side, find_exportable, training_game
     from apollonius.export.writing import STATES, write_c, write_onnx
 
     name = options.agent
@@ -62,9 +62,9 @@ def run_export(options: argparse.Namespace) -> int:
         "given",
         "left out: a model in ONNX has its weights",
     )
-    role = side_of(name, options.side)
-    game = game_in_one_arena(options.game, "export") if options.game else home_of(name)
-    options.display.begin(f"writing the player and comparing it in {STATES:,} states")
+    role = exported_side(name, options.side)
+    game = game_in_one_arena(options.game, "export") if options.game else training_game(name)
+    options.display.begin_task(f"writing the player and comparing it in {STATES:,} states")
     warn(options, game, [find_player(name, role, game)])
     player = find_exportable(name, role, game)
     files, about = (
@@ -72,13 +72,16 @@ def run_export(options: argparse.Namespace) -> int:
     )
     options.display.stop()
     print(*about, sep="\n")
-    finish(options, *files)
+    print_next_step(options, *files)
     return 0
 
 
 def add_replay(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--bag", type=named, required=True, help="folder of a bag that the ROS 2 node wrote"
+        "--bag",
+        type=player_or_file,
+        required=True,
+        help="folder of a bag that the ROS 2 node wrote",
     )
     parser.add_argument(
         "agent", type=known_agent, metavar="AGENT", nargs="?", help="(default: that of the bag)"
@@ -92,22 +95,27 @@ def run_replay(options: argparse.Namespace) -> int:
     """Print where the agent would have acted otherwise."""
     require_extra("bag", "replay")
     from apollonius.arenas.file import game_in_one_arena
-    from apollonius.export.bag import ask_again, load_bag
+    from apollonius.export.bag import load_bag, recompute_decisions
 
     bag = load_bag(Path(options.bag))
     game = game_in_one_arena(options.game, "replay") if options.game else bag.game
-    options.display.begin("asking the agent again")
+    options.display.begin_task("asking the agent again")
     name = options.agent or bag.player
-    differences, num_asked = ask_again(bag, name, game), len(bag.asked)
-    braked = len(bag.decisions) - num_asked
+    differences, num_decisions = recompute_decisions(bag, name, game), len(bag.player_decisions)
+    braked = len(bag.decisions) - num_decisions
     lines = [
-        f"{shown(name)} in the {num_asked:,} states of {options.bag}, a run of {shown(bag.player)}",
+        f"{format_value(name)} in the {num_decisions:,} states of {options.bag}, a run of {format_value(bag.player)}",
         f"  acts otherwise in {len(differences):,}; {braked:,} more steps braked",
     ]
     rows = [("  time", "step", "u1, u2 then", "u1, u2 now")]
     for difference in differences[:SHOWN]:
         then, now = ("{:+.2f}, {:+.2f}".format(*difference[when]) for when in ("then", "now"))
         rows.append((f"  {difference['time']:.2f} s", str(difference["step"]), then, now))
-    facts = {"player": name, "asked": num_asked, "braked": braked, "differences": differences}
-    answer(options, facts, "\n".join([*lines, *(columns(rows) if differences else [])]))
+    facts = {
+        "player": name,
+        "decisions": num_decisions,
+        "braked": braked,
+        "differences": differences,
+    }
+    print_result(options, facts, "\n".join([*lines, *(columns(rows) if differences else [])]))
     return 0

@@ -14,18 +14,18 @@ from apollonius.cli.options import (
     add_json,
     add_match_options,
     add_workers,
-    answer,
-    answer_varied,
-    answer_with_replays,
     chosen_rules,
-    command,
-    finish,
     jobs_run,
+    print_next_step,
+    print_result,
+    print_sweep,
+    print_with_replays,
     requested_match,
+    shell_command,
     warn,
 )
 from apollonius.cli.terminal import comparison_table, match_table, tournament_table
-from apollonius.cli.values import agent_of, agent_or_model, count, existing_file, new_file
+from apollonius.cli.values import agent_of, agent_or_model, existing_file, new_file, whole_number
 from apollonius.io.errors import require, require_extra
 from apollonius.io.limits import GAMES, ONNX, SIMULATED_GAMES
 
@@ -53,17 +53,23 @@ def add_simulate(parser: argparse.ArgumentParser) -> None:
 
 
 def run_evaluate(options: argparse.Namespace) -> int:
-    from apollonius.evaluate.match import count, play_games, play_match, record_game, worst_first
+    from apollonius.evaluate.match import (
+        count_results,
+        play_games,
+        play_match,
+        record_game,
+        worst_first,
+    )
 
     if options.vary:
-        return answer_varied(options, play_match)
+        return print_sweep(options, play_match)
     require(options.out is None, "--out", options.out, "given with --vary, whose values it draws")
     match = requested_match(options, in_one_arena=options.record > 0)  # of which a replay is
-    options.display.begin(f"playing {match.games:,} games")
+    options.display.begin_task(f"playing {match.games:,} games")
     results = play_games(match, report=options.display.report)
-    result = count(match, results)
+    result = count_results(match, results)
     games = (record_game(match, index) for index in worst_first(results))
-    return answer_with_replays(
+    return print_with_replays(
         options, match, result.to_dict(), match_table(match, result), "game", games
     )
 
@@ -71,24 +77,26 @@ def run_evaluate(options: argparse.Namespace) -> int:
 def run_simulate(options: argparse.Namespace) -> int:
     """Play with bodies, and the same games by the rules."""
     require_extra("sim", "simulate")
-    from apollonius.evaluate.match import count, play_games, worst_first
+    from apollonius.evaluate.match import count_results, play_games, worst_first
     from apollonius.simulate.drive import load_drive
-    from apollonius.simulate.simulation import compare, record_course, simulate_match
+    from apollonius.simulate.simulation import compare_physics, record_course, simulate_match
 
     drive, display = load_drive(options.drive), options.display
     if options.vary:
-        return answer_varied(
+        return print_sweep(
             options,
-            lambda match, report: count(match, simulate_match(match, drive, report).results),
+            lambda match, report: count_results(
+                match, simulate_match(match, drive, report).results
+            ),
         )
     match = requested_match(options, in_one_arena=True)
-    display.begin("playing with bodies")
+    display.begin_task("playing with bodies")
     simulated = simulate_match(match, drive, display.report)
-    display.begin("playing by the rules")
-    comparison = compare(match, play_games(match, report=display.report), simulated)
+    display.begin_task("playing by the rules")
+    comparison = compare_physics(match, play_games(match, report=display.report), simulated)
     courses = (record_course(simulated, match, index) for index in worst_first(simulated.results))
     text = comparison_table(match, comparison)
-    return answer_with_replays(options, match, asdict(comparison), text, "bodies", courses)
+    return print_with_replays(options, match, asdict(comparison), text, "bodies", courses)
 
 
 def add_tournament(parser: argparse.ArgumentParser) -> None:
@@ -99,7 +107,7 @@ def add_tournament(parser: argparse.ArgumentParser) -> None:
         )
     parser.add_argument(
         "--games",
-        type=count(GAMES),
+        type=whole_number(GAMES),
         default=1000,
         help="games in each match (default: %(default)s)",
     )
@@ -115,17 +123,17 @@ def add_tournament(parser: argparse.ArgumentParser) -> None:
 def run_tournament(options: argparse.Namespace) -> int:
     from apollonius import BySide, find_game, find_player
     from apollonius.catalogue import player_names
-    from apollonius.evaluate.match import starting
+    from apollonius.evaluate.match import with_start_speeds
     from apollonius.evaluate.tournament import play_tournament
     from apollonius.game.types import ROLES
 
-    game = starting(find_game(options.game), options.starts)
+    game = with_start_speeds(find_game(options.game), options.starts)
     requested = BySide(options.pursuers, options.evaders)
     names = ROLES.map(lambda role: requested[role] or player_names(role, game))
     players = ROLES.map(lambda role: [find_player(name, role, game) for name in names[role]])
     warn(options, game, (*players.pursuer, *players.evader))
 
-    options.display.begin(f"playing {len(players.pursuer) * len(players.evader)} matches")
+    options.display.begin_task(f"playing {len(players.pursuer) * len(players.evader)} matches")
     arguments = game, players, options.games, options.seed
     tournament = play_tournament(*arguments, options.display.report, jobs_run(options))
     starts = game.starts.speed
@@ -135,7 +143,7 @@ def run_tournament(options: argparse.Namespace) -> int:
         "games": options.games,
         "seed": options.seed,
     }
-    answer(options, settings | tournament.to_dict(), tournament_table(tournament, starts))
+    print_result(options, settings | tournament.to_dict(), tournament_table(tournament, starts))
     if options.plot:
         from apollonius.show.matches import draw_tournament
 
@@ -144,8 +152,8 @@ def run_tournament(options: argparse.Namespace) -> int:
             side[rated.points.argmax()]
             for side, rated in zip(names, tournament.ratings, strict=True)
         ]
-        then = command("show", *best, *chosen_rules(options), "--out", "best.gif")
-        finish(options, options.plot, then=then)
+        then = shell_command("show", *best, *chosen_rules(options), "--out", "best.gif")
+        print_next_step(options, options.plot, then=then)
     return 0
 
 
@@ -188,8 +196,8 @@ def add_suite(parser: argparse.ArgumentParser) -> None:
 
 def run_judge(options: argparse.Namespace) -> int:
     from apollonius.evaluate.benchmark import Benchmark
-    from apollonius.evaluate.suite_card import judge
-    from apollonius.export.player import side_of
+    from apollonius.evaluate.suite_card import judge_agent
+    from apollonius.export.player import exported_side
     from apollonius.game.types import Role
     from apollonius.io.document import to_json, write_atomically
 
@@ -201,31 +209,31 @@ def run_judge(options: argparse.Namespace) -> int:
         None,
         "given for an agent from outside: pursuer or evader",
     )
-    role = Role[options.side.upper()] if outside else side_of(options.agent, options.side)
-    options.display.begin("playing the benchmark")
-    card = judge(
+    role = Role[options.side.upper()] if outside else exported_side(options.agent, options.side)
+    options.display.begin_task("playing the benchmark")
+    card = judge_agent(
         Benchmark(options.track, role), options.agent, options.display.report, jobs_run(options)
     )
     write_atomically(options.out, to_json(asdict(card)).encode())
-    _answer(options, card)
-    finish(options, options.out, then=command("suite", "verify", options.out))
+    _print_card(options, card)
+    print_next_step(options, options.out, then=shell_command("suite", "verify", options.out))
     return 0
 
 
 def run_verify(options: argparse.Namespace) -> int:
     from apollonius.evaluate.suite_card import verify
 
-    options.display.begin("playing games of the card")
+    options.display.begin_task("playing games of the card")
     card = verify(options.card, options.agent, options.all, options.display.report)
-    _answer(options, card, "it comes out: ")
+    _print_card(options, card, "it comes out: ")
     return 0
 
 
-def _answer(options: argparse.Namespace, card: "SuiteCard", before: str = "") -> None:
+def _print_card(options: argparse.Namespace, card: "SuiteCard", before: str = "") -> None:
     score = card.score
     text = (
-        f"{before}{card.agent} ({card.side}, {card.track}): {score.worth:+.3f} [{score.interval[0]:+.3f}, "
-        f"{score.interval[1]:+.3f}] against {score.against}, worst tenth {score.worst_tenth:+.3f}, "
+        f"{before}{card.agent} ({card.side}, {card.track}): {score.net_win_rate:+.3f} [{score.interval[0]:+.3f}, "
+        f"{score.interval[1]:+.3f}] against {score.opponent}, worst tenth {score.worst_tenth:+.3f}, "
         f"crashes {score.crashes:.1%}, forfeits {score.forfeits:.1%}, {card.decision_us:.4g} us a decision"
     )
     failures = {
@@ -237,4 +245,4 @@ def _answer(options: argparse.Namespace, card: "SuiteCard", before: str = "") ->
         "track": card.track,
         "decision_us": card.decision_us,
     }
-    answer(options, facts | asdict(score), "\nit failed: ".join([text, *sorted(failures)]))
+    print_result(options, facts | asdict(score), "\nit failed: ".join([text, *sorted(failures)]))

@@ -18,8 +18,14 @@ from apollonius.cli.solve import add_pursuers, add_solve
 from apollonius.cli.train import add_resume, add_train
 from apollonius.io.cache import keep_compilations
 from apollonius.io.compiling import watch_compilations
-from apollonius.io.errors import LONGEST_MESSAGE, InvalidInput, nearest, shown, unknown_name
-from apollonius.io.interrupts import INTERRUPTED, status, stopped
+from apollonius.io.errors import (
+    LONGEST_MESSAGE,
+    InvalidInput,
+    closest_names,
+    format_value,
+    unknown_name,
+)
+from apollonius.io.interrupts import INTERRUPTED, interrupt_status, stop_message
 from apollonius.version import __version__
 
 _ODD_SETTING = re.compile("for JAX flag|for environment 'JAX")
@@ -127,7 +133,7 @@ class OneLineParser(argparse.ArgumentParser):
                 argument = action
                 kind = "choice"
                 remedy = f"choose one of {', '.join(choices)}"
-            message = unknown_name(kind, str(value), remedy, nearest(str(value), choices))
+            message = unknown_name(kind, str(value), remedy, closest_names(str(value), choices))
             raise argparse.ArgumentError(argument, message)
 
     def parse_known_args(  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -143,7 +149,7 @@ class OneLineParser(argparse.ArgumentParser):
         # `values.unfit` has "= "
         words = message.removeprefix("argument ").replace(": = ", " = ", 1).removesuffix(".")
         more = "" if words.endswith(("?", "--help")) else f"; see {self.prog} --help"
-        print(f"{self.prog}: {shown(words, LONGEST_MESSAGE)}{more}", file=sys.stderr)
+        print(f"{self.prog}: {format_value(words, LONGEST_MESSAGE)}{more}", file=sys.stderr)
         sys.exit(2)
 
 
@@ -172,21 +178,24 @@ def main(arguments: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except OSError as error:
-        where = f" '{shown(error.filename)}'" if error.filename else ""
-        how = stopped().removeprefix("stopped").removeprefix("; ") or "give the same command again"
+        where = f" '{format_value(error.filename)}'" if error.filename else ""
+        how = (
+            stop_message().removeprefix("stopped").removeprefix("; ")
+            or "give the same command again"
+        )
         full = f"; make room on the disk, then {how}" if error.errno == errno.ENOSPC else ""
         message = f"cannot use{where}: {error.strerror or error}{full}"
     except (RuntimeError, ValueError) as error:
         if "Unable to initialize backend" in str(error):
-            wish = shown(os.environ.get("JAX_PLATFORMS", ""))
+            wish = format_value(os.environ.get("JAX_PLATFORMS", ""))
             message = f"JAX_PLATFORMS = {wish} is not possible: it must be a kind of device that is here; unset it"
         elif _ODD_SETTING.search(str(error)):
-            message = f"JAX does not begin ({shown(error)}): correct the environment variable, or unset it"
+            message = f"JAX does not begin ({format_value(error)}): correct the environment variable, or unset it"
         else:
             raise
     except KeyboardInterrupt:
-        print(stopped(), file=sys.stderr, flush=True)
-        return status() or INTERRUPTED
+        print(stop_message(), file=sys.stderr, flush=True)
+        return interrupt_status() or INTERRUPTED
     print(f"apollonius {options.command}: {message}", file=sys.stderr)
     return 2
 

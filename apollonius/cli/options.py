@@ -12,20 +12,20 @@ from typing import TYPE_CHECKING, Any
 from apollonius.cli.terminal import varied_table
 from apollonius.cli.values import (
     agent_of,
-    count,
-    installed,
+    installed_extra,
     known_game,
     new_folder,
     require_writable,
-    varied,
+    swept_number,
+    whole_number,
 )
 from apollonius.io.document import to_json
-from apollonius.io.errors import require, shown
-from apollonius.io.limits import GAME_FILES, GAMES, RECORDS, SEED, Counted
-from apollonius.io.workers import WORKERS, Run, run_jobs
+from apollonius.io.errors import format_value, require
+from apollonius.io.limits import GAME_FILES, GAMES, RECORDS, SEED, CountLimit
+from apollonius.io.workers import WORKERS, JobRunner, run_jobs
 
 if TYPE_CHECKING:
-    from apollonius import Game, Match, Named
+    from apollonius import Game, Match, NamedPlayer
     from apollonius.evaluate.match import MatchResult
     from apollonius.play.replay import Replay
 
@@ -49,7 +49,10 @@ def add_json(parser: argparse.ArgumentParser) -> None:
 
 def add_game_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--seed", type=count(SEED), default=0, help="seed of the starts (default: %(default)s)"
+        "--seed",
+        type=whole_number(SEED),
+        default=0,
+        help="seed of the starts (default: %(default)s)",
     )
     parser.add_argument(
         "--starts", choices=("rest", "moving"), help="initial speeds (default: as the game says)"
@@ -59,16 +62,16 @@ def add_game_options(parser: argparse.ArgumentParser) -> None:
 
 def add_workers(parser: argparse.ArgumentParser, of: str, default: str | None = None) -> None:
     about = f"where {of} run: in processes of this machine, on slurm, or on ray (default: {default or 'here'})"
-    parser.add_argument("--on", type=installed, choices=WORKERS, default=default, help=about)
+    parser.add_argument("--on", type=installed_extra, choices=WORKERS, default=default, help=about)
 
 
-def jobs_run(options: argparse.Namespace, logs: Path | None = None) -> Run | None:
+def jobs_run(options: argparse.Namespace, logs: Path | None = None) -> JobRunner | None:
     """Return the function that runs jobs on the workers of `--on`, or None without the option.
 
     On Slurm the jobs print to files in the folder `logs`.
     """
     return (
-        partial(run_jobs, report=options.display.tell, on=options.on, logs=logs)
+        partial(run_jobs, report=options.display.print_line, on=options.on, logs=logs)
         if options.on
         else None
     )
@@ -87,17 +90,20 @@ def chosen_rules(options: argparse.Namespace) -> list[str]:
     ]
 
 
-def add_match_options(parser: argparse.ArgumentParser, games: Counted = GAMES) -> None:
+def add_match_options(parser: argparse.ArgumentParser, games: CountLimit = GAMES) -> None:
     """Add two players, their games and starts, and the output of their results."""
     parser.add_argument("pursuer", type=agent_of("pursuer"), metavar="PURSUER", help=AGENT)
     parser.add_argument("evader", type=agent_of("evader"), metavar="EVADER", help=AGENT)
     parser.add_argument(
-        "--games", type=count(games), default=1000, help="number of games (default: %(default)s)"
+        "--games",
+        type=whole_number(games),
+        default=1000,
+        help="number of games (default: %(default)s)",
     )
     add_game_options(parser)
     add_json(parser)
     about = "write K games as replays, lost ones first"
-    parser.add_argument("--record", type=count(RECORDS), default=0, metavar="K", help=about)
+    parser.add_argument("--record", type=whole_number(RECORDS), default=0, metavar="K", help=about)
     about = "folder of the replays (default: replays)"
     parser.add_argument(
         "--replays", type=new_folder, default=Path("replays"), metavar="DIR", help=about
@@ -105,7 +111,7 @@ def add_match_options(parser: argparse.ArgumentParser, games: Counted = GAMES) -
     about = "play a match for each value of a number of the game, as pursuer.v_max=0.8:1.6:5; twice for pairs"
     parser.add_argument(
         "--vary",
-        type=varied,
+        type=swept_number,
         action="append",
         default=[],
         metavar="FIELD=FROM:TO:COUNT",
@@ -142,7 +148,7 @@ def requested_match(options: argparse.Namespace, in_one_arena: bool) -> "Match":
     return match
 
 
-def answer_varied(options: argparse.Namespace, play: "Callable[..., MatchResult]") -> int:
+def print_sweep(options: argparse.Namespace, play: "Callable[..., MatchResult]") -> int:
     """Play a match for each value of `--vary`, as `play_match` does, and print or draw how often
     the pursuer wins.
     """
@@ -159,23 +165,25 @@ def answer_varied(options: argparse.Namespace, play: "Callable[..., MatchResult]
     game, names = game_in_one_arena(options.game, "--vary"), BySide(options.pursuer, options.evader)
     variations = tuple(Variation(*variation) for variation in options.vary)
     matches = varied_matches(game, names, variations, options.games, options.seed, options.starts)
-    options.display.begin("playing a match for each value")
+    options.display.begin_task("playing a match for each value")
     results = play_varied(matches, variations, options.display.report, play)
-    answer(options, match_facts(options, results.match) | results.to_dict(), varied_table(results))
+    print_result(
+        options, match_facts(options, results.match) | results.to_dict(), varied_table(results)
+    )
     if options.out:
         from apollonius.show.matches import draw_varied
 
         draw_varied(results, options.out)
-        finish(options, options.out)
+        print_next_step(options, options.out)
     return 0
 
 
-def warn(options: argparse.Namespace, game: "Game", players: "Iterable[Named]" = ()) -> None:
+def warn(options: argparse.Namespace, game: "Game", players: "Iterable[NamedPlayer]" = ()) -> None:
     """Warn on standard error of unsound arenas and of players that have learned in another one.
 
     Games that ship with the package are sound, so only those of files are surveyed.
     """
-    from apollonius.agents.trained import ANY, learned_elsewhere
+    from apollonius.agents.trained import ANY, trained_elsewhere
     from apollonius.game.types import Role
 
     players_by_name = list({player.name: player for player in players}.values())
@@ -185,11 +193,11 @@ def warn(options: argparse.Namespace, game: "Game", players: "Iterable[Named]" =
             for player in players_by_name
             if player.header
             and player.header.role == role.name.lower()
-            and learned_elsewhere(player, game)
+            and trained_elsewhere(player, game)
         ]
         if elsewhere:
             has = "has" if len(elsewhere) == 1 else "have"
-            options.display.tell(
+            options.display.print_line(
                 f"{', '.join(elsewhere)} {has} learned in another arena; {ANY[role]} plays in any"
             )
     if (
@@ -201,13 +209,13 @@ def warn(options: argparse.Namespace, game: "Game", players: "Iterable[Named]" =
     from apollonius.arenas.survey import map_notes, missed_passage, survey  # which load SciPy
 
     passages = (
-        missed_passage(game) if any(player.policy.charted for player in players_by_name) else []
+        missed_passage(game) if any(player.policy.needs_chart for player in players_by_name) else []
     )
     for line in (*survey(game).wrong, *map_notes(game.arena), *passages):
-        options.display.tell(f"{options.game}: {line}")
+        options.display.print_line(f"{options.game}: {line}")
 
 
-def answer(options: argparse.Namespace, facts: dict[str, Any], text: str) -> None:
+def print_result(options: argparse.Namespace, facts: dict[str, Any], text: str) -> None:
     """Print a result, as one JSON object where that is asked for; the display shows no more."""
     options.display.stop()
     print(to_json(facts) if options.json else text)
@@ -218,18 +226,18 @@ def match_facts(options: argparse.Namespace, match: "Match") -> dict[str, Any]:
     return names | {"game": options.game, "starts": match.game.starts.speed, "seed": match.seed}
 
 
-def finish(options: argparse.Namespace, *written: Path, then: str = "") -> None:
+def print_next_step(options: argparse.Namespace, *written: Path, then: str = "") -> None:
     """Print on standard error the written files and folders and, unless a program reads, the next
     sensible step; the display shows no more.
     """
     options.display.stop()
-    lines = [f"wrote {shown(path)} ({_size(path)})" for path in written]
+    lines = [f"wrote {format_value(path)} ({_size(path)})" for path in written]
     if then and not getattr(options, "json", False):
         lines.append(f"next: {then}")
     print(*lines, sep="\n", file=sys.stderr, flush=True)
 
 
-def answer_with_replays(
+def print_with_replays(
     options: argparse.Namespace,
     match: "Match",
     facts: dict[str, Any],
@@ -251,21 +259,21 @@ def answer_with_replays(
     from apollonius.play.replay import save_replay
 
     if options.record:
-        options.display.begin(f"writing {options.record} replays")
+        options.display.begin_task(f"writing {options.record} replays")
     replay_files = list[Path]()
     for replay in islice(games, options.record):
         replay_files.append(
             options.replays / f"{kind}-{replay.index}-{replay.outcome.name.lower()}.json"
         )
         save_replay(replay, replay_files[-1])
-    answer(options, match_facts(options, match) | facts, text)
+    print_result(options, match_facts(options, match) | facts, text)
     if replay_files:
-        then = command("show", replay_files[0], "--out", replay_files[0].with_suffix(".gif"))
-        finish(options, options.replays, then=then)
+        then = shell_command("show", replay_files[0], "--out", replay_files[0].with_suffix(".gif"))
+        print_next_step(options, options.replays, then=then)
     return 0
 
 
-def command(*words: object) -> str:
+def shell_command(*words: object) -> str:
     """Return a command of this package as text for a shell."""
     return shlex.join(["apollonius", *map(str, words)])
 

@@ -9,11 +9,18 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from apollonius.cli.options import LENGTHS, add_json, add_workers, answer, command, finish
+from apollonius.cli.options import (
+    LENGTHS,
+    add_json,
+    add_workers,
+    print_next_step,
+    print_result,
+    shell_command,
+)
 from apollonius.cli.terminal import runs_table
-from apollonius.cli.values import count, installed, new_folder, run_folder, runs_folder
+from apollonius.cli.values import installed_extra, new_folder, run_folder, runs_folder, whole_number
 from apollonius.io.errors import TRACKERS, require_extra
-from apollonius.io.interrupts import go_on
+from apollonius.io.interrupts import set_resume_hint
 from apollonius.io.limits import GAMES, SEEDS
 from apollonius.io.workers import Job, run_jobs
 
@@ -28,7 +35,9 @@ def add_runs(parser: argparse.ArgumentParser) -> None:
 
 def add_track(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=run_folder, metavar="RUN", help="folder of a training run")
-    parser.add_argument("--to", type=installed, choices=TRACKERS, required=True, help="the tracker")
+    parser.add_argument(
+        "--to", type=installed_extra, choices=TRACKERS, required=True, help="the tracker"
+    )
     parser.set_defaults(run=run_track, compiles=False)
 
 
@@ -38,7 +47,7 @@ def run_runs(options: argparse.Namespace) -> int:
     folder: Path = options.folder
     runs = [progress_of(run) for run in runs_below(folder)]
     facts = [asdict(run) | {"folder": str(run.folder)} for run in runs]
-    answer(options, {"runs": facts}, runs_table(runs, folder))
+    print_result(options, {"runs": facts}, runs_table(runs, folder))
     return 0
 
 
@@ -49,12 +58,12 @@ def run_track(options: argparse.Namespace) -> int:
     folder: Path = options.folder
     lines = load_metrics(folder / "metrics.jsonl")
     track = Tracker(options.to, folder, load_config(folder / "config.toml"))
-    options.display.begin(f"sending {len(lines)} records")
+    options.display.begin_task(f"sending {len(lines)} records")
     for number, line in enumerate(lines, start=1):
         track(line)
         options.display.report(number, len(lines))
     track.close()
-    finish(options, folder)
+    print_next_step(options, folder)
     return 0
 
 
@@ -78,15 +87,15 @@ def train_all(runs: Sequence[Path], folder: Path, options: argparse.Namespace) -
     from apollonius.learn.progress import mean_share, progress_of, runs_below
 
     display, on = options.display, options.on or "processes"
-    go_on(f"go on with: {command('resume', folder, '--on', on)}")
-    display.begin(f"training {len(runs)} runs, on {on}", partial(mean_share, runs))
+    set_resume_hint(f"go on with: {shell_command('resume', folder, '--on', on)}")
+    display.begin_task(f"training {len(runs)} runs, on {on}", partial(mean_share, runs))
     jobs = [Job(str(run), train_and_judge, (run.absolute(),)) for run in runs]
     try:
-        run_jobs(jobs, display.tell, on, folder / "slurm")
+        run_jobs(jobs, display.print_line, on, folder / "slurm")
     finally:
         display.stop()
         print(runs_table([progress_of(run) for run in runs_below(folder)], folder), flush=True)
-    finish(options, folder, then=command("runs", folder))
+    print_next_step(options, folder, then=shell_command("runs", folder))
     return 0
 
 
@@ -96,12 +105,15 @@ def add_reproduce(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--seeds",
-        type=count(SEEDS),
+        type=whole_number(SEEDS),
         default=1,
         help="number of seeds, from 0 (default: %(default)s)",
     )
     parser.add_argument(
-        "--games", type=count(GAMES), default=10_000, help="games in a match (default: %(default)s)"
+        "--games",
+        type=whole_number(GAMES),
+        default=10_000,
+        help="games in a match (default: %(default)s)",
     )
     parser.add_argument(
         "--out", type=new_folder, help="folder of the study (default: runs/reproduce-BUDGET)"
@@ -128,16 +140,16 @@ def run_reproduce(options: argparse.Namespace) -> int:
         "--on",
         options.on,
     )
-    go_on(f"go on with: {command('reproduce', *arguments, '--resume')}")
+    set_resume_hint(f"go on with: {shell_command('reproduce', *arguments, '--resume')}")
 
     def run_all(jobs: Sequence[Job]) -> list[Any]:
-        display.begin("training", partial(mean_share, [job.arguments[0] for job in jobs]))
+        display.begin_task("training", partial(mean_share, [job.arguments[0] for job in jobs]))
         return run_jobs(jobs, on=options.on, logs=folder / "slurm")
 
     reproduce(
-        folder, options.budget, options.seeds, options.resume, options.games, run=run_all, begin=display.begin,
+        folder, options.budget, options.seeds, options.resume, options.games, run=run_all, begin=display.begin_task,
         progress=display.report,
     )  # fmt: skip
-    then = command("report", folder / "seed-0" / "curriculum")
-    finish(options, folder / "report.md", folder / "results.json", then=then)
+    then = shell_command("report", folder / "seed-0" / "curriculum")
+    print_next_step(options, folder / "report.md", folder / "results.json", then=then)
     return 0

@@ -16,19 +16,19 @@ from apollonius.cli.options import (
     add_game,
     add_game_options,
     chosen_rules,
-    command,
-    finish,
+    print_next_step,
     requested_match,
+    shell_command,
     warn,
 )
 from apollonius.cli.values import (
     agent_of,
-    count,
     known_agent,
     new_file,
     new_folder,
-    real,
+    real_number,
     run_folder,
+    whole_number,
 )
 from apollonius.io.errors import InvalidInput, require, require_extra
 from apollonius.io.extensions import PLAYERS, extension_names
@@ -54,7 +54,9 @@ def add_show(parser: argparse.ArgumentParser) -> None:
         help="file to write: .png, .gif, .webp or a replay's .json (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument(
-        "--speed", type=real, help="seconds of the game in one of a moving picture (default: 1)"
+        "--speed",
+        type=real_number,
+        help="seconds of the game in one of a moving picture (default: 1)",
     )
     parser.set_defaults(run=run_show, games=1, record=0)
 
@@ -74,17 +76,17 @@ def run_show(options: argparse.Namespace) -> int:
             possible,
         )
     display = options.display
-    display.begin("playing one game")
+    display.begin_task("playing one game")
     if options.evader is None:
         replay = load_replay(Path(options.pursuer))
         first = replay.first_difference()
         if first is not None:
-            display.tell(f"played again, this game differs from step {first} on")
+            display.print_line(f"played again, this game differs from step {first} on")
     else:
         from apollonius.evaluate.match import record_game
 
         replay = record_game(requested_match(options, in_one_arena=True), 0)
-    display.begin(f"drawing {len(replay.states)} states")
+    display.begin_task(f"drawing {len(replay.states)} states")
     if options.out.suffix == ".json":
         save_replay(replay, options.out)
     else:
@@ -93,14 +95,14 @@ def run_show(options: argparse.Namespace) -> int:
     steps = f"{len(replay.actions)} steps, starts: {replay.game.starts.speed}"
     print(f"{replay.pursuer} against {replay.evader}: {replay.ending()} ({steps})")
     if options.out.suffix == ".json":
-        then = command("show", options.out, "--out", options.out.with_suffix(".gif"))
+        then = shell_command("show", options.out, "--out", options.out.with_suffix(".gif"))
     elif options.evader is None:
-        then = command("play")
+        then = shell_command("play")
     else:
-        then = command(
+        then = shell_command(
             "evaluate", options.pursuer, options.evader, *chosen_rules(options), "--games", 1000
         )
-    finish(options, options.out, then=then)
+    print_next_step(options, options.out, then=then)
     return 0
 
 
@@ -118,9 +120,9 @@ def run_report(options: argparse.Namespace) -> int:
     require_extra("plot", "report")
     from apollonius.show.report import report_of, save_report
 
-    options.display.begin("playing games and drawing")
+    options.display.begin_task("playing games and drawing")
     save_report(report_of(folder), out)
-    finish(options, out, then=f"open {out} in a browser")
+    print_next_step(options, out, then=f"open {out} in a browser")
     return 0
 
 
@@ -129,23 +131,32 @@ def add_slice(parser: argparse.ArgumentParser) -> None:
         "agent", type=known_agent, metavar="AGENT", help="one that values its actions"
     )
     parser.add_argument(
-        "--opponent", type=real, nargs=2, required=True, metavar=("X", "Y"), help="where it is [m]"
+        "--opponent",
+        type=real_number,
+        nargs=2,
+        required=True,
+        metavar=("X", "Y"),
+        help="where it is [m]",
     )
     parser.add_argument(
-        "--opponent-speed", type=real, default=0.0, metavar="V", help="[m/s] (default: 0)"
+        "--opponent-speed", type=real_number, default=0.0, metavar="V", help="[m/s] (default: 0)"
     )
     parser.add_argument(
-        "--opponent-heading", type=real, default=0.0, metavar="DEG", help="from the x axis"
+        "--opponent-heading", type=real_number, default=0.0, metavar="DEG", help="from the x axis"
     )
     parser.add_argument(
         "--speed",
-        type=real,
+        type=real_number,
         default=0.0,
         metavar="V",
         help="of the agent itself [m/s] (default: 0)",
     )
     parser.add_argument(
-        "--heading", type=real, default=0.0, metavar="DEG", help="of the agent itself (default: 0)"
+        "--heading",
+        type=real_number,
+        default=0.0,
+        metavar="DEG",
+        help="of the agent itself (default: 0)",
     )
     add_game(parser)
     parser.add_argument(
@@ -162,9 +173,9 @@ def run_slice(options: argparse.Namespace) -> int:
 
     from apollonius import BySide, RobotState, Role, find_player, load_solution
     from apollonius.agents.policy import AbstractActionValuePolicy
-    from apollonius.arenas.charting import charted
+    from apollonius.arenas.charting import with_chart
     from apollonius.arenas.file import game_in_one_arena
-    from apollonius.export.player import side_of
+    from apollonius.export.player import exported_side
     from apollonius.show.slices import save_slice
     from apollonius.solve.store import is_solution
 
@@ -176,19 +187,21 @@ def run_slice(options: argparse.Namespace) -> int:
     role = (
         Role[load_solution(path).problem.role.upper()]
         if is_solution(path)
-        else side_of(options.agent)
+        else exported_side(options.agent)
     )
     agent = find_player(options.agent, role, game)
     nine = "one that values its nine actions, as those trained by DQN do"
     if not isinstance(agent.policy, AbstractActionValuePolicy):
         raise InvalidInput(f"agent = {options.agent} is not possible: it must be {nine}.")
     warn(options, game, [agent])
-    game = charted(game, agent.policy.charted)
-    options.display.begin("asking the agent all over the arena")
+    game = with_chart(game, agent.policy.needs_chart)
+    options.display.begin_task("asking the agent all over the arena")
     save_slice(agent.policy, role, agent.name, game, own, opponent, options.out)
     players, gif = BySide.of(role, options.agent, "random"), options.out.with_suffix(".gif")
-    finish(
-        options, options.out, then=command("show", *players, *chosen_rules(options), "--out", gif)
+    print_next_step(
+        options,
+        options.out,
+        then=shell_command("show", *players, *chosen_rules(options), "--out", gif),
     )
     return 0
 
@@ -204,10 +217,15 @@ def add_play(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add_game(parser)
     parser.add_argument(
-        "--seed", type=count(SEED), default=0, help="seed of the starts (default: %(default)s)"
+        "--seed",
+        type=whole_number(SEED),
+        default=0,
+        help="seed of the starts (default: %(default)s)",
     )
     parser.add_argument(
-        "--port", type=count(PORT), help="of the page on this machine (default: the first free one)"
+        "--port",
+        type=whole_number(PORT),
+        help="of the page on this machine (default: the first free one)",
     )
     parser.add_argument(
         "--no-open", action="store_true", help="print the page's address, open no browser"
@@ -221,13 +239,13 @@ def add_play(parser: argparse.ArgumentParser) -> None:
 def run_play(options: argparse.Namespace) -> int:
     from apollonius import Role, find_game
     from apollonius.io.document import whole_folder
-    from apollonius.web.site import choose, write_site
+    from apollonius.web.site import choose_match, write_site
 
-    options.display.begin("writing the page")
+    options.display.begin_task("writing the page")
     side = Role[options.side.upper()]
     with tempfile.TemporaryDirectory() as private:
         folder = Path(private) / "site"  # which takes the mode of the page's own folder
-        choice = choose(
+        choice = choose_match(
             side, _opponent(options, side.other, Path(private)), options.game, options.seed
         )
         warn(options, find_game(options.game))
@@ -240,7 +258,7 @@ def run_play(options: argparse.Namespace) -> int:
         require(empty, "--site", options.site, "a new or empty folder; choose another")
         with whole_folder(options.site) as folder:
             write_site(folder, choice)
-        finish(
+        print_next_step(
             options,
             options.site,
             then=f"put it on any web host; its page is {options.site / 'index.html'}",

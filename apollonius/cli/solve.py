@@ -10,16 +10,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.agents.names import SIDES
-from apollonius.cli.options import add_game, add_json, answer, finish, warn
+from apollonius.cli.options import add_game, add_json, print_next_step, print_result, warn
 from apollonius.cli.terminal import columns, show_sweep
 from apollonius.cli.values import (
-    count,
     existing_file,
     known_game,
     new_file,
     nodes,
-    real,
+    real_number,
     require_writable,
+    whole_number,
 )
 from apollonius.io.errors import InvalidInput, require
 from apollonius.io.limits import HOLD
@@ -27,7 +27,7 @@ from apollonius.io.limits import HOLD
 if TYPE_CHECKING:
     from apollonius import BySide, Game, Role
     from apollonius.cli.display import Display
-    from apollonius.solve.enough import Enough
+    from apollonius.solve.cop_number import CopNumber
     from apollonius.solve.grid import Sweep
     from apollonius.solve.players import SaddlePolicy
     from apollonius.solve.store import Problem
@@ -55,10 +55,10 @@ def solved_game(
 
     def report(role: "Role", sweep: "Sweep") -> None:
         if sweep.number == 1:
-            display.begin(SOLVING[role])
+            display.begin_task(SOLVING[role])
         show_sweep(display, sweep)
 
-    display.begin(SOLVING[0])
+    display.begin_task(SOLVING[0])
     return cached_tables(game, counts, folder, report)
 
 
@@ -84,7 +84,7 @@ def requested_tables(options: argparse.Namespace, game: "Game") -> "BySide[Saddl
     from apollonius.solve.solving import FEW_PAIRS, joint_grid, table_player
 
     if options.tables:
-        options.display.begin(SOLVING[0])
+        options.display.begin_task(SOLVING[0])
         players = [table_player(path, game) for path in options.tables]
         sides = {player.zero_sum_game.role: player for player in players}
         require(
@@ -114,13 +114,19 @@ def add_solve(parser: argparse.ArgumentParser) -> None:
         help="of game: robots move by whole cells along x and y",
     )
     parser.add_argument(
-        "--target", type=real, nargs=2, metavar=("X", "Y"), help="of reach: where it stands [m]"
+        "--target",
+        type=real_number,
+        nargs=2,
+        metavar=("X", "Y"),
+        help="of reach: where it stands [m]",
     )
     parser.add_argument(
         "--grid", type=nodes, help="nodes along x, y, v and heading (default: about 0.2 m apart)"
     )
     parser.add_argument(
-        "--hold", type=count(HOLD), help="steps for which an action is held (default: about 0.5 s)"
+        "--hold",
+        type=whole_number(HOLD),
+        help="steps for which an action is held (default: about 0.5 s)",
     )
     about = "file of the table; what it holds is not solved again (default: WHAT-GAME.safetensors)"
     parser.add_argument("--out", type=new_file(".safetensors"), help=about)
@@ -133,7 +139,7 @@ def add_solve(parser: argparse.ArgumentParser) -> None:
 
 def run_solve(options: argparse.Namespace) -> int:
     from apollonius.arenas.file import game_in_one_arena
-    from apollonius.evaluate.solved import about
+    from apollonius.evaluate.solved import describe_solution
     from apollonius.solve.solving import solve_problem
     from apollonius.solve.store import load_solution, save_solution
 
@@ -150,17 +156,17 @@ def run_solve(options: argparse.Namespace) -> int:
                 f"'{path}' holds the solution of another problem: give another --out, or --force."
             )
     else:
-        display.begin(f"solving {problem.kind} on {'x'.join(map(str, problem.counts))} nodes")
+        display.begin_task(f"solving {problem.kind} on {'x'.join(map(str, problem.counts))} nodes")
         solution = solve_problem(problem, game, partial(show_sweep, display))
         save_solution(solution, path)
-    display.begin("judging the table")
-    facts = about(solution, game) | {"file": str(path)}
+    display.begin_task("judging the table")
+    facts = describe_solution(solution, game) | {"file": str(path)}
     texts = {
         name: f"{value:.4g}" if isinstance(value, float) else value for name, value in facts.items()
     }
-    answer(options, facts, "\n".join(f"{name:<52} {value}" for name, value in texts.items()))
+    print_result(options, facts, "\n".join(f"{name:<52} {value}" for name, value in texts.items()))
     if is_new:
-        finish(options, path)
+        print_next_step(options, path)
     return 0
 
 
@@ -207,30 +213,34 @@ def run_pursuers(options: argparse.Namespace) -> int:
     """Count and tell; exit status 1 where the graphs do not agree."""
     from apollonius.arenas.file import game_in_one_arena
     from apollonius.arenas.free_space import free_space
-    from apollonius.solve.enough import how_many
-    from apollonius.solve.searchers import how_many_to_see
+    from apollonius.solve.cop_number import find_cop_number
+    from apollonius.solve.search_number import find_search_number
 
     display = options.display
     game = game_in_one_arena(options.game, "pursuers")
     warn(options, game)
-    display.begin("looking where robots can be")
+    display.begin_task("looking where robots can be")
     space = free_space(game)
 
     def report(spacing: float) -> None:
-        display.begin(f"solving the game on cells of {spacing:.2g} m")
+        display.begin_task(f"solving the game on cells of {spacing:.2g} m")
 
-    enough = how_many_to_see(game, space, report) if options.to_see else how_many(space, report)
-    if not enough.readings:
+    enough = (
+        find_search_number(game, space, report)
+        if options.to_see
+        else find_cop_number(space, report)
+    )
+    if not enough.results:
         raise InvalidInput(
             f"'{options.game}' has too many obstacles to be solved on a graph; take a part of it."
         )
     facts = _facts(options.game, enough)
-    answer(options, facts, _text(facts, enough.verdict))
+    print_result(options, facts, _text(facts, enough.verdict))
     return 0 if enough.agree else 1
 
 
-def _facts(name: str, enough: "Enough") -> dict[str, Any]:
-    places = enough.readings[-1].places
+def _facts(name: str, enough: "CopNumber") -> dict[str, Any]:
+    places = enough.results[-1].places
     return {
         "arena": name,
         "pursuers": enough.pursuers,
@@ -247,7 +257,7 @@ def _facts(name: str, enough: "Enough") -> dict[str, Any]:
                 "pursuers": reading.pursuers,
                 **({} if reading.places is None else {"turns": len(reading.places) - 1}),
             }
-            for reading in enough.readings
+            for reading in enough.results
         ],
         **({} if places is None else {"strategy": places.round(2).tolist()}),
     }

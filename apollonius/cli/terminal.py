@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from apollonius.agents.names import SIDES
-from apollonius.io.errors import LONGEST_MESSAGE, shown
+from apollonius.io.errors import LONGEST_MESSAGE, format_value
 
 if TYPE_CHECKING:
     from apollonius.cli.display import Display
     from apollonius.evaluate.learning import Curve
     from apollonius.evaluate.match import Match, MatchResult
-    from apollonius.evaluate.solved import Card
+    from apollonius.evaluate.solved import RegretCard
     from apollonius.evaluate.tournament import Advice, Tournament
     from apollonius.evaluate.vary import VariedMatches
     from apollonius.learn.metrics import MetricsLine
@@ -39,13 +39,17 @@ def runs_table(runs: "Sequence[Progress]", below: Path) -> str:
     """Return training runs as lines of text; their names are paths below a folder."""
     rows = [("run", "state", "done", "pursuer wins", "machine", "last heard of")]
     for run in runs:
-        name = shown(run.folder.relative_to(below) if run.folder != below else run.folder.name)
+        name = format_value(
+            run.folder.relative_to(below) if run.folder != below else run.folder.name
+        )
         wins = "-" if run.evaluation is None else f"{run.evaluation.pursuer_win_rate:.1%}"
         machine = run.state.machine + (f" (Slurm {run.state.job})" if run.state.job else "")
         ago = "-" if run.age is None else f"{timedelta(seconds=round(run.age))} ago"
-        rows.append((name, run.state.state, f"{run.share:.0%}", wins, shown(machine or "-"), ago))
+        rows.append(
+            (name, run.state.state, f"{run.share:.0%}", wins, format_value(machine or "-"), ago)
+        )
     errors = [
-        shown(f"{run.folder}: {run.state.error}", LONGEST_MESSAGE)
+        format_value(f"{run.folder}: {run.state.error}", LONGEST_MESSAGE)
         for run in runs
         if run.state.error
     ]
@@ -87,7 +91,7 @@ def match_table(match: "Match", result: "MatchResult") -> str:
             sum(result.outcomes[f"{side}_{how}"] for how in _OWN_FAILURES)
             + result.outcomes["both_failed"]
         )
-        lines.append(f"  {player.name} ({side}) wins {rate:.2%} of games {within(interval)}")
+        lines.append(f"  {player.name} ({side}) wins {rate:.2%} of games {interval_text(interval)}")
         if failures:
             lines[-1] += f", loses {failures / result.games:.2%} by a failure of its own"
     lines.append(f"{match.games:,} games, starts: {match.game.starts.speed}")
@@ -105,7 +109,7 @@ def match_table(match: "Match", result: "MatchResult") -> str:
     arenas = result.arenas
     if arenas:
         lines.append(
-            f"  by arenas the pursuer wins {arenas.mean:.2%} {within(arenas.interval)}, a mean of"
+            f"  by arenas the pursuer wins {arenas.mean:.2%} {interval_text(arenas.interval)}, a mean of"
         )
         lines[-1] += f" {len(arenas.wins)}; {arenas.worst:.2%} in the worst tenth"
     return "\n".join(lines)
@@ -117,7 +121,7 @@ def bar(share: float, width: int = 40) -> str:
     return "█" * (eighths // 8) + " ▏▎▍▌▋▊▉"[eighths % 8].strip()
 
 
-def within(interval: tuple[float, float], form: str = ".2%") -> str:
+def interval_text(interval: tuple[float, float], form: str = ".2%") -> str:
     """Return a 95 % interval in words."""
     return "(95 % interval {:{form}} to {:{form}})".format(*interval, form=form)
 
@@ -144,7 +148,7 @@ def learning_table(curves: "Sequence[Curve]") -> str:
     for curve in curves:
         shares = [curve.wins.get(percent) for percent in _QUARTERS]
         cells = ["-" if share is None else f"{share:.1%}" for share in shares]
-        rows.append((f"  {curve.about}", *cells))
+        rows.append((f"  {curve.title}", *cells))
     return "\n".join(columns(rows))
 
 
@@ -186,7 +190,7 @@ def tournament_table(tournament: "Tournament", starts: str) -> str:
     for side, names, rated in zip(
         SIDES, (tournament.pursuers, tournament.evaders), tournament.ratings, strict=True
     ):
-        ranked = sorted(zip(rated.points, rated.reach, names, strict=True), reverse=True)
+        ranked = sorted(zip(rated.points, rated.half_widths, names, strict=True), reverse=True)
         lines.append(
             f"  {side}s "
             + ", ".join(f"{name} {elo:.0f} ± {half:.0f}" for elo, half, name in ranked)
@@ -236,14 +240,14 @@ def varied_table(varied: "VariedMatches") -> str:
     return "\n".join([match_heading(varied.match), about, *columns(table)])
 
 
-def card_table(agent: str, starts: str, card: "Card") -> str:
+def card_table(agent: str, starts: str, card: "RegretCard") -> str:
     """Return a regret card as lines of text."""
     return (
         f"{agent} ({card.role}) against the table: {card.games:,} games, starts: {starts}\n"
-        f"  won {card.won:.2%} {within(card.won_interval)}, lost {card.lost:.2%} {within(card.lost_interval)}\n"
-        f"  payoff {card.payoff:+.3f} {within(card.payoff_interval, '+.3f')}\n"
+        f"  won {card.won:.2%} {interval_text(card.won_interval)}, lost {card.lost:.2%} {interval_text(card.lost_interval)}\n"
+        f"  payoff {card.payoff:+.3f} {interval_text(card.payoff_interval, '+.3f')}\n"
         f"  the tables promise {card.promised:+.3f} to {card.at_most:+.3f}: estimates, no bounds\n"
-        f"  gap to what its own table promises {card.gap:.3f} {within(card.gap_interval, '.3f')}"
+        f"  gap to what its own table promises {card.gap:.3f} {interval_text(card.gap_interval, '.3f')}"
     )
 
 

@@ -4,22 +4,22 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from apollonius.cli.options import LENGTHS, add_workers, command, finish
+from apollonius.cli.options import LENGTHS, add_workers, print_next_step, shell_command
 from apollonius.cli.runs import train_all
 from apollonius.cli.solve import solved_game
 from apollonius.cli.terminal import learning_table, match_table, training_notes
 from apollonius.cli.values import (
-    count,
     existing_file,
-    installed,
+    installed_extra,
     known_game,
     new_folder,
     runs_folder,
     seeds,
-    varied_field,
+    swept_field,
+    whole_number,
 )
 from apollonius.io.errors import TRACKERS, require
-from apollonius.io.interrupts import asked_to_stop, go_on
+from apollonius.io.interrupts import set_resume_hint, stopping_on_signals
 from apollonius.io.limits import SEED
 from apollonius.learn.opponents import SCHEMES
 
@@ -51,12 +51,14 @@ def add_train(parser: argparse.ArgumentParser) -> None:
         type=known_game,
         help="name of the game, or a .toml or .json file (default: paper)",
     )
-    parser.add_argument("--seed", type=count(SEED), help="seed of everything random (default: 0)")
+    parser.add_argument(
+        "--seed", type=whole_number(SEED), help="seed of everything random (default: 0)"
+    )
     parser.add_argument(
         "--seeds", type=seeds, help="a run for each of several seeds, as 0-9 or 0,3,7"
     )
     parser.add_argument(
-        "--vary", type=varied_field, action="append", default=[], metavar="FIELD=VALUES",
+        "--vary", type=swept_field, action="append", default=[], metavar="FIELD=VALUES",
         help="a run for each value of a field of config.toml: dqn.learning_rate=1e-4,3e-4 or FIELD=FROM:TO:COUNT; "
         "several for all combinations",
     )  # fmt: skip
@@ -78,7 +80,7 @@ def add_train(parser: argparse.ArgumentParser) -> None:
         "--force", action="store_true", help="overwrite a run that is already there"
     )
     about = "send the metrics of one run to a tracker meanwhile"
-    parser.add_argument("--track", type=installed, choices=TRACKERS, help=about)
+    parser.add_argument("--track", type=installed_extra, choices=TRACKERS, help=about)
     parser.set_defaults(run=run_train)
 
 
@@ -95,8 +97,8 @@ def run_train(options: argparse.Namespace) -> int:
     from apollonius.game.types import Role
     from apollonius.learn.config import sweep
     from apollonius.learn.folder import create_run
-    from apollonius.learn.run import load_first
-    from apollonius.learn.setting import require_players
+    from apollonius.learn.run import load_first_networks
+    from apollonius.learn.training_task import require_players
 
     config = _requested_config(options)
     require(
@@ -116,7 +118,7 @@ def run_train(options: argparse.Namespace) -> int:
         # refused here, before anything is written
         find_pool(run_config.evaders, Role.EVADER, run_config.game)
         for role in Role:
-            load_first(run_config, role)
+            load_first_networks(run_config, role)
         if run_config.one_side is not None:
             require_players(run_config.one_side, run_config.game)
     if values and folder.exists():
@@ -190,12 +192,12 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
 
 def _train_and_judge(config: "RunConfig", folder: Path, options: argparse.Namespace) -> int:
     """Train to the end or to Ctrl-C; at the end judge the new agents."""
-    from apollonius.arenas.suite import each_alone
+    from apollonius.arenas.suite import single_arena_games
     from apollonius.evaluate.learning import learning_curves
     from apollonius.evaluate.pairings import evaluate_run
     from apollonius.learn.folder import agent_file
     from apollonius.learn.metrics import Tracker
-    from apollonius.learn.run import Run
+    from apollonius.learn.run import TrainingRun
     from apollonius.learn.teacher import TABLES
 
     trackers = list[Tracker]()
@@ -210,22 +212,22 @@ def _train_and_judge(config: "RunConfig", folder: Path, options: argparse.Namesp
                 track(line)
             except Exception as error:  # of any kind: each library has its own
                 trackers.clear()
-                display.tell(
+                display.print_line(
                     f"{to} takes no more ({error}); apollonius track {folder} --to {to} sends all afterwards"
                 )
 
     def tell(match: "Match", result: "MatchResult") -> None:
         print(match_table(match, result), end="\n\n", flush=True)
 
-    run = Run(config, folder, report)
-    go_on(f"go on with: apollonius resume {folder}")
+    run = TrainingRun(config, folder, report)
+    set_resume_hint(f"go on with: apollonius resume {folder}")
     if config.stages == "distillation" and config.distillation.solves:
-        for game in each_alone(config.game):
+        for game in single_arena_games(config.game):
             solved_game(display, game, config.distillation.grid, folder / TABLES)
     trackers += [Tracker(to, folder, config)] if to else []
-    display.begin("training")
+    display.begin_task("training")
     try:
-        with asked_to_stop():
+        with stopping_on_signals():
             is_finished = run.execute()
     finally:
         for track in trackers:
@@ -234,10 +236,10 @@ def _train_and_judge(config: "RunConfig", folder: Path, options: argparse.Namesp
         raise KeyboardInterrupt
     if config.one_side is not None:
         agent = agent_file(folder, f"{config.one_side.role[0].upper()}_{config.kind}")
-        finish(options, folder, then=command("exploit", config.one_side.role, agent))
+        print_next_step(options, folder, then=shell_command("exploit", config.one_side.role, agent))
         return 0
-    display.begin("judging")
+    display.begin_task("judging")
     evaluate_run(folder, config.game, tell, display.report)
     print(learning_table(learning_curves(folder, config, display.report)), end="\n\n", flush=True)
-    finish(options, folder, then=command("report", folder))
+    print_next_step(options, folder, then=shell_command("report", folder))
     return 0

@@ -24,9 +24,17 @@ from apollonius.agents.names import (
 )
 from apollonius.arenas.names import game_names, unknown_game
 from apollonius.game.names import TEAM
-from apollonius.io.errors import EXTRAS, TRACKERS, missing, nearest, require, shown, unknown_name
+from apollonius.io.errors import (
+    EXTRAS,
+    TRACKERS,
+    closest_names,
+    format_value,
+    missing_extra,
+    require,
+    unknown_name,
+)
 from apollonius.io.extensions import PLAYERS, extension_names
-from apollonius.io.limits import GAME_FILES, ONNX, SEED, TRAININGS, Counted
+from apollonius.io.limits import GAME_FILES, ONNX, SEED, TRAININGS, CountLimit
 
 LARGEST = 1e6
 """Largest real number that is taken: places, speeds and angles of a game are smaller."""
@@ -34,17 +42,17 @@ _NEEDED = {".png": "plot", ".html": "plot"}
 """Extras without which files with these endings cannot be written."""
 _FILES = (".safetensors", ".json", ".wasm")
 """Suffixes of the files of players and of replays."""
-VALUES = Counted(0, most=100, least=2)
+VALUES = CountLimit(0, most=100, least=2)
 """Values of a number that is varied."""
 _NODES = re.compile(r"(\d{1,6})x(\d{1,6})x(\d{1,6})x(\d{1,6})", re.ASCII)
 
 
-def unfit(text: str, bound: str) -> argparse.ArgumentTypeError:
+def value_error(text: str, bound: str) -> argparse.ArgumentTypeError:
     """Return the error of a value that is not possible; the parser puts the argument's name before
     it.
     """
     return argparse.ArgumentTypeError(
-        f"= {shown(text) or 'nothing'} is not possible: it must be {bound}."
+        f"= {format_value(text) or 'nothing'} is not possible: it must be {bound}."
     )
 
 
@@ -55,36 +63,36 @@ def _number(text: str) -> float:
         return math.nan
 
 
-def count(limits: Counted) -> Callable[[str], int]:
+def whole_number(limits: CountLimit) -> Callable[[str], int]:
     """Return the reader of a whole number of something that is counted; 1e4 is one, too."""
 
     def read(text: str) -> int:
         number = _number(text)
         if not number.is_integer() or not limits.least <= number <= limits.limit:
-            raise unfit(text, limits.bound())
+            raise value_error(text, limits.bound())
         return int(number)
 
     return read
 
 
-def real(text: str) -> float:
+def real_number(text: str) -> float:
     """Return a finite number of modest size."""
     number = _number(text)
     if not abs(number) <= LARGEST:
-        raise unfit(text, f"a number within {LARGEST:g} of 0")
+        raise value_error(text, f"a number within {LARGEST:g} of 0")
     return number
 
 
-def installed(text: str) -> str:
+def installed_extra(text: str) -> str:
     """Return the name of a tracker, or of the place where jobs run, unless what it needs is not
     installed.
     """
     extra_modules = ("track", TRACKERS[text]) if text in TRACKERS else (text,)
-    remedy = missing(*extra_modules) if extra_modules[0] in EXTRAS else None
+    remedy = missing_extra(*extra_modules) if extra_modules[0] in EXTRAS else None
     if remedy:
-        raise unfit(text, f"another one where its library is not installed: {remedy}")
+        raise value_error(text, f"another one where its library is not installed: {remedy}")
     if text == "slurm" and shutil.which("sbatch") is None:
-        raise unfit(text, "processes where Slurm's sbatch is not on the PATH")
+        raise value_error(text, "processes where Slurm's sbatch is not on the PATH")
     return text
 
 
@@ -93,24 +101,24 @@ def seeds(text: str) -> tuple[int, ...]:
     all_seeds: dict[int, None] = {}
     for part in text.split(","):
         first, dash, last = part.partition("-")
-        low, high = map(count(SEED), (first, last if dash else first))
+        low, high = map(whole_number(SEED), (first, last if dash else first))
         if not low <= high < low + TRAININGS.most - len(all_seeds):
-            raise unfit(text, f"seeds as 0-9 or 0,3,7, at most {TRAININGS.most:,}")
+            raise value_error(text, f"seeds as 0-9 or 0,3,7, at most {TRAININGS.most:,}")
         all_seeds |= dict.fromkeys(range(low, high + 1))
     return tuple(all_seeds)
 
 
-def varied_field(text: str) -> tuple[str, tuple[Any, ...]]:
+def swept_field(text: str) -> tuple[str, tuple[Any, ...]]:
     """Return a field of a training's config and its values, listed as `dqn.batch=64,128`, or spaced
     as by `varied`.
     """
     field, equals, values_text = text.partition("=")
     if values_text.count(":") == 2:
         return field, tuple(
-            int(value) if value.is_integer() else value for value in varied(text)[1]
+            int(value) if value.is_integer() else value for value in swept_number(text)[1]
         )
     if not (field.strip() and equals and values_text):
-        raise unfit(
+        raise value_error(
             text, "FIELD=VALUE,VALUE or FIELD=FROM:TO:COUNT, as dqn.learning_rate=1e-4,3e-4"
         )
     try:
@@ -119,17 +127,17 @@ def varied_field(text: str) -> tuple[str, tuple[Any, ...]]:
         return field, tuple(values_text.split(","))
 
 
-def varied(text: str) -> tuple[str, tuple[float, ...]]:
+def swept_number(text: str) -> tuple[str, tuple[float, ...]]:
     """Return a number of a game and evenly spaced values of it, given as `pursuer.v_max=0.8:1.6:5`."""
     field, equals, numbers = text.partition("=")
     ends = numbers.split(":")
     if not (field.strip() and equals and len(ends) == 3):
-        raise unfit(text, "FIELD=FROM:TO:COUNT, as pursuer.v_max=0.8:1.6:5")
-    low = real(ends[0])
-    high = real(ends[1])
-    steps = count(VALUES)(ends[2]) - 1
+        raise value_error(text, "FIELD=FROM:TO:COUNT, as pursuer.v_max=0.8:1.6:5")
+    low = real_number(ends[0])
+    high = real_number(ends[1])
+    steps = whole_number(VALUES)(ends[2]) - 1
     if low == high:
-        raise unfit(text, "FIELD=FROM:TO:COUNT with different ends")
+        raise value_error(text, "FIELD=FROM:TO:COUNT with different ends")
     values = (low * (1 - i / steps) + high * i / steps for i in range(steps + 1))
     return field, tuple(float(f"{value:.12g}") for value in values)
 
@@ -138,20 +146,24 @@ def nodes(text: str) -> tuple[int, ...]:
     """Return the nodes of a grid along x, y, v and heading, given as `101x101x9x47`."""
     match = _NODES.fullmatch(text)
     if not match:
-        raise unfit(text, "the nodes along x, y, v, heading, as 101x101x9x47")
+        raise value_error(text, "the nodes along x, y, v, heading, as 101x101x9x47")
     return tuple(map(int, match.groups()))
 
 
-def named(text: str) -> str:
+def player_or_file(text: str) -> str:
     """Return a name or path."""
     if not text or not text.isprintable():
-        raise unfit(text, "a name, or the path of a file")
+        raise value_error(text, "a name, or the path of a file")
     return text
 
 
 def agent_or_model(text: str) -> str:
     """Return a player's name or file, or the file of an ONNX model."""
-    return str(existing_file(text)) if named(text).lower().endswith(ONNX) else known_agent(text)
+    return (
+        str(existing_file(text))
+        if player_or_file(text).lower().endswith(ONNX)
+        else known_agent(text)
+    )
 
 
 def agent_of(side: str) -> Callable[[str], str]:
@@ -165,7 +177,7 @@ def known_agent(text: str, side: str | None = None) -> str:
     """Return a player's name or file; one that nobody has is refused here, where JAX is not needed
     for it.
     """
-    bare = named(text).removeprefix(SHIELDED).removeprefix(SEARCHING)
+    bare = player_or_file(text).removeprefix(SHIELDED).removeprefix(SEARCHING)
     if bare.lower().endswith(_FILES):
         existing_file(bare)
     names = [*BUILT_IN, *zoo_names()]
@@ -175,13 +187,13 @@ def known_agent(text: str, side: str | None = None) -> str:
         raise argparse.ArgumentTypeError(
             f"'{text}' plays the {side_of(name)[0]}, not the {side}: take another there."
         )
-    if name in names or bare in in_run or _is(Path(bare).is_file):
+    if name in names or bare in in_run or _path_fact(Path(bare).is_file):
         return text
     extensions = extension_names(PLAYERS)
     if bare in extensions:
         return text
     names = [candidate for candidate in names if not side or side in side_of(candidate)]
-    suggestion = nearest(bare, in_run or [*names, *extensions]) or next(iter(in_run), None)
+    suggestion = closest_names(bare, in_run or [*names, *extensions]) or next(iter(in_run), None)
     files = "a .safetensors file, RUN/NAME for an agent of a training run, or PACKAGE:NAME for one of a package"
     message = unknown_name("agent", bare, f"{LISTED}; or give {files}", suggestion)
     raise argparse.ArgumentTypeError(message)
@@ -189,7 +201,7 @@ def known_agent(text: str, side: str | None = None) -> str:
 
 def agents_in_run(run: str) -> list[str]:
     """Return the agents of a training run as RUN/NAME; none for what is no run."""
-    folders = [folder for folder in agents_folders(run) if run and _is(folder.is_dir)]
+    folders = [folder for folder in agents_folders(run) if run and _path_fact(folder.is_dir)]
     return sorted(
         f"{run}/{file.stem}" for folder in folders for file in folder.glob("*.safetensors")
     )
@@ -199,7 +211,11 @@ def known_game(text: str) -> str:
     """Return a game's name or file; one that nobody has is refused here, where JAX is not needed
     for it.
     """
-    name = named(text).split("/", 1)[-1] if TEAM.fullmatch(named(text).split("/")[0]) else text
+    name = (
+        player_or_file(text).split("/", 1)[-1]
+        if TEAM.fullmatch(player_or_file(text).split("/")[0])
+        else text
+    )
     if name.lower().endswith(GAME_FILES):
         existing_file(name)
     elif "/" not in name and not TEAM.fullmatch(name) and name not in game_names():
@@ -211,9 +227,9 @@ def _path(is_fit: Callable[[Path], bool], kind: str) -> Callable[[str], Path]:
     """Return the reader of a path that fits, that of a kind of thing which is there."""
 
     def read(text: str) -> Path:
-        path = Path(named(text))
-        if not _is(lambda: is_fit(path)):
-            raise argparse.ArgumentTypeError(f"no such {kind}: '{shown(text)}'")
+        path = Path(player_or_file(text))
+        if not _path_fact(lambda: is_fit(path)):
+            raise argparse.ArgumentTypeError(f"no such {kind}: '{format_value(text)}'")
         return path
 
     return read
@@ -232,18 +248,18 @@ def new_file(*suffixes: str, needs: Mapping[str, str] = _NEEDED) -> Callable[[st
     """
 
     def read(text: str) -> Path:
-        path = Path(named(text))
+        path = Path(player_or_file(text))
         if path.suffix not in suffixes:
             kinds = f"one of {', '.join(suffixes)}" if len(suffixes) > 1 else "".join(suffixes)
-            raise unfit(text, f"a file that ends in {kinds}")
-        if _is(path.exists) and not _is(path.is_file):
-            raise unfit(text, "a file, and something else has that name; choose another")
+            raise value_error(text, f"a file that ends in {kinds}")
+        if _path_fact(path.exists) and not _path_fact(path.is_file):
+            raise value_error(text, "a file, and something else has that name; choose another")
         reason = _unwritable(path, path.parent)
         if reason:
-            raise unfit(text, reason)
-        remedy = missing(needs[path.suffix]) if path.suffix in needs else None
+            raise value_error(text, reason)
+        remedy = missing_extra(needs[path.suffix]) if path.suffix in needs else None
         if remedy:
-            raise unfit(text, f"of another kind where libraries are not installed: {remedy}")
+            raise value_error(text, f"of another kind where libraries are not installed: {remedy}")
         return path
 
     return read
@@ -251,12 +267,12 @@ def new_file(*suffixes: str, needs: Mapping[str, str] = _NEEDED) -> Callable[[st
 
 def new_folder(text: str) -> Path:
     """Return a folder to write to, new or not, in a place where that can be done."""
-    path = Path(named(text))
-    if _is(path.exists) and not _is(path.is_dir):
-        raise unfit(text, "a folder, and something else has that name; choose another")
+    path = Path(player_or_file(text))
+    if _path_fact(path.exists) and not _path_fact(path.is_dir):
+        raise value_error(text, "a folder, and something else has that name; choose another")
     reason = _unwritable(path, path)
     if reason:
-        raise unfit(text, reason)
+        raise value_error(text, reason)
     return path
 
 
@@ -268,7 +284,7 @@ def require_writable(name: str, path: Path) -> None:
     require(reason is None, name, path, reason or "")
 
 
-def _is(question: Callable[[], bool]) -> bool:
+def _path_fact(question: Callable[[], bool]) -> bool:
     """Return the answer of a path about itself; False for one that cannot be."""
     try:
         return question()
@@ -284,10 +300,10 @@ def _unwritable(path: Path, folder: Path) -> str | None:
         with suppress(FileNotFoundError, NotADirectoryError):
             # which says of some paths that they cannot be, as of those that are too long
             path.lstat()
-        while not _is(folder.exists) and folder != folder.parent:
+        while not _path_fact(folder.exists) and folder != folder.parent:
             folder = folder.parent
         # one that has no name, or none for long: nothing is left behind
         with tempfile.TemporaryFile(dir=folder):
             return None
     except OSError as error:
-        return f"in a folder that can be written to ('{shown(folder)}': {error.strerror or error}); choose another"
+        return f"in a folder that can be written to ('{format_value(folder)}': {error.strerror or error}); choose another"

@@ -8,7 +8,7 @@ import numpy as np
 from jax.errors import JAXIndexError, JAXTypeError
 from jax.extend.core import ClosedJaxpr
 
-from apollonius.io.errors import InvalidInput, require, shown
+from apollonius.io.errors import InvalidInput, format_value, require
 
 _TRACED = "JAX compiles it and so knows no values of arrays: use jnp for np, jnp.where or jax.lax.cond for if"
 
@@ -32,20 +32,22 @@ def require_all(part: str, properties: Mapping[str, Callable[[], object]]) -> No
         except (JAXTypeError, JAXIndexError) as error:
             defects.append(f"{name}: {_TRACED} ({type(error).__name__}).")
         except Exception as error:  # whatever somebody else's code raises
-            defects.append(f"{name}: mend this error: {type(error).__name__}: {shown(error)}")
+            defects.append(
+                f"{name}: mend this error: {type(error).__name__}: {format_value(error)}"
+            )
     if defects:
         raise Nonconformance(part, defects)
 
 
 def require_pure(function: Callable[..., Any], *arguments: Any) -> None:
     """Refuse a function that prints, calls Python or changes from one trace to the next; raises InvalidInput."""
-    first, second = (jax.make_jaxpr(_again(function))(*arguments) for _ in range(2))
+    first, second = (jax.make_jaxpr(_fresh_copy(function))(*arguments) for _ in range(2))
     require(not first.effects, "effects", first.effects, "none: take out callbacks and prints")
     bound = "the same for the same arguments: take randomness from `bits` or a key, keep nothing in Python's variables"
     require(_is_same(first, second), "its computation", "another in each trace", bound)
 
 
-def _again(function: Callable[..., Any]) -> Callable[..., Any]:
+def _fresh_copy(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return the function as a new one, which JAX traces again."""
     return lambda *arguments: function(*arguments)
 

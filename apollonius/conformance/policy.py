@@ -9,13 +9,13 @@ import numpy as np
 from jaxtyping import Array
 
 from apollonius.agents.policy import AbstractPolicy
-from apollonius.arenas.charting import charted
+from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import as_game
 from apollonius.conformance.defects import require_all, require_pure, require_rows
-from apollonius.export.c import Compiled, has_compiler
-from apollonius.export.parity import Cases, cases_of, compare
+from apollonius.export.c import CompiledProgram, has_compiler
+from apollonius.export.parity import Cases, cases_of, compare_decisions
 from apollonius.export.player import Player, find_exportable, known_state
-from apollonius.export.translate import translated
+from apollonius.export.translate import translate_block
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import is_continuous
 from apollonius.game.game import Game, reset_batch
@@ -85,7 +85,7 @@ class _Checks:
         reads = self.policy.observation
         if isinstance(reads, AbstractObservation):
             numbers = jax.eval_shape(lambda *example: self.see(*example)[0], *self.example[:3])
-            shape = _form(numbers)
+            shape = _type_and_shape(numbers)
             require(
                 shape == f"float32 [{reads.size}]",
                 "its result",
@@ -96,11 +96,19 @@ class _Checks:
     def answer(self) -> None:
         action, memory = jax.eval_shape(self.ask, *self.example)
         expected = "float32 [2]" if self.policy.continuous else "int32 []"
-        require(_form(action) == expected, "action", _form(action), f"{expected}, as continuous is")
-        form = jax.tree.map(_form, jax.eval_shape(lambda: self.policy.memory))
+        require(
+            _type_and_shape(action) == expected,
+            "action",
+            _type_and_shape(action),
+            f"{expected}, as continuous is",
+        )
+        form = jax.tree.map(_type_and_shape, jax.eval_shape(lambda: self.policy.memory))
         bound = f"{form}, as the first memory is, in every step"
         require(
-            jax.tree.map(_form, memory) == form, "next memory", jax.tree.map(_form, memory), bound
+            jax.tree.map(_type_and_shape, memory) == form,
+            "next memory",
+            jax.tree.map(_type_and_shape, memory),
+            bound,
         )
 
     def purity(self) -> None:
@@ -118,8 +126,8 @@ class _Checks:
     def choice(self, cases: Cases) -> None:
         @jax.jit
         def choices(state: Array, active: Array | None, memory: Any, bits: Any) -> Array:
-            weighed, _ = self.policy.weigh(*self.see(state, active, memory), bits)
-            return jax.vmap(lambda allowed: self.policy.choose(weighed, allowed))(
+            scores, _ = self.policy.score(*self.see(state, active, memory), bits)
+            return jax.vmap(lambda allowed: self.policy.select(scores, allowed))(
                 jnp.eye(NUM_ACTIONS, dtype=bool)
             )
 
@@ -127,7 +135,7 @@ class _Checks:
         is_allowed = np.array_equal(chosen, np.arange(NUM_ACTIONS))
         require(
             is_allowed,
-            "choose",
+            "select",
             np.asarray(chosen),
             "an allowed action, also where one is: a shield asks it",
         )
@@ -174,7 +182,7 @@ class _Checks:
             )
         walls = Arena(arena.x_min, arena.x_max, arena.y_min, arena.y_max, discs, polygons)
         plain = replace(self.game, arena=walls, sensors=None, drives=None)
-        return charted(plain) if self.policy.charted else plain
+        return with_chart(plain) if self.policy.needs_chart else plain
 
     def _images(self, robots: tuple[RobotState, ...]) -> tuple[RobotState, ...]:
         height = self.game.arena.y_min + self.game.arena.y_max
@@ -182,15 +190,15 @@ class _Checks:
 
     def export(self, cases: Cases) -> None:
         player = self.player
-        program = translated(player.decide, *player.arguments, name="player")
+        program = translate_block(player.decide, *player.arguments, name="player")
         if has_compiler():
-            compiled = Compiled(program)
+            compiled = CompiledProgram(program)
 
             def decide(*case: Any) -> tuple[np.ndarray, np.ndarray]:
                 action, controls = compiled(player.policy, player.game, *case)[:2]
                 return action, controls
 
-            parity = compare(decide, player, cases)
+            parity = compare_decisions(decide, player, cases)
             bound = "the same in C; report this as an error"
             require(
                 not parity.errors,
@@ -200,7 +208,7 @@ class _Checks:
             )
 
 
-def _form(leaf: Any) -> str:
+def _type_and_shape(leaf: Any) -> str:
     """Return the type and the shape of an array, as `float32 [2]`."""
     leaf = jax.eval_shape(lambda: jnp.asarray(leaf)) if isinstance(leaf, int | float) else leaf
     return f"{leaf.dtype} {list(leaf.shape)}"

@@ -14,11 +14,28 @@ from jaxtyping import Array, Bool, Float, Int
 from apollonius.agents.policy import AbstractPolicy, Memory
 from apollonius.agents.pool import Pool
 from apollonius.game.game import Game
-from apollonius.game.types import ROLES, Action, Bits, BySide, DriveStates, GameState, Role, choose
+from apollonius.game.types import (
+    ROLES,
+    Action,
+    BySide,
+    DriveStates,
+    GameState,
+    RandomBits,
+    Role,
+    tree_where,
+)
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.tracking import Track
-from apollonius.play.rollout import Games, Pay, SideState, begin, look_around, of_robots, step_games
+from apollonius.play.rollout import (
+    Games,
+    Pay,
+    SideState,
+    init_games,
+    observe_both,
+    stack_robots,
+    step_games,
+)
 
 SPARE = 4
 """Starts are sampled in advance, for this many times the number of games."""
@@ -28,7 +45,7 @@ vain.
 """
 
 
-class Compiled:
+class CompiledFunction:
     """A function of a module, compiled with its first arguments as constants; what is pickled
     compiles for itself.
     """
@@ -41,10 +58,10 @@ class Compiled:
     def __call__(self, *arguments: Any) -> Any:
         return self._compiled(*arguments)
 
-    def __reduce__(self) -> tuple[type["Compiled"], tuple[Any, ...]]:
-        return Compiled, (self._function, *self._constants)
+    def __reduce__(self) -> tuple[type["CompiledFunction"], tuple[Any, ...]]:
+        return CompiledFunction, (self._function, *self._constants)
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> "Compiled":
+    def __deepcopy__(self, memo: dict[int, Any]) -> "CompiledFunction":
         return self  # nothing of it ever changes
 
 
@@ -62,7 +79,7 @@ def require_unforked() -> None:
         )
 
 
-class Outside(AbstractPolicy):
+class ExternalPolicy(AbstractPolicy):
     """A player whose actions come from outside: each is put into its memory, at first any action,
     before the step.
     """
@@ -79,20 +96,20 @@ class Outside(AbstractPolicy):
         return self.first
 
     def __call__(
-        self, observation: Float[Array, " size"], memory: Memory, bits: Bits
+        self, observation: Float[Array, " size"], memory: Memory, bits: RandomBits
     ) -> tuple[Action, Memory]:
         return memory, memory
 
 
-def begun(game: Game, players: BySide[Pool], state: GameState) -> Games:
-    return begin(game, state, players, jnp.zeros((2, len(state.steps)), jnp.uint32))
+def start_games(game: Game, players: BySide[Pool], state: GameState) -> Games:
+    return init_games(game, state, players, jnp.zeros((2, len(state.steps)), jnp.uint32))
 
 
 def _parts(games: Games, players: BySide[Pool]) -> BySide[tuple[Memory, Track | None, DriveStates]]:
     def parts_of_side(role: Role) -> tuple[Memory, Track | None, DriveStates]:
         side = games.sides[role]
         return (
-            () if isinstance(players[role].members, Outside) else side.memory,
+            () if isinstance(players[role].members, ExternalPolicy) else side.memory,
             side.track,
             side.drives,
         )
@@ -100,7 +117,7 @@ def _parts(games: Games, players: BySide[Pool]) -> BySide[tuple[Memory, Track | 
     return ROLES.map(parts_of_side)
 
 
-def carried(games: Games, players: BySide[Pool]) -> tuple[Array, ...]:
+def flatten_carry(games: Games, players: BySide[Pool]) -> tuple[Array, ...]:
     """Return the arrays of games besides their states: memories of the package's players, tracks
     and drives.
 
@@ -109,7 +126,7 @@ def carried(games: Games, players: BySide[Pool]) -> tuple[Array, ...]:
     return tuple(jax.tree.leaves(_parts(games, players)))
 
 
-def resumed(
+def restore_games(
     game: Game,
     players: BySide[Pool],
     state: GameState,
@@ -125,12 +142,12 @@ def resumed(
         carried: The arrays that `carried` returned.
         actions: Actions of a side from outside, `[games, robots]`.
     """
-    games = begun(game, players, state)
+    games = start_games(game, players, state)
     parts = jax.tree.unflatten(jax.tree.structure(_parts(games, players)), carried)
 
     def side(role: Role) -> SideState:
         memory, track, drives = parts[role]
-        acts = isinstance(players[role].members, Outside)
+        acts = isinstance(players[role].members, ExternalPolicy)
         return replace(
             games.sides[role], memory=actions[role] if acts else memory, track=track, drives=drives
         )
@@ -138,17 +155,17 @@ def resumed(
     return replace(games, sides=ROLES.map(side))
 
 
-class UnderWay(eqx.Module):
+class RunningGames(eqx.Module):
     """Games under way, the observations of the side from outside, and all else that games carry
     (`carried`).
     """
 
     state: GameState
     seen: Float[Array, "games *robots size"]
-    carried: tuple[Array, ...]
+    carry: tuple[Array, ...]
 
 
-class Result(eqx.Module):
+class StepResult(eqx.Module):
     """Results of a step of every game, before any new game begins.
 
     `reward` is the mean of the robots' rewards. In games of teams there is also each robot's own,
@@ -165,7 +182,7 @@ class Result(eqx.Module):
 
 
 @dataclass(frozen=True)
-class Batch:
+class GameBatch:
     """Constants of many games, in which the player of side `role` is `Outside`.
 
     With `next_step` a game that has ended begins again in the next step, else in the same one.
@@ -179,28 +196,28 @@ class Batch:
     next_step: bool
     pay: Pay | None = None
 
-    def sample_starts(self, bits: Bits) -> UnderWay:
+    def sample_starts(self, bits: RandomBits) -> RunningGames:
         keys = jax.random.split(jax.random.key(bits), SPARE * self.num_envs)
         starts: GameState = jax.lax.map(self.game.reset, keys, batch_size=_TOGETHER)
-        games = begun(self.game, self.players, starts)
+        games = start_games(self.game, self.players, starts)
         first_bits = jax.random.bits(keys[0], (len(keys),), jnp.uint32)
-        _, observations_by_side = look_around(
+        _, observations_by_side = observe_both(
             self.game, self.players, games, jnp.stack([first_bits, first_bits])
         )
-        observations = of_robots(
+        observations = stack_robots(
             jnp.split(observations_by_side[self.role][1], len(self.game.bodies[self.role]))
         )
-        return UnderWay(starts, observations, carried(games, self.players))
+        return RunningGames(starts, observations, flatten_carry(games, self.players))
 
     def step(
         self,
-        now: UnderWay,
+        now: RunningGames,
         ended: Bool[Array, " games"],
-        starts: UnderWay,
+        starts: RunningGames,
         used: Int[Array, ""],
         actions: Int[Array, "games *robots"] | Float[Array, "games *robots 2"],
-        bits: Bits,
-    ) -> tuple[UnderWay, Result]:
+        bits: RandomBits,
+    ) -> tuple[RunningGames, StepResult]:
         """Step every game; return the games and their results.
 
         Args:
@@ -213,7 +230,7 @@ class Batch:
         """
         several = len(self.game.bodies[self.role]) > 1
         actions_by_side = BySide.of(self.role, actions if several else actions[:, None], None)
-        games = resumed(self.game, self.players, now.state, now.carried, actions_by_side)
+        games = restore_games(self.game, self.players, now.state, now.carry, actions_by_side)
         step_bits = jax.random.bits(jax.random.key(bits), (self.num_envs,), jnp.uint32)
         games, transitions = step_games(
             self.game, self.players, games, jnp.stack([step_bits, step_bits]), pay=self.pay
@@ -221,7 +238,7 @@ class Batch:
         own_side = transitions.sides[self.role]
         status = games.state.status
         rewards = jnp.unstack(own_side.reward, axis=1) if several else [own_side.reward]
-        result = Result(
+        result = StepResult(
             own_side.next_observation,
             sum(rewards[1:], rewards[0]) / len(rewards),
             transitions.terminated,
@@ -230,17 +247,19 @@ class Batch:
             rewards=None if status is None else jnp.stack(rewards, 1),
             status=None if status is None else jnp.stack(status[self.role], 1),
         )
-        new_games = UnderWay(games.state, result.seen, carried(games, self.players))
+        new_games = RunningGames(games.state, result.seen, flatten_carry(games, self.players))
         if not self.next_step:
-            return renewed(new_games, starts, used, transitions.ended), result
+            return auto_reset(new_games, starts, used, transitions.ended), result
         # Zeros: no reward, no end, an ongoing game, active robots.
         restarted = replace(jax.tree.map(jnp.zeros_like, result), seen=result.seen)
-        return renewed(new_games, starts, used, ended), jax.vmap(choose)(ended, restarted, result)
+        return auto_reset(new_games, starts, used, ended), jax.vmap(tree_where)(
+            ended, restarted, result
+        )
 
 
-def renewed(
-    now: UnderWay, starts: UnderWay, used: Int[Array, ""], resets: Bool[Array, " games"]
-) -> UnderWay:
+def auto_reset(
+    now: RunningGames, starts: RunningGames, used: Int[Array, ""], resets: Bool[Array, " games"]
+) -> RunningGames:
     """Replace some games by new ones from the first unused starts.
 
     Args:
@@ -250,4 +269,4 @@ def renewed(
         resets: Games to replace.
     """
     place = jnp.where(resets, used + jnp.cumsum(resets.astype(jnp.int32)) - 1, 0)
-    return jax.vmap(choose)(resets, jax.tree.map(lambda leaf: leaf[place], starts), now)
+    return jax.vmap(tree_where)(resets, jax.tree.map(lambda leaf: leaf[place], starts), now)

@@ -5,7 +5,6 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from apollonius.envs.live import RENDER_MODES, LiveGame
 from apollonius.envs.options import (
     ObservationOption,
     PlayerOption,
@@ -15,6 +14,7 @@ from apollonius.envs.options import (
     require_known,
     require_no_options,
 )
+from apollonius.envs.single_game import RENDER_MODES, SingleGame
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.io.errors import require
@@ -25,7 +25,7 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
 
     Actions are the 9 of Eq. 5, or two numbers in [-1, 1]. The reward is that side's of Eq. 8 or 9.
     `info["outcome"]` is `ongoing`, or the name of a row of Tables II and III. The options are those
-    of `apollonius.envs.live.LiveGame`.
+    of `apollonius.envs.single_game.LiveGame`.
 
     Raises InvalidInput for what is unknown, a side of several robots, and in a forked process:
     `gymnasium.vector.AsyncVectorEnv` has those unless it is given `context="spawn"`.
@@ -46,7 +46,7 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
     ) -> None:
         require_known(OneSide, unknown)
         role = as_role(role)
-        self._live = live = LiveGame(
+        self._live = live = SingleGame(
             game, observation, actions, render_mode, reward, {role.other: opponent}
         )
         count = len(live.game.bodies[role])
@@ -75,7 +75,7 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
         way.
         """
         live = self._live
-        if not live.is_under_way:
+        if not live.is_running:
             raise gymnasium.error.ResetNeeded("a game begins with reset()")
         actions: list[Any] = [live.idle] * len(live.places)
         actions[self._robot] = action

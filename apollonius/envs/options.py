@@ -14,14 +14,14 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from apollonius.agents.policy import AbstractPolicy
-from apollonius.agents.pool import Pool, solo
-from apollonius.arenas.charting import charted
+from apollonius.agents.pool import Pool, single_player
+from apollonius.arenas.charting import with_chart
 from apollonius.catalogue import find_player
-from apollonius.envs.batch import Outside
+from apollonius.envs.batch import ExternalPolicy
 from apollonius.game.game import Game
 from apollonius.game.reward import Reward
 from apollonius.game.types import NUM_ACTIONS, ROLES, BySide, GameState, Role, Scalar, Timestep
-from apollonius.io.errors import InvalidInput, nearest, require, unknown_name
+from apollonius.io.errors import InvalidInput, closest_names, require, unknown_name
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.registry import OWN, find_observation, observation_names
 from apollonius.observe.view import View, look
@@ -124,14 +124,14 @@ def make_contest(
         InvalidInput: For options that are unknown or of a wrong kind.
     """
     outside = [role for role in Role if role not in inside]
-    game, own = _rewarded(game, reward, outside[0] if len(outside) == 1 else None)
+    game, own = _reward(game, reward, outside[0] if len(outside) == 1 else None)
     policies = {role: find_player(player, role, game).policy for role, player in inside.items()}
     reads = _observation(game, observation, outside[0])
     first = jnp.zeros((), jnp.int32) if actions == "discrete" else jnp.zeros(2)
-    outsider = Outside(first, reads)
-    players = ROLES.map(lambda role: solo(policies.get(role, outsider)))
-    reads_chart = reads.charted or any(policy.charted for policy in policies.values())
-    return Contest(charted(game, reads_chart), players, reads, own)
+    outsider = ExternalPolicy(first, reads)
+    players = ROLES.map(lambda role: single_player(policies.get(role, outsider)))
+    reads_chart = reads.needs_chart or any(policy.needs_chart for policy in policies.values())
+    return Contest(with_chart(game, reads_chart), players, reads, own)
 
 
 def _observation(game: Game, option: object, role: Role) -> AbstractObservation:
@@ -152,7 +152,7 @@ def _observation(game: Game, option: object, role: Role) -> AbstractObservation:
     return OwnObservation(function=option, size=numbers.size)
 
 
-def _rewarded(game: Game, option: object, role: Role | None) -> tuple[Game, OwnReward | None]:
+def _reward(game: Game, option: object, role: Role | None) -> tuple[Game, OwnReward | None]:
     """Return a game with other weights of its rewards, and the rewards by a function."""
     if option is None:
         return game, None
@@ -197,7 +197,7 @@ def require_known(environment: type, unknown: dict[str, Any]) -> None:
     names = list(inspect.signature(environment).parameters)[:-1]
     for name in unknown:
         remedy = f"the arguments are {', '.join(names)}"
-        raise InvalidInput(unknown_name("argument", name, remedy, nearest(name, names)))
+        raise InvalidInput(unknown_name("argument", name, remedy, closest_names(name, names)))
 
 
 def require_no_options(options: dict[str, Any] | None) -> None:

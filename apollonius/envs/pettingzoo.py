@@ -7,8 +7,8 @@ import numpy as np
 from gymnasium.utils.seeding import np_random
 from pettingzoo import ParallelEnv
 
-from apollonius.envs.live import RENDER_MODES, LiveGame
 from apollonius.envs.options import ObservationOption, RewardOption, random_bits, require_known
+from apollonius.envs.single_game import RENDER_MODES, SingleGame
 from apollonius.game.game import Game
 from apollonius.game.types import RobotStatus
 from apollonius.io.errors import require
@@ -21,7 +21,7 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
     Actions are the 9 of Eq. 5, or two numbers in [-1, 1]; rewards are those of Eq. 8 and 9.
     `terminations`: the rules ended the game; `truncations`: the time limit stopped it.
     `infos[agent]["outcome"]` is `ongoing`, or the name of a row of Tables II and III. Arguments and
-    errors are those of `apollonius.envs.live.LiveGame`.
+    errors are those of `apollonius.envs.single_game.LiveGame`.
 
     In a game of teams a robot that is captured or fails leaves before the others: its termination
     is true in that step, and from then on it is not among `agents` and has neither action nor
@@ -46,7 +46,7 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
         **unknown: Any,
     ) -> None:
         require_known(BothSides, unknown)
-        self._live = live = LiveGame(game, observation, actions, render_mode, reward, {})
+        self._live = live = SingleGame(game, observation, actions, render_mode, reward, {})
         self.metadata = type(self).metadata | {"render_fps": live.frames_per_second}
         self.render_mode = render_mode
         self.possible_agents = [f"{role.name.lower()}_{number}" for role, number in live.places]

@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from apollonius.arenas.file import as_game
-from apollonius.envs.batch import SPARE, Batch, Compiled, UnderWay, require_unforked
+from apollonius.envs.batch import SPARE, CompiledFunction, GameBatch, RunningGames, require_unforked
 from apollonius.envs.options import (
     ObservationOption,
     PlayerOption,
@@ -29,7 +29,7 @@ from apollonius.envs.options import (
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.io.errors import require
-from apollonius.io.limits import PARALLEL_GAMES, Counted
+from apollonius.io.limits import PARALLEL_GAMES, CountLimit
 
 _MODES = {mode.value: mode for mode in (AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP)}
 """By the names that Gymnasium's `make_vec` takes."""
@@ -104,10 +104,10 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._next_step = mode == AutoresetMode.NEXT_STEP
         # The game is a constant of what is compiled.
-        batch = Batch(game, role, contest.players, num_envs, self._next_step, contest.reward)
-        self._draw = Compiled(Batch.sample_starts, batch)
-        self._step = Compiled(Batch.step, batch)
-        self._now: UnderWay | None = None
+        batch = GameBatch(game, role, contest.players, num_envs, self._next_step, contest.reward)
+        self._draw = CompiledFunction(GameBatch.sample_starts, batch)
+        self._step = CompiledFunction(GameBatch.step, batch)
+        self._now: RunningGames | None = None
         self._left = 0
         """Sampled starts that have not been used."""
 
@@ -187,7 +187,7 @@ def _shortened(game: Game, max_episode_steps: int | None) -> Game:
     """
     if max_episode_steps is None:
         return game
-    Counted(0).require("max_episode_steps", max_episode_steps)
+    CountLimit(0).require("max_episode_steps", max_episode_steps)
     bound = "left out, as the evader wins by time: write a game with other max_steps"
     require(not game.reward.time_limit_wins, "max_episode_steps", max_episode_steps, bound)
     return replace(game, max_steps=min(game.max_steps, max_episode_steps))

@@ -17,15 +17,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, UInt32
 
-from apollonius.agents.kind import Named
 from apollonius.agents.names import SEARCHING, SHIELDED
-from apollonius.agents.onnx_agent import OnnxAgent, OnnxProcess, process_of
-from apollonius.agents.trained import file_of
-from apollonius.arenas.charting import charted
+from apollonius.agents.onnx_agent import OnnxAgent, OnnxProcess, external_process
+from apollonius.agents.source import NamedPlayer
+from apollonius.agents.trained import agent_path
+from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import find_game, to_dict
 from apollonius.arenas.suite import suite_entries
 from apollonius.catalogue import find_player
-from apollonius.evaluate.match import Match, begin
+from apollonius.evaluate.match import Match, draw_starts
 from apollonius.evaluate.result import worst_mean
 from apollonius.evaluate.statistics import mean_interval
 from apollonius.game.game import Game
@@ -35,10 +35,10 @@ from apollonius.game.types import BySide, Outcome, RobotStatus, Role
 from apollonius.io.cache import digest
 from apollonius.io.errors import require, require_printable
 from apollonius.io.limits import ONNX
-from apollonius.observe.observation import perceive
+from apollonius.observe.observation import observation_rows
 from apollonius.play import rollout
 from apollonius.play.playout import AbstractWatcher, Results, play_out
-from apollonius.play.random_bits import random_bits
+from apollonius.play.random_bits import threefry_bits
 from apollonius.play.rollout import Transition
 
 _EVADERS = ("still", "hide", "evader", "shielded:evader")
@@ -102,9 +102,9 @@ class Score:
     which the agent failed to act.
     """
 
-    worth: float
+    net_win_rate: float
     interval: tuple[float, float]
-    against: str
+    opponent: str
     worst_tenth: float
     crashes: float
     forfeits: float
@@ -113,10 +113,10 @@ class Score:
 class Fingerprint(AbstractWatcher):
     """A number that any other action or reward in a game changes (FNV-1a over words of 32 bits)."""
 
-    def begin(self) -> UInt32[Array, ""]:
+    def init(self) -> UInt32[Array, ""]:
         return jnp.uint32(0x811C9DC5)
 
-    def follow(self, known: UInt32[Array, ""], transition: Transition) -> UInt32[Array, ""]:
+    def update(self, known: UInt32[Array, ""], transition: Transition) -> UInt32[Array, ""]:
         for side in transition.sides:
             for leaf in (side.action, side.reward):
                 for word in jax.lax.bitcast_convert_type(leaf, jnp.uint32).ravel():
@@ -142,7 +142,7 @@ class Benchmark:
         game = find_game(f"{SUITE}/{PART}")
         if self.track == "lidar":
             game = replace(game, sensors=make_game("lidar").sensors)
-        return charted(in_teams(game, 2, 1) if self.track == "team" else game)
+        return with_chart(in_teams(game, 2, 1) if self.track == "team" else game)
 
     @property
     def arenas(self) -> tuple[str, ...]:
@@ -159,28 +159,28 @@ class Benchmark:
             "panel": digest([*map(digest_of, self.panel)]),
         }
 
-    def find(self, name: str) -> Named:
+    def find(self, name: str) -> NamedPlayer:
         """Return the player of a name or a file.
 
         Raises:
             InvalidInput: As `find_player` and `OnnxProcess`.
         """
         if name.endswith(ONNX):
-            return Named(Path(name).name, OnnxAgent(OnnxProcess(Path(name))))
+            return NamedPlayer(Path(name).name, OnnxAgent(OnnxProcess(Path(name))))
         return find_player(name, self.role, self.game)
 
-    def play(self, agent: Named, opponent: str, seed: int) -> Round:
+    def play(self, agent: NamedPlayer, opponent: str, seed: int) -> Round:
         """Play a round."""
         match, process = self._round(agent, opponent, seed)
         slots = match.games if process else _SLOTS
         results = play_out(
-            match.rules, match.pools, *begin(match), slots=slots, watcher=Fingerprint()
+            match.rules, match.pools, *draw_starts(match), slots=slots, watcher=Fingerprint()
         )
         outcomes = np.array(results.outcome)
         steps = np.array(results.steps)
         crashes = self._crashed(results)
         if process:
-            process.end()
+            process.stop()
             outcomes[[*process.forfeited]] = FORFEIT
         fingerprints = np.asarray(results.watched)
         words = np.stack([outcomes, steps, crashes, fingerprints]).astype("<u4").tobytes()
@@ -193,35 +193,37 @@ class Benchmark:
             failure=process.reason if process else "",
         )
 
-    def _round(self, agent: Named, opponent: str, seed: int) -> tuple[Match, OnnxProcess | None]:
+    def _round(
+        self, agent: NamedPlayer, opponent: str, seed: int
+    ) -> tuple[Match, OnnxProcess | None]:
         """Make the match of a round, and start the process of an agent from outside."""
         players = BySide.of(self.role, agent, self._opponents[opponent])
         match = Match(self.game, players, len(self.arenas), seed)
-        process = process_of(agent.policy)
+        process = external_process(agent.policy)
         if process:
-            process.begin(match.games)
+            process.start_round(match.games)
         return match, process
 
-    def microseconds(self, agent: Named) -> float:
+    def microseconds(self, agent: NamedPlayer) -> float:
         """Measure the time of a decision [us]: the first step of all games of a round, over its
         decisions.
         """
         match, process = self._round(agent, self.panel[0], 0)
-        starts, key = begin(match)
-        bits = random_bits(key, (2, match.games))
-        games = rollout.begin(match.rules, starts, match.pools, bits)
+        starts, key = draw_starts(match)
+        bits = threefry_bits(key, (2, match.games))
+        games = rollout.init_games(match.rules, starts, match.pools, bits)
 
         def decide() -> None:
             jax.block_until_ready(_act(match.rules, match.pools[self.role], games, bits, self.role))
 
         seconds = timeit.repeat(decide, number=1, repeat=_CALLS + 1)[1:]  # the first call compiles
         if process:
-            process.end()
+            process.stop()
         decisions = match.games * len(self.game.bodies[self.role])
-        return _rounded(1e6 * float(np.median(seconds)) / decisions)
+        return _round_number(1e6 * float(np.median(seconds)) / decisions)
 
     @cached_property
-    def _opponents(self) -> dict[str, Named]:
+    def _opponents(self) -> dict[str, NamedPlayer]:
         return {name: find_player(name, self.role.other, self.game) for name in self.panel}
 
     def _crashed(self, results: Results) -> np.ndarray:
@@ -234,7 +236,7 @@ class Benchmark:
     def score(self, opponents: Mapping[str, Sequence[Round]]) -> Score:
         """Compute the score from rounds against each opponent."""
         worths = {
-            name: np.mean([self._worths(game_round) for game_round in rounds], axis=0)
+            name: np.mean([self._net_win_rates(game_round) for game_round in rounds], axis=0)
             for name, rounds in opponents.items()
         }
         against = min(worths, key=lambda name: float(np.mean(worths[name])))
@@ -242,19 +244,19 @@ class Benchmark:
         all_rounds = [game_round for rounds in opponents.values() for game_round in rounds]
         low, high = mean_interval(least, -1.0, 1.0)
         return Score(
-            worth=_rounded(np.mean(least)),
-            interval=(_rounded(low), _rounded(high)),
-            against=against,
-            worst_tenth=_rounded(worst_mean(least)),
-            crashes=_rounded(
+            net_win_rate=_round_number(np.mean(least)),
+            interval=(_round_number(low), _round_number(high)),
+            opponent=against,
+            worst_tenth=_round_number(worst_mean(least)),
+            crashes=_round_number(
                 np.mean([np.array(game_round.crashed) > 0 for game_round in all_rounds])
             ),
-            forfeits=_rounded(
+            forfeits=_round_number(
                 np.mean([np.array(game_round.outcomes) == FORFEIT for game_round in all_rounds])
             ),
         )
 
-    def _worths(self, game_round: Round) -> Float[np.ndarray, " arenas"]:
+    def _net_win_rates(self, game_round: Round) -> Float[np.ndarray, " arenas"]:
         pursuer_wins = np.isin(game_round.outcomes, PURSUER_WINS).astype(float)
         evader_wins = np.isin(game_round.outcomes, evader_winning(time_limit_wins=True)).astype(
             float
@@ -266,22 +268,22 @@ class Benchmark:
 
 @partial(jax.jit, static_argnames="role")
 def _act(game: Game, pool: Any, games: rollout.Games, bits: Array, role: Role) -> Any:
-    observations = perceive(pool.observation, game, games.state, role)
+    observations = observation_rows(pool.observation, game, games.state, role)
     return rollout.decide(pool, games.sides[role], observations, bits[role])
 
 
-def digest_of(name: str, agent: Named | None = None) -> tuple[str, str]:
+def digest_of(name: str, agent: NamedPlayer | None = None) -> tuple[str, str]:
     """Return a player's name and the SHA-256 of its file, or of no bytes where it has none.
 
     The file of an agent from outside is taken as it was read.
     """
-    process = process_of(agent.policy) if agent else None
+    process = external_process(agent.policy) if agent else None
     if process:
         return name, sha256(process.content).hexdigest()
-    path = file_of(name.removeprefix(SHIELDED).removeprefix(SEARCHING))
+    path = agent_path(name.removeprefix(SHIELDED).removeprefix(SEARCHING))
     content = path.read_bytes() if path and os.path.isfile(path) else b""
     return name, sha256(content).hexdigest()
 
 
-def _rounded(value: Any) -> float:
+def _round_number(value: Any) -> float:
     return round(float(value), 4)

@@ -22,18 +22,18 @@ _COUNTED = (
 )
 
 
-def _counted(*games: int) -> dict[str, int]:
+def _read_counts(*games: int) -> dict[str, int]:
     return dict(zip(_COUNTED, games, strict=True))
 
 
 TABLE_2 = {
-    "P_random": _counted(336, 28, 26, 17, 93, 0),
-    "P_curriculum": _counted(62, 15, 52, 19, 351, 1),
+    "P_random": _read_counts(336, 28, 26, 17, 93, 0),
+    "P_curriculum": _read_counts(62, 15, 52, 19, 351, 1),
 }
 """Games of 500 against the random evader, by pursuer."""
 TABLE_3 = {
-    "P_random": _counted(115, 69, 66, 13, 36, 201),
-    "P_curriculum": _counted(188, 62, 135, 22, 30, 63),
+    "P_random": _read_counts(115, 69, 66, 13, 36, 201),
+    "P_curriculum": _read_counts(188, 62, 135, 22, 30, 63),
 }
 """Games of 500 against the evader of self-play from scratch, by pursuer."""
 

@@ -11,7 +11,7 @@ from apollonius.game.types import BySide, Role
 from apollonius.learn.config import FIXED_TARGET, SELF_PLAY, RunConfig
 from apollonius.learn.folder import METRICS
 from apollonius.learn.metrics import load_metrics
-from apollonius.play.playout import Report, silent
+from apollonius.play.playout import Report, no_report
 
 OPPONENTS = BySide(pursuer="flee-aware", evader="pure-pursuit")
 """The rules that a pursuer and an evader of self-play are measured by; no training of theirs meets
@@ -25,12 +25,12 @@ GAMES = 300
 class Curve:
     """How often one agent wins in the course of its stage."""
 
-    about: str
+    title: str
     wins: dict[int, float]
     """Share of games, by per cent of the stage."""
 
 
-def learning_curves(run: Path, config: RunConfig, report: Report = silent) -> list[Curve]:
+def learning_curves(run: Path, config: RunConfig, report: Report = no_report) -> list[Curve]:
     """Measure the stages of a finished run: stage 1 by its evaluations, self-play by matches of its
     snapshots.
 

@@ -8,9 +8,9 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray, UInt32
 
-from apollonius.agents.kind import Named
-from apollonius.agents.pool import Pool, solo
-from apollonius.arenas.charting import charted
+from apollonius.agents.pool import Pool, single_player
+from apollonius.agents.source import NamedPlayer
+from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
 from apollonius.evaluate.result import (
@@ -25,14 +25,14 @@ from apollonius.game.outcome import PURSUER_WINS, counts_by_name, evader_winning
 from apollonius.game.teams import separation
 from apollonius.game.types import ROLES, BySide, GameState, Outcome, Scalar
 from apollonius.io.errors import require
-from apollonius.io.kept import Kept
 from apollonius.io.limits import GAMES, SEED
-from apollonius.io.workers import Job, Run
-from apollonius.play.playout import Report, Results, play_out, silent
+from apollonius.io.persistent_jit import PersistentJit
+from apollonius.io.workers import Job, JobRunner
+from apollonius.play.playout import Report, Results, no_report, play_out
 from apollonius.play.replay import Replay, as_rows, trace
 
 
-def starting(game: Game, speed: str | None) -> Game:
+def with_start_speeds(game: Game, speed: str | None) -> Game:
     """Return a game with the initial speeds `rest` or `moving`, or its own for None; raises
     InvalidInput for others.
     """
@@ -48,7 +48,7 @@ class Match:
     """
 
     game: Game
-    players: BySide[Named]
+    players: BySide[NamedPlayer]
     games: int
     seed: int = 0
 
@@ -79,7 +79,7 @@ class Match:
         Raises:
             InvalidInput: As `find_game`, `find_player` and `starting`, and for other numbers.
         """
-        rules = starting(find_game(game) if isinstance(game, str) else game, starts)
+        rules = with_start_speeds(find_game(game) if isinstance(game, str) else game, starts)
         names = BySide(pursuer, evader)
         players = ROLES.map(lambda role: find_player(names[role], role, rules))
         return cls(rules, players, games, seed)
@@ -87,30 +87,30 @@ class Match:
     @cached_property
     def rules(self) -> Game:
         """The game as it is played: with charts, where players read them."""
-        return charted(self.game, any(player.policy.charted for player in self.players))
+        return with_chart(self.game, any(player.policy.needs_chart for player in self.players))
 
     @property
     def pools(self) -> BySide[Pool]:
-        return self.players.map(lambda player: solo(player.policy))
+        return self.players.map(lambda player: single_player(player.policy))
 
 
-@Kept
-def keys_of(seed: UInt32[Array, ""]) -> tuple[PRNGKeyArray, PRNGKeyArray]:
+@PersistentJit
+def match_keys(seed: UInt32[Array, ""]) -> tuple[PRNGKeyArray, PRNGKeyArray]:
     start_key, play_key = jax.random.split(jax.random.key(seed))
     return start_key, play_key
 
 
-def play_match(match: Match, report: Report = silent) -> MatchResult:
+def play_match(match: Match, report: Report = no_report) -> MatchResult:
     """Play the games of a match and count."""
-    return count(match, play_games(match, report=report))
+    return count_results(match, play_games(match, report=report))
 
 
 def play_matches(
     matches: Sequence[Match],
     on_match: Callable[[Match, MatchResult], None] = lambda match, result: None,
-    report: Report = silent,
+    report: Report = no_report,
     play: Callable[..., MatchResult] = play_match,
-    run: Run | None = None,
+    run: JobRunner | None = None,
 ) -> list[MatchResult]:
     """Play matches one after the other, or each as a job.
 
@@ -138,9 +138,9 @@ def play_matches(
     return results
 
 
-def play_games(match: Match, slots: int | None = None, report: Report = silent) -> Results:
+def play_games(match: Match, slots: int | None = None, report: Report = no_report) -> Results:
     """Play the games of a match, in slots as `play_out`."""
-    return play_out(match.rules, match.pools, *begin(match), slots=slots, report=report)
+    return play_out(match.rules, match.pools, *draw_starts(match), slots=slots, report=report)
 
 
 def worst_first(results: Results) -> list[int]:
@@ -155,7 +155,7 @@ def record_game(match: Match, index: int) -> Replay:
     require(
         0 <= index < match.games, "index", index, f"at least 0 and less than games = {match.games}"
     )
-    course = trace(match.rules, match.pools, *begin(match), index)
+    course = trace(match.rules, match.pools, *draw_starts(match), index)
     return Replay(
         match.game,
         match.players.pursuer.name,
@@ -169,13 +169,13 @@ def record_game(match: Match, index: int) -> Replay:
     )
 
 
-def begin(match: Match) -> tuple[GameState, PRNGKeyArray]:
+def draw_starts(match: Match) -> tuple[GameState, PRNGKeyArray]:
     """Return the starts of a match, and the key of everything random in its games."""
-    start_key, play_key = keys_of(np.uint32(match.seed))
+    start_key, play_key = match_keys(np.uint32(match.seed))
     return sample_starts(match.game, start_key, match.games), play_key
 
 
-def count(match: Match, results: Results) -> MatchResult:
+def count_results(match: Match, results: Results) -> MatchResult:
     """Count the games of a match that were played to their ends."""
     outcome = np.asarray(results.outcome)
     steps = np.asarray(results.steps)
@@ -200,16 +200,18 @@ def _detours(match: Match) -> Float[np.ndarray, " games"] | None:
     game = match.rules
     if game.teams or game.scenario is None or game.scenario.arenas.chart is None:
         return None
-    return np.asarray(_ways_over_lines(game, begin(match)[0]))
+    return np.asarray(_detour_ratios(game, draw_starts(match)[0]))
 
 
-@Kept
-def _ways_over_lines(game: Game, starts: GameState) -> Float[Array, " games"]:
+@PersistentJit
+def _detour_ratios(game: Game, starts: GameState) -> Float[Array, " games"]:
     def over_line(start: GameState) -> Scalar:
         chart = game.at(start).arena.chart
         pursuer = start.pursuer
         evader = start.evader
         assert chart is not None, "the game is charted"
-        return chart.way(pursuer.x, pursuer.y, evader.x, evader.y) / separation(pursuer, evader)
+        return chart.shortest_path_length(pursuer.x, pursuer.y, evader.x, evader.y) / separation(
+            pursuer, evader
+        )
 
     return jax.vmap(over_line)(starts)

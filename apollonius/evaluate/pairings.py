@@ -7,7 +7,7 @@ from apollonius.agents.store import load_header
 from apollonius.evaluate.match import Match, MatchResult, play_matches
 from apollonius.game.game import Game
 from apollonius.io.document import to_json, write_atomically
-from apollonius.play.playout import Report, silent
+from apollonius.play.playout import Report, no_report
 
 EVALUATION = "evaluation.json"
 """Name of the file in a run's folder with its final matches."""
@@ -62,7 +62,7 @@ def evaluate_run(
     run: Path,
     game: Game,
     on_match: Callable[[Match, MatchResult], None] = lambda match, result: None,
-    report: Report = silent,
+    report: Report = no_report,
 ) -> None:
     """Play the matches of a run's last agents, and write their results to its `EVALUATION`.
 

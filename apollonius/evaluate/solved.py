@@ -7,12 +7,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from apollonius.evaluate.match import Match, begin, play_games, starting
+from apollonius.evaluate.match import Match, draw_starts, play_games, with_start_speeds
 from apollonius.evaluate.statistics import mean_interval, wilson_interval
 from apollonius.game.game import Game, sample_starts
 from apollonius.game.outcome import evader_wins, pursuer_wins
-from apollonius.game.types import BySide, Role, one_each
-from apollonius.play.playout import Report, silent
+from apollonius.game.types import BySide, Role, value_for_each
+from apollonius.play.playout import Report, no_report
 from apollonius.solve.grid import make_grid
 from apollonius.solve.motion import motion_of, payoff_of
 from apollonius.solve.players import SaddlePolicy
@@ -24,7 +24,7 @@ STARTS = 20_000
 """Starts over which shares and times are taken."""
 
 
-def about(solution: Solution, game: Game) -> dict[str, Any]:
+def describe_solution(solution: Solution, game: Game) -> dict[str, Any]:
     """Return a solution in numbers by their names: how well it was solved, and its values at the
     game's starts.
     """
@@ -35,19 +35,19 @@ def about(solution: Solution, game: Game) -> dict[str, Any]:
         "sweeps": solution.sweeps,
         "residual": solution.residual,
     }
-    kinds = {"safety": _about_safety, "reach": _about_reach, "game": _about_game}
+    kinds = {"safety": _describe_safety, "reach": _describe_reach, "game": _describe_game}
     return solving | kinds[problem.kind](solution, game, Role[problem.role.upper()])
 
 
-def _about_safety(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
+def _describe_safety(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
     grid = make_grid(game.arena, game.body(role), tuple(solution.problem.counts))
-    starts = sample_starts(starting(game, "moving"), jax.random.key(0), STARTS)
-    robots = one_each(starts.robots)[role]
+    starts = sample_starts(with_start_speeds(game, "moving"), jax.random.key(0), STARTS)
+    robots = value_for_each(starts.robots)[role]
     values = jax.jit(jax.vmap(lambda robot: grid.interpolate(solution.table, robot)))(robots)
     return {"moving starts lost, by the table": float(np.mean(np.asarray(values) < 0))}
 
 
-def _about_reach(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
+def _describe_reach(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
     assert solution.problem.target is not None
     x, y = (jnp.asarray(coordinate, jnp.float32) for coordinate in solution.problem.target)
     grid = make_grid(game.arena, game.pursuer, tuple(solution.problem.counts))
@@ -62,7 +62,7 @@ def _about_reach(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
     }
 
 
-def _about_game(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
+def _describe_game(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
     """Return the value that the table promises the side at the game's starts, most of which are between
     nodes.
     """
@@ -77,7 +77,7 @@ def _about_game(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class Card:
+class RegretCard:
     """An agent against the table's player of the other side, beside the solved game.
 
     Rates are in [0, 1], with Wilson 95 % intervals; payoffs are its side's, discounted by the time
@@ -102,8 +102,8 @@ class Card:
 
 
 def measure_card(
-    match: Match, own: SaddlePolicy, other: SaddlePolicy, report: Report = silent
-) -> Card:
+    match: Match, own: SaddlePolicy, other: SaddlePolicy, report: Report = no_report
+) -> RegretCard:
     """Measure an agent's regret: its payoff against the solved game's best opponent beside the
     value of its own table.
 
@@ -117,7 +117,7 @@ def measure_card(
     """
     zero_sum_game = own.zero_sum_game
     games = match.games
-    starts, _ = begin(match)
+    starts, _ = draw_starts(match)
     results = play_games(match, report=report)
     seconds = results.steps.astype(jnp.float32) * match.game.dt
     payoffs = np.asarray(payoff_of(zero_sum_game.role, results.outcome, seconds))
@@ -128,7 +128,7 @@ def measure_card(
     )
     wins = int(np.sum(counts[zero_sum_game.role]))
     losses = int(np.sum(counts[zero_sum_game.role.other]))
-    return Card(
+    return RegretCard(
         role=zero_sum_game.role.name.lower(),
         games=games,
         won=wins / games,

@@ -11,15 +11,15 @@ from itertools import product
 from pathlib import Path
 from typing import Literal
 
-from apollonius.agents.kind import Named
+from apollonius.agents.source import NamedPlayer
 from apollonius.arenas.file import from_dict
 from apollonius.evaluate.benchmark import ROUNDS, Benchmark, Round, Score, digest_of
 from apollonius.game.types import Role
 from apollonius.io.cache import environment
 from apollonius.io.document import parse_json, read_bytes
 from apollonius.io.errors import require, require_positive, require_printable
-from apollonius.io.workers import Job, Run
-from apollonius.play.playout import Report, silent
+from apollonius.io.workers import Job, JobRunner
+from apollonius.play.playout import Report, no_report
 
 FORMAT = 1
 """Version of the file format."""
@@ -29,7 +29,7 @@ FORMAT = 1
 class SuiteCard:
     """An agent, its score, and everything needed to play its games again.
 
-    Its owner's word alone are `decision_us`, `made_with` and what the `failure` of a round says.
+    Its owner's word alone are `decision_us`, `versions` and what the `failure` of a round says.
     """
 
     agent: str
@@ -38,14 +38,14 @@ class SuiteCard:
     track: Literal["full", "lidar", "team"]
     score: Score
     decision_us: float
-    made_with: str
+    versions: str
     digests: dict[str, str]
     opponents: dict[str, tuple[Round, ...]]
     format: int
 
     def __post_init__(self) -> None:
         require_printable("agent", self.agent)
-        require_printable("made_with", self.made_with)
+        require_printable("versions", self.versions)
         require_positive(self, "decision_us")
         require(self.format == FORMAT, "format", self.format, f"{FORMAT}, as this version reads")
 
@@ -55,8 +55,8 @@ class SuiteCard:
         return Benchmark(self.track, Role[self.side.upper()])
 
 
-def judge(
-    benchmark: Benchmark, name: str, report: Report = silent, run: Run | None = None
+def judge_agent(
+    benchmark: Benchmark, name: str, report: Report = no_report, run: JobRunner | None = None
 ) -> SuiteCard:
     """Play all rounds of an agent and return its card.
 
@@ -92,10 +92,10 @@ def judge(
 
 def _play(
     benchmark: Benchmark,
-    agent: Named,
+    agent: NamedPlayer,
     pairs: Iterable[tuple[str, int]],
     report: Report,
-    run: Run | None = None,
+    run: JobRunner | None = None,
 ) -> Iterator[tuple[str, Round]]:
     """Yield each opponent and the round of each pair of an opponent and a seed."""
     rounds = list(pairs)
@@ -170,7 +170,7 @@ def _require_possible_games(card: SuiteCard, path: Path) -> None:
             require(crashed <= robots, f"{about}: crashed", crashed, f"{robots} at most")
 
 
-def verify(path: Path, file: str | None, every: bool, report: Report = silent) -> SuiteCard:
+def verify(path: Path, file: str | None, every: bool, report: Report = no_report) -> SuiteCard:
     """Play rounds of a card again and compare them with the card.
 
     Args:
@@ -197,7 +197,7 @@ def verify(path: Path, file: str | None, every: bool, report: Report = silent) -
         recorded = card.opponents[opponent][replayed.seed]
         about = f"'{path}': seed {replayed.seed} against '{opponent}'"
         bound = "as it comes out, played again"
-        if card.made_with != environment():
-            bound += f"; the card was made with {card.made_with}"
+        if card.versions != environment():
+            bound += f"; the card was made with {card.versions}"
         require(recorded == replayed, about, "as the card says", bound)
     return card

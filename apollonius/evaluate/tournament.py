@@ -13,8 +13,8 @@ import numpy as np
 import scipy  # its parts are loaded where they are used
 from jaxtyping import Float
 
-from apollonius.agents.kind import Named
 from apollonius.agents.names import BUILT_IN, SHIELDED
+from apollonius.agents.source import NamedPlayer
 from apollonius.catalogue import find_player
 from apollonius.evaluate.benchmark import PANELS
 from apollonius.evaluate.match import Match, MatchResult, play_games, play_matches, record_game
@@ -22,8 +22,8 @@ from apollonius.evaluate.statistics import Z
 from apollonius.game.game import Game
 from apollonius.game.types import ROLES, BySide, Outcome, Role
 from apollonius.io.errors import require
-from apollonius.io.workers import Run
-from apollonius.play.playout import Report, silent
+from apollonius.io.workers import JobRunner
+from apollonius.play.playout import Report, no_report
 
 SCALE = 400 / log(10)
 """Elo points in a unit of log-odds: 400 points ahead wins ten games of eleven."""
@@ -46,10 +46,10 @@ class Ratings:
     """
 
     points: Float[np.ndarray, " players"]
-    reach: Float[np.ndarray, " players"]
+    half_widths: Float[np.ndarray, " players"]
 
 
-def rate(wins: Float[np.ndarray, "pursuers evaders"], games: int) -> BySide[Ratings]:
+def fit_ratings(wins: Float[np.ndarray, "pursuers evaders"], games: int) -> BySide[Ratings]:
     """Fit ratings such that pursuer i beats evader j with the odds exp((r_i - s_j) / SCALE).
 
     The model of Bradley and Terry, "Rank analysis of incomplete block designs" (1952), for two
@@ -99,13 +99,13 @@ class Tournament:
     def ratings(self) -> BySide[Ratings]:
         """Elo ratings of all players."""
         wins = np.array([[match.pursuer_wins for match in row] for row in self.matches], float)
-        return rate(wins, self.matches[0][0].games)
+        return fit_ratings(wins, self.matches[0][0].games)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the tournament as JSON-like data; `ratings` are Elo points with 95 % intervals."""
 
         def rated(names: tuple[str, ...], ratings: Ratings) -> dict[str, dict[str, float]]:
-            columns = zip(names, ratings.points.tolist(), ratings.reach.tolist(), strict=True)
+            columns = zip(names, ratings.points.tolist(), ratings.half_widths.tolist(), strict=True)
             return {
                 name: {"elo": elo, "low": elo - half_width, "high": elo + half_width}
                 for name, elo, half_width in columns
@@ -128,11 +128,11 @@ class Tournament:
 
 def play_tournament(
     game: Game,
-    players: BySide[Sequence[Named]],
+    players: BySide[Sequence[NamedPlayer]],
     games: int,
     seed: int,
-    report: Report = silent,
-    run: Run | None = None,
+    report: Report = no_report,
+    run: JobRunner | None = None,
 ) -> Tournament:
     """Play a match of every pursuer with every evader on the same starts.
 
@@ -184,7 +184,7 @@ class Advice:
         }
 
 
-def advise(game: Game, games: int, seed: int = 0, report: Report = silent) -> Advice:
+def advise(game: Game, games: int, seed: int = 0, report: Report = no_report) -> Advice:
     """Play every pursuer of the panel that fits a game against every evader.
 
     Rules that move are behind a shield, without which they crash.
@@ -201,7 +201,7 @@ def advise(game: Game, games: int, seed: int = 0, report: Report = silent) -> Ad
     track_of_two = "lidar" if game.sensors else "full"
     panel = PANELS["team" if game.teams else track_of_two]
 
-    def player(name: str, role: Role) -> Named:
+    def player(name: str, role: Role) -> NamedPlayer:
         moves = name in BUILT_IN and name != STANDING
         return find_player(SHIELDED * moves + name, role, game)
 

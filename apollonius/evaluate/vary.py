@@ -20,7 +20,7 @@ from apollonius.game.game import Game
 from apollonius.game.types import ROLES, BySide
 from apollonius.io.arrays import named_leaves
 from apollonius.io.errors import InvalidInput, require
-from apollonius.play.playout import Report, silent
+from apollonius.play.playout import Report, no_report
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class VariedMatches:
         return {"vary": fields, "matches": matches}
 
 
-def numbers_of(game: Game) -> dict[str, float]:
+def variable_numbers(game: Game) -> dict[str, float]:
     """Return the numbers of a game that can be varied, by their dotted paths."""
     return {name: leaf for name, leaf in _leaves(game).items() if isinstance(leaf, int | float)}
 
@@ -70,7 +70,7 @@ def with_numbers(game: Game, numbers: dict[str, float]) -> Game:
     """Return a game with other numbers at some dotted paths; raises InvalidInput for impossible
     paths and values.
     """
-    numbers_by_path = numbers_of(game)
+    numbers_by_path = variable_numbers(game)
     for field in numbers:
         if field not in numbers_by_path:
             near = difflib.get_close_matches(field, numbers_by_path, n=1, cutoff=0.0)[0]
@@ -127,7 +127,7 @@ def varied_matches(
 def play_varied(
     matches: Sequence[Match],
     variations: Sequence[Variation],
-    report: Report = silent,
+    report: Report = no_report,
     play: Callable[..., MatchResult] = play_match,
 ) -> VariedMatches:
     """Play `varied_matches`.
@@ -141,7 +141,9 @@ def play_varied(
     Raises:
         InvalidInput: As `play_matches`.
     """
-    policies = ROLES.map(lambda role: alike([match.players[role].policy for match in matches]))
+    policies = ROLES.map(
+        lambda role: pad_shields([match.players[role].policy for match in matches])
+    )
 
     def with_policies(match: Match, pursuer: AbstractPolicy, evader: AbstractPolicy) -> Match:
         players = BySide(
@@ -155,7 +157,7 @@ def play_varied(
     return VariedMatches(matches[0], tuple(variations), tuple(results))
 
 
-def alike(policies: Sequence[AbstractPolicy]) -> list[AbstractPolicy]:
+def pad_shields(policies: Sequence[AbstractPolicy]) -> list[AbstractPolicy]:
     """Return players of one side whose shields have arrays of one size: the most steps and edges of
     any shield.
 
@@ -172,12 +174,12 @@ def alike(policies: Sequence[AbstractPolicy]) -> list[AbstractPolicy]:
     def enlarge(policy: AbstractPolicy) -> AbstractPolicy:
         if not isinstance(policy, Shielded):
             return policy
-        return replace(policy, backup=_enlarged(policy.backup, steps, edges))
+        return replace(policy, backup=_enlarge(policy.backup, steps, edges))
 
     return [enlarge(policy) for policy in policies]
 
 
-def _enlarged(backup: Backup, steps: int, edges: int) -> Backup:
+def _enlarge(backup: Backup, steps: int, edges: int) -> Backup:
     """Return a backup of a number of steps; the surroundings' last edge, far from everywhere, fills
     up each cell.
     """

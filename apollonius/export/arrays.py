@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from apollonius.export.block import Block, Index, Value, buffer_of, moved, row_along, scalar
+from apollonius.export.block import Block, Index, Value, buffer_of, row_along, scalar, shift
 from apollonius.export.elementwise import Params, Rule, is_at_most
 from apollonius.export.indexing import part
-from apollonius.export.scalars import apply, converted, number
+from apollonius.export.scalars import apply_operation, convert, number
 
 _WORTH_A_TEST = 8
 """Length of the inner loop of a product from which on a factor of 0 is looked for."""
@@ -36,7 +36,7 @@ def _stack(block: Block, operands: list[Value], params: Params, out: Any) -> Val
     axis = int(params["axis"]) % len(out.shape)
     shape = tuple(1 if dimension == axis else length for dimension, length in enumerate(out.shape))
     axes = [dimension for dimension in range(len(shape)) if dimension != axis]
-    return _joined(block, [moved(operand, shape, axes) for operand in operands], axis, out)
+    return _joined(block, [shift(operand, shape, axes) for operand in operands], axis, out)
 
 
 def _pad(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
@@ -46,10 +46,10 @@ def _pad(block: Block, operands: list[Value], params: Params, out: Any) -> Value
     gaps = [int(config[2]) for config in params["padding_config"]]
     if min(*low, *high) < 0:
         raise NotImplementedError("by less than nothing")
-    target = block.filled(moved(filler, out.shape, []))
+    target = block.new_array(shift(filler, out.shape, []))
     starts = [str(length) for length in low]
     steps = [gap + 1 for gap in gaps]
-    block.copy(value, moved(target, value.shape, range(len(low)), starts, steps))
+    block.copy(value, shift(target, value.shape, range(len(low)), starts, steps))
     return target
 
 
@@ -87,7 +87,7 @@ def _reduce(operation: str) -> Rule:
             total = block.variable(kind, _neutral(operation, kind))
             with block.loops(tuple(value.shape[axis] for axis in axes)) as steps:
                 more = value.read(_inserted(index, axes, steps))
-                block.put(f"{total} = {apply(operation, kind, kind, total, more)};")
+                block.put(f"{total} = {apply_operation(operation, kind, kind, total, more)};")
             block.put(f"{target.read(index)} = {total};")
         return target
 
@@ -110,7 +110,7 @@ def _argument_of(better: str, not_better: str, worst: int) -> Rule:
                     test = f"!({element} {not_better} {best}) && {best} == {best}"
                 with block.braces(f"if ({test})"):
                     block.put(f"{best} = {element};")
-                    block.put(f"{best_index} = {converted(steps[0], 'int32', kind)};")
+                    block.put(f"{best_index} = {convert(steps[0], 'int32', kind)};")
             block.put(f"{target.read(index)} = {best_index};")
         return target
 
@@ -130,7 +130,7 @@ def _cumulative(operation: str) -> Rule:
                 position = f"({length - 1} - {step})" if params["reverse"] else step
                 element_index = _inserted(index, [axis], [position])
                 block.put(
-                    f"{total} = {apply(operation, kind, kind, total, value.read(element_index))};"
+                    f"{total} = {apply_operation(operation, kind, kind, total, value.read(element_index))};"
                 )
                 block.put(f"{target.read(element_index)} = {total};")
         return target
@@ -144,10 +144,10 @@ def _dot(block: Block, operands: list[Value], params: Params, out: Any) -> Value
 
     The inner loop is skipped where its fixed factor is 0, as many outputs of rectifiers are.
     """
-    factors = list(map(block.stored, operands))
+    factors = list(map(block.as_stored, operands))
     sums, batches = params["dimension_numbers"]
     kind = str(out.dtype)
-    target = block.filled(scalar(kind, "0", out.shape))
+    target = block.new_array(scalar(kind, "0", out.shape))
     own = [
         [axis for axis in range(len(factor.shape)) if axis not in (*summed, *batch)]
         for factor, summed, batch in zip(factors, sums, batches, strict=True)
@@ -171,8 +171,8 @@ def _dot(block: Block, operands: list[Value], params: Params, out: Any) -> Value
         with skip_zero, block.loops(shapes[fast]) as inner:
             rows = (*outer, *inner) if slow == 0 else (*inner, *outer)
             location = target.read((*common[: len(batches[0])], *rows))
-            product = apply("mul", kind, kind, fixed, element(fast, common, inner))
-            block.put(f"{location} = {apply('add', kind, kind, location, product)};")
+            product = apply_operation("mul", kind, kind, fixed, element(fast, common, inner))
+            block.put(f"{location} = {apply_operation('add', kind, kind, location, product)};")
     return target
 
 
@@ -194,11 +194,11 @@ OTHERS: dict[str, Rule] = {"pad": _pad, "dot_general": _dot}
 """Primitives that read some elements more than once, by name."""
 
 
-Run = Callable[[Block, Any, Sequence[Any], Sequence[Value]], list[Value]]
+ControlRule = Callable[[Block, Any, Sequence[Any], Sequence[Value]], list[Value]]
 """From a block to write in, a function, its constants and its arguments to its results."""
 
 
-def scan(run: Run, block: Block, operands: list[Value], params: Any) -> list[Value]:
+def scan(run: ControlRule, block: Block, operands: list[Value], params: Any) -> list[Value]:
     """Write a scan; return the carry after the last step and the outputs of all steps.
 
     Args:
@@ -213,7 +213,7 @@ def scan(run: Run, block: Block, operands: list[Value], params: Any) -> list[Val
     length = params["length"]
     fixed = operands[:consts]
     rows = operands[consts + num_carry :]
-    carry = list(map(block.filled, operands[consts : consts + num_carry]))
+    carry = list(map(block.new_array, operands[consts : consts + num_carry]))
     outs = [out.aval for out in jaxpr.jaxpr.outvars[num_carry:]]
     ys = [block.array(str(out.dtype), (length, *out.shape)) for out in outs]
     with block.loops((length,)) as (step,):
@@ -226,7 +226,7 @@ def scan(run: Run, block: Block, operands: list[Value], params: Any) -> list[Val
     return [*carry, *ys]
 
 
-def while_loop(run: Run, block: Block, operands: list[Value], params: Any) -> list[Value]:
+def while_loop(run: ControlRule, block: Block, operands: list[Value], params: Any) -> list[Value]:
     """Write a loop; return the carry when the condition no longer holds.
 
     Args:
@@ -239,7 +239,7 @@ def while_loop(run: Run, block: Block, operands: list[Value], params: Any) -> li
     carry_start = body_start + params["body_nconsts"]
     condition = params["cond_jaxpr"]
     body = params["body_jaxpr"]
-    carry = list(map(block.filled, operands[carry_start:]))
+    carry = list(map(block.new_array, operands[carry_start:]))
     with block.braces("for (;;)"):
         condition_inputs = [*operands[:body_start], *carry]
         (holds,) = run(block, condition.jaxpr, condition.consts, condition_inputs)
@@ -249,7 +249,7 @@ def while_loop(run: Run, block: Block, operands: list[Value], params: Any) -> li
     return carry
 
 
-def cond(run: Run, block: Block, operands: list[Value], params: Any) -> list[Value]:
+def cond(run: ControlRule, block: Block, operands: list[Value], params: Any) -> list[Value]:
     """Write a choice of branches; return the results of the chosen one.
 
     Args:
@@ -278,7 +278,7 @@ def _assign(block: Block, values: Sequence[Value], variables: Sequence[Value]) -
     """Assign values to variables at once: a value that may read another variable is copied first."""
     changing = {"", *map(buffer_of, variables)}
     ready = [
-        value if value is variable or buffer_of(value) not in changing else block.copied(value)
+        value if value is variable or buffer_of(value) not in changing else block.copy_of(value)
         for value, variable in zip(values, variables, strict=True)
     ]
     for value, variable in zip(ready, variables, strict=True):
@@ -286,7 +286,7 @@ def _assign(block: Block, values: Sequence[Value], variables: Sequence[Value]) -
             block.copy(value, variable)
 
 
-def _split(run: Run, block: Block, operands: list[Value], params: Any) -> list[Value]:
+def _split(run: ControlRule, block: Block, operands: list[Value], params: Any) -> list[Value]:
     (value,) = operands
     axis = params["axis"]
     pieces = list[Value]()
@@ -299,7 +299,7 @@ def _split(run: Run, block: Block, operands: list[Value], params: Any) -> list[V
     return pieces
 
 
-CONTROL: dict[str, Callable[[Run, Block, list[Value], Any], list[Value]]] = {
+CONTROL: dict[str, Callable[[ControlRule, Block, list[Value], Any], list[Value]]] = {
     **{"scan": scan, "while": while_loop, "cond": cond, "split": _split},
     "optimization_barrier": lambda run, block, operands, params: operands,
 }

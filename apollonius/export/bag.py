@@ -62,7 +62,7 @@ class Bag:
     decisions: tuple[Decision, ...]
 
     @property
-    def asked(self) -> list[Decision]:
+    def player_decisions(self) -> list[Decision]:
         """The decisions of the player; in the other steps the node braked."""
         return [decision for decision in self.decisions if not decision.trouble]
 
@@ -121,7 +121,7 @@ def _side(name: object) -> Role:
     return Role[str(name).upper()]
 
 
-def ask_again(bag: Bag, name: str, game: Game) -> list[dict[str, Any]]:
+def recompute_decisions(bag: Bag, name: str, game: Game) -> list[dict[str, Any]]:
     """Compare an agent's decisions, with its memory since the game began, with the recorded ones.
 
     Returns:
@@ -135,7 +135,7 @@ def ask_again(bag: Bag, name: str, game: Game) -> list[dict[str, Any]]:
     decide = jax.jit(player.decide)
     memory = player.memory
     differences = list[dict[str, Any]]()
-    for decision in bag.asked:
+    for decision in bag.player_decisions:
         robots = len(decision.states)
         require(
             robots == player.robots,

@@ -18,7 +18,7 @@ _LET = re.compile(r" *const \w+ (_s\d+) =")
 
 
 @dataclass(frozen=True)
-class Place:
+class Location:
     """Part of an array in C: its name, the index of the part's first element, and how far
     neighbours along axes are.
     """
@@ -39,7 +39,7 @@ class Value:
     kind: str
     shape: Shape
     read: Callable[[Index], str]
-    place: Place | None = None
+    location: Location | None = None
     pending: bool = False
 
     @property
@@ -57,7 +57,7 @@ def _contiguous(shape: Shape) -> tuple[int, ...]:
     return tuple(0 if length == 1 else prod(shape[axis + 1 :]) for axis, length in enumerate(shape))
 
 
-def placed(
+def value_at(
     kind: str, shape: Shape, buffer: str, offset: str = "0", strides: Shape | None = None
 ) -> Value:
     """Make the value of an array in C.
@@ -69,7 +69,7 @@ def placed(
         offset: Index of the first element in `buffer`, in C.
         strides: Distance of neighbours along each axis; row by row for None.
     """
-    place = Place(buffer, offset, _contiguous(shape) if strides is None else strides)
+    place = Location(buffer, offset, _contiguous(shape) if strides is None else strides)
 
     def read(index: Index) -> str:
         return f"{buffer}[{functools.reduce(plus, map(times, index, place.strides), offset)}]"
@@ -79,7 +79,7 @@ def placed(
 
 def buffer_of(value: Value) -> str:
     """Return the name of the array in C that a value lies in; empty if it lies in none."""
-    return value.place.buffer if value.place else ""
+    return value.location.buffer if value.location else ""
 
 
 def scalar(kind: str, text: str, shape: Shape = ()) -> Value:
@@ -87,7 +87,7 @@ def scalar(kind: str, text: str, shape: Shape = ()) -> Value:
     return Value(kind, shape, lambda _: text)
 
 
-def moved(
+def shift(
     value: Value,
     shape: Shape,
     axes: Sequence[int | None],
@@ -115,20 +115,22 @@ def moved(
             )
         )
 
-    if value.place is None:
+    if value.location is None:
         return Value(value.kind, shape, read, pending=value.pending)
     strides = [0] * len(shape)
-    for axis, stride, step in zip(axes, value.place.strides, steps, strict=True):
+    for axis, stride, step in zip(axes, value.location.strides, steps, strict=True):
         if axis is not None and shape[axis] != 1:
             strides[axis] += stride * step
-    offset = functools.reduce(plus, map(times, starts, value.place.strides), value.place.offset)
-    return placed(value.kind, shape, value.place.buffer, offset, tuple(strides))
+    offset = functools.reduce(
+        plus, map(times, starts, value.location.strides), value.location.offset
+    )
+    return value_at(value.kind, shape, value.location.buffer, offset, tuple(strides))
 
 
 def row_along(value: Value, step: str) -> Value:
     """Return one row of an array along its first axis."""
     remaining_axes = len(value.shape) - 1
-    return moved(
+    return shift(
         value, value.shape[1:], [None, *range(remaining_axes)], [step, *["0"] * remaining_axes]
     )
 
@@ -178,7 +180,7 @@ class Block:
         """Return a new array whose contents are undefined."""
         name = self.name("_a")
         self.put(f"{TYPES[kind]} {name}[{max(1, prod(shape))}];")
-        return placed(kind, shape, name)
+        return value_at(kind, shape, name)
 
     @contextmanager
     def braces(self, heading: str) -> Generator[None]:
@@ -205,24 +207,24 @@ class Block:
         with self.loops(value.shape) as index:
             self.put(f"{target.read(index)} = {value.read(index)};")
 
-    def filled(self, value: Value) -> Value:
+    def new_array(self, value: Value) -> Value:
         """Return a new array with the contents of a value."""
         target = self.array(value.kind, value.shape)
         self.copy(value, target)
         return target
 
-    def copied(self, value: Value) -> Value:
+    def copy_of(self, value: Value) -> Value:
         """Return a new array that holds a value; of one element a constant."""
         if value.size == 1:
             return scalar(value.kind, self.let(value.kind, value.first), value.shape)
-        return self.filled(value)
+        return self.new_array(value)
 
-    def stored(self, value: Value) -> Value:
+    def as_stored(self, value: Value) -> Value:
         """Return the value, its elements computed here unless they are known."""
-        return self.copied(value) if value.pending else value
+        return self.copy_of(value) if value.pending else value
 
     def whole(self, value: Value) -> Value:
         """Return the value as one that lies in an array in C row by row; a number as it is."""
-        strides = value.place.strides if value.place else None
+        strides = value.location.strides if value.location else None
         is_whole = value.size == 1 or strides == _contiguous(value.shape)
-        return value if is_whole else self.copied(value)
+        return value if is_whole else self.copy_of(value)

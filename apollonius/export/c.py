@@ -34,7 +34,7 @@ _PER_LINE = 8
 _WORD = re.compile(r"\b[A-Za-z_]\w*(?:->\w+)?")
 
 
-def words(text: str) -> frozenset[str]:
+def c_names(text: str) -> frozenset[str]:
     """Return the names in a text in C."""
     return frozenset(_WORD.findall(text))
 
@@ -76,7 +76,7 @@ def header(program: Program, about: Sequence[str] = ()) -> str:
 
 def source(program: Program) -> str:
     """Return the source, which includes the header."""
-    names = words(program.body)
+    names = c_names(program.body)
     ignored = [
         f"    (void){record.name};"
         for record in program.records
@@ -88,7 +88,7 @@ def source(program: Program) -> str:
         f"static const {TYPES[str(array.dtype)]} {name}[{array.size}] = {{\n{_rows(array)}\n}};"
         for name, array in program.constants
     ]
-    called_names = frozenset[str]().union(*map(words, bodies))
+    called_names = frozenset[str]().union(*map(c_names, bodies))
     helpers = [text for name, text in HELPERS.items() if f"op_{name}" in called_names]
     preamble = f'#include "{program.name}.h"\n\n#include <math.h>'
     return "\n\n".join([preamble, *helpers, *constants, *bodies]) + "\n"
@@ -148,7 +148,9 @@ def _rows(array: np.ndarray) -> str:
 
 
 @contextmanager
-def built(texts: Mapping[str, str], compiler: str, command: Sequence[str]) -> Generator[Path]:
+def compile_texts(
+    texts: Mapping[str, str], compiler: str, command: Sequence[str]
+) -> Generator[Path]:
     """Give the file that a compiler makes of texts by name; raises InvalidInput with its first
     error if it fails.
     """
@@ -186,14 +188,14 @@ def has_compiler() -> bool:
     return shutil.which("gcc") is not None
 
 
-class Compiled:
+class CompiledProgram:
     """A program in memory, by gcc. Its last arguments and results stay in place, so that a call can
     be timed alone.
     """
 
     def __init__(self, program: Program, flags: Sequence[str] = FLAGS) -> None:
         command = ["gcc", *flags, "-shared", "-fPIC", f"{program.name}.c", "-lm"]
-        with built(files(program), "gcc", command) as library:
+        with compile_texts(files(program), "gcc", command) as library:
             try:
                 self._function = getattr(ctypes.CDLL(str(library)), program.name)
             except OSError as reason:
@@ -212,12 +214,12 @@ class Compiled:
             )
             if record.leaves
         ]
-        self.again()
+        self.rerun()
         records = [record for record in self._program.results if record.leaves]
         blocks = zip(records, self._results, strict=True)
         return [array for record, block in blocks for array in record.unpack(block.raw)]
 
-    def again(self) -> None:
+    def rerun(self) -> None:
         """Call it once more with the arguments that it was given last."""
         self._function(*self._given, *self._results)
 

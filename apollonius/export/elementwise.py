@@ -7,8 +7,8 @@ from typing import Any
 
 import jax
 
-from apollonius.export.block import Block, Index, Value, moved, placed, scalar
-from apollonius.export.scalars import OPERATIONS, apply, bits_of, converted, number
+from apollonius.export.block import Block, Index, Value, scalar, shift, value_at
+from apollonius.export.scalars import OPERATIONS, apply_operation, bits_of, convert, number
 
 Params = Mapping[str, Any]
 Rule = Callable[[Block, list[Value], Params, Any], Value]
@@ -30,10 +30,10 @@ def elementwise(operation: str) -> Rule:
         kind = str(out.dtype)
         operand_kind = operands[0].kind
         # Kinds are refused here, where the line is known.
-        apply(operation, kind, operand_kind, *[""] * len(operands))
+        apply_operation(operation, kind, operand_kind, *[""] * len(operands))
 
         def read(index: Index) -> str:
-            return apply(
+            return apply_operation(
                 operation, kind, operand_kind, *(along(operand, index) for operand in operands)
             )
 
@@ -67,7 +67,7 @@ def _as(change: Callable[[str, str, str], str]) -> Rule:
 
 def _power(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
     """Multiply by squares, squares of squares and so on, as XLA does."""
-    value, exponent = block.stored(operands[0]), int(params.get("y", 2))
+    value, exponent = block.as_stored(operands[0]), int(params.get("y", 2))
     kind = value.kind
 
     def read(index: Index) -> str:
@@ -76,11 +76,15 @@ def _power(block: Block, operands: list[Value], params: Params, out: Any) -> Val
         remaining_exponent = abs(exponent)
         while remaining_exponent:
             if remaining_exponent % 2:
-                product = apply("mul", kind, kind, product, factor) if product else factor
-            factor = apply("mul", kind, kind, factor, factor)
+                product = apply_operation("mul", kind, kind, product, factor) if product else factor
+            factor = apply_operation("mul", kind, kind, factor, factor)
             remaining_exponent //= 2
         product = product or number(1, kind)
-        return product if exponent >= 0 else apply("div", kind, kind, number(1, kind), product)
+        return (
+            product
+            if exponent >= 0
+            else apply_operation("div", kind, kind, number(1, kind), product)
+        )
 
     return Value(kind, out.shape, read, pending=True)
 
@@ -112,13 +116,13 @@ def _clamp(block: Block, operands: list[Value], params: Params, out: Any) -> Val
 
 def _iota(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
     kind, axis = str(out.dtype), int(params["dimension"])
-    return Value(kind, out.shape, lambda index: converted(index[axis], "int32", kind))
+    return Value(kind, out.shape, lambda index: convert(index[axis], "int32", kind))
 
 
 def _broadcast(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
     (value,) = operands
     axes = zip(params["broadcast_dimensions"], value.shape, strict=True)
-    return moved(value, out.shape, [None if length == 1 else int(axis) for axis, length in axes])
+    return shift(value, out.shape, [None if length == 1 else int(axis) for axis, length in axes])
 
 
 def _squeeze(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
@@ -127,18 +131,18 @@ def _squeeze(block: Block, operands: list[Value], params: Params, out: Any) -> V
     squeezed = {axis % num_axes for axis in params["dimensions"]}
     output_axes = iter(range(len(out.shape)))
     axes = [None if axis in squeezed else next(output_axes) for axis in range(num_axes)]
-    return moved(value, out.shape, axes)
+    return shift(value, out.shape, axes)
 
 
 def _transpose(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
     order = params["permutation"]
-    return moved(operands[0], out.shape, [order.index(axis) for axis in range(len(order))])
+    return shift(operands[0], out.shape, [order.index(axis) for axis in range(len(order))])
 
 
 def _slice(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
     starts = [str(start) for start in params["start_indices"]]
     steps = [int(step) for step in params["strides"] or [1] * len(out.shape)]
-    return moved(operands[0], out.shape, range(len(starts)), starts, steps)
+    return shift(operands[0], out.shape, range(len(starts)), starts, steps)
 
 
 def _reverse(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
@@ -148,18 +152,18 @@ def _reverse(block: Block, operands: list[Value], params: Params, out: Any) -> V
         for length, reverse in zip(out.shape, is_reversed, strict=True)
     ]
     steps = [-1 if reverse else 1 for reverse in is_reversed]
-    return moved(operands[0], out.shape, range(len(is_reversed)), starts, steps)
+    return shift(operands[0], out.shape, range(len(is_reversed)), starts, steps)
 
 
 def _reshape(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
     value = block.whole(operands[0])
-    if value.place is None or value.size == 1:
+    if value.location is None or value.size == 1:
         return scalar(value.kind, value.first, out.shape)
-    return placed(value.kind, out.shape, value.place.buffer, value.place.offset)
+    return value_at(value.kind, out.shape, value.location.buffer, value.location.offset)
 
 
 def _tile(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
-    value = block.stored(operands[0])
+    value = block.as_stored(operands[0])
     new = len(out.shape) - len(value.shape)
 
     def read(index: Index) -> str:
@@ -173,7 +177,7 @@ COMPUTED: dict[str, Rule] = {
     **{name: elementwise(name) for name in OPERATIONS},
     "add_any": elementwise("add"),
     "bitcast_convert_type": _as(bits_of),
-    "convert_element_type": _as(converted),
+    "convert_element_type": _as(convert),
     **dict.fromkeys(("integer_pow", "square"), _power),
     "round": _round,
     "select_n": _select,

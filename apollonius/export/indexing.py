@@ -7,21 +7,23 @@ from typing import Any
 import jax
 import numpy as np
 
-from apollonius.export.block import Block, Index, Value, moved
+from apollonius.export.block import Block, Index, Value, shift
 from apollonius.export.elementwise import Params, Rule
-from apollonius.export.scalars import apply, converted, number, plus
+from apollonius.export.scalars import apply_operation, convert, number, plus
 
 
 def part(value: Value, shape: tuple[int, ...], starts: Sequence[str]) -> Value:
     """Return the part of an array that begins at some index."""
-    return moved(value, shape, range(len(shape)), starts)
+    return shift(value, shape, range(len(shape)), starts)
 
 
 def _whole(block: Block, text: str, kind: str) -> str:
     """Convert an index to int32; one beyond the range becomes the largest."""
     if kind == "uint32":
-        text = apply("min", kind, kind, block.let(kind, text), number(np.iinfo("int32").max, kind))
-    return block.let("int32", converted(text, kind, "int32"))
+        text = apply_operation(
+            "min", kind, kind, block.let(kind, text), number(np.iinfo("int32").max, kind)
+        )
+    return block.let("int32", convert(text, kind, "int32"))
 
 
 def _within(block: Block, text: str, kind: str, most: int) -> str:
@@ -46,12 +48,12 @@ def _starts(
 
 def _dynamic_slice(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
     value, *starts = operands
-    return part(block.stored(value), out.shape, _starts(block, starts, value.shape, out.shape))
+    return part(block.as_stored(value), out.shape, _starts(block, starts, value.shape, out.shape))
 
 
 def _dynamic_update_slice(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
     value, update, *starts = operands
-    target = block.filled(value)
+    target = block.new_array(value)
     block.copy(
         update, part(target, update.shape, _starts(block, starts, value.shape, update.shape))
     )
@@ -94,7 +96,7 @@ def _indexed(
 
 
 def _gather(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
-    value, indices = map(block.stored, operands)
+    value, indices = map(block.as_stored, operands)
     numbers = params["dimension_numbers"]
     axes = numbers.offset_dims, numbers.collapsed_slice_dims, numbers.start_index_map
     axes += numbers.operand_batching_dims, numbers.start_indices_batching_dims
@@ -115,7 +117,7 @@ def _scatter(operation: str | None) -> Rule:
 
     def rule(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
         value = operands[0]
-        indices, updates = map(block.stored, operands[1:])
+        indices, updates = map(block.as_stored, operands[1:])
         numbers = params["dimension_numbers"]
         window = numbers.update_window_dims
         inserted = {*numbers.inserted_window_dims, *numbers.operand_batching_dims}
@@ -124,14 +126,16 @@ def _scatter(operation: str | None) -> Rule:
         sizes = iter([updates.shape[axis] for axis in window])
         window_shape = [1 if axis in inserted else next(sizes) for axis in range(len(value.shape))]
         lengths = [*zip(value.shape, window_shape, strict=True)]
-        target = block.filled(value)
+        target = block.new_array(value)
         drops = params["mode"] == jax.lax.GatherScatterMode.FILL_OR_DROP
         with block.loops(updates.shape) as index:
             element_index, is_inside = _indexed(block, indices, index, axes, lengths)
             place = target.read(element_index)
             update = updates.read(index)
             result = (
-                apply(operation, value.kind, value.kind, place, update) if operation else update
+                apply_operation(operation, value.kind, value.kind, place, update)
+                if operation
+                else update
             )
             with block.braces(f"if ({is_inside})") if drops else nullcontext():
                 block.put(f"{place} = {result};")

@@ -16,17 +16,17 @@ from jaxtyping import Array, Bool, Float32, PRNGKeyArray, UInt32
 
 from apollonius.agents.classical import Uniform
 from apollonius.agents.policy import AbstractActionValuePolicy
-from apollonius.agents.pool import Pool, solo
+from apollonius.agents.pool import Pool, single_player
 from apollonius.agents.shield import MARGIN, Shielded
-from apollonius.export.c import Compiled, Program
-from apollonius.export.player import LARGEST, Player, known_state, remembered
+from apollonius.export.c import CompiledProgram, Program
+from apollonius.export.player import LARGEST, Player, known_state, pack_memory
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.sensing import sense
-from apollonius.game.types import ROLES, Bits, BySide, GameState, Role, choose
+from apollonius.game.types import ROLES, BySide, GameState, RandomBits, Role, tree_where
 from apollonius.io.errors import InvalidInput
-from apollonius.observe.tracking import Track, delayed
+from apollonius.observe.tracking import Track, apply_delay
 from apollonius.observe.view import look
-from apollonius.play.rollout import Games, SideState, begin, collect
+from apollonius.play.rollout import Games, SideState, collect, init_games
 
 BREADTH = 1e-5
 """Distance from a state [m, m/s, rad] within which a decision of the package's player counts as the
@@ -82,15 +82,15 @@ def cases_of(player: Player, count: int, seed: int = 0) -> Cases:
     """Return states of games against a random opponent, 100 at a time; a game that ends begins
     again.
     """
-    policy, role = solo(player.package), player.role
+    policy, role = single_player(player.package), player.role
     states, side, bits = _play(player.game, policy, role, jax.random.key(seed), -(-count // _GAMES))
     own_track = side.track
     seen_states = states
     if own_track is not None:
-        seen_states = as_given(player.game, own_track, states, role, bits)
+        seen_states = sensor_inputs(player.game, own_track, states, role, bits)
         own_track = replace(own_track, sightings=None)
     track, drive = jax.tree.map(lambda leaf: leaf[:, None], (own_track, side.drives[0]))
-    memory = remembered(track, drive, side.memory)
+    memory = pack_memory(track, drive, side.memory)
     robots = (*seen_states.robots[role], *seen_states.robots[role.other])
     rows = [np.stack(jax.tree.leaves(robot), axis=-1) for robot in robots]
     active = None
@@ -101,7 +101,7 @@ def cases_of(player: Player, count: int, seed: int = 0) -> Cases:
 
 
 @functools.partial(jax.jit, static_argnames="role")
-def as_given(
+def sensor_inputs(
     game: Game, tracks: Track, states: GameState, role: Role, bits: UInt32[Array, " cases"]
 ) -> GameState:
     """Return the states as inputs of a robot with sensors: opponents out of its sight are far away.
@@ -114,14 +114,14 @@ def as_given(
         bits: Random bits of each case.
     """
 
-    def as_sensed(track: Track, state: GameState, bits: Bits) -> GameState:
+    def as_sensed(track: Track, state: GameState, bits: RandomBits) -> GameState:
         sensors = game.sensors and game.sensors[role]
         assert sensors is not None, "it tracks by them"
         percept = sense(sensors, game.arena, state, role, bits)
-        _, past = delayed(sensors, track.late, percept)
+        _, past = apply_delay(sensors, track.pending, percept)
         far = jax.tree.map(lambda number: jnp.full_like(number, 2 * LARGEST), state.robots[role][0])
         opponents = tuple(
-            choose(is_seen, opponent, far)
+            tree_where(is_seen, opponent, far)
             for opponent, is_seen in zip(past.opponents, past.seen, strict=True)
         )
         return replace(state, robots=BySide.of(role, percept.own, opponents))
@@ -134,11 +134,11 @@ def _play(
     game: Game, player: Pool, role: Role, key: PRNGKeyArray, rows: int
 ) -> tuple[GameState, SideState, UInt32[Array, " cases"]]:
     start_key, word_key, play_key, bits_key = jax.random.split(key, 4)
-    players = ROLES.map(lambda side: player if side == role else solo(Uniform()))
+    players = ROLES.map(lambda side: player if side == role else single_player(Uniform()))
     all_starts = reset_batch(game, start_key, rows * _GAMES)
     starts = jax.tree.map(lambda leaf: leaf.reshape(rows, _GAMES), all_starts)
     first = jax.tree.map(lambda leaf: leaf[0], starts)
-    games = begin(game, first, players, jax.random.bits(word_key, (2, _GAMES), jnp.uint32))
+    games = init_games(game, first, players, jax.random.bits(word_key, (2, _GAMES), jnp.uint32))
 
     def step(games: Games, row: Array) -> tuple[Games, tuple[GameState, SideState]]:
         fresh = jax.tree.map(lambda leaf: leaf[row][None], starts)
@@ -170,7 +170,7 @@ def _batched(decide: Callable[..., Any]) -> Callable[..., Any]:
     return jax.jit(jax.vmap(decide, in_axes=(None, None, 0, 0, 0, 0)))
 
 
-def compare(decide: Decide, player: Player, cases: Cases) -> Parity:
+def compare_decisions(decide: Decide, player: Player, cases: Cases) -> Parity:
     """Count the cases in which an exported policy differs from the package's player."""
     actions, controls = reference(player, cases)
     body = player.game.bodies[player.role][0]
@@ -213,13 +213,13 @@ def _is_as_good(player: Player, cases: Cases, place: int, action: int, own: int)
     )
     view = look(player.game, known_game_state, player.role)
     if isinstance(policy, Shielded):
-        clearance = policy.backup.of(view).clearance_after(view.own, jnp.int32(action))
+        clearance = policy.backup.for_view(view).clearance_after(view.own, jnp.int32(action))
         if clearance <= MARGIN - BREADTH:
             return False
         policy = policy.policy
     if not isinstance(policy, AbstractActionValuePolicy):
         return False
-    values = np.asarray(policy.weigh(policy.observation(view), memory, jnp.uint32(bits))[0])
+    values = np.asarray(policy.score(policy.observation(view), memory, jnp.uint32(bits))[0])
     return bool(abs(values[action] - values[own]) <= TOLERANCE * np.abs(values).max())
 
 
@@ -251,7 +251,7 @@ def require_same(program: Program, function: Callable[..., Any], arguments: Sequ
         InvalidInput: If the results differ.
     """
     closed_jaxpr = jax.make_jaxpr(function)(*arguments)
-    in_c = Compiled(program)
+    in_c = CompiledProgram(program)
     in_jax = jax.jit(jaxpr_as_fun(closed_jaxpr))
     rng = np.random.default_rng(0)
     leaves, shape = jax.tree.flatten(tuple(arguments))

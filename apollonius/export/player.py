@@ -16,19 +16,27 @@ from apollonius.agents.classical import BRAKE_STRAIGHT
 from apollonius.agents.names import SEARCHING, SHIELDED
 from apollonius.agents.policy import AbstractPolicy, Memory
 from apollonius.agents.trained import find_trained
-from apollonius.arenas.charting import charted
+from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import from_dict
 from apollonius.catalogue import find_player
 from apollonius.game.drive import Drives, drive_of
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.sensing import Percept, Sensing
-from apollonius.game.types import Bits, BySide, DriveState, GameState, RobotState, RobotStatus, Role
+from apollonius.game.types import (
+    BySide,
+    DriveState,
+    GameState,
+    RandomBits,
+    RobotState,
+    RobotStatus,
+    Role,
+)
 from apollonius.io import extensions
 from apollonius.io.errors import require
 from apollonius.observe.registry import find_observation
-from apollonius.observe.tracking import Track, believed, delayed, learn
-from apollonius.observe.tracking import begin as known_first
+from apollonius.observe.tracking import Track, apply_delay, apply_track, update_track
+from apollonius.observe.tracking import init_track as known_first
 from apollonius.observe.view import look
 
 LARGEST = 1e6
@@ -77,8 +85,8 @@ class Player:
         track = known_first(self.game, GameState.at_start(robots), self.role)
         if track is not None:
             track = replace(track, sightings=None)
-        drive = drive_of(self.game.drives, self.role).begin()
-        return remembered(track, drive, self.policy.memory)
+        drive = drive_of(self.game.drives, self.role).at_rest()
+        return pack_memory(track, drive, self.policy.memory)
 
     @property
     def decide(self) -> Callable[..., dict[str, Any]]:
@@ -111,9 +119,9 @@ def _decide(role: Role, sides: BySide[int]) -> Callable[..., dict[str, Any]]:
         state: Float[Array, "robots 4"],
         active: Bool[Array, " robots"] | None,
         memory: Memory,
-        bits: Bits,
+        bits: RandomBits,
     ) -> dict[str, Any]:
-        policy = transposed(player)
+        policy = transpose_layers(player)
         known_game_state, track, drive_state, own_memory = known_state(
             game, role, sides, state, active, memory
         )
@@ -129,13 +137,13 @@ def _decide(role: Role, sides: BySide[int]) -> Callable[..., dict[str, Any]]:
         controls = body.controls(action)
         drive = drive_of(game.drives, role)
         _, drive_state = drive.respond(drive_state, body, action, game.dt)
-        memory = remembered(track, drive_state, own_memory)
+        memory = pack_memory(track, drive_state, own_memory)
         return {"action": action, "controls": jnp.stack(controls), "memory": memory}
 
     return decide
 
 
-def remembered(track: Track | None, drive: DriveState, own: Memory) -> Memory:
+def pack_memory(track: Track | None, drive: DriveState, own: Memory) -> Memory:
     """Return an exported player's memory, which is its policy's if the others are empty."""
     return (track, drive, own) if jax.tree.leaves((track, drive)) else own
 
@@ -163,9 +171,9 @@ def known_state(
         track, drive_state, own_memory = memory
     else:
         track = None
-        drive_state = drive.begin()
+        drive_state = drive.at_rest()
         own_memory = memory
-    drives = (drive_state, *[drive.begin()] * (sides[role] - 1))
+    drives = (drive_state, *[drive.at_rest()] * (sides[role] - 1))
     if sensors is None or track is None:
         full_state = replace(state_of(state, active, role, sides), drives=drives)
         return full_state, None, drive_state, own_memory
@@ -175,14 +183,14 @@ def known_state(
     percept = Percept(
         own, current.robots[role.other], tuple(is_seen[len(own) :]), jnp.ones((), bool)
     )
-    pending, past = delayed(sensors, track.late, percept)  # sightings are late already
+    pending, past = apply_delay(sensors, track.late, percept)  # sightings are late already
     track = replace(track, own=own, late=pending)
-    track = learn(game, track, replace(percept, own=past.own), current, role)
-    known = replace(believed(game, track, current, role), drives=drives)
+    track = update_track(game, track, replace(percept, own=past.own), current, role)
+    known = replace(apply_track(game, track, current, role), drives=drives)
     return known, track, drive_state, own_memory
 
 
-def side_of(name: str, given: str | None = None) -> Role:
+def exported_side(name: str, given: str | None = None) -> Role:
     """Return the side that a player plays, or the given one of a player of either; raises InvalidInput otherwise."""
     bare = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
     sides = _sides_of_rule(bare) or (Role[find_trained(bare)[0].header.role.upper()],)
@@ -213,7 +221,7 @@ def _sides_of_rule(name: str) -> tuple[Role, ...]:
     )
 
 
-def home_of(name: str) -> Game:
+def training_game(name: str) -> Game:
     """Return the game that a player was made for, `paper` for none; raises InvalidInput for one of any arena."""
     bare = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
     if _sides_of_rule(bare):
@@ -222,7 +230,7 @@ def home_of(name: str) -> Game:
     bound = f"one arena, since '{name}' does not say what it was made for"
     require(header.game, "game", "missing", bound)
     has_one_arena = header.game.get("scenario") is None
-    reads_chart = find_observation(header.observation).charted
+    reads_chart = find_observation(header.observation).needs_chart
     bound = f"one arena, as office, since '{name}' plays in any"
     require(has_one_arena and not reads_chart, "game", "missing", bound)
     return from_dict(Game, header.game, f"'{name}'")
@@ -256,14 +264,14 @@ def find_exportable(name: str | AbstractPolicy, role: Role, game: Game) -> Playe
     own_drive = game.drives and game.drives[role]
     sensors = Sensing(**{side: own_sensors}) if own_sensors else None
     drives = Drives(**{side: own_drive}) if own_drive else None
-    rules = charted(game) if policy.charted else game
+    rules = with_chart(game) if policy.needs_chart else game
     known = replace(rules, sensors=sensors, drives=drives)
     if known.arena.chart is not None and sensors is None:
         known = replace(
             known, arena=replace(known.arena, chart=replace(known.arena.chart, links=None))
         )
     return Player(
-        name if isinstance(name, str) else found.name, role, known, policy, transposed(policy)
+        name if isinstance(name, str) else found.name, role, known, policy, transpose_layers(policy)
     )
 
 
@@ -297,7 +305,7 @@ def state_of(
     return replace(start, status=BySide.of(role, tuple(status[:num_own]), tuple(status[num_own:])))
 
 
-def transposed(tree: Any) -> Any:
+def transpose_layers(tree: Any) -> Any:
     """Return a pytree with all layers' weights transposed: the inner loop of a product then reads
     them in a row.
     """

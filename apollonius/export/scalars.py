@@ -128,7 +128,7 @@ def number(value: float | int | bool, kind: str) -> str:
     return f"({text})" if text.startswith("-") else text
 
 
-def apply(operation: str, kind: str, operand_kind: str, *operands: str) -> str:
+def apply_operation(operation: str, kind: str, operand_kind: str, *operands: str) -> str:
     """Write an operation in C, in brackets where that could matter.
 
     Args:
@@ -166,7 +166,7 @@ def bits_of(text: str, of: str, kind: str) -> str:
     return f"op_from_bits({text})" if kind == "float32" else f"(({TYPES[kind]}){text})"
 
 
-def converted(text: str, of: str, kind: str) -> str:
+def convert(text: str, of: str, kind: str) -> str:
     """Return a number of one kind as one of another kind."""
     if of == kind:
         return text

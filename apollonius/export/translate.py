@@ -19,8 +19,8 @@ from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, Var, jaxprs_i
 from jax.interpreters.partial_eval import dce_jaxpr
 
 from apollonius.export.arrays import CONTROL, FOLDS, OTHERS
-from apollonius.export.block import Block, Value, buffer_of, placed, scalar
-from apollonius.export.c import Program, words
+from apollonius.export.block import Block, Value, buffer_of, scalar, value_at
+from apollonius.export.c import Program, c_names
 from apollonius.export.elementwise import COMPUTED, VIEWS
 from apollonius.export.indexing import INDEXED
 from apollonius.export.names import require_name
@@ -51,7 +51,7 @@ _LIBRARIES = f"{Path(jax.__file__).parents[1]}/"
 """The folder of JAX and of other libraries."""
 
 
-def translated(
+def translate_block(
     function: Callable[..., Any], *arguments: Any, name: str = "program", whole: bool = False
 ) -> Program:
     """Translate a JAX function to a program.
@@ -87,7 +87,7 @@ def translated(
         block.copy(value, target)
     body = block.printed()
     returned_names = {record.name.removeprefix("next_") for record in results}
-    body_words = words(body)
+    body_words = c_names(body)
     arguments_read = [
         record if whole or record.name in returned_names else record.only(body_words)
         for record in records
@@ -97,7 +97,7 @@ def translated(
         f"static void {title}({signature})\n{text}"
         for (signature, text), title in functions_by_text
     )
-    used_words = words("".join([body, *functions]))
+    used_words = c_names("".join([body, *functions]))
     named_arrays = translator.constants.values()
     constants = tuple((title, array) for title, array in named_arrays if title in used_words)
     return Program(name, functions, body, constants, tuple(arguments_read), tuple(results))
@@ -173,7 +173,7 @@ class _Translator:
                     block, equation, [value_of(variable) for variable in equation.invars]
                 )
                 for var, value in zip(equation.outvars, results, strict=True):
-                    values[var] = value if var in unstored else block.stored(value)
+                    values[var] = value if var in unstored else block.as_stored(value)
             except NotImplementedError as reason:
                 message = (
                     f"'{equation.primitive.name}' cannot be translated: {reason} ({self.line})."
@@ -192,7 +192,7 @@ class _Translator:
         require(array.size <= _LARGEST_CONSTANT, "the shape of a constant array", shape, bound)
         key = (kind, shape, array.tobytes())
         name, _ = self.constants.setdefault(key, (f"op_k{len(self.constants) + 1}", array))
-        return placed(kind, shape, name)
+        return value_at(kind, shape, name)
 
     def equation(self, block: Block, equation: JaxprEqn, operands: list[Value]) -> list[Value]:
         """Write one equation; return its results.
@@ -245,11 +245,11 @@ class _Translator:
                 function_inputs.append(scalar(value.kind, title, value.shape))
                 parameters[title] = f"{kind} {title}", value.first
                 continue
-            place = value.place
+            place = value.location
             if place is None or min(place.strides) < 0:
-                place = block.copied(value).place
+                place = block.copy_of(value).location
             assert place is not None, "an array of several elements lies somewhere"
-            function_inputs.append(placed(value.kind, value.shape, title, strides=place.strides))
+            function_inputs.append(value_at(value.kind, value.shape, title, strides=place.strides))
             start = "" if place.offset == "0" else f" + {place.offset}"
             parameters[title] = f"const {kind} *{title}", f"{place.buffer}{start}"
         results = list[Value]()
@@ -257,7 +257,7 @@ class _Translator:
         for number_out, value in enumerate(values, start=1):
             title = f"_r{number_out}"
             results.append(block.array(value.kind, value.shape))
-            function_block.copy(value, placed(value.kind, value.shape, title))
+            function_block.copy(value, value_at(value.kind, value.shape, title))
             parameters[title] = f"{TYPES[value.kind]} *restrict {title}", buffer_of(results[-1])
         name_in_c, arguments = self._function(function_block.printed(), parameters, name)
         block.put(f"{name_in_c}({', '.join(arguments)});")
@@ -270,7 +270,7 @@ class _Translator:
 
         `parameters` are the declaration and the argument of each parameter by its name in C.
         """
-        used_parameters = [pair for word, pair in parameters.items() if word in words(text)]
+        used_parameters = [pair for word, pair in parameters.items() if word in c_names(text)]
         key = ", ".join(parameter for parameter, _ in used_parameters), text
         if key not in self.functions:
             word = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_").lower() or "function"
@@ -282,7 +282,7 @@ class _Translator:
 def _of_leaf(record: Record, leaf: Leaf, pointer: str = "") -> Value:
     text = record.text(leaf)
     if leaf.size > 1:
-        return placed(leaf.kind, leaf.shape, text)
+        return value_at(leaf.kind, leaf.shape, text)
     return scalar(leaf.kind, f"{pointer if record.lone else ''}{text}", leaf.shape)
 
 

@@ -10,11 +10,11 @@ import numpy as np
 
 from apollonius.agents.names import SHIELDED
 from apollonius.arenas.file import to_dict
-from apollonius.export.c import Compiled, Program, files, has_compiler, header, source
-from apollonius.export.parity import Decide, cases_of, compare, microseconds, require_same
+from apollonius.export.c import CompiledProgram, Program, files, has_compiler, header, source
+from apollonius.export.parity import Decide, cases_of, compare_decisions, microseconds, require_same
 from apollonius.export.player import LARGEST, Player
 from apollonius.export.record import Record
-from apollonius.export.translate import translated
+from apollonius.export.translate import translate_block
 from apollonius.io.document import to_json, write_atomically
 from apollonius.io.errors import InvalidInput, require, require_extra
 
@@ -41,7 +41,7 @@ def translate(
     Raises InvalidInput for a primitive or a number type that cannot be translated, with the line
     that it comes from, for names that C cannot have, and for a program that differs from JAX.
     """
-    program = translated(function, *arguments, name=name)
+    program = translate_block(function, *arguments, name=name)
     if has_compiler():
         require_same(program, function, arguments)
     return files(program)
@@ -66,7 +66,7 @@ def write_c(player: Player, out: Path, constants: bool = False, states: int = ST
     """
     arguments = player.arguments[1:] if constants else player.arguments
     decide = partial(player.decide, player.policy) if constants else player.decide
-    program = translated(decide, *arguments, name=out.stem)
+    program = translate_block(decide, *arguments, name=out.stem)
     report_lines = _check(program, player, arguments[:-4], states)
     contents = {
         out: source(program).encode(),
@@ -105,7 +105,7 @@ def _check(program: Program, player: Player, fixed: tuple[Any, ...], states: int
     """
     if not has_compiler():
         return ["not checked: there is no gcc here; install it, and export again"]
-    compiled_program = Compiled(program)
+    compiled_program = CompiledProgram(program)
 
     def decide(
         state: np.ndarray, active: Any, memory: Any, bits: np.uint32
@@ -116,7 +116,7 @@ def _check(program: Program, player: Player, fixed: tuple[Any, ...], states: int
     lines = check(decide, player, states)
     return [
         *lines,
-        f"one decision, median of 10,000: {microseconds(compiled_program.again):.1f} us",
+        f"one decision, median of 10,000: {microseconds(compiled_program.rerun):.1f} us",
     ]
 
 
@@ -124,7 +124,7 @@ def check(decide: Decide, player: Player, states: int) -> list[str]:
     """Compare a player with the package's; return a line that tells the result. Raises
     InvalidInput for other decisions.
     """
-    parity = compare(decide, player, cases_of(player, states))
+    parity = compare_decisions(decide, player, cases_of(player, states))
     if parity.errors:
         raise InvalidInput(
             f"{parity.errors:,} of {states:,} decisions differ from the package's: report this as an error."

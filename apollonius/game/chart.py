@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float, Int, UInt16, UInt32
 
 from apollonius.game.obstacle import between_nodes, bilinear
 from apollonius.game.types import Flag, Scalar
-from apollonius.io.kept import Kept
+from apollonius.io.persistent_jit import PersistentJit
 
 SIDE = 192
 """Cells of the field of clearances along the arena's longer side."""
@@ -30,9 +30,9 @@ STEPS = tuple((right, up) for up in _RANGE for right in _RANGE if (right, up) !=
 """Steps, in columns and rows, between coarse cells of which one can be entered from the other."""
 NO_PATH = 2**16 - 1
 """Length of a missing path [cm]."""
-GLANCES = 12
+MAX_RAY_STEPS = 12
 """Steps of a ray: each is as long as the clearance at the end of the one before."""
-FARTHEST = 12.0
+MAX_RANGE = 12.0
 """Length of rays that meet nothing [m], on the scale of the arenas in which agents learned."""
 
 CellWeights = tuple[Int[Array, "4"], Float[Array, "4"]]
@@ -93,10 +93,10 @@ class Chart(eqx.Module):
         def one_step(_: Int[Array, ""], distance: Scalar) -> Scalar:
             return jnp.minimum(
                 distance + jnp.maximum(self.clearance(x + distance * cos, y + distance * sin), 0.0),
-                FARTHEST,
+                MAX_RANGE,
             )
 
-        return jax.lax.fori_loop(0, GLANCES, one_step, jnp.zeros_like(x))
+        return jax.lax.fori_loop(0, MAX_RAY_STEPS, one_step, jnp.zeros_like(x))
 
     def cell_weights(self, x: Scalar, y: Scalar) -> CellWeights:
         """Return the coarse cells around a point that can be seen from there, with bilinear
@@ -158,9 +158,9 @@ class Chart(eqx.Module):
             distance: length of that vector [m].
         """
         far = jnp.maximum(distance, 1e-6)
-        return self.range(x, y, dx / far, dy / far) >= jnp.minimum(distance, FARTHEST)
+        return self.range(x, y, dx / far, dy / far) >= jnp.minimum(distance, MAX_RANGE)
 
-    def way(self, x: Scalar, y: Scalar, to_x: Scalar, to_y: Scalar) -> Scalar:
+    def shortest_path_length(self, x: Scalar, y: Scalar, to_x: Scalar, to_y: Scalar) -> Scalar:
         """Return the length [m] of the shortest path between two points; infinite without a path.
 
         If no obstacle is between them, it is their distance.
@@ -203,7 +203,7 @@ def _between(middle: Scalar, share: Scalar) -> tuple[Int[Array, ""], Scalar]:
     return before.astype(jnp.int32), jnp.clip(share * COARSE - 0.5 - before, 0.0, 1.0)
 
 
-@Kept
+@PersistentJit
 def entries(
     field: Float[Array, "corners corners"], visible: UInt16[Array, "cells cells"]
 ) -> UInt32[Array, "coarse_rows coarse_columns"]:

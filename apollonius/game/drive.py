@@ -21,7 +21,7 @@ from apollonius.game.types import (
     RobotState,
     Role,
     Scalar,
-    choose,
+    tree_where,
 )
 from apollonius.io.errors import require
 
@@ -49,7 +49,7 @@ class Drive(eqx.Module):
         )
         require(time is None or time >= 0, f"{name}.turn_time", time, "0 s or more, or left out")
 
-    def begin(self) -> DriveState:
+    def at_rest(self) -> DriveState:
         """Return the drive of a robot at rest."""
         pending = None if self.lag is None else jnp.zeros((MOST_LAG, 2))
         return DriveState(pending, None if self.turn_time is None else jnp.zeros(()))
@@ -73,11 +73,11 @@ class Drive(eqx.Module):
             commands = jnp.concatenate([jnp.stack([u1, u2])[None], state.pending])
             u1, u2 = commands[jnp.asarray(self.lag).astype(jnp.int32)]
             state = replace(state, pending=commands[:MOST_LAG])
-        u2, rate = turning(body, self.turn_time, state.turn_rate, u2, dt)
+        u2, rate = limited_turn_rate(body, self.turn_time, state.turn_rate, u2, dt)
         return (u1, u2), replace(state, turn_rate=rate)
 
 
-def foreseen(
+def predict_after_lag(
     drive: Drive, state: DriveState, body: Unicycle, robot: RobotState, dt: Real
 ) -> tuple[RobotState, Scalar | None]:
     """Predict a robot, and its turn rate [rad/s], when a command of now takes effect.
@@ -99,13 +99,13 @@ def foreseen(
         now: tuple[RobotState, Scalar | None], step: Array
     ) -> tuple[tuple[RobotState, Scalar | None], None]:
         (robot, rate), (u1, u2) = now, pending[jnp.maximum(lag - 1 - step, 0)]
-        mean, after = turning(body, drive.turn_time, rate, u2, dt)
-        return choose(step < lag, (body.move(robot, u1, mean, dt), after), now), None
+        mean, after = limited_turn_rate(body, drive.turn_time, rate, u2, dt)
+        return tree_where(step < lag, (body.move(robot, u1, mean, dt), after), now), None
 
     return jax.lax.scan(one_step, (robot, state.turn_rate), jnp.arange(MOST_LAG))[0]
 
 
-def turning(
+def limited_turn_rate(
     body: Unicycle, turn_time: Real | None, rate: Scalar | None, asked: Scalar, dt: Real
 ) -> tuple[Scalar, Scalar | None]:
     """Return the mean turn rate over a step and the turn rate after it [rad/s].

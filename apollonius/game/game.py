@@ -14,8 +14,8 @@ from apollonius.game.chart import Chart
 from apollonius.game.drive import Drives
 from apollonius.game.dynamics import Unicycle, as_action
 from apollonius.game.fusion_barrier import fusion_barrier
-from apollonius.game.judge import fates, judge
-from apollonius.game.reward import Reward, leads
+from apollonius.game.judge import judge, robot_events
+from apollonius.game.reward import Reward, nearest_distances
 from apollonius.game.scenario import Scenario
 from apollonius.game.sensing import Sensing
 from apollonius.game.starts import Starts
@@ -32,11 +32,11 @@ from apollonius.game.types import (
     Scalar,
     SideAction,
     Timestep,
-    choose,
-    one_each,
+    tree_where,
+    value_for_each,
 )
 from apollonius.io.errors import require
-from apollonius.io.kept import Kept
+from apollonius.io.persistent_jit import PersistentJit
 
 MAX_STEPS = 2**31 - 1
 """Largest time limit [steps]: steps are counted in 32 bits."""
@@ -117,7 +117,7 @@ class Game(eqx.Module):
 
     def body(self, role: Role) -> Unicycle:
         """Return the limits of one side's robot, in a game of two."""
-        return one_each(self.bodies)[role]
+        return value_for_each(self.bodies)[role]
 
     def reset(self, key: PRNGKeyArray) -> GameState:
         """Draw an arena and an initial state. The key is consumed."""
@@ -134,7 +134,7 @@ class Game(eqx.Module):
 
     def at(self, state: GameState) -> "Game":
         """Return the game that is played in a state: in its arena, between its robots."""
-        return self if self.scenario is None else self.in_place(state.place)
+        return self if self.scenario is None else self.in_place(state.variant)
 
     def in_place(self, place: Int[Array, ""] | None) -> "Game":
         """Return the game at one place of its scenario."""
@@ -219,7 +219,7 @@ class Game(eqx.Module):
             if state.status is None:
                 return driven
             stopped = (replace(robot, v=jnp.zeros_like(robot.v)) for robot in state.robots[role])
-            return tuple(map(choose, state.active[role], driven, stopped))
+            return tuple(map(tree_where, state.active[role], driven, stopped))
 
         after = replace(state, robots=ROLES.map(robots_after), steps=state.steps + 1)
         outcome, status = judge(game, state, after)
@@ -247,7 +247,11 @@ def _rewards(
     after: GameState,
     chart: Chart | None,
 ) -> BySide[tuple[Scalar, ...]]:
-    return reward(outcome, fates(outcome, before.status, after.status), leads(before, after, chart))
+    return reward(
+        outcome,
+        robot_events(outcome, before.status, after.status),
+        nearest_distances(before, after, chart),
+    )
 
 
 _rewards_computed_once = fusion_barrier(_rewards)
@@ -273,7 +277,7 @@ def sample_starts(game: Game, key: PRNGKeyArray, games: int) -> GameState:
     return jax.device_put(jax.tree.map(lambda *leaves: np.concatenate(leaves)[:games], *blocks))
 
 
-@Kept
+@PersistentJit
 def _draw_block(game: Game, key: PRNGKeyArray, first: UInt32[Array, ""]) -> GameState:
     # The i-th key that `split` makes is that of `fold_in` with i.
     index = first + jnp.arange(_BLOCK, dtype=jnp.uint32)
@@ -282,6 +286,6 @@ def _draw_block(game: Game, key: PRNGKeyArray, first: UInt32[Array, ""]) -> Game
         start_key = jax.random.fold_in(key, number)
         if game.scenario is None:
             return game.reset(start_key)
-        return game.reset_at(game.scenario.place_of(number.astype(jnp.int32)), start_key)
+        return game.reset_at(game.scenario.variant_of(number.astype(jnp.int32)), start_key)
 
     return jax.vmap(draw)(index)

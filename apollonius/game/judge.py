@@ -23,7 +23,7 @@ Statuses = BySide[tuple[Int[Array, ""], ...]]
 
 
 @runtime_checkable
-class Judged(Protocol):
+class JudgedGame(Protocol):
     """A game in one arena, as far as judging a step needs it."""
 
     @property
@@ -38,7 +38,7 @@ class Judged(Protocol):
     def teams(self) -> Teams | None: ...
 
 
-class Fate(eqx.Module):
+class RobotEvents(eqx.Module):
     """The fate of one robot in a step: it was active before, and is captured or fails otherwise."""
 
     active: Flag | bool
@@ -46,7 +46,7 @@ class Fate(eqx.Module):
     failed: Flag
 
 
-class _Events(eqx.Module):
+class _Contacts(eqx.Module):
     """The events of one robot in a step; none unless it was active before the step.
 
     A captured robot has no other event. `hit`: it touched an obstacle; `out`: it left the walls;
@@ -73,7 +73,7 @@ class _Events(eqx.Module):
 
 @fusion_barrier
 def judge(
-    game: Judged, before: GameState, after: GameState
+    game: JudgedGame, before: GameState, after: GameState
 ) -> tuple[Int[Array, ""], Statuses | None]:
     """Return the outcome of a step and the status of each robot; None in a game of two.
 
@@ -81,7 +81,7 @@ def judge(
     that robot, in the order of `decide`: pursuers win by capturing the last evader even if no
     pursuer is active any more.
     """
-    events = ROLES.map(lambda role: _events(game, before, after, role))
+    events = ROLES.map(lambda role: _contacts(game, before, after, role))
     beaten = events.map(lambda side: ~_any(robot.stays for robot in side))
 
     def last(role: Role, *failures: str) -> Flag:
@@ -114,7 +114,7 @@ def judge(
 
 
 @jax.jit
-def statuses_along(game: Judged, states: GameState) -> Statuses | None:
+def statuses_along(game: JudgedGame, states: GameState) -> Statuses | None:
     """Return the statuses of all robots along consecutive states, whatever moved the robots."""
 
     def one_step(
@@ -131,25 +131,31 @@ def statuses_along(game: Judged, states: GameState) -> Statuses | None:
     return jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, later)
 
 
-def fates(
+def robot_events(
     outcome: Int[Array, ""], before: Statuses | None, after: Statuses | None
-) -> BySide[tuple[Fate, ...]]:
+) -> BySide[tuple[RobotEvents, ...]]:
     """Return the fate of each robot in a step, by its outcome and, in teams, by the statuses."""
     if before is None or after is None:
         caught, both_failed = outcome == Outcome.CAPTURED, Outcome.BOTH_FAILED
         pursuer_failed = is_one_of((both_failed, *PURSUER_FAILS), outcome)
         evader_failed = is_one_of((both_failed, *EVADER_FAILS), outcome)
-        return BySide((Fate(True, False, pursuer_failed),), (Fate(True, caught, evader_failed),))
+        return BySide(
+            (RobotEvents(True, False, pursuer_failed),), (RobotEvents(True, caught, evader_failed),)
+        )
 
-    def fate(status_before: Int[Array, ""], status_after: Int[Array, ""]) -> Fate:
+    def fate(status_before: Int[Array, ""], status_after: Int[Array, ""]) -> RobotEvents:
         active = status_before == RobotStatus.ACTIVE
         captured = active & (status_after == RobotStatus.CAPTURED)
-        return Fate(active, captured, active & ~captured & (status_after != RobotStatus.ACTIVE))
+        return RobotEvents(
+            active, captured, active & ~captured & (status_after != RobotStatus.ACTIVE)
+        )
 
     return ROLES.map(lambda role: tuple(map(fate, before[role], after[role])))
 
 
-def _events(game: Judged, before: GameState, after: GameState, role: Role) -> tuple[_Events, ...]:
+def _contacts(
+    game: JudgedGame, before: GameState, after: GameState, role: Role
+) -> tuple[_Contacts, ...]:
     active, bodies = before.active, game.bodies[role]
     moves = ROLES.map(lambda side: list(zip(before.robots[side], after.robots[side], strict=True)))
     hunters = list(zip(moves.pursuer, active.pursuer, strict=True)) if role == Role.EVADER else []
@@ -165,7 +171,7 @@ def _events(game: Judged, before: GameState, after: GameState, role: Role) -> tu
                 contacts.append(active[role][mate] & touches)
         return _any(contacts)
 
-    def events(number: int) -> _Events:
+    def events(number: int) -> _Contacts:
         move = moves[role][number]
         body = bodies[number]
         is_active = active[role][number]
@@ -176,7 +182,7 @@ def _events(game: Judged, before: GameState, after: GameState, role: Role) -> tu
         hit = uncaught & game.arena.hits_obstacle(*move, body.radius)
         out = uncaught & game.arena.is_out_of_range(move[1], body.radius)
         collided = uncaught & touches_mate(number) & ~hit & ~out
-        return _Events(is_active, captured, hit, out, collided)
+        return _Contacts(is_active, captured, hit, out, collided)
 
     return tuple(events(number) for number in range(len(bodies)))
 

@@ -61,7 +61,7 @@ class Polygon(AbstractObstacle):
         outside = np.flatnonzero([not walls.enclose(x, y) for x, y in corners])
         beyond = f"inside the walls {walls.sides}; move them"
         require(not len(outside), name, f"{_places(corners, outside)} and others", beyond)
-        meeting = _meeting(corners)
+        meeting = _crossing_edges(corners)
         order = "the corners in order around it, each once, whose edges meet nowhere else"
         require(
             not len(meeting),
@@ -105,7 +105,7 @@ class Edge(eqx.Module):
         return (self.left(before.x, before.y) * self.left(after.x, after.y) < 0) & (sides < 0)
 
 
-class Place(eqx.Module):
+class PointToEdges(eqx.Module):
     """A point (x, y) [m] among the edges so far: its squared distance from the nearest [m^2], and
     their windings.
     """
@@ -115,13 +115,13 @@ class Place(eqx.Module):
     squared: Scalar
     windings: Int[Array, ""]
 
-    def beside(self, edge: Edge) -> "Place":
+    def with_edge(self, edge: Edge) -> "PointToEdges":
         """Return the point with one more edge."""
         squared = closest_approach_squared(
             edge.x - self.x, edge.y - self.y, edge.along_x, edge.along_y
         )
         windings = self.windings + edge.windings(self.x, self.y)
-        return Place(self.x, self.y, jnp.minimum(self.squared, squared), windings)
+        return PointToEdges(self.x, self.y, jnp.minimum(self.squared, squared), windings)
 
     @property
     def clearance(self) -> Scalar:
@@ -133,8 +133,8 @@ class Place(eqx.Module):
 class _Segment(NamedTuple):
     """A segment among the edges so far: both ends, and the least clearance between them [m]."""
 
-    start: Place
-    end: Place
+    start: PointToEdges
+    end: PointToEdges
     between: Scalar
 
 
@@ -160,7 +160,9 @@ class Edges(AbstractObstacle):
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
         """Return the distance [m] from a point to the nearest edge; negative inside a polygon."""
-        return self._over_edges(lambda place, edge: place.beside(edge), _nowhere(x, y)).clearance
+        return self._over_edges(
+            lambda place, edge: place.with_edge(edge), _far_from_edges(x, y)
+        ).clearance
 
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
         """Return the least clearance [m] on the segment between two states.
@@ -175,14 +177,14 @@ class Edges(AbstractObstacle):
             corner = closest_approach_squared(before.x - edge.x, before.y - edge.y, dx, dy)
             clearance = jnp.where(edge.is_crossed(before, after), _PASSED_THROUGH, jnp.sqrt(corner))
             return _Segment(
-                start=segment.start.beside(edge),
-                end=segment.end.beside(edge),
+                start=segment.start.with_edge(edge),
+                end=segment.end.with_edge(edge),
                 between=jnp.minimum(segment.between, clearance),
             )
 
         no_edges = _Segment(
-            start=_nowhere(before.x, before.y),
-            end=_nowhere(after.x, after.y),
+            start=_far_from_edges(before.x, before.y),
+            end=_far_from_edges(after.x, after.y),
             between=jnp.asarray(jnp.inf, jnp.float32),
         )
         segment = self._over_edges(add_edge, no_edges)
@@ -213,11 +215,11 @@ def _numbers(corners: Float[Array, "corners 2"]) -> tuple[Array, ...]:
     return x, y, next_x - x, next_y - y, jnp.full(x.shape, turn)
 
 
-def _nowhere(x: Scalar, y: Scalar) -> Place:
-    return Place(x, y, jnp.asarray(jnp.inf, jnp.float32), jnp.zeros((), jnp.int32))
+def _far_from_edges(x: Scalar, y: Scalar) -> PointToEdges:
+    return PointToEdges(x, y, jnp.asarray(jnp.inf, jnp.float32), jnp.zeros((), jnp.int32))
 
 
-def _meeting(corners: Float[np.ndarray, "corners 2"]) -> Int[np.ndarray, " some"]:
+def _crossing_edges(corners: Float[np.ndarray, "corners 2"]) -> Int[np.ndarray, " some"]:
     """Return the corners at which the first two edges begin that meet elsewhere than at a corner
     they share.
     """

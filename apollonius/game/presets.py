@@ -13,7 +13,7 @@ from apollonius.game.reward import Reward
 from apollonius.game.scenario import RobotKinds, Scenario, Spread, stack_arenas
 from apollonius.game.sensing import Noise, Sensing, Sensors
 from apollonius.game.teams import Body, Teams
-from apollonius.io.errors import InvalidInput, nearest, require, unknown_name
+from apollonius.io.errors import InvalidInput, closest_names, require, unknown_name
 from apollonius.io.limits import ROBOTS
 
 
@@ -82,7 +82,9 @@ def make_game(name: str) -> Game:
         return in_teams(paper(), int(team[1]), int(team[2]))
     if name not in PRESETS:
         choices = f"choose one of {', '.join(PRESETS)}, or as team-3v1"
-        raise InvalidInput(unknown_name("game", str(name), choices, nearest(str(name), PRESETS)))
+        raise InvalidInput(
+            unknown_name("game", str(name), choices, closest_names(str(name), PRESETS))
+        )
     return PRESETS[name]()
 
 

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Int
 
 from apollonius.game.chart import Chart
-from apollonius.game.judge import Fate
+from apollonius.game.judge import RobotEvents
 from apollonius.game.outcome import evader_wins, pursuer_wins
 from apollonius.game.teams import nearest, separation
 from apollonius.game.types import BySide, GameState, Outcome, Real, RobotState, Scalar
@@ -59,7 +59,7 @@ class Reward(eqx.Module):
     def __call__(
         self,
         outcome: Int[Array, ""],
-        robots: BySide[tuple[Fate, ...]],
+        robots: BySide[tuple[RobotEvents, ...]],
         leads: Sequence[tuple[Scalar, Scalar]],
     ) -> BySide[tuple[Scalar, ...]]:
         """Return every robot's reward for one step.
@@ -88,14 +88,14 @@ class Reward(eqx.Module):
             territory_reached, -self.capture, functools.reduce(operator.add, shares)
         )
 
-        def pursuer(robot: Fate) -> Scalar:
+        def pursuer(robot: RobotEvents) -> Scalar:
             return jnp.where(
                 robot.failed & ~captured,
                 -self.failure,
                 jnp.where(robot.active, pursuers_reward, 0.0),
             )
 
-        def evader(robot: Fate, gain: Scalar) -> Scalar:
+        def evader(robot: RobotEvents, gain: Scalar) -> Scalar:
             lead_reward = jnp.where(territory_reached, self.capture, -gain)
             in_play = jnp.where(
                 robot.failed, -self.failure, jnp.where(robot.active, lead_reward, 0.0)
@@ -105,7 +105,9 @@ class Reward(eqx.Module):
         return BySide(tuple(map(pursuer, robots.pursuer)), tuple(map(evader, robots.evader, gains)))
 
 
-def leads(before: GameState, after: GameState, chart: Chart | None) -> list[tuple[Scalar, Scalar]]:
+def nearest_distances(
+    before: GameState, after: GameState, chart: Chart | None
+) -> list[tuple[Scalar, Scalar]]:
     """Return each evader's distances [m] from the nearest active pursuer, before and after a step.
 
     With a chart they are path lengths, unless the chart lacks one of the two.
@@ -119,7 +121,9 @@ def leads(before: GameState, after: GameState, chart: Chart | None) -> list[tupl
     def path_length(chart: Chart, state: GameState, evader: RobotState) -> Scalar:
         pursuers = zip(state.robots.pursuer, before.active.pursuer, strict=True)
         lengths = [
-            jnp.where(active, chart.way(robot.x, robot.y, evader.x, evader.y), jnp.inf)
+            jnp.where(
+                active, chart.shortest_path_length(robot.x, robot.y, evader.x, evader.y), jnp.inf
+            )
             for robot, active in pursuers
         ]
         return functools.reduce(jnp.minimum, lengths)

@@ -139,7 +139,7 @@ class Scenario(eqx.Module):
         """Draw a place. The key is consumed."""
         return jax.random.randint(key, (), 0, self.size)
 
-    def place_of(self, index: Any) -> Any:
+    def variant_of(self, index: Any) -> Any:
         """Return the place of a match's game of this index: all arenas take turns, and all kinds of
         robots.
         """

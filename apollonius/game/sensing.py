@@ -14,7 +14,16 @@ import jax.numpy as jnp
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import wrap_angle
 from apollonius.game.fusion_barrier import fusion_barrier
-from apollonius.game.types import Bits, BySide, Flag, GameState, Real, RobotState, Role, Scalar
+from apollonius.game.types import (
+    BySide,
+    Flag,
+    GameState,
+    RandomBits,
+    Real,
+    RobotState,
+    Role,
+    Scalar,
+)
 from apollonius.io.errors import require
 
 MOST_DELAY = 10
@@ -46,7 +55,9 @@ class Noise(eqx.Module):
         """Return the largest error of a position [m]."""
         return jnp.asarray(self.position, jnp.float32) * BOUND * 2**0.5
 
-    def added(self, robots: Sequence[RobotState], bits: Bits, use: int) -> tuple[RobotState, ...]:
+    def add_to(
+        self, robots: Sequence[RobotState], bits: RandomBits, use: int
+    ) -> tuple[RobotState, ...]:
         """Return robots with errors from random bits, folded with the number of their use."""
         key = jax.random.fold_in(jax.random.key(bits), use)
         errors = jnp.clip(jax.random.normal(key, (len(robots), 4)), -BOUND, BOUND)
@@ -142,10 +153,12 @@ class Percept(eqx.Module):
     own: tuple[RobotState, ...]
     opponents: tuple[RobotState, ...]
     seen: tuple[Flag, ...]
-    looked: Flag
+    has_looked: Flag
 
 
-def sense(sensors: Sensors, arena: Arena, state: GameState, role: Role, bits: Bits) -> Percept:
+def sense(
+    sensors: Sensors, arena: Arena, state: GameState, role: Role, bits: RandomBits
+) -> Percept:
     """Sense the opponents with the sensors of one side.
 
     Args:
@@ -167,8 +180,8 @@ def sense(sensors: Sensors, arena: Arena, state: GameState, role: Role, bits: Bi
         return has_looked & is_active & functools.reduce(operator.or_, sightings)
 
     return Percept(
-        own=sensors.own_noise.added(own, bits, _OWN) if sensors.own_noise else own,
-        opponents=sensors.noise.added(opponents, bits, _OPPONENTS) if sensors.noise else opponents,
+        own=sensors.own_noise.add_to(own, bits, _OWN) if sensors.own_noise else own,
+        opponents=sensors.noise.add_to(opponents, bits, _OPPONENTS) if sensors.noise else opponents,
         seen=tuple(map(is_seen, opponents, state.active[role.other])),
-        looked=has_looked,
+        has_looked=has_looked,
     )

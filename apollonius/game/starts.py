@@ -59,14 +59,14 @@ class Starts(eqx.Module):
         """
         mates = [[(role, body)] for role in ROLES for body in bodies[role][1:]]
         keys = jax.random.split(key, 3 + len(mates))
-        robots = self._drawn([*keys[:3]], arena, [(role, bodies[role][0]) for role in ROLES], [])
+        robots = self._draw([*keys[:3]], arena, [(role, bodies[role][0]) for role in ROLES], [])
         for mate, mate_key in zip(mates, keys[3:], strict=True):
-            robots += self._drawn([*jax.random.split(mate_key, 3)], arena, mate, robots)
+            robots += self._draw([*jax.random.split(mate_key, 3)], arena, mate, robots)
         return GameState.at_start(
             ROLES.map(lambda role: tuple(robot for side, _, robot in robots if side == role))
         )
 
-    def _drawn(
+    def _draw(
         self,
         keys: Sequence[PRNGKeyArray],
         arena: Arena,

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Int
 
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.types import Flag, RobotState, Scalar, choose
+from apollonius.game.types import Flag, RobotState, Scalar, tree_where
 
 T = TypeVar("T")
 Body = Unicycle
@@ -50,7 +50,7 @@ def nearest(
     for robot, is_active, value in zip(robots[1:], active[1:], values[1:], strict=True):
         distance = jnp.where(is_active, distance_squared(here, robot), jnp.inf)
         nearer = distance < least
-        best, least = choose(nearer, value, best), jnp.minimum(distance, least)
+        best, least = tree_where(nearer, value, best), jnp.minimum(distance, least)
     return best
 
 
@@ -87,7 +87,7 @@ def by_distance(
     def at_rank(rank: int) -> T:
         ranked = values[0]
         for value, own_rank in zip(values[1:], ranks[1:], strict=True):
-            ranked = choose(own_rank == rank, value, ranked)
+            ranked = tree_where(own_rank == rank, value, ranked)
         return ranked
 
     return [at_rank(rank) for rank in range(len(distances))]

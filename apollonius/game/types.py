@@ -21,7 +21,7 @@ Scalar = Float[Array, ""]
 Flag = Bool[Array, ""]
 """A traced truth value."""
 
-Bits = UInt32[Array, ""]
+RandomBits = UInt32[Array, ""]
 """Random bits, 32 as one number."""
 
 Real = float | int | Array
@@ -47,14 +47,14 @@ Actions = Int[Array, " games"] | Float[Array, "games 2"]
 """Actions of one side of a batch of games."""
 
 
-class Named(IntEnum):
+class NamedEnum(IntEnum):
     """A whole number that is printed by its name."""
 
     def __str__(self) -> str:
         return self.name
 
 
-class Role(Named):
+class Role(NamedEnum):
     """The two sides of the game."""
 
     PURSUER = 0
@@ -90,7 +90,7 @@ class BySide(eqx.Module, Generic[T_co]):
         return BySide(function(self.pursuer), function(self.evader))
 
 
-def one_each(robots: BySide[tuple[T, ...]]) -> BySide[T]:
+def value_for_each(robots: BySide[tuple[T, ...]]) -> BySide[T]:
     """Return the values of the two robots of a game of two; raises InvalidInput for other numbers
     of robots.
     """
@@ -101,7 +101,7 @@ def one_each(robots: BySide[tuple[T, ...]]) -> BySide[T]:
     return robots.map(lambda side: side[0])
 
 
-def choose(first: Bool[Array, "..."], one: T, other: T) -> T:
+def tree_where(first: Bool[Array, "..."], one: T, other: T) -> T:
     """Return the first of two pytrees where the flags say so, elsewhere the other."""
 
     def select(one: Any, other: Any) -> Any:
@@ -114,7 +114,7 @@ ROLES = BySide(Role.PURSUER, Role.EVADER)
 """Both sides."""
 
 
-class Outcome(Named):
+class Outcome(NamedEnum):
     """Outcomes: the rows of Tables II and III, plus `BOTH_FAILED` for two failures in one step.
 
     `TERRITORY_REACHED`, by the evader, is possible only where an arena has a territory. A decided
@@ -133,7 +133,7 @@ class Outcome(Named):
     TERRITORY_REACHED = 8
 
 
-class RobotStatus(Named):
+class RobotStatus(NamedEnum):
     """A robot in play, or the reason why it is not. `HIT_MATE` is possible only where a game asks
     for it.
     """
@@ -190,7 +190,7 @@ class GameState(eqx.Module):
 
     robots: BySide[tuple[RobotState, ...]]
     steps: Int[Array, ""]
-    place: Int[Array, ""] | None = None
+    variant: Int[Array, ""] | None = None
     status: BySide[tuple[Int[Array, ""], ...]] | None = None
     sight: Sight | None = None
     drives: DriveStates | None = None
@@ -222,11 +222,11 @@ class GameState(eqx.Module):
 
     @property
     def pursuer(self) -> RobotState:
-        return one_each(self.robots).pursuer
+        return value_for_each(self.robots).pursuer
 
     @property
     def evader(self) -> RobotState:
-        return one_each(self.robots).evader
+        return value_for_each(self.robots).evader
 
 
 class Timestep(eqx.Module):
@@ -245,4 +245,4 @@ class Timestep(eqx.Module):
     @property
     def reward(self) -> BySide[Scalar]:
         """The rewards of a game of two robots."""
-        return one_each(self.rewards)
+        return value_for_each(self.rewards)

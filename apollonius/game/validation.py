@@ -17,9 +17,9 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.sensing import Sensing
 from apollonius.game.starts import Starts
 from apollonius.game.types import BySide
-from apollonius.io.errors import InvalidInput, require, shown
-from apollonius.io.kept import Kept
+from apollonius.io.errors import InvalidInput, format_value, require
 from apollonius.io.limits import ROBOTS
+from apollonius.io.persistent_jit import PersistentJit
 
 MAX_SIZE = 1e6
 """Largest size of any number of a game: in single precision positions in a larger arena would be
@@ -64,7 +64,7 @@ _FAST = re.compile(r"xla_[a-z]+_enable_fast_(math|min_max)(?!=(false|0))")
 Bodies = BySide[tuple[Unicycle, ...]]
 Points = Float[np.ndarray, "2 _points"]
 
-_clearances = Kept(jax.vmap(Arena.clearance, in_axes=(None, 0, 0)))
+_clearances = PersistentJit(jax.vmap(Arena.clearance, in_axes=(None, 0, 0)))
 
 
 def require_usual_numbers() -> None:
@@ -73,7 +73,7 @@ def require_usual_numbers() -> None:
     """
     for name, (usual, why) in _SETTINGS.items():
         value = getattr(jax.config, name, usual[0])
-        require(value in usual, name.upper(), value, f"{shown(usual[0])}: {why}; unset it")
+        require(value in usual, name.upper(), value, f"{format_value(usual[0])}: {why}; unset it")
     flags = os.environ.get("XLA_FLAGS", "")
     require(
         not _FAST.search(flags),
@@ -88,7 +88,7 @@ def require_key(key: Any) -> None:
     is_array = isinstance(key, jax.Array | np.ndarray)
     is_key = is_array and (jax.numpy.issubdtype(key.dtype, jax.dtypes.prng_key) or key.ndim > 0)
     seed = key if isinstance(key, int) else 0
-    require(is_key, "key", key, f"a key of JAX, as jax.random.key({shown(seed)})")
+    require(is_key, "key", key, f"a key of JAX, as jax.random.key({format_value(seed)})")
 
 
 def is_swept(game: Any) -> bool:

@@ -15,7 +15,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from apollonius.io.document import parse_json, to_json, write_atomically
-from apollonius.io.errors import InvalidInput, shown
+from apollonius.io.errors import InvalidInput, format_value
 
 T = TypeVar("T")
 MOST_HEADER = 2**24
@@ -27,7 +27,9 @@ _NUMBERS = {"BOOL": np.dtype(bool), "U8": np.dtype(np.uint8), "I8": np.dtype(np.
 
 
 @contextmanager
-def opened(path: Path, remedy: str, kind: str = "safetensors file") -> Generator[Any, None, None]:
+def open_arrays(
+    path: Path, remedy: str, kind: str = "safetensors file"
+) -> Generator[Any, None, None]:
     """Open a safetensors file and read its header only.
 
     Raises:
@@ -84,7 +86,7 @@ def read_header(path: Path, file: Any, form: tuple[str, int], foreign: str) -> d
     version = fields.pop("version", None)
     if version != form[1]:
         remedy = f"this program reads {form[1]}: update it"
-        raise InvalidInput(f"'{path}' has format version {shown(version)}, {remedy}.")
+        raise InvalidInput(f"'{path}' has format version {format_value(version)}, {remedy}.")
     return fields
 
 

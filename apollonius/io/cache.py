@@ -76,7 +76,7 @@ def cached(
     return value
 
 
-def entry(folder: Path, name: str, key: Any) -> Path:
+def entry_path(folder: Path, name: str, key: Any) -> Path:
     """Name the file of a value that depends on this version and a key, as
     `a-0123456789abcdef.json`.
     """
@@ -198,7 +198,7 @@ def keep_compilations() -> None:
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 
 
-def kept_entries() -> "Entries | None":
+def compiled_entries() -> "Entries | None":
     """Return the compilations that this process keeps; None where it keeps none of its own."""
     return _kept
 
@@ -207,8 +207,8 @@ def environment() -> str:
     """Return the name of the folder for all that a compilation depends on besides the program."""
     from importlib.metadata import version
 
-    made_with = "-".join([__version__, *(version(package) for package in ("jax", "jaxlib"))])
-    return f"{made_with}-{sha256(processor().encode()).hexdigest()[:12]}"
+    versions = "-".join([__version__, *(version(package) for package in ("jax", "jaxlib"))])
+    return f"{versions}-{sha256(processor().encode()).hexdigest()[:12]}"
 
 
 @functools.cache

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from apollonius.io.errors import InvalidInput, shown
+from apollonius.io.errors import InvalidInput, format_value
 
 MOST_BYTES = 2**20
 """Largest file of settings, a game's or a training's [bytes]: some 20,000 lines."""
@@ -44,9 +44,9 @@ def read_bytes(
         is_outside = False
     if is_outside:
         bound = f"is outside the folder '{within}', and must be {kind} in it"
-        raise InvalidInput(f"'{shown(path)}' {bound}: {remedy}.")
+        raise InvalidInput(f"'{format_value(path)}' {bound}: {remedy}.")
     if not is_file:
-        raise InvalidInput(f"'{shown(path)}' is no file, and must be {kind}: {remedy}.")
+        raise InvalidInput(f"'{format_value(path)}' is no file, and must be {kind}: {remedy}.")
     with open(path, "rb") as file:
         content = file.read(most + 1)
     if len(content) > most:

@@ -15,10 +15,10 @@ class InvalidInput(ValueError):
     """An error about given input. Its message is one line, fit to be shown as it is."""
 
     def __init__(self, message: str) -> None:
-        super().__init__(shown(message, LONGEST_MESSAGE))
+        super().__init__(format_value(message, LONGEST_MESSAGE))
 
 
-def shown(value: object, longest: int = _LONGEST_VALUE) -> str:
+def format_value(value: object, longest: int = _LONGEST_VALUE) -> str:
     """Format a value for a message: one line without control characters and, if long, without its
     middle.
     """
@@ -34,7 +34,7 @@ def shown(value: object, longest: int = _LONGEST_VALUE) -> str:
     return text if text.isprintable() else "".join(characters)
 
 
-def nearest(name: str, known: Iterable[str]) -> str | None:
+def closest_names(name: str, known: Iterable[str]) -> str | None:
     """Return the known name nearest to a misspelt one, if one is near."""
     name_of_lower = {candidate.lower(): candidate for candidate in known}
     near = difflib.get_close_matches(name.lower(), name_of_lower, n=5)
@@ -53,7 +53,7 @@ def unknown_name(kind: str, name: str, known: str, meant: str | None) -> str:
         meant: The nearest possible name, which replaces that sentence.
     """
     remedy = f"did you mean '{meant}'?" if meant else f"{known}."
-    return f"unknown {kind} '{shown(name)}'; {remedy}"
+    return f"unknown {kind} '{format_value(name)}'; {remedy}"
 
 
 def require(holds: Any, name: str, value: object, bound: str) -> None:
@@ -67,14 +67,14 @@ def require(holds: Any, name: str, value: object, bound: str) -> None:
         bound: The bound in words.
     """
     if not holds:
-        raise InvalidInput(f"{name} = {shown(value)} is not possible: it must be {bound}.")
+        raise InvalidInput(f"{name} = {format_value(value)} is not possible: it must be {bound}.")
 
 
 def require_printable(name: str, text: str) -> None:
     """Refuse, by InvalidInput, a text of this name unless it is one line of modest length that can
     be printed.
     """
-    require(text == shown(text, LONGEST_MESSAGE), name, text, "a line that can be printed")
+    require(text == format_value(text, LONGEST_MESSAGE), name, text, "a line that can be printed")
 
 
 def require_positive(record: object, *names: str) -> None:
@@ -119,7 +119,7 @@ TRACKERS = {module.removesuffix("X"): module for module in EXTRAS["track"]}
 """The module of each tracker."""
 
 
-def missing(extra: str, *needed: str) -> str | None:
+def missing_extra(extra: str, *needed: str) -> str | None:
     """Return the command that installs what an extra lacks, or these modules of it; None if nothing
     is missing.
     """
@@ -132,6 +132,6 @@ def require_extra(extra: str, what: str) -> None:
     """Refuse work that needs libraries which are not installed, by InvalidInput with the command
     that installs them.
     """
-    remedy = missing(extra)
+    remedy = missing_extra(extra)
     if remedy:
         raise InvalidInput(f"{what} needs libraries that are not installed: {remedy}.")

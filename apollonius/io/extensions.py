@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
-from apollonius.io.errors import InvalidInput, shown
+from apollonius.io.errors import InvalidInput, format_value
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -32,7 +32,7 @@ def load_extension(group: str, name: str, kind: str) -> Any:
     if len(entries) > 1:
         packages = " and ".join(sorted({f"'{_package(entry)}'" for entry in entries}))
         raise InvalidInput(
-            f"the packages {packages} both have '{shown(name)}' in {group}: uninstall one."
+            f"the packages {packages} both have '{format_value(name)}' in {group}: uninstall one."
         )
     try:
         return entries[0].load()
@@ -44,8 +44,8 @@ def unfit_extension(group: str, name: str, kind: str, reason: object) -> Invalid
     """Return the refusal of a part of another package: what it is instead of its kind, or why it cannot be imported."""
     entry = next(entry for entry in _entries(group) if _name(entry) == name)
     return InvalidInput(
-        f"the package '{_package(entry)}' has '{shown(entry.name)} = {shown(entry.value)}' in {group}, which must be "
-        f"{kind} and is not ({shown(reason)}): mend it, or uninstall the package."
+        f"the package '{_package(entry)}' has '{format_value(entry.name)} = {format_value(entry.value)}' in {group}, which must be "
+        f"{kind} and is not ({format_value(reason)}): mend it, or uninstall the package."
     )
 
 

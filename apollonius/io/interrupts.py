@@ -26,40 +26,42 @@ PATIENCE = 1.2
 """How long a program has to answer [s]."""
 _SHOW_CURSOR = "\x1b[?25h"
 
-_going_on = ""
-_shown: list[Callable[[], None]] = []
-_answered = threading.Event()
-_heard: list[int] = []
-_asked: list[int] = []
+_resume_hint = ""
+_take_down: list[Callable[[], None]] = []
+_has_answered = threading.Event()
+_received: list[int] = []
+_stop_signals: list[int] = []
 _parent: int | None = None
-_leaving = threading.Lock()
+_leave_lock = threading.Lock()
 
 
-def go_on(how: str) -> None:
+def set_resume_hint(how: str) -> None:
     """Set the words for resuming that are printed if the program is stopped from now on."""
-    global _going_on
-    _going_on = how
+    global _resume_hint
+    _resume_hint = how
 
 
 def before_leaving(*take_down: Callable[[], None]) -> None:
     """Set the functions that are called before the last line is printed, as to take down a live
     view.
     """
-    _shown[:] = take_down
+    _take_down[:] = take_down
 
 
-def stopped() -> str:
+def stop_message() -> str:
     """Return the last line of a program that was stopped."""
-    return f"stopped; {_going_on}" if _going_on else "stopped"
+    return f"stopped; {_resume_hint}" if _resume_hint else "stopped"
 
 
-def status() -> int | None:
+def interrupt_status() -> int | None:
     """Return the exit status of a program that was interrupted; None where it was not."""
-    return 128 + _heard[0] if _heard else None
+    return 128 + _received[0] if _received else None
 
 
 @contextmanager
-def asked_to_stop(again: bool = True, parent: int | None = None) -> Generator[None, None, None]:
+def stopping_on_signals(
+    again: bool = True, parent: int | None = None
+) -> Generator[None, None, None]:
     """Within the block, let a signal set `asked` instead of interrupting, so that work can be saved
     first.
 
@@ -70,8 +72,8 @@ def asked_to_stop(again: bool = True, parent: int | None = None) -> Generator[No
     global _parent
 
     def hear(number: int, frame: FrameType | None) -> None:
-        _asked.append(number)
-        if again and len(_asked) > 1:
+        _stop_signals.append(number)
+        if again and len(_stop_signals) > 1:
             raise KeyboardInterrupt
 
     before = [(number, signal.signal(number, hear)) for number in SIGNALS]
@@ -81,16 +83,16 @@ def asked_to_stop(again: bool = True, parent: int | None = None) -> Generator[No
     finally:
         for number, handler in before:
             signal.signal(number, handler)
-        _asked.clear()
+        _stop_signals.clear()
 
 
-def asked() -> bool:
+def should_stop() -> bool:
     """Check whether to stop, within a block of `asked_to_stop`; elsewhere a signal interrupts at
     once.
     """
-    if _asked:
-        _answered.set()  # so that the listening thread lets the program save its work
-    return bool(_asked) or _parent not in (None, os.getppid())
+    if _stop_signals:
+        _has_answered.set()  # so that the listening thread lets the program save its work
+    return bool(_stop_signals) or _parent not in (None, os.getppid())
 
 
 def listen(says: bool = True) -> None:
@@ -105,15 +107,15 @@ def listen(says: bool = True) -> None:
         number = read_end.recv(1)[0]
         while number not in SIGNALS:
             number = read_end.recv(1)[0]
-        _heard.append(number)
-        if not _answered.wait(PATIENCE):
-            leave(128 + number, stopped() if says else "")
+        _received.append(number)
+        if not _has_answered.wait(PATIENCE):
+            leave(128 + number, stop_message() if says else "")
         write_end.fileno()  # keeps the socket alive as long as this thread
 
     def hear(number: int, frame: FrameType | None) -> NoReturn:
-        _heard.append(number)
+        _received.append(number)
         if _is_unfit(frame):
-            leave(128 + number, stopped() if says else "")
+            leave(128 + number, stop_message() if says else "")
         raise KeyboardInterrupt
 
     for number in SIGNALS:
@@ -136,9 +138,9 @@ def _is_unfit(frame: FrameType | None) -> bool:
 
 def leave(status: int, words: str = "") -> NoReturn:
     """End the process here and now, with what it has printed and a last line on standard error."""
-    _leaving.acquire()  # for good: two threads may come here, and one may speak
+    _leave_lock.acquire()  # for good: two threads may come here, and one may speak
     try:
-        for take_down in _shown:
+        for take_down in _take_down:
             take_down()
         if sys.stderr.isatty():
             print(_SHOW_CURSOR, end="", file=sys.stderr)

@@ -35,7 +35,7 @@ def available_memory() -> int:
 
 
 @dataclass(frozen=True)
-class Counted:
+class CountLimit:
     """The bounds of a count: by the memory for one [bytes], and `least` and `most` for any memory."""
 
     bytes_each: int
@@ -80,37 +80,37 @@ def require_memory(name: str, value: object, needed_bytes: int, remedy: str) -> 
         )
 
 
-GAMES = Counted(250)
+GAMES = CountLimit(250)
 """Games of a match, with their starts and results."""
-RECORDS = Counted(250, least=0)
+RECORDS = CountLimit(250, least=0)
 """Games of a match that are written as replays."""
-SIMULATED_GAMES = Counted(100_000)
+SIMULATED_GAMES = CountLimit(100_000)
 """Games between robots with bodies: the physics of each, and all its states."""
-PARALLEL_GAMES = Counted(2_500)
+PARALLEL_GAMES = CountLimit(2_500)
 """Games that are played at a time, with their share of the replay buffer."""
-TRANSITIONS = Counted(100)
+TRANSITIONS = CountLimit(100)
 """Transitions of one side in a replay buffer or a batch."""
-HOLD = Counted(500_000)
+HOLD = CountLimit(500_000)
 """Control steps for which an action is held: the paths of all nine actions from every node of a
 usual grid.
 """
-JOINT_HOLD = Counted(0, most=127)
+JOINT_HOLD = CountLimit(0, most=127)
 """Control steps for which an action is held where both robots move: those until a capture have
 seven bits.
 """
-SEEDS = Counted(5_000_000)
+SEEDS = CountLimit(5_000_000)
 """Seeds of a study: the games of some twenty matches of each."""
-STUDY_GAMES = Counted(500)
+STUDY_GAMES = CountLimit(500)
 """Games in a match of a study, over all its seeds, in some twenty matches."""
-TRAININGS = Counted(0, most=1000)
+TRAININGS = CountLimit(0, most=1000)
 """Trainings of a sweep: as many as a usual array of Slurm."""
-RESPONSES = Counted(10_000)
+RESPONSES = CountLimit(10_000)
 """Opponents that are trained one after the other."""
-ENV_STEPS = Counted(0, most=2**30 - 1)
+ENV_STEPS = CountLimit(0, most=2**30 - 1)
 """Env steps of a training: its counter holds no more."""
-SEED = Counted(0, most=2**32 - 1, least=0)
+SEED = CountLimit(0, most=2**32 - 1, least=0)
 """Seed of random numbers."""
-PORT = Counted(0, most=2**16 - 1)
+PORT = CountLimit(0, most=2**16 - 1)
 """Port of a server."""
-ROBOTS = Counted(0, most=16)
+ROBOTS = CountLimit(0, most=16)
 """Robots of a side: each takes some time to compile."""

@@ -7,7 +7,7 @@ from typing import Any, Literal, TypeVar, get_args, get_origin
 
 import dacite
 
-from apollonius.io.errors import InvalidInput, nearest, require, shown
+from apollonius.io.errors import InvalidInput, closest_names, format_value, require
 
 T = TypeVar("T")
 Hooks = Mapping[type, Callable[[Any], Any]]
@@ -110,7 +110,7 @@ def _wrong_kind(error: dacite.WrongTypeError, data: Any) -> str:
     for part in str(error.field_path).split("."):
         value = value.get(part, error.value) if isinstance(value, dict) else error.value
     bound = _in_words(error.field_type)
-    return f"{error.field_path} = {shown(value)} is not possible: it must be {bound}."
+    return f"{error.field_path} = {format_value(value)} is not possible: it must be {bound}."
 
 
 def _in_words(kind: Any) -> str:
@@ -132,7 +132,7 @@ def _unknown_key(key: str, kind: Any, named: tuple[type, ...]) -> str:
     if homes:
         places = " or ".join(homes[:3])
         return f"'{key}' is in another table than its own: move it to {places}."
-    near = nearest(key, tables)
+    near = closest_names(key, tables)
     return f"unknown key '{key}'; " + (f"did you mean '{near}'?" if near else "remove it.")
 
 

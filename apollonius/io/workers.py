@@ -19,8 +19,8 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from apollonius.io.cache import keep_compilations
-from apollonius.io.errors import LONGEST_MESSAGE, InvalidInput, require, require_extra, shown
-from apollonius.io.interrupts import SIGNALS, asked, asked_to_stop, listen
+from apollonius.io.errors import LONGEST_MESSAGE, InvalidInput, format_value, require, require_extra
+from apollonius.io.interrupts import SIGNALS, listen, should_stop, stopping_on_signals
 
 DONE = "done"
 STOPPED = "stopped"
@@ -65,10 +65,10 @@ class Job:
 
 def _reason(error: BaseException) -> str:
     """Describe an error; some, such as a MemoryError, have a name and no words."""
-    return shown(str(error) or type(error).__name__, LONGEST_MESSAGE)
+    return format_value(str(error) or type(error).__name__, LONGEST_MESSAGE)
 
 
-Run = Callable[[Sequence[Job]], list[Any]]
+JobRunner = Callable[[Sequence[Job]], list[Any]]
 """From jobs to their results, as `run_jobs` with its other arguments."""
 
 
@@ -94,7 +94,7 @@ def run_jobs(
     results = dict[str, Any]()
     failures = list[str]()
     is_stopped = False
-    with asked_to_stop(again=False):
+    with stopping_on_signals(again=False):
         for job, (ending, result) in WORKERS[on](jobs, logs) if jobs else ():
             results[job.name] = result
             is_stopped = is_stopped or ending == STOPPED
@@ -152,14 +152,14 @@ def in_processes(jobs: Sequence[Job], logs: Path | None) -> Iterator[tuple[Job, 
             error = future.exception()
             if error is None:
                 ending = future.result()
-            elif is_stopping or asked():
+            elif is_stopping or should_stop():
                 ending = STOPPED, None
             else:
                 ending = _reason(error), None
             is_stopping = is_stopping or ending[0] == STOPPED
             yield job, ending
         # Ctrl-C in a terminal reaches all processes, else only this one
-        if asked() and not is_stopping:
+        if should_stop() and not is_stopping:
             is_stopping = True
             for process in multiprocessing.active_children():
                 process.terminate()
@@ -172,7 +172,7 @@ def _work(job: Job, core: int, parent: int) -> Ending:
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {core})  # two jobs whose threads share two cores disturb each other
     listen(says=False)
-    with asked_to_stop(again=False, parent=parent):
+    with stopping_on_signals(again=False, parent=parent):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
         return job.run()
 
@@ -192,7 +192,7 @@ def on_slurm(jobs: Sequence[Job], logs: Path | None) -> Iterator[tuple[Job, Endi
         """Checkpointable call of a job for submitit."""
 
         def __call__(self, job: Job) -> Ending:
-            with asked_to_stop(again=False):  # by scancel, a preemption or a requeue
+            with stopping_on_signals(again=False):  # by scancel, a preemption or a requeue
                 return job.run()
 
     refusals = submitit.core.utils.FailedSubmissionError, submitit.core.utils.FailedJobError
@@ -221,7 +221,7 @@ def on_slurm(jobs: Sequence[Job], logs: Path | None) -> Iterator[tuple[Job, Endi
             remedy = "correct the SBATCH_... and go on"
             raise InvalidInput(f"sbatch refuses the jobs ({error}): {remedy}.") from error
         while unfinished:
-            if asked() and not cancelled:
+            if should_stop() and not cancelled:
                 cancelled = True
                 cancel(unfinished)
             queue = _ask_slurm("squeue", "-h", "-r", "-o", "%i", "-u", str(os.getuid()))
@@ -250,7 +250,7 @@ def on_slurm(jobs: Sequence[Job], logs: Path | None) -> Iterator[tuple[Job, Endi
                     cancel([name])
                 yield unfinished.pop(name), ending
             for _ in range(_POLLS_PER_LOOK):
-                if asked() and not cancelled:
+                if should_stop() and not cancelled:
                     break
                 time.sleep(POLL_SECONDS)
 
@@ -299,7 +299,7 @@ def on_ray(jobs: Sequence[Job], logs: Path | None) -> Iterator[tuple[Job, Ending
     with cluster:
         remote = ray.remote(num_cpus=1, max_retries=_RESTARTS)(Job.run)
         jobs_by_task = {remote.remote(job): job for job in jobs}
-        while jobs_by_task and not asked():
+        while jobs_by_task and not should_stop():
             for task in ray.wait(list(jobs_by_task), timeout=POLL_SECONDS)[0]:
                 try:
                     ending = ray.get(task)

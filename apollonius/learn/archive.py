@@ -34,7 +34,7 @@ class Archive(eqx.Module):
     in_slots: Network
 
 
-def init(network: Network, config: OpponentConfig) -> Archive:
+def init_archive(network: Network, config: OpponentConfig) -> Archive:
     """Return an archive of one version, which has all slots."""
 
     def repeated(times: int) -> Network:
@@ -50,7 +50,7 @@ def init(network: Network, config: OpponentConfig) -> Archive:
     )
 
 
-def enter(archive: Archive, network: Network, due: Flag) -> Archive:
+def add_version(archive: Archive, network: Network, due: Flag) -> Archive:
     """Return the archive with one more version, where that is due and it is not full."""
     versions = archive.games.shape[0]
     index = jnp.where(
@@ -66,7 +66,7 @@ def enter(archive: Archive, network: Network, due: Flag) -> Archive:
     )
 
 
-def renew(archive: Archive, config: OpponentConfig, key: PRNGKeyArray) -> Archive:
+def resample_opponents(archive: Archive, config: OpponentConfig, key: PRNGKeyArray) -> Archive:
     """Return the archive with its slots drawn again and its records discounted. The key is consumed."""
     versions, weigh = archive.games.shape[0], SCHEMES[config.scheme]
     assert weigh is not None
@@ -85,7 +85,7 @@ def renew(archive: Archive, config: OpponentConfig, key: PRNGKeyArray) -> Archiv
     )
 
 
-def counted(
+def unbiased_endings(
     over: Bool[Array, "steps games"],
     played: Int[Array, " games"],
     before: Int[Array, ""],
@@ -107,7 +107,7 @@ def counted(
     return over & (before + jax.lax.cummax(begins) <= duration - longest)
 
 
-def record(
+def record_results(
     archive: Archive,
     config: OpponentConfig,
     role: Role,

@@ -120,7 +120,12 @@ class RunConfig:
                 BySide(self.pursuer, self.evader)[self.response.side],
                 "0 for an agent from random weights",
             )
-            require(first or self.response.kept == 0, "response.kept", self.response.kept, bound)
+            require(
+                first or self.response.initial_weight_share == 0,
+                "response.initial_weight_share",
+                self.response.initial_weight_share,
+                bound,
+            )
         if self.one_side is not None:
             require(
                 self.sac is None,

@@ -15,23 +15,23 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
-from apollonius.agents.holding import Holding
+from apollonius.agents.action_repeat import ActionRepeat
 from apollonius.agents.network import Network, QNetwork
 from apollonius.agents.policy import AbstractPolicy
-from apollonius.agents.pool import AbstractPlayers, Apart, solo
-from apollonius.agents.trained import exploring, greedy
+from apollonius.agents.pool import AbstractPlayers, PartitionedPlayers, single_player
+from apollonius.agents.trained import exploring_policy, greedy_policy
 from apollonius.game.types import NUM_ACTIONS, BySide, Scalar
 from apollonius.learn import dqn
-from apollonius.learn.learner_config import DQNConfig, linear
-from apollonius.learn.loop import Metrics, iterated
-from apollonius.learn.queries import queries, starts_of
+from apollonius.learn.learner_config import DQNConfig, interpolate_linearly
+from apollonius.learn.loop import Metrics, after_iteration
 from apollonius.learn.replay_buffer import ReplayBuffer, add
-from apollonius.learn.setting import equal_parts
 from apollonius.learn.stage_config import DistillationConfig, Plan
-from apollonius.learn.teacher import Lessons
+from apollonius.learn.states_to_label import starts_of, states_to_label
+from apollonius.learn.teacher import DistillationTask
 from apollonius.learn.train_state import LearnerState, TrainState, first_learner
-from apollonius.observe.observation import perceive
-from apollonius.play.rollout import Games, begin, collect
+from apollonius.learn.training_task import equal_parts
+from apollonius.observe.observation import observation_rows
+from apollonius.play.rollout import Games, collect, init_games
 from apollonius.solve.players import RolloutSearch
 
 ORDER = 10.0
@@ -46,7 +46,10 @@ Labels = tuple[Float[Array, "rows size"], Float[Array, "rows 9"]]
 
 
 def start_distillation(
-    plan: Plan, settings: Sequence[Lessons], key: PRNGKeyArray, network: Network | None = None
+    plan: Plan,
+    settings: Sequence[DistillationTask],
+    key: PRNGKeyArray,
+    network: Network | None = None,
 ) -> TrainState:
     """Return the state before the first step, from random weights where there is no network. The key is consumed."""
     network_key, start_key, train_key = jax.random.split(key, 3)
@@ -55,7 +58,7 @@ def start_distillation(
     begun = [
         _first_games(plan, learner.network, *each) for each in zip(settings, keys, strict=True)
     ]
-    asked = functools.partial(queries, _config(plan))
+    asked = functools.partial(states_to_label, _config(plan))
     block = max(
         len(jax.eval_shape(asked, *each, key)[2]) for each in zip(settings, begun, strict=True)
     )
@@ -71,9 +74,11 @@ def start_distillation(
 
 
 @functools.partial(jax.jit, static_argnames="plan")
-def _first_games(plan: Plan, network: QNetwork, setting: Lessons, key: PRNGKeyArray) -> Games:
+def _first_games(
+    plan: Plan, network: QNetwork, setting: DistillationTask, key: PRNGKeyArray
+) -> Games:
     bits = jnp.zeros((2, plan.learner.games), jnp.uint32)
-    return begin(
+    return init_games(
         setting.game,
         starts_of(setting, plan.learner.games, key),
         _players(plan, network, setting, key),
@@ -82,7 +87,9 @@ def _first_games(plan: Plan, network: QNetwork, setting: Lessons, key: PRNGKeyAr
 
 
 @functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
-def play_and_learn(plan: Plan, state: TrainState, setting: Lessons) -> tuple[TrainState, Metrics]:
+def train_distillation_chunk(
+    plan: Plan, state: TrainState, setting: DistillationTask
+) -> tuple[TrainState, Metrics]:
     """Train one chunk in one setting, whose games are played on."""
     after, metrics = jax.lax.scan(
         lambda state, _: _iterate(plan, state, setting),
@@ -93,15 +100,17 @@ def play_and_learn(plan: Plan, state: TrainState, setting: Lessons) -> tuple[Tra
     return after, jax.tree.map(lambda leaf: jnp.sum(leaf, axis=0), metrics)
 
 
-def _iterate(plan: Plan, state: TrainState, setting: Lessons) -> tuple[TrainState, Metrics]:
+def _iterate(
+    plan: Plan, state: TrainState, setting: DistillationTask
+) -> tuple[TrainState, Metrics]:
     """Query the teacher, play some steps of every game, fit the student."""
     role, game, config = _config(plan).side, setting.game, plan.learner
     side, key = state.learners[role], jax.random.fold_in(state.key, state.iterations)
     query_key, player_key, play_key, start_key, learn_key = jax.random.split(key, 5)
     assert isinstance(side.learner, dqn.DQNLearner)
     network = side.learner.network
-    known, states, learns = queries(_config(plan), setting, state.games, query_key)
-    _, seen = perceive(network.observation, game, known, role)
+    known, states, learns = states_to_label(_config(plan), setting, state.games, query_key)
+    _, seen = observation_rows(network.observation, game, known, role)
     values = setting.values(states, role)
     buffer = add(side.buffer, (seen, jnp.where(learns[:, None], values, jnp.nan)))
     starts = jax.tree.map(lambda leaf: leaf[None], starts_of(setting, config.games, start_key))
@@ -111,28 +120,32 @@ def _iterate(plan: Plan, state: TrainState, setting: Lessons) -> tuple[TrainStat
     )
     env_steps = state.env_steps + config.env_steps_per_iteration
     learner, loss = _fit(plan, side.learner, buffer, env_steps, learn_key)
-    return iterated(state, games, played, env_steps, {role: (LearnerState(learner, buffer), loss)})
+    return after_iteration(
+        state, games, played, env_steps, {role: (LearnerState(learner, buffer), loss)}
+    )
 
 
 def _players(
-    plan: Plan, network: QNetwork, setting: Lessons, key: PRNGKeyArray
+    plan: Plan, network: QNetwork, setting: DistillationTask, key: PRNGKeyArray
 ) -> BySide[AbstractPlayers]:
     """Return the student, whose random actions last for a round, and its opponents, each in games of its own."""
     config, table, games = _config(plan), setting.table, plan.learner.games
     robots = len(setting.game.bodies[config.side])
-    explores = solo(exploring(network, jnp.float32(config.epsilon[config.side])))
+    explores = single_player(exploring_policy(network, jnp.float32(config.epsilon[config.side])))
     student = replace(explores, bits=jax.random.bits(key, (games * robots,), jnp.uint32))
     players: list[AbstractPolicy] = [*setting.opponents]
     if table is not None:
         searches = (
-            RolloutSearch(table.zero_sum_game, table.table, greedy(network), *ahead)
+            RolloutSearch(table.zero_sum_game, table.table, greedy_policy(network), *ahead)
             for ahead in _PLANS
         )
-        players += [Holding(search, plan.learner.steps_per_iteration) for search in searches]
+        players += [ActionRepeat(search, plan.learner.steps_per_iteration) for search in searches]
     left = games - config.near_sighted - config.far_sighted
     shares = [*equal_parts(left, len(setting.opponents)), config.near_sighted, config.far_sighted]
     opponents = [pair for pair in zip(players, shares, strict=False) if pair[1]]
-    return BySide.of(config.side, student, Apart(*map(tuple, zip(*opponents, strict=True))))
+    return BySide.of(
+        config.side, student, PartitionedPlayers(*map(tuple, zip(*opponents, strict=True)))
+    )
 
 
 def _fit(
@@ -145,13 +158,15 @@ def _fit(
     """Make some updates from the labels; return their losses, added up."""
     config = plan.learner
     assert isinstance(config, DQNConfig)
-    rate = linear(config.learning_rate, config.final_learning_rate, plan.stage.env_steps, env_steps)
+    rate = interpolate_linearly(
+        config.learning_rate, config.final_learning_rate, plan.stage.env_steps, env_steps
+    )
 
     def update(learner: dqn.DQNLearner, key: PRNGKeyArray) -> tuple[dqn.DQNLearner, Scalar]:
         rows = jax.random.randint(key, (config.batch,), 0, buffer.filled)
         labels = jax.tree.map(lambda leaf: leaf[rows], buffer.rows)
         value, gradient = eqx.filter_value_and_grad(_error)(learner.network, labels)
-        return dqn.step(learner, gradient, rate, config), value
+        return dqn.adam_step(learner, gradient, rate, config), value
 
     learner, losses = jax.lax.scan(update, learner, jax.random.split(key, _config(plan).updates))
     return learner, jnp.sum(losses)

@@ -9,9 +9,9 @@ import optax
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from apollonius.agents.network import Network, QNetwork, make_network
-from apollonius.game.types import Scalar, choose
+from apollonius.game.types import Scalar, tree_where
 from apollonius.learn.learner_config import DQNConfig
-from apollonius.learn.replay_buffer import Batch
+from apollonius.learn.replay_buffer import TransitionBatch
 
 
 class DQNLearner(eqx.Module):
@@ -30,7 +30,9 @@ class DQNLearner(eqx.Module):
 _adam = optax.scale_by_adam()
 
 
-def init(config: DQNConfig, key: PRNGKeyArray, network: Network | None = None) -> DQNLearner:
+def init_learner(
+    config: DQNConfig, key: PRNGKeyArray, network: Network | None = None
+) -> DQNLearner:
     """Return a learner that starts from a copy of a network, or from random weights. The key is consumed."""
     first = network or make_network(
         config.observation, config.width, config.depth, key, config.symmetric
@@ -52,7 +54,7 @@ def q_target(
     return reward + discount * next_values[jnp.argmax(next_choice)]
 
 
-def loss(network: QNetwork, target: QNetwork, batch: Batch, double: bool) -> Scalar:
+def loss(network: QNetwork, target: QNetwork, batch: TransitionBatch, double: bool) -> Scalar:
     """Return the mean squared temporal-difference error of a batch (Eq. 3)."""
     values = network.batch(batch.observation)
     next_values = target.batch(batch.next_observation)
@@ -66,16 +68,16 @@ def loss(network: QNetwork, target: QNetwork, batch: Batch, double: bool) -> Sca
 
 
 def update(
-    learner: DQNLearner, batch: Batch, learning_rate: Scalar, config: DQNConfig
+    learner: DQNLearner, batch: TransitionBatch, learning_rate: Scalar, config: DQNConfig
 ) -> tuple[DQNLearner, Scalar]:
     """Return the learner after one step of Adam on a batch, and the loss before it."""
     value, gradient = eqx.filter_value_and_grad(loss)(
         learner.network, learner.target, batch, config.double
     )
-    return step(learner, gradient, learning_rate, config), value
+    return adam_step(learner, gradient, learning_rate, config), value
 
 
-def step(
+def adam_step(
     learner: DQNLearner, gradient: Any, learning_rate: Scalar, config: DQNConfig
 ) -> DQNLearner:
     """Return the learner after one step of Adam along a gradient; the averaged weights go towards the network."""
@@ -93,5 +95,5 @@ def step(
 
 def copy_to_target(learner: DQNLearner, due: Array) -> DQNLearner:
     """Return the learner with its target network set to its network, where that is due (Algorithm 1, line 11)."""
-    target = choose(due, learner.network, learner.target)
+    target = tree_where(due, learner.network, learner.target)
     return eqx.tree_at(lambda this: this.target, learner, target)

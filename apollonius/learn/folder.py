@@ -17,7 +17,7 @@ from safetensors.numpy import save
 
 from apollonius.arenas.file import from_dict, to_dict
 from apollonius.game.outcome import PURSUER_WINS, names_of, require_counts
-from apollonius.io.arrays import named_leaves, opened, read_tree
+from apollonius.io.arrays import named_leaves, open_arrays, read_tree
 from apollonius.io.document import parse_json, parse_toml, read_bytes, to_json, write_atomically
 from apollonius.io.errors import InvalidInput, require, require_within
 from apollonius.learn.config import RunConfig
@@ -53,7 +53,7 @@ def create_run(config: RunConfig, folder: Path, force: bool = False) -> None:
                 folder,
                 "a new folder, as this one holds a run; choose another or force it",
             )
-            with held(folder):
+            with lock_run(folder):
                 for path in (path for pattern in _OWN for path in folder.glob(pattern)):
                     path.unlink()
     folder.mkdir(parents=True, exist_ok=True)
@@ -62,7 +62,7 @@ def create_run(config: RunConfig, folder: Path, force: bool = False) -> None:
 
 
 @contextmanager
-def held(folder: Path) -> Generator[None, None, None]:
+def lock_run(folder: Path) -> Generator[None, None, None]:
     """Keep other processes from training in a run's folder, if it has locks; raises InvalidInput while one does.
 
     Other machines see a lock on NFS if it is that of a file open for writing, but not that of a folder. A link is no
@@ -124,7 +124,7 @@ class Evaluation:
 
 
 @dataclass(frozen=True)
-class Standing:
+class CheckpointMeta:
     """Metadata of a checkpoint: how far a run is."""
 
     stage: str
@@ -143,7 +143,7 @@ class Standing:
         require_within(self, 0, 2**62, "chunks", "seconds", "metrics_bytes")
 
 
-def save_checkpoint(path: Path, state: Any, standing: Standing) -> None:
+def save_checkpoint(path: Path, state: Any, standing: CheckpointMeta) -> None:
     """Write a pytree of arrays and keys, and how far the run is, so that a crash leaves the old file or the new one."""
     arrays = {
         name: np.asarray(_without_key_type(leaf)) for name, leaf in named_leaves(state).items()
@@ -153,23 +153,23 @@ def save_checkpoint(path: Path, state: Any, standing: Standing) -> None:
 
 def end_checkpoint(path: Path, config: RunConfig) -> None:
     """Replace the checkpoint of a run by a mark that the run has ended, as nothing resumes from it."""
-    save_checkpoint(path, (), replace(load_standing(path), ended=_digest(config)))
+    save_checkpoint(path, (), replace(load_checkpoint_meta(path), ended=_digest(config)))
 
 
 def _digest(config: RunConfig) -> str:
     return sha256(to_json(to_dict(config), sort_keys=True).encode()).hexdigest()
 
 
-def load_standing(path: Path, config: RunConfig | None = None) -> Standing:
+def load_checkpoint_meta(path: Path, config: RunConfig | None = None) -> CheckpointMeta:
     """Return how far the run of a checkpoint is; raises InvalidInput for a missing, damaged or foreign file, and for
     one of another training than that of the config.
     """
-    with opened(path, "train again", "checkpoint") as file:
+    with open_arrays(path, "train again", "checkpoint") as file:
         metadata = file.metadata() or {}
     if FORMAT not in metadata:
         raise InvalidInput(f"'{path}' is no checkpoint of this version ({FORMAT}): train again.")
     record = parse_json(metadata[FORMAT], f"'{path}' holds no record of a run: train again")
-    standing = from_dict(Standing, record, f"the record of '{path}'")
+    standing = from_dict(CheckpointMeta, record, f"the record of '{path}'")
     if config and (
         standing.stage not in config.plans or standing.ended not in ("", _digest(config))
     ):
@@ -180,7 +180,7 @@ def load_standing(path: Path, config: RunConfig | None = None) -> Standing:
 def load_checkpoint(path: Path, template: T) -> T:
     """Return the saved pytree; raises InvalidInput unless its arrays are finite, of the template's shapes and types."""
     misfit = f"'{path}' holds another training state than its config.toml describes: train again."
-    with opened(path, "train again", "checkpoint") as file:
+    with open_arrays(path, "train again", "checkpoint") as file:
         saved = read_tree(
             path, file, jax.tree.map(_without_key_type, template), misfit, "train again"
         )

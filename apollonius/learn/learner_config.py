@@ -13,7 +13,7 @@ from apollonius.agents.network import (
     GaussianActor,
     Network,
     QNetwork,
-    widened,
+    widen_inputs,
 )
 from apollonius.game.types import Real, Scalar
 from apollonius.io.errors import require, require_positive, require_within
@@ -24,7 +24,7 @@ _CHUNK_ENV_STEPS = 8192
 """Env steps between two looks from outside (progress, checkpoints, Ctrl-C), where iterations are small enough."""
 
 
-def linear(start: Real, end: Real, over: Real, env_steps: Int[Array, ""]) -> Scalar:
+def interpolate_linearly(start: Real, end: Real, over: Real, env_steps: Int[Array, ""]) -> Scalar:
     """Interpolate from `start` to `end` over the first `over` env steps; constant from then on."""
     fraction = jnp.clip(env_steps.astype(jnp.float32) / jnp.maximum(over, 1), 0.0, 1.0)
     value: Real = start + (end - start) * fraction
@@ -96,11 +96,11 @@ class LearnerConfig:
         return self.steps_per_iteration * self.games
 
     @property
-    def idle(self) -> int:
+    def steps_before_learning(self) -> int:
         """Env steps before the first update."""
         return 0
 
-    def fitted(self, network: Network, name: str, value: object) -> Network:
+    def fit_network(self, network: Network, name: str, value: object) -> Network:
         """Return a network to go on from; one that reads a part of the observation has weights of 0 for the rest, and a
         symmetric one stays so.
 
@@ -117,7 +117,7 @@ class LearnerConfig:
             reads.extends,
         }
         require(alike and size == (self.depth, self.width), name, value, bound)
-        whole = network if network.observation is reads else widened(network, reads)
+        whole = network if network.observation is reads else widen_inputs(network, reads)
         return (
             replace(whole, symmetric=True)
             if self.symmetric and isinstance(whole, QNetwork)
@@ -186,7 +186,7 @@ class ReplayConfig(LearnerConfig):
         return self.replay_capacity // self.env_steps_per_iteration * self.steps_per_iteration
 
     @property
-    def idle(self) -> int:
+    def steps_before_learning(self) -> int:
         return self.learning_starts
 
 
@@ -216,7 +216,7 @@ class DQNConfig(ReplayConfig):
     def epsilon(self, first: float, stage: int, env_steps: Int[Array, ""]) -> Scalar:
         """Return the share of random actions, from `first` at the beginning of a stage of this many env steps."""
         over = self.exploration_steps or self.exploration_fraction * stage
-        return linear(first, self.final_epsilon, over, env_steps)
+        return interpolate_linearly(first, self.final_epsilon, over, env_steps)
 
 
 @dataclass(frozen=True)

@@ -16,13 +16,13 @@ from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.agents.pool import Pool
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.types import ROLES, BySide, GameState, Outcome, Role, Scalar, choose
+from apollonius.game.types import ROLES, BySide, GameState, Outcome, Role, Scalar, tree_where
 from apollonius.learn import archive, dqn, replay_buffer, sac
-from apollonius.learn.learner_config import DQNConfig, ReplayConfig, SACConfig, linear
+from apollonius.learn.learner_config import DQNConfig, ReplayConfig, SACConfig, interpolate_linearly
 from apollonius.learn.stage_config import Plan
 from apollonius.learn.train_state import Learner, LearnerState, TrainState, players
-from apollonius.play.autoreset import turn_of
-from apollonius.play.rollout import Transition, begin, collect
+from apollonius.play.autoreset import row_at_turn
+from apollonius.play.rollout import Transition, collect, init_games
 
 _STARTS_PER_CHUNK = 4096
 """Initial states drawn before each chunk; a game that ends takes one."""
@@ -47,13 +47,13 @@ def chunks(
 ) -> Iterator[tuple[TrainState, Metrics]]:
     """Train a stage chunk by chunk, in the game with its rewards; each state is consumed by the next one."""
     for chunk in range(done, plan.chunks):
-        if plan.renews_after(chunk):
-            state = renew_opponents(plan, game, state)
-        state, metrics = play_and_learn(plan, game, state, fixed)
+        if plan.resamples_after(chunk):
+            state = resample_all_opponents(plan, game, state)
+        state, metrics = train_chunk(plan, game, state, fixed)
         yield state, metrics
 
 
-def in_turns(
+def train_round_robin(
     play: Callable[[Plan, TrainState, Any], tuple[TrainState, Metrics]],
     plan: Plan,
     state: TrainState,
@@ -72,7 +72,7 @@ def in_turns(
 
 
 @functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
-def play_and_learn(
+def train_chunk(
     plan: Plan, game: Game, state: TrainState, fixed: Mapping[Role, Pool]
 ) -> tuple[TrainState, Metrics]:
     """Return the state after a chunk and its metrics. The state is consumed: replay buffers are updated in place."""
@@ -83,7 +83,7 @@ def play_and_learn(
     starts = jax.tree.map(lambda leaf: leaf.reshape(rows, steps, games), drawn)
 
     def one_iteration(state: TrainState, index: Int[Array, ""]) -> tuple[TrainState, Metrics]:
-        return _iterate(plan, game, state, fixed, turn_of(starts, index))
+        return _iterate(plan, game, state, fixed, row_at_turn(starts, index))
 
     after, metrics = jax.lax.scan(
         one_iteration, state, jnp.arange(plan.learner.iterations_per_chunk)
@@ -105,10 +105,12 @@ def _iterate(
         role: _learn(plan, side, row_of(plan, played, role), env_steps, learn_keys[role])
         for role, side in state.learners.items()
     }
-    return iterated(state, games, played, env_steps, learned, _recorded(plan, game, state, played))
+    return after_iteration(
+        state, games, played, env_steps, learned, _record_results(plan, game, state, played)
+    )
 
 
-def iterated(
+def after_iteration(
     state: TrainState,
     games: Any,
     played: Transition,
@@ -149,18 +151,20 @@ def _learn(
     config, stage = plan.learner, plan.stage.env_steps
     assert isinstance(config, ReplayConfig)
     buffer = replay_buffer.add(side.buffer, new)
-    rate = linear(config.learning_rate, config.final_learning_rate, stage, env_steps)
-    n_step = jnp.round(linear(config.n_step, config.final_n_step, stage, env_steps)).astype(
-        jnp.int32
-    )
+    rate = interpolate_linearly(config.learning_rate, config.final_learning_rate, stage, env_steps)
+    n_step = jnp.round(
+        interpolate_linearly(config.n_step, config.final_n_step, stage, env_steps)
+    ).astype(jnp.int32)
 
     def update(learner: Learner, key: PRNGKeyArray) -> tuple[Learner, Scalar]:
-        batch = replay_buffer.sample(buffer, key, config.batch, config.n_step, n_step, config.gamma)
+        batch = replay_buffer.sample_batch(
+            buffer, key, config.batch, config.n_step, n_step, config.gamma
+        )
         if isinstance(learner, dqn.DQNLearner) and isinstance(config, DQNConfig):
             return dqn.update(learner, batch, rate, config)
         assert isinstance(learner, sac.SACLearner)
         assert isinstance(config, SACConfig)
-        return sac.update(learner, batch, jax.random.fold_in(key, 2), rate, config)
+        return sac.update_actor_critic(learner, batch, jax.random.fold_in(key, 2), rate, config)
 
     def updates(learner: Learner) -> tuple[Learner, Scalar]:
         learner, losses = jax.lax.scan(
@@ -197,23 +201,23 @@ def row_of(plan: Plan, played: Transition, role: Role) -> replay_buffer.Row:
     return jax.tree.map(lambda leaf: leaf.reshape(steps, games * robots, *leaf.shape[after:]), row)
 
 
-def _recorded(
+def _record_results(
     plan: Plan, game: Game, state: TrainState, played: Transition
 ) -> BySide[archive.Archive] | None:
     """Return the archives with the games counted that say how good their versions are."""
     if (old := state.archives) is None:
         return None
     before = state.iterations * plan.learner.steps_per_iteration % plan.steps_per_assignment
-    over = archive.counted(
+    over = archive.unbiased_endings(
         played.ended, state.games.state.steps, before, plan.steps_per_assignment, game.max_steps
     )
     return ROLES.map(
-        lambda role: archive.record(old[role], plan.opponents, role, played.outcome, over)
+        lambda role: archive.record_results(old[role], plan.opponents, role, played.outcome, over)
     )
 
 
 @functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
-def renew_opponents(plan: Plan, game: Game, state: TrainState) -> TrainState:
+def resample_all_opponents(plan: Plan, game: Game, state: TrainState) -> TrainState:
     """Add both learners to their archives where that is due, and draw the opponents in the slots again.
 
     The games of slots are broken off and begin again, so that an opponent never changes within a game. The state is
@@ -228,17 +232,17 @@ def renew_opponents(plan: Plan, game: Game, state: TrainState) -> TrainState:
     )
     start_key, *keys = jax.random.split(_key(state, 2), 3)
     entered = ROLES.map(
-        lambda role: archive.enter(old[role], state.learners[role].learner.average, due)
+        lambda role: archive.add_version(old[role], state.learners[role].learner.average, due)
     )
-    archives = ROLES.map(lambda role: archive.renew(entered[role], config, keys[role]))
+    archives = ROLES.map(lambda role: archive.resample_opponents(entered[role], config, keys[role]))
     in_slots = jnp.arange(games) < config.first_game(len(Role), games)
     bits = jax.random.bits(jax.random.fold_in(start_key, 1), (2, games), jnp.uint32)
-    begun = begin(game, reset_batch(game, start_key, games), players(plan, state, {}), bits)
+    begun = init_games(game, reset_batch(game, start_key, games), players(plan, state, {}), bits)
     learners = {
-        role: replace(side, buffer=replay_buffer.cut(side.buffer, in_slots))
+        role: replace(side, buffer=replay_buffer.truncate_latest(side.buffer, in_slots))
         for role, side in state.learners.items()
     }
-    broken_off = jax.vmap(choose)(in_slots, begun, state.games)
+    broken_off = jax.vmap(tree_where)(in_slots, begun, state.games)
     return replace(state, games=broken_off, learners=learners, archives=archives)
 
 

@@ -17,7 +17,7 @@ from apollonius.game.outcome import counts_by_name, require_counts
 from apollonius.io.document import parse_json, read_bytes, to_json
 from apollonius.io.errors import TRACKERS, InvalidInput, require, require_within
 from apollonius.learn.config import RunConfig
-from apollonius.learn.folder import Evaluation, Standing
+from apollonius.learn.folder import CheckpointMeta, Evaluation
 from apollonius.learn.loop import Metrics
 from apollonius.learn.train_state import TrainState
 
@@ -66,7 +66,7 @@ class MetricsLine:
         return sum(self.outcomes.values())
 
 
-def measure(
+def metrics_line(
     stage: str,
     train: TrainState,
     metrics: Metrics,
@@ -102,7 +102,7 @@ def measure(
         ) from error
 
 
-def begin_metrics(path: Path, standing: Standing | None = None) -> None:
+def begin_metrics(path: Path, standing: CheckpointMeta | None = None) -> None:
     """Make an empty `metrics.jsonl`, or cut off what was written after a checkpoint.
 
     Raises InvalidInput when the checkpoint does not say where the line of its last chunk ends; nothing is cut off.
@@ -164,7 +164,7 @@ def _read_line(line: bytes, source: str) -> MetricsLine:
     )
 
 
-def _opened(
+def _open_tracker(
     to: str, folder: Path, config: dict[str, Any]
 ) -> tuple[Callable[..., object], Callable[[], object]]:
     """Begin a run of a tracker; return what takes values by name and their step, and what is called at the end."""
@@ -196,7 +196,7 @@ class Tracker:
     def __init__(self, to: str, folder: Path, config: RunConfig) -> None:
         self._before, self._stage, self._steps = 0, "", 0
         try:
-            self._log, self.close = _opened(to, folder.resolve(), to_dict(config))
+            self._log, self.close = _open_tracker(to, folder.resolve(), to_dict(config))
         except Exception as error:  # of any kind: each library has its own
             raise InvalidInput(f"{to} refuses the run ({error}): see its own settings.") from error
 

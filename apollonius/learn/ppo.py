@@ -21,23 +21,23 @@ from apollonius.agents.network import (
     apply_to_batch,
     make_layers,
     make_network,
-    scaled,
+    scale_outputs,
 )
-from apollonius.agents.pool import AbstractPlayers, Apart, solo
-from apollonius.catalogue import find_player, price_of_losing
+from apollonius.agents.pool import AbstractPlayers, PartitionedPlayers, single_player
+from apollonius.catalogue import find_player, loss_value
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import BySide, Role, Scalar
-from apollonius.learn.caution import bold
-from apollonius.learn.drawing import Drawing
-from apollonius.learn.learner_config import linear
-from apollonius.learn.loop import Metrics, iterated, row_of
+from apollonius.learn.clearance_penalty import without_clearance_penalty
+from apollonius.learn.learner_config import interpolate_linearly
+from apollonius.learn.loop import Metrics, after_iteration, row_of
 from apollonius.learn.ppo_config import PPOConfig
-from apollonius.learn.practice import Practice, no_losses, with_losses, with_retries
 from apollonius.learn.replay_buffer import ReplayBuffer, Row, add
-from apollonius.learn.setting import Setting, equal_parts
+from apollonius.learn.restarts import RestartBuffer, add_losses, empty_restarts, mix_in_restarts
+from apollonius.learn.sampling_policy import SamplingPolicy
 from apollonius.learn.stage_config import Plan, ResponseConfig
 from apollonius.learn.train_state import LearnerState, PPOLearner, TrainState
-from apollonius.play.rollout import begin, collect
+from apollonius.learn.training_task import TrainingTask, equal_parts
+from apollonius.play.rollout import collect, init_games
 
 _HIDDEN = 256, 256
 """Units of the critic's hidden layers."""
@@ -50,16 +50,16 @@ _adam = tuple(
 )
 
 
-def learning_from(
+def first_network(
     network: Network, learner: PPOConfig, name: str, role: Role, game: Game
 ) -> Network:
     """Return an agent's network as the first one of a response: without caution, its values as logits."""
-    price = price_of_losing(find_player(name, role, game), game)
-    return scaled(bold(network), learner.price / price)
+    price = loss_value(find_player(name, role, game), game)
+    return scale_outputs(without_clearance_penalty(network), learner.loss_value / price)
 
 
 def start_response(
-    plan: Plan, settings: Sequence[Setting], key: PRNGKeyArray, network: Network | None = None
+    plan: Plan, settings: Sequence[TrainingTask], key: PRNGKeyArray, network: Network | None = None
 ) -> TrainState:
     """Return the state before the first step, from random weights where there is no network, whose values are logits.
     The key is consumed.
@@ -89,42 +89,50 @@ def start_response(
 
 
 @functools.partial(jax.jit, static_argnames="plan")
-def _first_games(plan: Plan, network: QNetwork, setting: Setting, key: PRNGKeyArray) -> Practice:
+def _first_games(
+    plan: Plan, network: QNetwork, setting: TrainingTask, key: PRNGKeyArray
+) -> RestartBuffer:
     bits = jnp.zeros((2, plan.learner.games), jnp.uint32)
     starts = reset_batch(setting.game, key, bits.shape[1])
-    return Practice(
-        begin(setting.game, starts, _players(plan, network, setting), bits), no_losses(starts)
+    return RestartBuffer(
+        init_games(setting.game, starts, _players(plan, network, setting), bits),
+        empty_restarts(starts),
     )
 
 
-def _players(plan: Plan, network: QNetwork, setting: Setting) -> BySide[AbstractPlayers]:
+def _players(plan: Plan, network: QNetwork, setting: TrainingTask) -> BySide[AbstractPlayers]:
     """Return the learner and its opponents, each in games of its own."""
     config, stage = _configs(plan)
     games = equal_parts(config.games, len(setting.opponents))
-    learner = solo(_drawing(plan, network))
-    return BySide.of(stage.side, learner, Apart(setting.opponents, tuple(games)))
+    learner = single_player(_sampling_policy(plan, network))
+    return BySide.of(stage.side, learner, PartitionedPlayers(setting.opponents, tuple(games)))
 
 
-def _drawing(plan: Plan, network: QNetwork) -> Drawing:
+def _sampling_policy(plan: Plan, network: QNetwork) -> SamplingPolicy:
     config, stage = _configs(plan)
-    return Drawing(network, stage.caution, config.price, config.hold)
+    return SamplingPolicy(network, stage.clearance_margin, config.loss_value, config.hold)
 
 
 @functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
-def play_and_learn(plan: Plan, state: TrainState, setting: Setting) -> tuple[TrainState, Metrics]:
+def train_response_chunk(
+    plan: Plan, state: TrainState, setting: TrainingTask
+) -> tuple[TrainState, Metrics]:
     """Play a round in a setting, and learn from it."""
     (config, stage), game = _configs(plan), setting.game
     key, before = jax.random.fold_in(state.key, state.iterations), state.games
     play_key, start_key, retry_key, learn_key = jax.random.split(key, 4)
     learner = state.learners[stage.side].learner
     assert isinstance(learner, PPOLearner)
-    drawn = with_retries(
-        stage.retries, reset_batch(game, start_key, _STARTS * config.games), before.lost, retry_key
+    drawn = mix_in_restarts(
+        stage.restart_fraction,
+        reset_batch(game, start_key, _STARTS * config.games),
+        before.lost,
+        retry_key,
     )
     starts = jax.tree.map(lambda leaf: leaf.reshape(_STARTS, config.games, *leaf.shape[1:]), drawn)
     players = _players(plan, learner.network, setting)
     games, played = collect(
-        game, players, before.games, starts, play_key, config.steps, foresees=False
+        game, players, before.games, starts, play_key, config.steps, with_next_obs=False
     )
     env_steps = state.env_steps + config.env_steps_per_iteration
     row = row_of(plan, played, stage.side)
@@ -133,9 +141,9 @@ def play_and_learn(plan: Plan, state: TrainState, setting: Setting) -> tuple[Tra
     )
     seen, kept = row.observation.reshape(-1, row.observation.shape[-1]), _kept_of_a_round(config)
     buffer = add(state.learners[stage.side].buffer, (seen[:: len(seen) // kept][:kept],))
-    lost = with_losses(before.lost, game, before.games.state, played.outcome, stage.side)
-    practice = Practice(games, lost)
-    return iterated(
+    lost = add_losses(before.lost, game, before.games.state, played.outcome, stage.side)
+    practice = RestartBuffer(games, lost)
+    return after_iteration(
         state, practice, played, env_steps, {stage.side: (LearnerState(after, buffer), error)}
     )
 
@@ -172,7 +180,7 @@ def advantages(
     return jax.lax.scan(earlier, jnp.zeros_like(values[0]), (errors, ended), reverse=True)[1]
 
 
-class _Lesson(eqx.Module):
+class _LearnBatch(eqx.Module):
     """The rows that updates learn from: observations and actions, their logarithmic probabilities in the games, their
     advantages, the critic's targets, and whether they count.
     """
@@ -198,13 +206,17 @@ def _learn(
     flat = jax.tree.map(lambda leaf: leaf.reshape(row.reward.size, *leaf.shape[2:]), row)
     values = apply_to_batch(learner.critic, flat.observation)[:, 0]
     gained = advantages(config, row, values.reshape(shape)).ravel()
-    before = _of(_drawing(plan, learner.network).log_probabilities(flat.observation), flat.action)
+    before = _of_actions(
+        _sampling_policy(plan, learner.network).log_probabilities(flat.observation), flat.action
+    )
     counts = jnp.ones(len(values), bool) if flat.active is None else flat.active
-    lesson = _Lesson(flat.observation, flat.action, before, gained, gained + values, counts)
+    lesson = _LearnBatch(flat.observation, flat.action, before, gained, gained + values, counts)
     keys = jax.random.split(key, config.epochs)
     order = jnp.concatenate([jax.random.permutation(key, len(values)) for key in keys])
-    rate = linear(config.learning_rate, config.final_learning_rate, stage.env_steps, env_steps)
-    rates = jnp.where(iterations < config.critic_first, 0.0, rate), linear(
+    rate = interpolate_linearly(
+        config.learning_rate, config.final_learning_rate, stage.env_steps, env_steps
+    )
+    rates = jnp.where(iterations < config.critic_first, 0.0, rate), interpolate_linearly(
         config.critic_learning_rate, config.final_learning_rate, stage.env_steps, env_steps
     )  # fmt: skip
 
@@ -226,11 +238,11 @@ def _learn(
     return learner, jnp.sum(errors)
 
 
-def _loss(parts: tuple[QNetwork, Layers], plan: Plan, lesson: _Lesson) -> tuple[Scalar, Scalar]:
+def _loss(parts: tuple[QNetwork, Layers], plan: Plan, lesson: _LearnBatch) -> tuple[Scalar, Scalar]:
     """Return the loss of both networks on a batch, and the critic's mean squared error in it."""
     (network, critic), (config, _) = parts, _configs(plan)
-    logarithms = _drawing(plan, network).log_probabilities(lesson.observation)
-    ratio = jnp.exp(_of(logarithms, lesson.action) - lesson.probability)
+    logarithms = _sampling_policy(plan, network).log_probabilities(lesson.observation)
+    ratio = jnp.exp(_of_actions(logarithms, lesson.action) - lesson.probability)
     mean = functools.partial(jnp.mean, where=lesson.counts)
     gain = (lesson.advantage - mean(lesson.advantage)) / (
         jnp.std(lesson.advantage, where=lesson.counts) + 1e-6
@@ -242,7 +254,9 @@ def _loss(parts: tuple[QNetwork, Layers], plan: Plan, lesson: _Lesson) -> tuple[
     return error - gains - config.entropy * entropy, error
 
 
-def _of(logarithms: Float[Array, "rows 9"], actions: Int[Array, " rows"]) -> Float[Array, " rows"]:
+def _of_actions(
+    logarithms: Float[Array, "rows 9"], actions: Int[Array, " rows"]
+) -> Float[Array, " rows"]:
     return jnp.take_along_axis(logarithms, actions[:, None], axis=1)[:, 0]
 
 

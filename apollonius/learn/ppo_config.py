@@ -55,7 +55,7 @@ class PPOConfig(LearnerConfig):
         )
 
     @property
-    def price(self) -> float:
+    def loss_value(self) -> float:
         """The price of a lost game in the logits."""
         return 1 / self.temperature
 

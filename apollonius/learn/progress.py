@@ -13,7 +13,7 @@ from apollonius.arenas.file import from_dict
 from apollonius.io.document import parse_json, read_bytes, to_json, write_atomically
 from apollonius.io.errors import InvalidInput, require_within
 from apollonius.io.limits import MOST_COUNTED
-from apollonius.learn.folder import METRICS, Evaluation, held, load_config
+from apollonius.learn.folder import METRICS, Evaluation, load_config, lock_run
 from apollonius.learn.metrics import MetricsLine, last_lines
 
 STATE = "state.json"
@@ -21,7 +21,7 @@ STATE = "state.json"
 
 
 @dataclass(frozen=True)
-class State:
+class ProcessStatus:
     """The last process that trained a run: its number on its machine and in Slurm, and why it failed if it did.
 
     A run that was stopped or killed can be resumed.
@@ -37,26 +37,28 @@ class State:
         require_within(self, 0, MOST_COUNTED, "process")
 
 
-def load_state(path: Path) -> State:
+def load_status(path: Path) -> ProcessStatus:
     """Return the state of a run by its file, if there is one; raises InvalidInput for a bad one."""
     if not path.exists():
-        return State()
+        return ProcessStatus()
     content = read_bytes(path, "a run's state", "train again")
     return from_dict(
-        State, parse_json(content, f"'{path}' is no record of a process; train again"), f"'{path}'"
+        ProcessStatus,
+        parse_json(content, f"'{path}' is no record of a process; train again"),
+        f"'{path}'",
     )
 
 
-def keep_state(folder: Path, train: Callable[[], bool]) -> bool:
+def record_status(folder: Path, train: Callable[[], bool]) -> bool:
     """Hold a run's folder (`held`) while it is trained, keep its `State` on file, and return if it finished."""
 
-    def write(state: State) -> None:
+    def write(state: ProcessStatus) -> None:
         write_atomically(folder / STATE, to_json(asdict(state)).encode())
 
     array, task = os.environ.get("SLURM_ARRAY_JOB_ID"), os.environ.get("SLURM_ARRAY_TASK_ID")
     job = f"{array}_{task}" if array else os.environ.get("SLURM_JOB_ID", "")
-    with held(folder):
-        write(ended := State("running", platform.node(), os.getpid(), job))
+    with lock_run(folder):
+        write(ended := ProcessStatus("running", platform.node(), os.getpid(), job))
         try:
             finished = train()
             ended = replace(ended, state="finished" if finished else "stopped")
@@ -69,7 +71,7 @@ def keep_state(folder: Path, train: Callable[[], bool]) -> bool:
                 write(replace(ended, state="stopped") if ended.state == "running" else ended)
 
 
-def _was_killed(state: State) -> bool:
+def _was_killed(state: ProcessStatus) -> bool:
     """Check whether a process that runs by its record is not there any more, as far as this machine knows."""
     try:
         if state.machine == platform.node():
@@ -89,7 +91,7 @@ class Progress:
     """
 
     folder: Path
-    state: State
+    state: ProcessStatus
     share: float
     line: MetricsLine | None
     evaluation: Evaluation | None
@@ -109,7 +111,7 @@ def mean_share(runs: Sequence[Path]) -> float:
 def progress_of(run: Path) -> Progress:
     """Return the progress of a run; one whose files cannot be read has failed."""
     try:
-        state, config = load_state(run / STATE), load_config(run / "config.toml")
+        state, config = load_status(run / STATE), load_config(run / "config.toml")
         if state.state == "running" and _was_killed(state):
             state = replace(state, state="stopped")
         line, evaluation = last_lines(run / METRICS)
@@ -120,4 +122,4 @@ def progress_of(run: Path) -> Progress:
         )  # clocks differ, and may be odd
         return Progress(run, state, share, line, evaluation, age)
     except (InvalidInput, OSError) as error:
-        return Progress(run, State("failed", error=str(error)), 0.0, None, None, None)
+        return Progress(run, ProcessStatus("failed", error=str(error)), 0.0, None, None, None)

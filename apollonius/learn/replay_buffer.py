@@ -37,7 +37,7 @@ class ReplayBuffer(eqx.Module, Generic[Rows]):
     filled: Int[Array, ""]
 
 
-class Batch(eqx.Module):
+class TransitionBatch(eqx.Module):
     """n-step transitions.
 
     `reward` is the discounted sum up to the end of the window or of the game, and `discount` the weight of the value of
@@ -53,7 +53,7 @@ class Batch(eqx.Module):
     active: Bool[Array, " batch"] | None = None
 
 
-def init(
+def init_buffer(
     rows: int, games: int, size: int, continuous: bool = False, of_teams: bool = False
 ) -> ReplayBuffer[Row]:
     """Return an empty ring for `rows` steps of `games` games, by the size of observations and the kind of actions."""
@@ -86,7 +86,7 @@ def add(buffer: ReplayBuffer[Rows], new: Rows) -> ReplayBuffer[Rows]:
     )
 
 
-def cut(buffer: ReplayBuffer[Row], games: Bool[Array, " games"]) -> ReplayBuffer[Row]:
+def truncate_latest(buffer: ReplayBuffer[Row], games: Bool[Array, " games"]) -> ReplayBuffer[Row]:
     """Return the ring after some games were broken off: their latest transitions are truncated, unless terminated."""
     rows, columns = buffer.rows.reward.shape
     latest, broken_off = (buffer.head - 1) % rows, jnp.repeat(games, columns // games.shape[0])
@@ -96,14 +96,14 @@ def cut(buffer: ReplayBuffer[Row], games: Bool[Array, " games"]) -> ReplayBuffer
     )
 
 
-def sample(
+def sample_batch(
     buffer: ReplayBuffer[Row],
     key: PRNGKeyArray,
     batch: int,
     max_n_step: int,
     n_step: Int[Array, ""] | int,
     gamma: float,
-) -> Batch:
+) -> TransitionBatch:
     """Draw transitions uniformly, each with the return of up to `n_step` steps. The key is consumed.
 
     At least `max_n_step` rows must be filled, and `n_step` be from 1 to `max_n_step`. A window that meets the end of
@@ -126,7 +126,7 @@ def sample(
         discount = jnp.where(going, discount * jnp.where(terminated, 0.0, gamma), discount)
         last = jnp.where(going, row, last)
         going = going & ~terminated & ~truncated & (ahead + 1 < n_step)
-    return Batch(
+    return TransitionBatch(
         observation=buffer.rows.observation[first, game],
         action=buffer.rows.action[first, game],
         reward=reward,

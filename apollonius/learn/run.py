@@ -16,19 +16,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from apollonius.agents.network import Network, QNetwork, between
-from apollonius.agents.pool import Pool, solo
+from apollonius.agents.network import Network, QNetwork, interpolate_networks
+from apollonius.agents.pool import Pool, single_player
 from apollonius.agents.store import describe, save_agent
-from apollonius.agents.trained import greedy, load_network
-from apollonius.arenas.charting import charted
+from apollonius.agents.trained import greedy_policy, load_network
+from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import to_dict
 from apollonius.catalogue import find_pool
 from apollonius.game.game import sample_starts
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.types import ROLES, BySide, Outcome, Role
-from apollonius.io.interrupts import asked
+from apollonius.io.interrupts import should_stop
 from apollonius.learn import distillation, loop, ppo, train_state
-from apollonius.learn.caution import cautious, sampled
+from apollonius.learn.clearance_penalty import sample_observations, with_clearance_penalty
 from apollonius.learn.config import (
     DISTILLATION,
     FIXED_TARGET,
@@ -39,20 +39,20 @@ from apollonius.learn.config import (
 )
 from apollonius.learn.folder import (
     METRICS,
+    CheckpointMeta,
     Evaluation,
-    Standing,
     agent_file,
     end_checkpoint,
     load_checkpoint,
+    load_checkpoint_meta,
     load_config,
-    load_standing,
     save_checkpoint,
 )
-from apollonius.learn.metrics import MetricsLine, append_metrics, begin_metrics, measure
-from apollonius.learn.progress import keep_state
-from apollonius.learn.setting import settings_of
-from apollonius.learn.teacher import TABLES, make_lessons
+from apollonius.learn.metrics import MetricsLine, append_metrics, begin_metrics, metrics_line
+from apollonius.learn.progress import record_status
+from apollonius.learn.teacher import TABLES, distillation_tasks
 from apollonius.learn.train_state import LearnerState, TrainState
+from apollonius.learn.training_task import training_tasks
 from apollonius.observe.registry import find_observation
 from apollonius.play.playout import play_out
 
@@ -62,7 +62,7 @@ _EVALUATION_SEED = 20_200
 """Seed of the games of evaluations, the same for all runs; the final evaluation uses others."""
 
 
-class Saved(eqx.Module):
+class CheckpointContent(eqx.Module):
     """Content of a checkpoint: the training state and, in stage 1, the best pursuer so far by a fixed evaluation."""
 
     train: TrainState
@@ -70,7 +70,7 @@ class Saved(eqx.Module):
 
 
 @dataclass(eq=False)
-class Run:
+class TrainingRun:
     """One training run, in a folder that `create_run` made. `execute` begins it or resumes it from its checkpoint.
 
     After every chunk `report` is called with its metrics and the share of the training that is done, and then
@@ -80,34 +80,36 @@ class Run:
     config: RunConfig
     folder: Path
     report: Callable[[MetricsLine, float], None] = lambda line, share: None
-    should_stop: Callable[[], bool] = asked
+    should_stop: Callable[[], bool] = should_stop
 
     def __post_init__(self) -> None:
-        self.game = charted(
-            self.config.game, find_observation(self.config.learner.observation).charted
+        self.game = with_chart(
+            self.config.game, find_observation(self.config.learner.observation).needs_chart
         )
         self.checkpoint = self.folder / "checkpoint.safetensors"
         self.metrics = self.folder / METRICS
         self.evaders = find_pool(self.config.evaders, Role.EVADER, self.game)
-        self.game = charted(self.game, self.evaders.members.charted)
+        self.game = with_chart(self.game, self.evaders.members.needs_chart)
         self.plans = self.config.plans
         self.fixed = {FIXED_TARGET: {Role.EVADER: self.evaders}}
 
     @cached_property
-    def settings(self) -> Sequence[Any]:
+    def tasks(self) -> Sequence[Any]:
         """Games and opponents of a side that learns alone; in a distillation lessons, for which games are solved."""
         if self.config.stages == DISTILLATION:
-            return make_lessons(self.config, self.game, self.folder / TABLES)
-        return settings_of(self.config.response, self.config.ppo, self.game)
+            return distillation_tasks(self.config, self.game, self.folder / TABLES)
+        return training_tasks(self.config.response, self.config.ppo, self.game)
 
     def execute(self) -> bool:
         """Train to the end of the last stage; return False if stopped early. Raises InvalidInput for a checkpoint that
         this run cannot go on from, and while another process trains in the folder.
         """
-        return keep_state(self.folder, self._execute)
+        return record_status(self.folder, self._execute)
 
     def _execute(self) -> bool:
-        standing = load_standing(self.checkpoint, self.config) if self.checkpoint.exists() else None
+        standing = (
+            load_checkpoint_meta(self.checkpoint, self.config) if self.checkpoint.exists() else None
+        )
         if standing is not None and standing.ended:
             begin_metrics(self.metrics, standing)
             return True
@@ -117,9 +119,9 @@ class Run:
             if standing is None:
                 begin_metrics(self.metrics)
             if standing is None or standing.stage != stage:
-                first = ROLES.map(lambda role: load_first(self.config, role))
+                first = ROLES.map(lambda role: load_first_networks(self.config, role))
                 saved = self.start(stage, BySide(first.pursuer or best, first.evader))
-                standing = Standing(stage, metrics_bytes=self.metrics.stat().st_size)
+                standing = CheckpointMeta(stage, metrics_bytes=self.metrics.stat().st_size)
             else:
                 saved = load_checkpoint(self.checkpoint, self.start(stage, BySide(None, None)))
                 begin_metrics(self.metrics, standing)
@@ -130,7 +132,7 @@ class Run:
         end_checkpoint(self.checkpoint, self.config)
         return True
 
-    def start(self, stage: str, networks: BySide[Network | None]) -> Saved:
+    def start(self, stage: str, networks: BySide[Network | None]) -> CheckpointContent:
         """Return the beginning of a stage whose networks go on from these."""
         plan, key = (
             self.plans[stage],
@@ -138,19 +140,25 @@ class Run:
         )
         if (one_side := self.config.one_side) is not None:
             begin = distillation.start_distillation if stage == DISTILLATION else ppo.start_response
-            return Saved(begin(plan, self.settings, key, networks[one_side.side]), None)
+            return CheckpointContent(begin(plan, self.tasks, key, networks[one_side.side]), None)
         train = train_state.start(
             plan, plan.stage.trained_in(self.game), key, self.fixed.get(stage, {}), networks
         )
-        return Saved(train, _pursuer(train) if stage == FIXED_TARGET else None)
+        return CheckpointContent(train, _pursuer(train) if stage == FIXED_TARGET else None)
 
-    def _train_stage(self, saved: Saved, standing: Standing) -> tuple[Saved, bool]:
+    def _train_stage(
+        self, saved: CheckpointContent, standing: CheckpointMeta
+    ) -> tuple[CheckpointContent, bool]:
         """Train one stage from here. Returns its last state, and whether it ended by itself."""
         train, best, stage = saved.train, saved.best, standing.stage
         plan = self.plans[stage]
         if self.config.one_side is not None:
-            play = (distillation if stage == DISTILLATION else ppo).play_and_learn
-            chunks = loop.in_turns(play, plan, train, self.settings, standing.chunks)
+            play = (
+                distillation.train_distillation_chunk
+                if stage == DISTILLATION
+                else ppo.train_response_chunk
+            )
+            chunks = loop.train_round_robin(play, plan, train, self.tasks, standing.chunks)
         else:
             game, fixed = plan.stage.trained_in(self.game), self.fixed.get(stage, {})
             chunks = loop.chunks(plan, game, train, fixed, standing.chunks)
@@ -168,33 +176,33 @@ class Run:
                     standing = replace(standing, best=evaluation)
             self._save_agents(train, before, standing)
             seconds = time.monotonic() - began
-            line = measure(stage, train, metrics, evaluation, seconds, speed)
+            line = metrics_line(stage, train, metrics, evaluation, seconds, speed)
             standing = replace(
                 standing, seconds=seconds, metrics_bytes=append_metrics(self.metrics, line)
             )
             self.report(line, self.config.share(stage, line.env_steps))
             stop, ended = self.should_stop(), standing.chunks == plan.chunks
             if stop or ended or time.monotonic() - last_save >= CHECKPOINT_SECONDS:
-                save_checkpoint(self.checkpoint, Saved(train, best), standing)
+                save_checkpoint(self.checkpoint, CheckpointContent(train, best), standing)
                 last_save = time.monotonic()
             if stop and not ended:
-                return Saved(train, best), False
+                return CheckpointContent(train, best), False
             chunk_began = time.monotonic()
         if best is not None and standing.best is not None:
             self._save_agent(
                 best, Role.PURSUER, self.config.stage1_name, asdict(standing.best), stage
             )
-        return Saved(train, best), True
+        return CheckpointContent(train, best), True
 
     def _evaluate(self, stage: str, train: TrainState) -> Evaluation:
         """Play greedily from fixed starts, with fixed players for a side that does not learn."""
         game, fixed = self.game, self.evaders
         if self.config.one_side is not None:
-            game, fixed = self.settings[0].game, solo(self.settings[0].opponents[0])
+            game, fixed = self.tasks[0].game, single_player(self.tasks[0].opponents[0])
 
         def players(role: Role) -> Pool:
             return (
-                solo(greedy(self._finished(train.learners[role])))
+                single_player(greedy_policy(self._finish_stage(train.learners[role])))
                 if role in train.learners
                 else fixed
             )
@@ -205,7 +213,7 @@ class Run:
         outcomes = counts_by_name(np.bincount(np.asarray(results.outcome), minlength=len(Outcome)))
         return Evaluation(int(train.env_steps), int(train.episodes), outcomes)
 
-    def _is_best(self, evaluation: Evaluation, standing: Standing) -> bool:
+    def _is_best(self, evaluation: Evaluation, standing: CheckpointMeta) -> bool:
         """Check whether a pursuer of stage 1 is the best so far.
 
         Against an evader that stays that is the one with most captures (section IV), otherwise the latest: the one with
@@ -217,7 +225,7 @@ class Run:
             return True
         return evaluation.outcomes["captured"] > standing.best.outcomes["captured"]
 
-    def _save_agents(self, train: TrainState, before: int, standing: Standing) -> None:
+    def _save_agents(self, train: TrainState, before: int, standing: CheckpointMeta) -> None:
         """Save the agents at the snapshots of self-play, and that of a side that learns alone at its end."""
         plan, stage = self.plans[standing.stage], standing.stage
         times = {SELF_PLAY: self.config.self_play.snapshots, FIXED_TARGET: 0}.get(stage, 1)
@@ -226,12 +234,12 @@ class Run:
             "episodes": int(train.episodes),
         }
         if self.config.one_side is not None:
-            record["price"] = float(self.settings[0].price)
+            record["price"] = float(self.tasks[0].loss_value)
         for percent in (round(100 * number / times) for number in range(1, times + 1)):
             if before < -(-plan.chunks * percent // 100) <= standing.chunks:
                 for role, side in train.learners.items():
                     self._save_agent(
-                        self._finished(side),
+                        self._finish_stage(side),
                         role,
                         f"{role.name[0]}_{self.config.kind}",
                         record,
@@ -239,23 +247,28 @@ class Run:
                         percent,
                     )
 
-    def _finished(self, side: LearnerState) -> Network:
+    def _finish_stage(self, side: LearnerState) -> Network:
         """Return the network that plays when it counts: averaged, or a response between it and the first; cautious."""
         network, one_side, kept = (
             side.learner.average,
             self.config.one_side,
-            self.config.response.kept,
+            self.config.response.initial_weight_share,
         )
         if (
             self.config.stages == RESPONSE
             and kept
-            and (first := load_first(self.config, self.config.response.side))
+            and (first := load_first_networks(self.config, self.config.response.side))
         ):
-            network = between(network, first, kept)
-        if one_side is None or one_side.caution == 0:
+            network = interpolate_networks(network, first, kept)
+        if one_side is None or one_side.clearance_margin == 0:
             return network
         assert isinstance(network, QNetwork)
-        return cautious(network, sampled(side.buffer), one_side.caution, self.settings[0].price)
+        return with_clearance_penalty(
+            network,
+            sample_observations(side.buffer),
+            one_side.clearance_margin,
+            self.tasks[0].loss_value,
+        )
 
     def _save_agent(
         self,
@@ -281,18 +294,18 @@ class Run:
 
 def train(folder: Path) -> bool:
     """Train the run of a folder, from its checkpoint if it has one; return False if it was stopped."""
-    return Run(load_config(folder / "config.toml"), folder).execute()
+    return TrainingRun(load_config(folder / "config.toml"), folder).execute()
 
 
-def load_first(config: RunConfig, role: Role) -> Network | None:
+def load_first_networks(config: RunConfig, role: Role) -> Network | None:
     """Return the network that a side starts from, if the config names one; raises InvalidInput if it does not fit."""
     name = BySide(config.pursuer, config.evader)[role]
     if name is None:
         return None
-    network = config.learner.fitted(load_network(name, role), role.name.lower(), name)
+    network = config.learner.fit_network(load_network(name, role), role.name.lower(), name)
     if config.stages != RESPONSE:
         return network
-    return ppo.learning_from(network, config.ppo, name, role, config.game)
+    return ppo.first_network(network, config.ppo, name, role, config.game)
 
 
 def _pursuer(train: TrainState) -> Network:

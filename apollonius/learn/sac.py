@@ -21,7 +21,7 @@ from apollonius.agents.network import (
 )
 from apollonius.game.types import Scalar
 from apollonius.learn.learner_config import SACConfig
-from apollonius.learn.replay_buffer import Batch
+from apollonius.learn.replay_buffer import TransitionBatch
 from apollonius.observe.registry import find_observation
 
 Actions = Float[Array, "batch 2"]
@@ -63,7 +63,9 @@ class SACLearner(eqx.Module):
 _adam = optax.scale_by_adam()
 
 
-def init(config: SACConfig, key: PRNGKeyArray, actor: Network | None = None) -> SACLearner:
+def init_actor_critic(
+    config: SACConfig, key: PRNGKeyArray, actor: Network | None = None
+) -> SACLearner:
     """Return a learner that starts from a copy of an actor, or from random weights; its critics begin from random
     weights. The key is consumed.
     """
@@ -84,7 +86,7 @@ def init(config: SACConfig, key: PRNGKeyArray, actor: Network | None = None) -> 
     )
 
 
-def sample(
+def sample_actions(
     actor: GaussianActor, observations: Float[Array, "batch size"], noise: Actions
 ) -> tuple[Actions, Float[Array, " batch"]]:
     """Return actions drawn by the actor with standard normal noise, by its weights, and their log densities (Eq. 20).
@@ -99,23 +101,33 @@ def sample(
     return jnp.tanh(before), jnp.sum(normal - squashing, axis=1)
 
 
-def critics_loss(critics: Critics, batch: Batch, targets: Float[Array, " batch"]) -> Scalar:
+def critics_loss(
+    critics: Critics, batch: TransitionBatch, targets: Float[Array, " batch"]
+) -> Scalar:
     """Return the mean squared error of both critics against the same targets, added up (Eq. 5)."""
     values = critics.batch(batch.observation, batch.action)
     return jnp.sum(jnp.mean((values - targets[None]) ** 2, axis=1))
 
 
 def actor_loss(
-    actor: GaussianActor, critics: Critics, temperature: Scalar, batch: Batch, noise: Actions
+    actor: GaussianActor,
+    critics: Critics,
+    temperature: Scalar,
+    batch: TransitionBatch,
+    noise: Actions,
 ) -> tuple[Scalar, Scalar]:
     """Return the mean of `alpha log pi(a | s) - min(Q_1, Q_2)(s, a)` (Eq. 7), and the mean log density of actions."""
-    actions, log_density = sample(actor, batch.observation, noise)
+    actions, log_density = sample_actions(actor, batch.observation, noise)
     values = jnp.min(critics.batch(batch.observation, actions), axis=0)
     return jnp.mean(temperature * log_density - values), jnp.mean(log_density)
 
 
-def update(
-    learner: SACLearner, batch: Batch, key: PRNGKeyArray, learning_rate: Scalar, config: SACConfig
+def update_actor_critic(
+    learner: SACLearner,
+    batch: TransitionBatch,
+    key: PRNGKeyArray,
+    learning_rate: Scalar,
+    config: SACConfig,
 ) -> tuple[SACLearner, Scalar]:
     """Return the learner after one step of Adam on a batch, and the critics' loss before it. The key is consumed.
 
@@ -124,7 +136,7 @@ def update(
     """
     noise, next_noise = jax.random.normal(key, (2, *batch.action.shape))
     temperature = jnp.exp(learner.log_temperature)
-    next_action, next_density = sample(learner.network, batch.next_observation, next_noise)
+    next_action, next_density = sample_actions(learner.network, batch.next_observation, next_noise)
     next_values = learner.target.batch(batch.next_observation, next_action)
     targets = batch.reward + batch.discount * (
         jnp.min(next_values, axis=0) - temperature * next_density

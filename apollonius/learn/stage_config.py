@@ -99,19 +99,19 @@ class OneSideConfig(StageConfig):
     """The side that learns."""
     opponents: tuple[str, ...] = ("pursuer",)
     """Its opponents, each in an equal part of the games."""
-    caution: float = 0.0
-    """Clearance after braking [m] that the agent wants (`apollonius.learn.caution`); 0 for none."""
+    clearance_margin: float = 0.0
+    """Clearance after braking [m] that the agent wants (`apollonius.learn.clearance_penalty`); 0 for none."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require(len(self.opponents) >= 1, "opponents", "none", "one at least")
-        require_within(self, 0, 10**9, "caution")
+        require_within(self, 0, 10**9, "clearance_margin")
 
     @property
     def side(self) -> Role:
         return Role[self.role.upper()]
 
-    def casts(self, game: Game) -> list[tuple[Game, dict[Role, tuple[str, ...]]]]:
+    def line_ups(self, game: Game) -> list[tuple[Game, dict[Role, tuple[str, ...]]]]:
         """Return the games of a run in this one, each with the names of its players by side."""
         return [(game, {self.side.other: self.opponents})]
 
@@ -125,17 +125,17 @@ class ResponseConfig(OneSideConfig):
     failure: float = 15.0
     tasks: tuple[Task, ...] = ()
     """Further games, which take turns with the run's own."""
-    retries: float = 0.0
+    restart_fraction: float = 0.0
     """Share of games that begin in a state of one that was lost within the next round (Florensa et al., "Reverse
     curriculum generation for reinforcement learning", 2017, begin near the goal): where few games are lost, most of
     what is played teaches nothing."""
-    kept: float = 0.0
+    initial_weight_share: float = 0.0
     """Share of its first network in the weights of the agent, which then forgets less (Wortsman et al., "Robust
     fine-tuning of zero-shot models", 2022)."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_within(self, 0, 1, "retries", "kept")
+        require_within(self, 0, 1, "restart_fraction", "initial_weight_share")
         alike = all(len(task.opponents) in (0, len(self.opponents)) for task in self.tasks)
         require(
             alike,
@@ -189,7 +189,9 @@ class DistillationConfig(OneSideConfig):
         )
 
     def casts(self, game: Game) -> list[tuple[Game, dict[Role, tuple[str, ...]]]]:
-        return [(here, names | {self.side: (self.teacher,)}) for here, names in super().casts(game)]
+        return [
+            (here, names | {self.side: (self.teacher,)}) for here, names in super().line_ups(game)
+        ]
 
     @property
     def solves(self) -> bool:
@@ -227,7 +229,7 @@ class Plan:
 
     def share(self, env_steps: int) -> float:
         """Return the share of the stage's work that is done after some env steps: of those that updates go with."""
-        total, idle = self.chunks * self.env_steps_per_chunk, self.learner.idle
+        total, idle = self.chunks * self.env_steps_per_chunk, self.learner.steps_before_learning
         idle = idle if idle < total else 0
         return max(0, env_steps - idle) / (total - idle)
 
@@ -241,6 +243,6 @@ class Plan:
         """Steps of every game between two draws of opponents."""
         return self.chunks_per_assignment * self.env_steps_per_chunk // self.learner.games
 
-    def renews_after(self, chunks: int) -> bool:
+    def resamples_after(self, chunks: int) -> bool:
         """Check whether opponents are drawn again after this many chunks of a stage."""
         return self.opponents.share > 0 and chunks > 0 and chunks % self.chunks_per_assignment == 0

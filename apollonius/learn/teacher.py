@@ -9,19 +9,24 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from apollonius.agents.kind import Named
 from apollonius.agents.policy import AbstractActionValuePolicy
-from apollonius.arenas.suite import each_alone
-from apollonius.catalogue import TABLE, price_of_losing
+from apollonius.agents.source import NamedPlayer
+from apollonius.arenas.suite import single_arena_games
+from apollonius.catalogue import TABLE, loss_value
 from apollonius.game.game import Game
 from apollonius.game.types import NUM_ACTIONS, GameState, Real, RobotState, Role, Scalar
 from apollonius.io.errors import require
 from apollonius.learn.config import RunConfig
-from apollonius.learn.setting import Players, Setting, cast, require_room_to_brake
 from apollonius.learn.stage_config import DistillationConfig
-from apollonius.observe.observation import perceive
+from apollonius.learn.training_task import (
+    Players,
+    TrainingTask,
+    require_room_to_brake,
+    resolve_players,
+)
+from apollonius.observe.observation import observation_rows
 from apollonius.solve.grid import Grid, make_grid
-from apollonius.solve.motion import Motion, last, motion_of
+from apollonius.solve.motion import Motion, end_state, motion_of
 from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.safety import solve_safety
 from apollonius.solve.solving import cached_tables, reference_grid
@@ -45,7 +50,7 @@ class Clearance(eqx.Module):
     motion: Motion
     grid: Grid
     table: Float[Array, "v heading x y"]
-    wanted: Real
+    margin: Real
 
     def after(self, robot: RobotState, actions: Int[Array, " actions"]) -> Float[Array, " actions"]:
         """Return the clearance [m] that can be kept for ever after each action."""
@@ -53,24 +58,24 @@ class Clearance(eqx.Module):
         def clearance(action: Int[Array, ""]) -> Scalar:
             course = self.motion.hold(robot, action)
             return jnp.minimum(
-                self.motion.clearance(course), self.grid.interpolate(self.table, last(course))
+                self.motion.clearance(course), self.grid.interpolate(self.table, end_state(course))
             )
 
         return jax.vmap(clearance)(actions)
 
-    def weighed(self, behind: Float[Array, "9"], robot: RobotState) -> Float[Array, "9"]:
+    def weigh_against(self, behind: Float[Array, "9"], robot: RobotState) -> Float[Array, "9"]:
         """Return the differences to the best action, less the cost of missing clearance.
 
         As clearance runs out, the given differences fade, and clearance alone decides in the end: a wall is reached by
         many steps, none of which leaves much less clearance than another would.
         """
-        left = jnp.minimum(self.after(robot, jnp.arange(NUM_ACTIONS)), self.wanted)
+        left = jnp.minimum(self.after(robot, jnp.arange(NUM_ACTIONS)), self.margin)
         most = jnp.max(left)
-        ease = jnp.clip(most / self.wanted, 0.0, 1.0)
+        ease = jnp.clip(most / self.margin, 0.0, 1.0)
         return ease * behind - jnp.minimum(STEEPNESS * (most - left), COSTLIEST)
 
 
-class Lessons(Setting):
+class DistillationTask(TrainingTask):
     """A setting with a teacher, which values all nine actions, and the clearance that they leave, or None.
 
     Some games are those of attackers, who look ahead by a table, the other side's player by the game solved in this one
@@ -83,19 +88,21 @@ class Lessons(Setting):
 
     def values(self, states: GameState, role: Role) -> Float[Array, "games 9"]:
         """Return one side's values of the nine actions in states, leaves `[games]`; the best has the teacher's own."""
-        read, rows = perceive(self.teacher.observation, self.game, states, role)
+        read, rows = observation_rows(self.teacher.observation, self.game, states, role)
         bits = jnp.zeros((), jnp.uint32)
-        values = jax.vmap(lambda row: self.teacher.weigh(read(row), self.teacher.memory, bits)[0])(
+        values = jax.vmap(lambda row: self.teacher.score(read(row), self.teacher.memory, bits)[0])(
             rows
         )
         best = jnp.max(values, axis=1, keepdims=True)
-        behind = jnp.maximum((values - best) / self.price, -DEEPEST)
+        behind = jnp.maximum((values - best) / self.loss_value, -DEEPEST)
         if self.clearance is not None:
-            behind = jax.vmap(self.clearance.weighed)(behind, states.robots[role][0])
-        return best + self.price * (behind - jnp.max(behind, axis=1, keepdims=True))
+            behind = jax.vmap(self.clearance.weigh_against)(behind, states.robots[role][0])
+        return best + self.loss_value * (behind - jnp.max(behind, axis=1, keepdims=True))
 
 
-def make_lessons(config: RunConfig, game: Game, folder: Path | None) -> list[Lessons]:
+def distillation_tasks(
+    config: RunConfig, game: Game, folder: Path | None
+) -> list[DistillationTask]:
     """Return the lessons of a run: one, or where tables are needed one in each arena.
 
     Games are solved whose tables do not lie in the folder. The lessons in all arenas have one shape, so that one
@@ -104,10 +111,10 @@ def make_lessons(config: RunConfig, game: Game, folder: Path | None) -> list[Les
     """
     stage, role, scenario = config.distillation, config.distillation.side, game.scenario
     require_room_to_brake(stage, config.learner)
-    ((_, asked),) = stage.casts(game)
+    ((_, asked),) = stage.line_ups(game)
     if not stage.solves:
-        here, players = cast(stage.trained_in(game), asked)
-        return [_lessons(stage, players, here, None)]
+        here, players = resolve_players(stage.trained_in(game), asked)
+        return [_distillation_task(stage, players, here, None)]
     kinds = "robots of several kinds"
     require(
         scenario is None or scenario.kinds is None,
@@ -115,16 +122,16 @@ def make_lessons(config: RunConfig, game: Game, folder: Path | None) -> list[Les
         kinds,
         "of one kind: the solved game has its robots",
     )
-    alone = each_alone(game)
+    alone = single_arena_games(game)
     grids = [reference_grid(one, role) for one in alone]
     counts = tuple(np.max([grid.counts for grid, _ in grids], axis=0).tolist())
 
-    def lessons(number: int, one: Game) -> Lessons:
+    def lessons(number: int, one: Game) -> DistillationTask:
         here = game if scenario is None else game.in_place(jnp.asarray(number))
-        here, players = cast(here, asked)
+        here, players = resolve_players(here, asked)
         tables = cached_tables(one, stage.grid, folder, played=here)
-        players |= {(TABLE, side): Named(TABLE, tables[side]) for side in Role}
-        found = _lessons(stage, players, here, tables[role.other])
+        players |= {(TABLE, side): NamedPlayer(TABLE, tables[side]) for side in Role}
+        found = _distillation_task(stage, players, here, tables[role.other])
         if stage.clearance == 0:
             return found
         grid = make_grid(here.arena, here.body(role), counts)
@@ -137,9 +144,9 @@ def make_lessons(config: RunConfig, game: Game, folder: Path | None) -> list[Les
     return [lessons(number, one) for number, one in enumerate(alone)]
 
 
-def _lessons(
+def _distillation_task(
     stage: DistillationConfig, players: Players, game: Game, table: SaddlePolicy | None
-) -> Lessons:
+) -> DistillationTask:
     found, other = players[stage.teacher, stage.side], stage.side.other
     policy, bound = (
         found.policy,
@@ -148,4 +155,4 @@ def _lessons(
     require(isinstance(policy, AbstractActionValuePolicy), "teacher", stage.teacher, bound)
     assert isinstance(policy, AbstractActionValuePolicy)
     opponents = tuple(players[name, other].policy for name in stage.opponents)
-    return Lessons(game, opponents, price_of_losing(found, game), policy, None, table)
+    return DistillationTask(game, opponents, loss_value(found, game), policy, None, table)

@@ -11,15 +11,15 @@ import optax
 from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.agents.network import Layers, Network, QNetwork
-from apollonius.agents.pool import Assigned, Pool, solo
-from apollonius.agents.trained import exploring, greedy
+from apollonius.agents.pool import LearnerAndPast, Pool, single_player
+from apollonius.agents.trained import exploring_policy, greedy_policy
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import ROLES, BySide, Role
 from apollonius.learn import archive, dqn, replay_buffer, sac
 from apollonius.learn.learner_config import DQNConfig, ReplayConfig, SACConfig
 from apollonius.learn.stage_config import Plan
 from apollonius.observe.registry import find_observation
-from apollonius.play.rollout import begin
+from apollonius.play.rollout import init_games
 
 
 class PPOLearner(eqx.Module):
@@ -90,20 +90,20 @@ def start(
             find_observation(config.observation).size,
         )
         continuous, of_teams = isinstance(config, SACConfig), game.teams is not None
-        buffer = replay_buffer.init(config.rows, columns, size, continuous, of_teams)
+        buffer = replay_buffer.init_buffer(config.rows, columns, size, continuous, of_teams)
         return LearnerState(first_learner(plan, key, networks[role]), buffer)
 
     learners = {role: first(role, key) for role, key in zip(learning, network_keys, strict=True)}
     archives = None
     if plan.opponents.share > 0:
         archives = ROLES.map(
-            lambda role: archive.init(learners[role].learner.network, plan.opponents)
+            lambda role: archive.init_archive(learners[role].learner.network, plan.opponents)
         )
     start_key, member_key, train_key = jax.random.split(stage_key, 3)
     iterations, env_steps, episodes = (jnp.zeros((), jnp.int32) for _ in range(3))
     state = TrainState(None, learners, train_key, iterations, env_steps, episodes, archives)
     bits = jax.random.bits(member_key, (2, config.games), jnp.uint32)
-    begun = begin(
+    begun = init_games(
         game, reset_batch(game, start_key, config.games), players(plan, state, fixed), bits
     )
     # Apart: at the start what a side knows is the state itself.
@@ -113,18 +113,20 @@ def start(
 def first_learner(plan: Plan, key: PRNGKeyArray, network: Network | None) -> Learner:
     """Return a learner that starts from a copy of a network, or from random weights. The key is consumed."""
     if isinstance(plan.learner, SACConfig):
-        return sac.init(plan.learner, key, network)
+        return sac.init_actor_critic(plan.learner, key, network)
     assert isinstance(plan.learner, DQNConfig)
-    return dqn.init(plan.learner, key, network)
+    return dqn.init_learner(plan.learner, key, network)
 
 
-def players(plan: Plan, state: TrainState, fixed: Mapping[Role, Pool]) -> BySide[Pool | Assigned]:
+def players(
+    plan: Plan, state: TrainState, fixed: Mapping[Role, Pool]
+) -> BySide[Pool | LearnerAndPast]:
     """Return the players of both sides: fixed ones, or a learner that explores, by soft actor-critic with noise that
     lasts, and in the slots its earlier versions.
     """
     config, past = plan.learner, plan.opponents
 
-    def of_side(role: Role) -> Pool | Assigned:
+    def of_side(role: Role) -> Pool | LearnerAndPast:
         if role in fixed:
             return fixed[role]
         amount, bits = jnp.ones(()), None
@@ -134,10 +136,10 @@ def players(plan: Plan, state: TrainState, fixed: Mapping[Role, Pool]) -> BySide
             held = state.iterations // (config.noise_steps // config.steps_per_iteration)
             key = jax.random.fold_in(jax.random.fold_in(state.key, 4 + role), held)
             bits = jax.random.bits(key, (config.games,), jnp.uint32)
-        learner = exploring(state.learners[role].learner.network, amount)
+        learner = exploring_policy(state.learners[role].learner.network, amount)
         if state.archives is None:
-            return replace(solo(learner), bits=bits)
+            return replace(single_player(learner), bits=bits)
         slots = past.slots, past.first_game(role, config.games), past.slot_games(config.games)
-        return Assigned(learner, greedy(state.archives[role].in_slots), *slots, bits)
+        return LearnerAndPast(learner, greedy_policy(state.archives[role].in_slots), *slots, bits)
 
     return ROLES.map(of_side)

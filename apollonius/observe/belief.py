@@ -56,16 +56,16 @@ class Belief(eqx.Module):
         unseen: times since each cell was last seen [s], `NEVER` at most.
     """
 
-    credit: Float[Array, "rows columns"]
+    travel_budget: Float[Array, "rows columns"]
     unseen: Float[Array, "rows columns"]
 
     @property
     def where(self) -> Unseen:
         """The times of the cells in which an opponent can be."""
-        return jnp.where(self.credit >= 0, self.unseen, _NOBODY)
+        return jnp.where(self.travel_budget >= 0, self.unseen, _NOBODY)
 
 
-def anywhere(chart: Chart) -> Belief:
+def uniform(chart: Chart) -> Belief:
     """Return the belief in which opponents can be wherever a robot can be, and no cell was ever
     seen.
     """
@@ -75,7 +75,9 @@ def anywhere(chart: Chart) -> Belief:
     )
 
 
-def prospects(chart: Chart, unseen: Unseen, robot: RobotState) -> Float[Array, "rows columns"]:
+def search_priority(
+    chart: Chart, unseen: Unseen, robot: RobotState
+) -> Float[Array, "rows columns"]:
     """Return the search priority of each cell for a robot [s/m]; negative where no opponent can be.
 
     It is the time since the cell was seen over the length of the path to it, as in patrolling
@@ -86,7 +88,7 @@ def prospects(chart: Chart, unseen: Unseen, robot: RobotState) -> Float[Array, "
     return jnp.where(unseen < 0, _NOBODY, jnp.minimum(unseen, LONG_AGO) / (lengths + NEAR))
 
 
-def moved(chart: Chart, belief: Belief, reach: Scalar, time: Real) -> Belief:
+def propagate(chart: Chart, belief: Belief, reach: Scalar, time: Real) -> Belief:
     """Propagate a belief over a time [s] in which opponents moved by up to `reach` [m].
 
     An opponent near the edge of a cell is in the next one at once, and then has to cross the cells.
@@ -109,11 +111,11 @@ def moved(chart: Chart, belief: Belief, reach: Scalar, time: Real) -> Belief:
             best = jnp.maximum(best, jnp.where(is_entered & (remaining >= 0), remaining, _NOBODY))
         return best
 
-    credit = jax.lax.fori_loop(0, hops.astype(jnp.int32), one_hop, belief.credit)
+    credit = jax.lax.fori_loop(0, hops.astype(jnp.int32), one_hop, belief.travel_budget)
     return Belief(credit, jnp.minimum(belief.unseen + time, NEVER))
 
 
-def looked(
+def observe_belief(
     chart: Chart, sensors: Sensors, belief: Belief, percept: Percept, active: Sequence[Flag]
 ) -> Belief:
     """Remove the cells that a side's robots see from a belief, as they hold no opponent.
@@ -132,11 +134,11 @@ def looked(
     is_visible = functools.reduce(
         jnp.logical_or, [is_active & visible(chart, sensors, robot) for robot, is_active in robots]
     )
-    is_seen, number = is_visible & percept.looked, jnp.arange(COARSE**2).reshape(COARSE, COARSE)
+    is_seen, number = is_visible & percept.has_looked, jnp.arange(COARSE**2).reshape(COARSE, COARSE)
     hidden = jnp.where(is_visible, _SEEN, _owners(chart))
     for _, is_entered, owner in _beside(_links(chart), hidden, _SEEN):
         is_seen &= (owner == _SEEN) | ~(is_entered | (owner == number))
-    credit = jnp.where(is_seen, _NOBODY, belief.credit)
+    credit = jnp.where(is_seen, _NOBODY, belief.travel_budget)
     return Belief(credit, jnp.where(is_seen, 0.0, belief.unseen))
 
 
@@ -148,7 +150,7 @@ def _owners(chart: Chart) -> Int[Array, "rows columns"]:
     return jnp.where(clearance > _ROUNDING, owner, _BLOCKED)
 
 
-def at(chart: Chart, robot: RobotState, bound: Scalar) -> Float[Array, "rows columns"]:
+def localise(chart: Chart, robot: RobotState, bound: Scalar) -> Float[Array, "rows columns"]:
     """Return the credit of an opponent that is within `bound` [m] of where it is seen."""
     x, y = chart.middles()
     near = (bound > 0) & (jnp.hypot(x - robot.x, y - robot.y) <= bound + 1.5 * _cell(chart))

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from apollonius.game.chart import Chart
-from apollonius.game.drive import turning
+from apollonius.game.drive import limited_turn_rate
 from apollonius.game.types import NUM_ACTIONS, Action, Real, RobotState, Scalar
 from apollonius.observe.view import Robot
 
@@ -53,8 +53,8 @@ def clearances_after(chart: Chart, robot: Robot, dt: Real) -> Float[Array, "9"]:
 
     def best_clearance(action: Action) -> Scalar:
         u1, u2 = body.controls(action)
-        mean, rate = turning(body, robot.turn_time, robot.turn_rate, u2, hold)
-        end_of_hold = body.move(robot.state_on_command, u1, mean, hold)
+        mean, rate = limited_turn_rate(body, robot.turn_time, robot.turn_rate, u2, hold)
+        end_of_hold = body.move(robot.predicted, u1, mean, hold)
         clearance = chart.clearance(end_of_hold.x, end_of_hold.y)
         start = _Braking(end_of_hold, rate, clearance, clearance)
         least = jax.vmap(lambda turn: least_clearance(start, turn))(turns)
@@ -65,7 +65,9 @@ def clearances_after(chart: Chart, robot: Robot, dt: Real) -> Float[Array, "9"]:
 
         def one_stretch(before: _Braking, duration: Scalar) -> tuple[_Braking, None]:
             command = turn * jnp.minimum(body.u2_max, _SHARPEST / jnp.maximum(duration, 1e-3))
-            mean, rate = turning(body, robot.turn_time, before.turn_rate, command, duration)
+            mean, rate = limited_turn_rate(
+                body, robot.turn_time, before.turn_rate, command, duration
+            )
             state = body.move(before.state, -braking, mean, duration)
             clearance = chart.clearance(state.x, state.y)
             length = jnp.hypot(state.x - before.state.x, state.y - before.state.y)

@@ -8,7 +8,7 @@ from apollonius.game.chart import Chart
 from apollonius.game.dynamics import MIRRORED
 from apollonius.game.types import NUM_ACTIONS, Real, RobotState, Scalar
 from apollonius.observe.braking import clearances_after
-from apollonius.observe.observation import AbstractObservation, Mirror, clearances_ahead, turned
+from apollonius.observe.observation import AbstractObservation, Mirror, clearances_ahead, cos_sin
 from apollonius.observe.view import Robot, View
 
 RAYS = 32
@@ -92,7 +92,7 @@ class Egocentric(AbstractObservation):
         chart = view.chart
         own = view.own.state
         opponent = view.opponent.state
-        cos, sin = turned(own.heading)
+        cos, sin = cos_sin(own.heading)
         dx, dy = opponent.x - own.x, opponent.y - own.y
         distance = jnp.hypot(dx, dy)
         robots = _robots(view, chart, (cos, sin), (dx, dy), distance)
@@ -126,7 +126,7 @@ def _robots(
     """
     (cos, sin), (dx, dy) = ahead, away
     other = view.opponent
-    their_cos, their_sin = turned(other.state.heading)
+    their_cos, their_sin = cos_sin(other.state.heading)
     far = jnp.maximum(distance, 1e-6)
     numbers: list[Real] = [
         *_motion(view.own),

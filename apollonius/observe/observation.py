@@ -16,14 +16,14 @@ from apollonius.game.chart import Chart
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.game import Game
 from apollonius.game.types import GameState, Real, Role, Scalar
-from apollonius.observe.view import Robot, View, look_from, rows_of
+from apollonius.observe.view import Robot, View, look_from_row, robot_rows
 
 
 @dataclass(frozen=True)
-class Whole:
+class RawView:
     """The view itself, for players that follow a rule."""
 
-    charted: ClassVar[bool] = False
+    needs_chart: ClassVar[bool] = False
     """True for an observation that needs the arena's chart (`apollonius.arenas.charting`)."""
 
     def __call__(self, view: View) -> Any:
@@ -31,7 +31,7 @@ class Whole:
         return view
 
 
-WHOLE = Whole()
+RAW_VIEW = RawView()
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Mirror:
 
 
 @dataclass(frozen=True)
-class AbstractObservation(Whole):
+class AbstractObservation(RawView):
     """The numbers that a network reads."""
 
     name: ClassVar[str]
@@ -71,8 +71,8 @@ class AbstractObservation(Whole):
         """Return the numbers of a view."""
 
 
-def perceive(
-    observation: Whole, game: Game, states: GameState, role: Role
+def observation_rows(
+    observation: RawView, game: Game, states: GameState, role: Role
 ) -> tuple[Callable[[Any], Any], Any]:
     """Return a function that reads a player's observation from a row, and the rows of a side.
 
@@ -86,19 +86,19 @@ def perceive(
         states: leaves `[games]`, as the side knows them.
         role: the side.
     """
-    rows, view = rows_of(states, role), partial(look_from, game, role)
-    if observation == WHOLE:
+    rows, view = robot_rows(states, role), partial(look_from_row, game, role)
+    if observation == RAW_VIEW:
         return view, rows
     return lambda numbers: numbers, jax.vmap(lambda row: observation(view(row)))(rows)
 
 
-def scaled(value: Scalar, low: Real, high: Real) -> Scalar:
+def rescale(value: Scalar, low: Real, high: Real) -> Scalar:
     """Map a number from [low, high] to [-1, 1]."""
     return (2 * value - (low + high)) / jnp.maximum(high - low, 1e-6)
 
 
 @fusion_barrier
-def turned(heading: Scalar) -> tuple[Scalar, Scalar]:
+def cos_sin(heading: Scalar) -> tuple[Scalar, Scalar]:
     """Return cosine and sine of a heading, which several numbers share."""
     return jnp.cos(heading), jnp.sin(heading)
 

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from apollonius.game.arena import Arena
 from apollonius.game.types import Scalar
-from apollonius.observe.observation import AbstractObservation, clearances_ahead, scaled, turned
+from apollonius.observe.observation import AbstractObservation, clearances_ahead, cos_sin, rescale
 from apollonius.observe.view import Robot, View
 
 
@@ -15,9 +15,9 @@ def position_and_speed(arena: Arena, robot: Robot) -> list[Scalar]:
     """Return a robot's x, y and v, mapped from their limits to [-1, 1]."""
     body, state = robot.body, robot.state
     return [
-        scaled(state.x, arena.x_min, arena.x_max),
-        scaled(state.y, arena.y_min, arena.y_max),
-        scaled(state.v, body.v_min, body.v_max),
+        rescale(state.x, arena.x_min, arena.x_max),
+        rescale(state.y, arena.y_min, arena.y_max),
+        rescale(state.v, body.v_min, body.v_max),
     ]
 
 
@@ -61,7 +61,7 @@ class Encoded(AbstractObservation):
         own = view.own.state
         opponent = view.opponent.state
         parts: list[Scalar] = []
-        directions = [turned(robot.state.heading) for robot in view.robots]
+        directions = [cos_sin(robot.state.heading) for robot in view.robots]
         for robot, direction in zip(view.robots, directions, strict=True):
             parts += [*position_and_speed(arena, robot), *direction]
         size = jnp.maximum(arena.x_max - arena.x_min, arena.y_max - arena.y_min)

@@ -1,7 +1,7 @@
 """All observations by name."""
 
 from apollonius.io import extensions
-from apollonius.io.errors import InvalidInput, nearest, require, unknown_name
+from apollonius.io.errors import InvalidInput, closest_names, require, unknown_name
 from apollonius.observe.egocentric import EGOCENTRIC
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.paper import ENCODED, PAPER
@@ -41,7 +41,7 @@ def find_observation(given: str | AbstractObservation) -> AbstractObservation:
     if not has_observation(name):
         names = observation_names()
         known = f"choose one of {', '.join(names)}, or give an AbstractObservation"
-        raise InvalidInput(unknown_name("observation", name, known, nearest(name, names)))
+        raise InvalidInput(unknown_name("observation", name, known, closest_names(name, names)))
     return OBSERVATIONS[name]
 
 

@@ -12,7 +12,7 @@ from apollonius.game.chart import CellWeights, Chart
 from apollonius.game.teams import by_distance, distance_squared
 from apollonius.game.types import RobotState, Scalar
 from apollonius.observe.egocentric import EGOCENTRIC, SPEED, on_two_scales
-from apollonius.observe.observation import AbstractObservation, Mirror, turned
+from apollonius.observe.observation import AbstractObservation, Mirror, cos_sin
 from apollonius.observe.view import Robot, View
 
 MATES, OPPONENTS = 3, 2
@@ -103,8 +103,8 @@ def _of_a_robot(
     own = view.own.state
     opponent = view.opponent.state
     other = robot.state
-    cos, sin = turned(own.heading)
-    their_cos, their_sin = turned(other.heading)
+    cos, sin = cos_sin(own.heading)
+    their_cos, their_sin = cos_sin(other.heading)
     dx, dy = other.x - own.x, other.y - own.y
     distance = jnp.hypot(dx, dy)
     far = jnp.maximum(distance, 1e-6)

@@ -12,15 +12,15 @@ from jaxtyping import Array, Float, Int
 from apollonius.game.game import Game
 from apollonius.game.sensing import MOST_DELAY, Percept, Sensors, sense
 from apollonius.game.types import (
-    Bits,
     BySide,
     GameState,
+    RandomBits,
     Real,
     RobotState,
     Role,
     Scalar,
     Sight,
-    choose,
+    tree_where,
 )
 from apollonius.observe import belief
 from apollonius.observe.belief import NEVER, Belief
@@ -52,12 +52,12 @@ class Track(eqx.Module):
     own: tuple[RobotState, ...]
     opponents: tuple[RobotState, ...]
     ages: tuple[Float[Array, "*batch"], ...]
-    late: Percept | None
+    pending: Percept | None
     belief: Belief | None
     sightings: Sightings | None
 
 
-def begin(game: Game, state: GameState, role: Role, believes: bool = True) -> Track | None:
+def init_track(game: Game, state: GameState, role: Role, believes: bool = True) -> Track | None:
     """Return the track of one side before it has sensed anything; None without sensors.
 
     Args:
@@ -83,13 +83,13 @@ def begin(game: Game, state: GameState, role: Role, believes: bool = True) -> Tr
     if sensors.delay is not None:
         blank = Percept(own, opponents, (no_flag,) * len(opponents), no_flag)
         late = jax.tree.map(lambda leaf: jnp.repeat(leaf[None], MOST_DELAY + 1, axis=0), blank)
-    anywhere = belief.anywhere(arena.chart) if believes and arena.chart is not None else None
+    anywhere = belief.uniform(arena.chart) if believes and arena.chart is not None else None
     sightings = Sightings(jnp.full((), -1, jnp.int32), jnp.zeros((), jnp.int32))
     return Track(own, opponents, (jnp.float32(NEVER),) * len(opponents), late, anywhere, sightings)
 
 
-def update(
-    game: Game, role: Role, track: Track | None, state: GameState, bits: Bits
+def sense_and_update(
+    game: Game, role: Role, track: Track | None, state: GameState, bits: RandomBits
 ) -> tuple[Track | None, GameState]:
     """Let one side sense a state; return its track and the state as it knows it.
 
@@ -109,18 +109,18 @@ def update(
     assert before is not None, "it counts them from the start"
     first = jnp.where((before.first < 0) & in_sight, state.steps, before.first)
     sightings = Sightings(first, before.steps + in_sight.astype(jnp.int32))
-    late, past = delayed(sensors, track.late, percept)
-    after = learn(
+    late, past = apply_delay(sensors, track.pending, percept)
+    after = update_track(
         local_game,
         replace(track, own=percept.own, late=late, sightings=sightings),
         past,
         state,
         role,
     )
-    return after, believed(game, after, state, role)
+    return after, apply_track(game, after, state, role)
 
 
-def delayed(
+def apply_delay(
     sensors: Sensors, late: Percept | None, percept: Percept
 ) -> tuple[Percept | None, Percept]:
     """Add a percept to those of the latest steps; return them, and the one that is as old as the
@@ -132,7 +132,7 @@ def delayed(
     return late, jax.tree.map(lambda leaf: leaf[jnp.asarray(sensors.delay).astype(jnp.int32)], late)
 
 
-def learn(game: Game, track: Track, percept: Percept, state: GameState, role: Role) -> Track:
+def update_track(game: Game, track: Track, percept: Percept, state: GameState, role: Role) -> Track:
     """Update a track by a percept as old as the sensors' delay.
 
     Opponents in the percept are taken to have driven straight on since then (dead reckoning).
@@ -151,31 +151,35 @@ def learn(game: Game, track: Track, percept: Percept, state: GameState, role: Ro
         late, bodies = jnp.asarray(sensors.delay, jnp.float32) * game.dt, game.bodies[role.other]
         pairs = zip(bodies, opponents_now, strict=True)
         opponents_now = tuple(body.move(robot, zero, zero, late) for body, robot in pairs)
-    opponents = tuple(map(choose, percept.seen, opponents_now, track.opponents))
+    opponents = tuple(map(tree_where, percept.seen, opponents_now, track.opponents))
     ages = tuple(
         jnp.where(is_seen, zero, jnp.minimum(age + game.dt, NEVER))
         for age, is_seen in zip(track.ages, percept.seen, strict=True)
     )
-    after = track.belief and _believed(game, sensors, track.belief, percept, state, role)
+    after = track.belief and _update_belief(game, sensors, track.belief, percept, state, role)
     return replace(track, opponents=opponents, ages=ages, belief=after)
 
 
-def _believed(
+def _update_belief(
     game: Game, sensors: Sensors, before: Belief, percept: Percept, state: GameState, role: Role
 ) -> Belief:
     """Return the belief after a step in which opponents moved, and after what was seen."""
     chart, active = game.arena.chart, state.active
     assert chart is not None, "a belief has a chart"
-    spread_belief = belief.moved(chart, before, _reach(game, role), game.dt)
-    after = belief.looked(chart, sensors, spread_belief, percept, active[role])
+    spread_belief = belief.propagate(chart, before, _reach(game, role), game.dt)
+    after = belief.observe_belief(chart, sensors, spread_belief, percept, active[role])
     bound = sensors.noise.reach if sensors.noise else jnp.zeros(())
     opponents = zip(active[role.other], percept.seen, strict=True)
     unseen = [is_active & ~is_seen for is_active, is_seen in opponents]
     credit = hidden = jnp.where(
-        functools.reduce(operator.or_, unseen), after.credit, -jnp.ones_like(after.credit)
+        functools.reduce(operator.or_, unseen),
+        after.travel_budget,
+        -jnp.ones_like(after.travel_budget),
     )
     for robot, is_seen in zip(percept.opponents, percept.seen, strict=True):
-        credit = jnp.maximum(credit, jnp.where(is_seen, belief.at(chart, robot, bound), hidden))
+        credit = jnp.maximum(
+            credit, jnp.where(is_seen, belief.localise(chart, robot, bound), hidden)
+        )
     return replace(after, credit=credit)
 
 
@@ -186,7 +190,7 @@ def _reach(game: Game, role: Role, steps: Real = 1.0) -> Scalar:
     return functools.reduce(jnp.maximum, speeds) * game.dt * steps
 
 
-def believed(game: Game, track: Track | None, state: GameState, role: Role) -> GameState:
+def apply_track(game: Game, track: Track | None, state: GameState, role: Role) -> GameState:
     """Return a state as one side knows it; the state itself where the side sees everything.
 
     Args:
@@ -205,6 +209,6 @@ def believed(game: Game, track: Track | None, state: GameState, role: Role) -> G
     if side_belief and chart and sensors and sensors.delay is not None:
         late = jnp.asarray(sensors.delay, jnp.float32)
         reach = _reach(local_game, role, late)
-        side_belief = belief.moved(chart, side_belief, reach, late * local_game.dt)
+        side_belief = belief.propagate(chart, side_belief, reach, late * local_game.dt)
     robots = BySide.of(role, track.own, track.opponents)
     return replace(state, robots=robots, sight=Sight(track.ages, side_belief and side_belief.where))

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int
 
 from apollonius.game.arena import Arena
 from apollonius.game.chart import Chart
-from apollonius.game.drive import drive_of, foreseen
+from apollonius.game.drive import drive_of, predict_after_lag
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.game import Game
@@ -49,14 +49,14 @@ class Robot(eqx.Module):
     state: RobotState
     active: Flag | bool = True
     age: Real = 0.0
-    soon: RobotState | None = None
+    predicted_state: RobotState | None = None
     turn_time: Real | None = None
     turn_rate: Scalar | None = None
 
     @property
-    def state_on_command(self) -> RobotState:
+    def predicted(self) -> RobotState:
         """The state in which a command that is given now takes effect, as far as that is known."""
-        return self.soon or self.state
+        return self.predicted_state or self.state
 
 
 class View(eqx.Module):
@@ -112,7 +112,7 @@ def look(game: Game, state: GameState, role: Role, number: int = 0) -> View:
     def robots(role: Role) -> tuple[Robot, ...]:
         return tuple(map(Robot, local_game.bodies[role], state.robots[role], state.active[role]))
 
-    side_robots = _driven(local_game, role, robots(role), state.drives)
+    side_robots = _robots_of_side(local_game, role, robots(role), state.drives)
     opponents = robots(role.other)
     belief = None
     sight = state.sight
@@ -132,7 +132,7 @@ def look(game: Game, state: GameState, role: Role, number: int = 0) -> View:
     )
 
 
-def _driven(
+def _robots_of_side(
     game: Game, role: Role, robots: tuple[Robot, ...], drives: DriveStates | None
 ) -> tuple[Robot, ...]:
     """Return the robots of a side with what they know of their drives in a game in one arena."""
@@ -141,7 +141,7 @@ def _driven(
         return robots
 
     def with_drive(robot: Robot, driven: DriveState) -> Robot:
-        soon, rate = foreseen(drive, driven, robot.body, robot.state, game.dt)
+        soon, rate = predict_after_lag(drive, driven, robot.body, robot.state, game.dt)
         return replace(robot, soon=soon, turn_time=drive.turn_time, turn_rate=rate)
 
     return tuple(map(with_drive, robots, drives))
@@ -152,7 +152,7 @@ Row = tuple[GameState, Int[Array, ""] | None]
 number; None for the only robot of a side."""
 
 
-def rows_of(states: GameState, role: Role) -> tuple[GameState, Int[Array, " rows"] | None]:
+def robot_rows(states: GameState, role: Role) -> tuple[GameState, Int[Array, " rows"] | None]:
     """Return a row for each robot of a side in each game, leaves `[games]`: those of the first
     robots come first, then the second's."""
     count, games = len(states.robots[role]), states.steps.shape[0]
@@ -173,22 +173,24 @@ def rows_of(states: GameState, role: Role) -> tuple[GameState, Int[Array, " rows
 
         return jax.vmap(of_one)(states)
 
-    return _in_rows(*map(first, range(count))), jnp.repeat(jnp.arange(count), games)
+    return _concatenate_states(*map(first, range(count))), jnp.repeat(jnp.arange(count), games)
 
 
-def look_from(game: Game, role: Role, row: Row) -> View:
+def look_from_row(game: Game, role: Role, row: Row) -> View:
     """Return the view of the robot of one row of `rows_of`."""
     state, number = row
-    return look(game if number is None else _turned(game.at(state), role, number), state, role)
+    return look(
+        game if number is None else _with_robot_first(game.at(state), role, number), state, role
+    )
 
 
 @fusion_barrier
-def _in_rows(*states: GameState) -> GameState:
+def _concatenate_states(*states: GameState) -> GameState:
     """Concatenate batches of states, so that whatever follows is computed once for all rows."""
     return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *states)
 
 
-def _turned(game: Game, role: Role, number: Int[Array, ""]) -> Game:
+def _with_robot_first(game: Game, role: Role, number: Int[Array, ""]) -> Game:
     """Return a game in one arena with the bodies of one side in another order, that of this number
     first.
     """

@@ -11,16 +11,16 @@ from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.game.dynamics import as_action
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.types import BySide, GameState, T, Timestep, choose
+from apollonius.game.types import BySide, GameState, T, Timestep, tree_where
 from apollonius.game.validation import require_key
 from apollonius.io.errors import require
-from apollonius.io.limits import PARALLEL_GAMES, Counted
+from apollonius.io.limits import PARALLEL_GAMES, CountLimit
 
 STARTS = 16
 """Starts that are drawn for each game of a batch, unless others are asked for."""
 
 
-class Batch(eqx.Module):
+class RunningBatch(eqx.Module):
     """Games under way: their states, leaves `[games]`, and how many steps the batch has made."""
 
     state: GameState
@@ -29,13 +29,13 @@ class Batch(eqx.Module):
 
 BothActions = BySide[Any] | Sequence[Any] | Array
 """The pursuers' and the evaders' actions in every game."""
-Step = Callable[[Batch, BothActions], tuple[Batch, Timestep]]
+Step = Callable[[RunningBatch, BothActions], tuple[RunningBatch, Timestep]]
 """One step of every game of a batch."""
 
 
 def autoreset(
     game: Game, key: PRNGKeyArray, games: int, starts: int = STARTS
-) -> tuple[Batch, Step]:
+) -> tuple[RunningBatch, Step]:
     """Make a batch of games that begin again when they end, and its step function.
 
     Returns the batch at its starts, and `step(batch, actions) -> (batch, timestep)`, which is pure:
@@ -58,7 +58,7 @@ def autoreset(
     """
     require_key(key)
     PARALLEL_GAMES.require("games", games)
-    Counted(0).require("starts", starts)
+    CountLimit(0).require("starts", starts)
     pool = _draw(game, key, games, starts)
 
     def per_game(action: Any) -> Array:
@@ -72,15 +72,15 @@ def autoreset(
         )
         return actions_of_games
 
-    def step(batch: Batch, actions: BothActions) -> tuple[Batch, Timestep]:
+    def step(batch: RunningBatch, actions: BothActions) -> tuple[RunningBatch, Timestep]:
         pursuers, evaders = actions
         batch_actions = jax.tree.map(per_game, (pursuers, evaders))
         after = jax.vmap(game.step)(batch.state, *batch_actions)
         has_ended = after.terminated | after.truncated
-        state = jax.vmap(choose)(has_ended, turn_of(pool, batch.turn), after.state)
-        return Batch(state, batch.turn + 1), after
+        state = jax.vmap(tree_where)(has_ended, row_at_turn(pool, batch.turn), after.state)
+        return RunningBatch(state, batch.turn + 1), after
 
-    return Batch(turn_of(pool, jnp.int32(0)), jnp.int32(1)), step
+    return RunningBatch(row_at_turn(pool, jnp.int32(0)), jnp.int32(1)), step
 
 
 @partial(jax.jit, static_argnums=(2, 3))
@@ -89,7 +89,7 @@ def _draw(game: Game, key: PRNGKeyArray, games: int, starts: int) -> GameState:
     return jax.tree.map(lambda leaf: leaf.reshape(starts, games, *leaf.shape[1:]), states)
 
 
-def turn_of(rows: T, turn: Int[Array, ""]) -> T:
+def row_at_turn(rows: T, turn: Int[Array, ""]) -> T:
     """Return the row of a pytree, leaves `[rows, ...]`, whose turn it is; after the last row the
     first follows.
     """

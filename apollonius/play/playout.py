@@ -21,18 +21,18 @@ from jaxtyping import Array, Bool, Int, PRNGKeyArray
 
 from apollonius.agents.pool import Pool
 from apollonius.game.game import Game
-from apollonius.game.types import BySide, Flag, GameState, choose
-from apollonius.io.kept import Kept
+from apollonius.game.types import BySide, Flag, GameState, tree_where
+from apollonius.io.persistent_jit import PersistentJit
 from apollonius.io.workers import available_cores
 from apollonius.observe.tracking import Sightings
 from apollonius.play.random_bits import random_bits_of
-from apollonius.play.rollout import Games, Transition, begin, step_games
+from apollonius.play.rollout import Games, Transition, init_games, step_games
 
 Report = Callable[[int, int], None]
 """A callback that gets the number of games that have ended and that of all games."""
 
 
-def silent(done: int, total: int) -> None:
+def no_report(done: int, total: int) -> None:
     """Report nothing."""
 
 
@@ -53,11 +53,11 @@ class AbstractWatcher(eqx.Module):
     """
 
     @abstractmethod
-    def begin(self) -> Any:
+    def init(self) -> Any:
         """Return the statistic before the first step: arrays."""
 
     @abstractmethod
-    def follow(self, known: Any, transition: Transition) -> Any:
+    def update(self, known: Any, transition: Transition) -> Any:
         """Return the statistic after a step."""
 
 
@@ -115,7 +115,7 @@ def play_out(
     key: PRNGKeyArray,
     slots: int | None = None,
     watcher: AbstractWatcher | None = None,
-    report: Report = silent,
+    report: Report = no_report,
     first: int = 0,
 ) -> Results:
     """Play each of the given starts to its end, once.
@@ -228,21 +228,21 @@ def _empty(
 ) -> _Slots:
     """Return empty slots, one for each of some starts."""
     no_index = jnp.full(starts.steps.shape, _NOBODY, jnp.int32)
-    games = begin(game, starts, players, random_bits_of(key, no_index, no_index))
+    games = init_games(game, starts, players, random_bits_of(key, no_index, no_index))
     return _Slots(games, _no_results(watcher, len(no_index), games).watched, no_index)
 
 
 def _no_results(watcher: AbstractWatcher | None, count: int, games: Games) -> Results:
     """Return blank results of a number of games such as these."""
     statistics = jax.tree.map(
-        lambda leaf: jnp.repeat(leaf[None], count, axis=0), watcher and watcher.begin()
+        lambda leaf: jnp.repeat(leaf[None], count, axis=0), watcher and watcher.init()
     )
     zeros = jnp.zeros(count, jnp.int32)
     status, sightings = jax.tree.map(lambda _: zeros, (games.state.status, games.sightings))
     return Results(zeros, zeros, statistics, status, sightings)
 
 
-@Kept
+@PersistentJit
 def _advance(
     game: Game,
     players: BySide[Pool],
@@ -270,7 +270,7 @@ def _advance(
     Returns the games under way, the number of games that have begun, and the games that ended.
     """
     rows = len(under_way.index) + len(starts.steps)  # no more games than these can end
-    unwatched = watcher and watcher.begin()
+    unwatched = watcher and watcher.init()
     no_results = _Ended(
         jnp.zeros(rows, jnp.int32), _no_results(watcher, rows, under_way.games), jnp.asarray(0)
     )
@@ -291,20 +291,20 @@ def _advance(
             lambda leaf: leaf[jnp.minimum(upcoming, len(starts.steps) - 1)], starts
         )
         bits = random_bits_of(key, index, jnp.full(index.shape, -1))
-        new_games = begin(game, state, players, bits)
+        new_games = init_games(game, state, players, bits)
         # An empty slot stays at the first step of a game: there few players search or plan.
         is_idle = is_empty & ~is_new & (under_way.games.state.steps == 1)
-        games = jax.vmap(choose)(is_empty & ~is_idle, new_games, under_way.games)
-        watched = jax.vmap(choose, in_axes=(0, None, 0))(is_new, unwatched, under_way.watched)
+        games = jax.vmap(tree_where)(is_empty & ~is_idle, new_games, under_way.games)
+        watched = jax.vmap(tree_where, in_axes=(0, None, 0))(is_new, unwatched, under_way.watched)
         return _Slots(games, watched, index), is_new, is_idle
 
     def one_step(progress: _Progress) -> _Progress:
         slots, is_new, is_idle = refill(progress.under_way, progress.begun)
         index = slots.index
         bits = random_bits_of(key, index, slots.games.state.steps)
-        after, transition = step_games(game, players, slots.games, bits, observes=False)
-        games = jax.vmap(choose)(is_idle, slots.games, after)
-        watched = jax.vmap(watcher.follow)(slots.watched, transition) if watcher else None
+        after, transition = step_games(game, players, slots.games, bits, with_obs=False)
+        games = jax.vmap(tree_where)(is_idle, slots.games, after)
+        watched = jax.vmap(watcher.update)(slots.watched, transition) if watcher else None
         has_ended = (index != _NOBODY) & (transition.terminated | transition.truncated)
         results = Results(
             transition.outcome, games.state.steps, watched, games.state.status, games.sightings

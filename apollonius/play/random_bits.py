@@ -19,7 +19,7 @@ _ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
 _TURNS = 5
 
 
-def random_bits(key: PRNGKeyArray, shape: tuple[int, ...]) -> UInt32[Array, "..."]:
+def threefry_bits(key: PRNGKeyArray, shape: tuple[int, ...]) -> UInt32[Array, "..."]:
     """Return random bits: `jax.random.bits(key, shape, "uint32")`, bit by bit, fewer than 2^32
     words.
     """

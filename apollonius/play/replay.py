@@ -56,10 +56,10 @@ class _Recorder(AbstractWatcher):
 
     actions: AllActions
 
-    def begin(self) -> tuple[Int[Array, ""], AllActions]:
+    def init(self) -> tuple[Int[Array, ""], AllActions]:
         return jnp.zeros((), jnp.int32), self.actions
 
-    def follow(
+    def update(
         self, known: tuple[Int[Array, ""], AllActions], transition: Transition
     ) -> tuple[Int[Array, ""], AllActions]:
         step, actions = known

@@ -14,8 +14,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 
-from apollonius.agents.policy import Memory, mixed
-from apollonius.agents.pool import AbstractPlayers, Pool, Read
+from apollonius.agents.policy import Memory, mix_bits
+from apollonius.agents.pool import AbstractPlayers, ObservationReader, Pool
 from apollonius.game.drive import drive_of, respond
 from apollonius.game.game import Game
 from apollonius.game.types import (
@@ -29,13 +29,13 @@ from apollonius.game.types import (
     Role,
     Scalar,
     Timestep,
-    choose,
+    tree_where,
 )
 from apollonius.observe import tracking
-from apollonius.observe.observation import WHOLE, perceive
-from apollonius.observe.tracking import Sightings, Track, update
-from apollonius.play.autoreset import turn_of
-from apollonius.play.random_bits import fold_in, random_bits
+from apollonius.observe.observation import RAW_VIEW, observation_rows
+from apollonius.observe.tracking import Sightings, Track, sense_and_update
+from apollonius.play.autoreset import row_at_turn
+from apollonius.play.random_bits import fold_in, threefry_bits
 
 Pay = Callable[[GameState, Timestep], BySide[tuple[Scalar, ...]]]
 """The rewards of all robots by the state before a step and by the step, without a batch."""
@@ -102,7 +102,7 @@ class Games(eqx.Module):
         return self.sides.map(lambda side: side.track and side.track.sightings)
 
 
-def begin(
+def init_games(
     game: Game, starts: GameState, players: BySide[AbstractPlayers], bits: UInt32[Array, "2 games"]
 ) -> Games:
     """Return games at their starts, with members drawn from both pools.
@@ -120,9 +120,9 @@ def begin(
             lambda leaf: jnp.broadcast_to(leaf, (len(side_bits), robots, *jnp.shape(leaf))),
             players[role].memory,
         )
-        returns = of_robots([jnp.zeros(side_bits.shape, jnp.float32)] * robots)
-        reads_view = players[role].observation == WHOLE  # no numbers are made of a belief
-        track = jax.vmap(lambda state: tracking.begin(game, state, role, reads_view))(starts)
+        returns = stack_robots([jnp.zeros(side_bits.shape, jnp.float32)] * robots)
+        reads_view = players[role].observation == RAW_VIEW  # no numbers are made of a belief
+        track = jax.vmap(lambda state: tracking.init_track(game, state, role, reads_view))(starts)
         drives = jax.vmap(lambda state: drives_at_start(game, state, role))(starts)
         return SideState(players[role].sample(side_bits), returns, memory, track, drives)
 
@@ -131,17 +131,17 @@ def begin(
 
 def drives_at_start(game: Game, state: GameState, role: Role) -> DriveStates:
     """Return the drives of a side's robots before the first step."""
-    return (drive_of(game.at(state).drives, role).begin(),) * len(state.robots[role])
+    return (drive_of(game.at(state).drives, role).at_rest(),) * len(state.robots[role])
 
 
-def of_robots(values: Sequence[Array]) -> Array:
+def stack_robots(values: Sequence[Array]) -> Array:
     """Stack the values of a side's robots along a second axis; one robot's value stays as it is."""
     return values[0] if len(values) == 1 else jnp.stack(values, axis=1)
 
 
-def look_around(
+def observe_both(
     game: Game, players: BySide[AbstractPlayers], games: Games, bits: UInt32[Array, "2 games"]
-) -> tuple[BySide[Track | None], BySide[tuple[Read, Any]]]:
+) -> tuple[BySide[Track | None], BySide[tuple[ObservationReader, Any]]]:
     """Let both sides sense; return their tracks, and their perceptions as `perceive` gives them.
 
     Args:
@@ -153,14 +153,16 @@ def look_around(
 
     def tracked_state(role: Role) -> tuple[Track | None, GameState]:
         side = games.sides[role]
-        track, states = jax.vmap(partial(update, game, role))(side.track, games.state, bits[role])
+        track, states = jax.vmap(partial(sense_and_update, game, role))(
+            side.track, games.state, bits[role]
+        )
         with_drives = jax.vmap(lambda state, drives: replace(state, drives=drives))
         return track, with_drives(states, side.drives)
 
     tracked = ROLES.map(tracked_state)
 
-    def perception(role: Role) -> tuple[Read, Any]:
-        return perceive(players[role].observation, game, tracked[role][1], role)
+    def perception(role: Role) -> tuple[ObservationReader, Any]:
+        return observation_rows(players[role].observation, game, tracked[role][1], role)
 
     perceptions = ROLES.map(perception)
     return tracked.map(lambda pair: pair[0]), perceptions
@@ -171,8 +173,8 @@ def step_games(
     players: BySide[AbstractPlayers],
     games: Games,
     bits: UInt32[Array, "2 games"],
-    observes: bool = True,
-    foresees: bool = True,
+    with_obs: bool = True,
+    with_next_obs: bool = True,
     pay: Pay | None = None,
 ) -> tuple[Games, Transition]:
     """Play every game one step, without resets.
@@ -186,7 +188,7 @@ def step_games(
         foresees: False leaves their next observations empty.
         pay: the rewards, if not those of the game.
     """
-    tracks, perceptions = look_around(game, players, games, bits)
+    tracks, perceptions = observe_both(game, players, games, bits)
 
     def choice(role: Role) -> tuple[tuple[Actions, ...], Memory]:
         return decide(players[role], games.sides[role], perceptions[role], bits[role])
@@ -196,7 +198,9 @@ def step_games(
     drives = games.sides.map(lambda side: side.drives)
     step_all = jax.vmap(step_driven, in_axes=(None, 0, 0, 0))
     after, drives = step_all(game, games.state, drives, actions)
-    rewards = (after.rewards if pay is None else jax.vmap(pay)(games.state, after)).map(of_robots)
+    rewards = (after.rewards if pay is None else jax.vmap(pay)(games.state, after)).map(
+        stack_robots
+    )
 
     def side_after(role: Role) -> SideState:
         before = games.sides[role]
@@ -205,25 +209,27 @@ def step_games(
 
     games_after = Games(after.state, ROLES.map(side_after))
     next_perceptions = perceptions
-    if observes and foresees:
-        _, next_perceptions = look_around(game, players, games_after, ~bits)
+    if with_obs and with_next_obs:
+        _, next_perceptions = observe_both(game, players, games_after, ~bits)
 
     def numbers(role: Role, perceptions: Any, is_used: bool) -> Float[Array, "games *robots _"]:
         robots = len(actions[role])
         blank = [jnp.zeros((bits.shape[1], 0))] * robots
-        reads_view = players[role].observation == WHOLE
-        return of_robots(blank if reads_view or not is_used else jnp.split(perceptions[1], robots))
+        reads_view = players[role].observation == RAW_VIEW
+        return stack_robots(
+            blank if reads_view or not is_used else jnp.split(perceptions[1], robots)
+        )
 
     def experience(role: Role) -> Experience:
-        observation = numbers(role, perceptions[role], observes)
-        next_observation = numbers(role, next_perceptions[role], observes and foresees)
+        observation = numbers(role, perceptions[role], with_obs)
+        next_observation = numbers(role, next_perceptions[role], with_obs and with_next_obs)
         active = lost = None
         if games.state.status is not None:
-            active = of_robots(games.state.active[role])
-            lost = active & ~of_robots(after.state.active[role])
+            active = stack_robots(games.state.active[role])
+            lost = active & ~stack_robots(after.state.active[role])
         return Experience(
             observation=observation,
-            action=of_robots(actions[role]),
+            action=stack_robots(actions[role]),
             reward=rewards[role],
             next_observation=next_observation,
             episode_return=games_after.sides[role].episode_return,
@@ -260,7 +266,10 @@ def step_driven(
 
 
 def decide(
-    players: AbstractPlayers, side: SideState, seen: tuple[Read, Any], bits: UInt32[Array, " games"]
+    players: AbstractPlayers,
+    side: SideState,
+    seen: tuple[ObservationReader, Any],
+    bits: UInt32[Array, " games"],
 ) -> tuple[tuple[Actions, ...], Memory]:
     """Return the actions of a side's robots in many games, and their next memory.
 
@@ -283,7 +292,7 @@ def decide(
         return jnp.swapaxes(leaf.reshape(robots, -1, *leaf.shape[1:]), 0, 1)
 
     memory = jax.tree.map(as_rows, side.memory)
-    mate_bits = [mixed(bits, jnp.uint32(mate)) for mate in range(1, robots)]
+    mate_bits = [mix_bits(bits, jnp.uint32(mate)) for mate in range(1, robots)]
     robot_bits = jnp.concatenate([bits, *mate_bits])
     arguments, member = (rows, memory, robot_bits), jnp.tile(side.member, robots)
     if isinstance(players, Pool) or robots == 1:
@@ -309,7 +318,7 @@ def collect(
     starts: GameState,
     key: PRNGKeyArray,
     steps: int,
-    foresees: bool = True,
+    with_next_obs: bool = True,
 ) -> tuple[Games, Transition]:
     """Play on for some steps; finished games begin again with newly drawn members of both pools.
 
@@ -330,9 +339,9 @@ def collect(
     kinds = 2 if any(pool.samples for pool in players) else 1
 
     def one_step(games: Games, step: Int[Array, ""]) -> tuple[Games, Transition]:
-        bits = random_bits(fold_in(key, step), (2 * kinds, batch))
-        after, transition = step_games(game, players, games, bits[:2], foresees=foresees)
-        fresh = begin(game, turn_of(starts, step), players, bits[-2:])
-        return jax.vmap(choose)(transition.ended, fresh, after), transition
+        bits = threefry_bits(fold_in(key, step), (2 * kinds, batch))
+        after, transition = step_games(game, players, games, bits[:2], with_next_obs=with_next_obs)
+        fresh = init_games(game, row_at_turn(starts, step), players, bits[-2:])
+        return jax.vmap(tree_where)(transition.ended, fresh, after), transition
 
     return jax.lax.scan(one_step, games, jnp.arange(steps))

@@ -104,7 +104,7 @@ def beside_the_paper(results: dict[str, Matches], paper: dict[str, dict[str, int
     return outcome_table(columns)
 
 
-def as_data(results: dict[str, Matches]) -> dict[str, list[list[dict[str, Any]]]]:
+def results_data(results: dict[str, Matches]) -> dict[str, list[list[dict[str, Any]]]]:
     return {
         name: [[match.to_dict() for match in row] for row in matches]
         for name, matches in results.items()

@@ -13,19 +13,19 @@ from apollonius.evaluate.match import record_game
 from apollonius.game.outcome import pursuer_wins
 from apollonius.io.errors import InvalidInput, require
 from apollonius.io.limits import SEEDS, STUDY_GAMES
-from apollonius.io.workers import Job, Run, run_jobs
+from apollonius.io.workers import Job, JobRunner, run_jobs
 from apollonius.learn.config import PRESETS
 from apollonius.learn.folder import agent_file, create_run, load_config
 from apollonius.learn.run import train
-from apollonius.play.playout import Report, silent
+from apollonius.play.playout import Report, no_report
 from apollonius.play.replay import Replay
 from apollonius.reproduce.finding import (
     Finding,
     Matches,
-    as_data,
     beside_the_paper,
     differences,
     rates,
+    results_data,
     undefeated,
     won,
     write_report,
@@ -70,7 +70,7 @@ def figure_4(study: Study) -> Finding:
     episodes = ", ".join(f"{x[-1]:,}" for x, _ in successes)
     text = f"Left: greedy games from fixed starts. Right: the games of training. Episodes in all, by seed: {episodes}."
     matches = study.matches("P_stage1", "still")
-    data = {"success": successes} | as_data({"matches": matches})
+    data = {"success": successes} | results_data({"matches": matches})
     return Finding("Fig. 4: stage 1", text, ("figure4.png",), (stage_1(matches),), data)
 
 
@@ -145,7 +145,7 @@ def figure_6(study: Study) -> Finding:
         "\n\nEach coloured line is one training of the curriculum, from its worst to its best against the trainings "
         "from scratch, with a dot at its mean. The black line is where another pair would lie with 95 %."
     )
-    data = as_data({"chasing": chasing, "fleeing": fleeing})
+    data = results_data({"chasing": chasing, "fleeing": fleeing})
     return Finding("Fig. 6: curriculum against scratch", text, ("figure6.png",), claims, data)
 
 
@@ -225,7 +225,7 @@ def table_2(study: Study) -> Finding:
     )  # fmt: skip
     text = beside_the_paper(results, TABLE_2)
     return Finding(
-        "Table II: against the random evader", text, claims=claims, data=as_data(results)
+        "Table II: against the random evader", text, claims=claims, data=results_data(results)
     )
 
 
@@ -238,7 +238,9 @@ def table_3(study: Study) -> Finding:
         differences(*wins), least=-1.0,
     )  # fmt: skip
     text = beside_the_paper(results, TABLE_3)
-    return Finding("Table III: against E_scratch", text, claims=(claim,), data=as_data(results))
+    return Finding(
+        "Table III: against E_scratch", text, claims=(claim,), data=results_data(results)
+    )
 
 
 SECTIONS = (figure_4, figure_5, figure_6, figure_7, table_2, table_3, figure_8)
@@ -252,9 +254,9 @@ def reproduce(
     resume: bool,
     games: int = 10_000,
     report: Callable[[str], None] = print,
-    run: Run = run_jobs,
+    run: JobRunner = run_jobs,
     begin: Callable[[str], None] = lambda what: None,
-    progress: Report = silent,
+    progress: Report = no_report,
 ) -> None:
     """Train the agents, make every section and write the report.
 
@@ -295,7 +297,7 @@ def reproduce(
     write_report(study, findings)
 
 
-def _train_missing(study: Study, report: Callable[[str], None], run: Run) -> None:
+def _train_missing(study: Study, report: Callable[[str], None], run: JobRunner) -> None:
     """Train the runs that are not finished, or resume them.
 
     Raises:

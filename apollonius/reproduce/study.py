@@ -3,13 +3,13 @@
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from apollonius import Match, Named, Role, find_player
-from apollonius.evaluate.match import MatchResult, count, play_games
+from apollonius import Match, NamedPlayer, Role, find_player
+from apollonius.evaluate.match import MatchResult, count_results, play_games
 from apollonius.game.types import BySide
 from apollonius.learn.config import PRESETS, RunConfig
 from apollonius.learn.folder import agent_file
 from apollonius.learn.metrics import MetricsLine, load_metrics
-from apollonius.play.playout import Report, Results, silent
+from apollonius.play.playout import Report, Results, no_report
 
 AGENTS = {
     "curriculum": ["P_stage1", "P_curriculum", "E_curriculum"],
@@ -56,13 +56,13 @@ class Study:
     seeds: tuple[int, ...]
     games: int = 10_000
     """Games in a match."""
-    progress: Report = silent
+    progress: Report = no_report
     _played: dict[tuple[str, str, int, int], Results] = field(default_factory=dict, repr=False)
 
     def run(self, name: str, seed: int) -> Path:
         return self.folder / f"seed-{seed}" / name
 
-    def agent(self, name: str, role: Role, seed: int, percent: int = 100) -> Named:
+    def agent(self, name: str, role: Role, seed: int, percent: int = 100) -> NamedPlayer:
         """Find an agent.
 
         Args:
@@ -122,7 +122,7 @@ class Study:
                 self.progress(before + games, self.games * len(self.seeds) * len(evaders))
 
             seeds = self.seeds[row], evaders[column]
-            return count(
+            return count_results(
                 self.pairing(pursuer, evader, seeds), self.play(pursuer, evader, seeds, report)
             )
 

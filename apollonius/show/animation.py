@@ -15,8 +15,8 @@ from jaxtyping import Array, Bool, Float32, UInt32
 from PIL import Image, ImageDraw, ImageFont
 from scipy.spatial.distance import cdist
 
-from apollonius.arenas.charting import charted
-from apollonius.evaluate.match import keys_of
+from apollonius.arenas.charting import with_chart
+from apollonius.evaluate.match import match_keys
 from apollonius.game.game import Game
 from apollonius.game.types import GameState, Role
 from apollonius.io.document import write_atomically
@@ -71,9 +71,9 @@ def fog(replay: Replay) -> tuple[Role, Bool[np.ndarray, "states rows columns"]] 
     role = next((role for role in Role if game.sensors and game.sensors[role]), None)
     if role is None:
         return None
-    states, key = replay.trajectory().states, keys_of(np.uint32(replay.seed))[1]
+    states, key = replay.trajectory().states, match_keys(np.uint32(replay.seed))[1]
     bits = random_bits_of(key, jnp.full(len(replay.states), replay.index), states.steps)
-    return role.other, np.asarray(_beliefs(charted(game), states, bits[role], role)) >= 0
+    return role.other, np.asarray(_beliefs(with_chart(game), states, bits[role], role)) >= 0
 
 
 @functools.partial(jax.jit, static_argnames="role")
@@ -82,10 +82,10 @@ def _beliefs(game: Game, states: GameState, bits: UInt32[Array, " states"], role
         track: Any, step_inputs: tuple[GameState, UInt32[Array, ""]]
     ) -> tuple[Any, Any]:
         state, own_bits = step_inputs
-        track, known_state = tracking.update(game, role, track, state, own_bits)
+        track, known_state = tracking.sense_and_update(game, role, track, state, own_bits)
         return track, known_state.sight and known_state.sight.belief
 
-    first = tracking.begin(game, jax.tree.map(lambda leaf: leaf[0], states), role)
+    first = tracking.init_track(game, jax.tree.map(lambda leaf: leaf[0], states), role)
     return jax.lax.scan(observe_step, first, (states, bits))[1]
 
 
@@ -121,7 +121,7 @@ def save_animation(replay: Replay, path: Path, speed: float = 1.0) -> None:
         f"from {SLOWEST:g} to {FASTEST:g} times real time",
     )
     if path.suffix == ".png":
-        write_atomically(path, _encoded(last_frame(replay), "png"))
+        write_atomically(path, _encode(last_frame(replay), "png"))
         return
     last, pace = len(replay.actions), float(replay.game.dt) / speed
     steps = [*range(0, last, math.ceil(_SHORTEST / pace - 1e-6)), last]
@@ -142,10 +142,10 @@ def save_animation(replay: Replay, path: Path, speed: float = 1.0) -> None:
         {"optimize": True} if path.suffix == ".gif" else {"method": 0, "quality": 80}
     )
     options |= {"save_all": True, "append_images": pictures[1:], "duration": durations, "loop": 0}
-    write_atomically(path, _encoded(pictures[0], path.suffix[1:], **options))
+    write_atomically(path, _encode(pictures[0], path.suffix[1:], **options))
 
 
-def _encoded(picture: Image.Image, kind: str, **options: Any) -> bytes:
+def _encode(picture: Image.Image, kind: str, **options: Any) -> bytes:
     content = io.BytesIO()
     picture.save(content, kind, **options)
     return content.getvalue()

@@ -48,7 +48,13 @@ def _draw_ratings(axes: Axes, tournament: Tournament) -> None:
     ):
         lines = first + np.arange(len(rated.points))
         axes.errorbar(
-            rated.points, lines, xerr=rated.reach, fmt=sign, color=colour, markersize=4, label=label
+            rated.points,
+            lines,
+            xerr=rated.half_widths,
+            fmt=sign,
+            color=colour,
+            markersize=4,
+            label=label,
         )
     names = [*tournament.pursuers, *tournament.evaders]
     axes.set_yticks(range(len(names)), names, fontsize=7)

@@ -82,7 +82,7 @@ def games_to_show(match: Match) -> list[tuple[Replay, int]]:
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedMatch:
     """The result of a match between two agents, and the paper's shares of outcomes, as far as it
     reports them.
     """
@@ -98,7 +98,7 @@ class Judged:
         return sum(self.paper.get(outcome, 0.0) for outcome in names_of(PURSUER_WINS))
 
 
-def load_matches(path: Path) -> list[Judged]:
+def load_matches(path: Path) -> list[JudgedMatch]:
     """Return the matches of an `evaluation.json`, or nothing without one; raises InvalidInput for
     another file.
     """
@@ -112,7 +112,7 @@ def load_matches(path: Path) -> list[Judged]:
         require(len(pair) == 2, f"'{path}': match", name, f"NAME against NAME; {remedy}")
         names = [name if name in PLAYERS else f"{run}/{name}" for name in pair]
         matches.append(
-            Judged(names[0], names[1], read_result(data, f"'{path}'"), paper_shares(*pair))
+            JudgedMatch(names[0], names[1], read_result(data, f"'{path}'"), paper_shares(*pair))
         )
     return matches
 
@@ -145,7 +145,7 @@ def report_of(folder: Path) -> dict[str, Any]:
     return {
         "folder": folder,
         "title": f"Training run {folder.resolve().name}",
-        "summary": f"{_described(config.game)} Stages: {', '.join(stages)}; seed {config.seed}.",
+        "summary": f"{_describe(config.game)} Stages: {', '.join(stages)}; seed {config.seed}.",
         "warnings": warnings,
         "matches": matches,
         "stages": {name: (plan, by_stage[name]) for name, plan in stages.items()},
@@ -159,7 +159,7 @@ def report_of(folder: Path) -> dict[str, Any]:
     }
 
 
-def _described(game: Game) -> str:
+def _describe(game: Game) -> str:
     arena = game.arena
     obstacles = f"{len(arena.discs)} discs" + (
         f", {len(arena.polygons)} polygons" if arena.polygons else ""
@@ -200,7 +200,7 @@ def render(report: Mapping[str, Any]) -> str:
         light=palette.LIGHT,
         dark=palette.DARK,
         style=Markup((_HERE / "report.css").read_text(encoding="utf-8")),
-        player=Markup(bundled(_HERE / "replay.js")),
+        player=Markup(bundle(_HERE / "replay.js")),
     )
 
 
@@ -209,7 +209,7 @@ _EXPORT = re.compile(r"^export (?:const|class|(?:async )?function\*?) (\w+)", re
 _COMMENT = re.compile(r"^ *(?://[^\n]*|/\*\*.*?\*/)\n", re.MULTILINE | re.DOTALL)
 
 
-def bundled(entry: Path) -> str:
+def bundle(entry: Path) -> str:
     """Return a module after all that it imports, each as an object of its exports, without
     comments.
 

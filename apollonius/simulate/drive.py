@@ -22,7 +22,7 @@ _BOUNDS = {
 
 
 @dataclass(frozen=True)
-class Drive:
+class RobotHardware:
     """A robot of about the size of a Pioneer 3-DX; `examples/robots/pioneer.toml` says which
     numbers have a source.
 
@@ -79,14 +79,14 @@ class Drive:
         return np.stack([v - half, v + half], axis=-1) / self.wheel_radius
 
 
-def load_drive(path: Path | None) -> Drive:
+def load_drive(path: Path | None) -> RobotHardware:
     """Return the drive of a .toml file with what is other about a robot, or the usual one; raises
     InvalidInput.
     """
     if path is None:
-        return Drive()
+        return RobotHardware()
     return from_dict(
-        Drive,
+        RobotHardware,
         parse_toml(read_bytes(path, "a drive's .toml file", "check the path"), path),
         f"'{path}'",
     )
@@ -110,7 +110,7 @@ class References:
 
     def follow(
         self,
-        drive: Drive,
+        drive: RobotHardware,
         chosen: Float[np.ndarray, "games robots 2"],
         limits: Float[np.ndarray, "robots 2"],
         steps: int,

@@ -17,7 +17,7 @@ from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Polygon
 from apollonius.game.types import Real, Role
 from apollonius.io.errors import InvalidInput, require, require_extra
-from apollonius.simulate.drive import Drive
+from apollonius.simulate.drive import RobotHardware
 
 WHEELS = ("left", "right")
 SHELL = 0.01
@@ -46,7 +46,7 @@ def robots_of(game: Game) -> dict[str, Unicycle]:
     }
 
 
-def mjcf(game: Game, drive: Drive, step: float) -> str:
+def mjcf(game: Game, drive: RobotHardware, step: float) -> str:
     """Return the model as text, for a physics of steps of `step` [s]; raises InvalidInput for an
     obstacle of another kind, and for a robot that is not driven by two wheels.
 
@@ -144,7 +144,9 @@ def _edges(corners: list[tuple[float, float]], half_thickness: float) -> Iterato
         }
 
 
-def _add_robot(world: Element, actuators: Element, side: str, drive: Drive, radius: float) -> None:
+def _add_robot(
+    world: Element, actuators: Element, side: str, drive: RobotHardware, radius: float
+) -> None:
     """Add a chassis with two wheels and a caster; its frame is on the axle, x ahead.
 
     Obstacles push the robot where the game's has a radius; one that is a point is judged by its
@@ -209,7 +211,7 @@ class Physics:
             and as `mjcf`.
     """
 
-    def __init__(self, game: Game, drive: Drive) -> None:
+    def __init__(self, game: Game, drive: RobotHardware) -> None:
         require_extra("sim", "simulate")
         # not by name: it has no types, and is needed nowhere else
         self._mujoco: Any = import_module("mujoco")
@@ -226,7 +228,7 @@ class Physics:
         self._data = self._mujoco.MjData(self.model)
         self._rollout = rollout.Rollout(nthread=1)
 
-    def place(
+    def set_poses(
         self, rows: Float[np.ndarray, "games columns"]
     ) -> Float64[np.ndarray, "games numbers"]:
         """Return states in which the robots stand, or roll, where rows of x, y, v and heading say."""

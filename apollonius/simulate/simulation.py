@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Float32, Int, PRNGKeyArray
 
 from apollonius.agents.pool import Pool
-from apollonius.evaluate.match import Match, MatchResult, begin, count
+from apollonius.evaluate.match import Match, MatchResult, count_results, draw_starts
 from apollonius.evaluate.statistics import paired_difference_interval
 from apollonius.game import drive as game_drive
 from apollonius.game.drive import drive_of, respond
@@ -20,19 +20,19 @@ from apollonius.game.dynamics import stack_actions
 from apollonius.game.game import Game
 from apollonius.game.judge import judge
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
-from apollonius.game.types import ROLES, Action, BySide, GameState, Outcome, Role, choose
+from apollonius.game.types import ROLES, Action, BySide, GameState, Outcome, Role, tree_where
 from apollonius.io.limits import SIMULATED_GAMES
 from apollonius.play import rollout
-from apollonius.play.playout import Report, Results, silent
+from apollonius.play.playout import Report, Results, no_report
 from apollonius.play.random_bits import random_bits_of
 from apollonius.play.replay import Replay, as_rows, as_state
 from apollonius.play.rollout import Games, SideState, step_games
-from apollonius.simulate.drive import Drive, References
+from apollonius.simulate.drive import References, RobotHardware
 from apollonius.simulate.physics import Physics
 
 
 @dataclass(frozen=True)
-class Simulated:
+class SimulatedGames:
     """Simulated games with all their steps, those of a game in order; each belongs to the game of
     its index.
 
@@ -57,9 +57,9 @@ def simulate(
     players: BySide[Pool],
     starts: GameState,
     key: PRNGKeyArray,
-    drive: Drive,
-    report: Report = silent,
-) -> Simulated:
+    drive: RobotHardware,
+    report: Report = no_report,
+) -> SimulatedGames:
     """Play each start to its end with bodies; the players use the same random bits as in
     `play_out`.
 
@@ -89,17 +89,17 @@ def simulate(
     )
     rows = as_rows(starts)
     known_game = _with_drive(game, drive)
-    bodies = physics.place(rows)
+    bodies = physics.set_poses(rows)
     references = References(rows[:, 2::4].astype(float))
     count = len(rows)
     bits = random_bits_of(key, jnp.arange(count), jnp.full(count, -1))
-    games = rollout.begin(known_game, starts, players, bits)
+    games = rollout.init_games(known_game, starts, players, bits)
     outcome = np.full(count, int(Outcome.ONGOING), np.int32)
     alive = np.arange(count)
     log: list[tuple[np.ndarray, ...]] = []
     while alive.size:
         games = _with_turn_rates(games, physics.turn_rates(bodies))
-        actions, controls, sides = _choose(known_game, game.drives, players, games, key)
+        actions, controls, sides = _select_actions(known_game, game.drives, players, games, key)
         is_out = ~np.stack([active for side in games.state.active for active in side], axis=1)
         braking = np.clip(-references.v / float(game.dt), -strongest, strongest)
         halted = np.stack([braking, np.zeros_like(braking)], axis=-1)
@@ -110,7 +110,7 @@ def simulate(
         bodies[alive] = physics.advance(bodies[alive], wheel_speeds[alive])
         before, rows = rows, rows.copy()
         rows[alive] = physics.measure(bodies[alive])
-        games, outcomes_now = _judged(game, games, sides, rows, outcome == Outcome.ONGOING)
+        games, outcomes_now = _judge_steps(game, games, sides, rows, outcome == Outcome.ONGOING)
         outcome[alive] = np.asarray(outcomes_now)[alive]
         log.append((alive, *(part[alive] for part in (before, np.asarray(actions), rows))))
         alive = alive[outcome[alive] == Outcome.ONGOING]
@@ -120,17 +120,17 @@ def simulate(
     results = Results(
         jnp.asarray(outcome), state.steps, status=state.status, sightings=games.sightings
     )
-    return Simulated(results, index, states, actions, after)
+    return SimulatedGames(results, index, states, actions, after)
 
 
-def _turn_acceleration(game: Game, drive: Drive, role: Role) -> float:
+def _turn_acceleration(game: Game, drive: RobotHardware, role: Role) -> float:
     """Return the greatest turn acceleration of one side's robots [rad/s^2]."""
     time = drive_of(game.drives, role).turn_time
     slow = inf if time is None else float(game.bodies[role][0].u2_max) / max(float(time), 1e-6)
     return min(drive.turn_acceleration, slow)
 
 
-def _with_drive(game: Game, drive: Drive) -> Game:
+def _with_drive(game: Game, drive: RobotHardware) -> Game:
     """Return the game as its players know it, whose robots have this drive too."""
 
     def slower(role: Role) -> game_drive.Drive:
@@ -157,15 +157,17 @@ def _with_turn_rates(games: Games, rates: Float[np.ndarray, "games robots"]) -> 
     return replace(games, sides=games.sides.map(side))
 
 
-def simulate_match(match: Match, drive: Drive, report: Report = silent) -> Simulated:
+def simulate_match(
+    match: Match, drive: RobotHardware, report: Report = no_report
+) -> SimulatedGames:
     """Simulate a match from its starts, as `simulate`; raises InvalidInput for more games than fit
     into memory.
     """
     SIMULATED_GAMES.require("games", match.games)
-    return simulate(match.rules, match.pools, *begin(match), drive, report)
+    return simulate(match.rules, match.pools, *draw_starts(match), drive, report)
 
 
-def record_course(simulated: Simulated, match: Match, index: int) -> Replay:
+def record_course(simulated: SimulatedGames, match: Match, index: int) -> Replay:
     """Return one of the games as a replay, to be looked at. Played again, by the rules, it goes
     another way.
     """
@@ -184,7 +186,7 @@ def record_course(simulated: Simulated, match: Match, index: int) -> Replay:
 
 
 @jax.jit
-def _choose(
+def _select_actions(
     game: Game,
     drives: game_drive.Drives | None,
     players: BySide[Pool],
@@ -218,7 +220,7 @@ def _choose(
 
 
 @jax.jit
-def _judged(
+def _judge_steps(
     game: Game,
     games: Games,
     sides: BySide[SideState],
@@ -239,7 +241,7 @@ def _judged(
         return replace(after, status=status), outcome
 
     states, outcome = jax.vmap(judge_game)(games.state, rows)
-    return jax.vmap(choose)(alive, Games(states, sides), games), outcome
+    return jax.vmap(tree_where)(alive, Games(states, sides), games), outcome
 
 
 EVENTS: dict[str, tuple[Outcome, ...]] = {
@@ -276,7 +278,7 @@ class Comparison:
     differences: dict[str, Difference]
 
 
-def compare(match: Match, rules: Results, simulated: Simulated) -> Comparison:
+def compare_physics(match: Match, rules: Results, simulated: SimulatedGames) -> Comparison:
     """Return the results of a match by the rules and with bodies, and their differences over the
     same starts.
     """
@@ -292,4 +294,6 @@ def compare(match: Match, rules: Results, simulated: Simulated) -> Comparison:
             rate_with_bodies - rate_by_rules,
             paired_difference_interval(with_bodies, by_rules),
         )
-    return Comparison(count(match, rules), count(match, simulated.results), differences)
+    return Comparison(
+        count_results(match, rules), count_results(match, simulated.results), differences
+    )

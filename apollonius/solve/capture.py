@@ -13,16 +13,16 @@ from apollonius.game.outcome import come_within
 from apollonius.game.types import NUM_ACTIONS, RobotState, Role, Scalar
 from apollonius.io.limits import JOINT_HOLD
 from apollonius.solve.grid import lanes_of
-from apollonius.solve.motion import NEVER, ZeroSumGame, ends
+from apollonius.solve.motion import NEVER, ZeroSumGame, step_ends
 from apollonius.solve.transition_map import Side
 
-Decided = UInt16[Array, "tiles first lanes"]
+ForcingActions = UInt16[Array, "tiles first lanes"]
 """Nine bits, the first action's lowest, that say which actions decide the game; above them, in how
 many steps.
 """
 
 
-def decisive(zero_sum_game: ZeroSumGame, first: Side, second: Side) -> Decided:
+def forcing_actions(zero_sum_game: ZeroSumGame, first: Side, second: Side) -> ForcingActions:
     """Return the actions of the first side after which a capture decides the game within the hold.
 
     Courses are judged step by step, as the rules do: what ends the game first counts, in one step a
@@ -49,13 +49,15 @@ def decisive(zero_sum_game: ZeroSumGame, first: Side, second: Side) -> Decided:
     """
     farthest = zero_sum_game.game.capture_distance + first.motion.farthest + second.motion.farthest
     dx, dy, _, _ = first.grid.spacing
-    return _decisive(zero_sum_game, first, second, (ceil(farthest / dx), ceil(farthest / dy)))
+    return _forcing_actions(
+        zero_sum_game, first, second, (ceil(farthest / dx), ceil(farthest / dy))
+    )
 
 
 @eqx.filter_jit
-def _decisive(
+def _forcing_actions(
     zero_sum_game: ZeroSumGame, first: Side, second: Side, reach: tuple[int, int]
-) -> Decided:
+) -> ForcingActions:
     """Return the decisive actions by windows of `reach` cells along x and y, beyond which nobody
     can be captured.
     """
@@ -114,7 +116,7 @@ def _steps_to_capture(
         place = (their_course.x + x, their_course.y + y)
         moved_course = eqx.tree_at(lambda robot: (robot.x, robot.y), their_course, place)
         distance = zero_sum_game.game.capture_distance
-        hits = captures(ends(own_course), ends(moved_course), distance)
+        hits = captures(step_ends(own_course), step_ends(moved_course), distance)
         return jnp.where(jnp.any(hits), jnp.argmax(hits) + 1, NEVER).astype(jnp.uint8)
 
     by_answer = jax.vmap(steps, (None, 0, None, None))

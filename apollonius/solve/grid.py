@@ -97,23 +97,23 @@ class Grid(eqx.Module):
         nodes, shares = self.corners(robot)
         return jnp.sum(shares * table.reshape(-1)[nodes])
 
-    def places(self) -> tuple[Float[Array, " x"], Float[Array, " y"]]:
+    def node_positions(self) -> tuple[Float[Array, " x"], Float[Array, " y"]]:
         """Return the nodes' x and y [m]."""
         axes = zip(self.low[:2], self.counts[:2], self.spacing[:2], strict=True)
         x, y = (low + jnp.arange(count, dtype=jnp.float32) * step for low, count, step in axes)
         return x, y
 
 
-Beside = tuple[tuple[Int[Array, ""], Int[Array, ""]], tuple[Scalar, Scalar]]
+Neighbours = tuple[tuple[Int[Array, ""], Int[Array, ""]], tuple[Scalar, Scalar]]
 """Along one axis, the two nodes beside a state, and their weights."""
 
 
-def _between(position: Scalar, count: int) -> Beside:
+def _between(position: Scalar, count: int) -> Neighbours:
     index, share = between_nodes(position, count)
     return (index, index + 1), (1 - share, share)
 
 
-def _around(position: Scalar, count: int) -> Beside:
+def _around(position: Scalar, count: int) -> Neighbours:
     lower = jnp.floor(position)
     index = lower.astype(jnp.int32)
     return (index % count, (index + 1) % count), (1 - (position - lower), position - lower)
@@ -180,7 +180,7 @@ class Solved:
     residual: float
 
 
-def iterate(
+def iterate_values(
     sweep: Callable[[Table], tuple[Table, Scalar]],
     table: Table,
     report: Report | None = None,

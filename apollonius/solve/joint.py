@@ -38,8 +38,8 @@ from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.types import NUM_ACTIONS, RobotState, Scalar
 from apollonius.io.errors import require
 from apollonius.io.limits import require_memory
-from apollonius.solve.capture import Decided, decisive
-from apollonius.solve.grid import FEWER_NODES, Grid, Report, Solved, iterate, lanes_of
+from apollonius.solve.capture import ForcingActions, forcing_actions
+from apollonius.solve.grid import FEWER_NODES, Grid, Report, Solved, iterate_values, lanes_of
 from apollonius.solve.motion import LOSE, WIN, ZeroSumGame, discount_after
 from apollonius.solve.transition_map import Side, make_side
 
@@ -63,7 +63,7 @@ class Duel(eqx.Module):
     zero_sum_game: ZeroSumGame
     first: Side
     second: Side
-    decided: Decided
+    forcing: ForcingActions
 
 
 def make_duel(zero_sum_game: ZeroSumGame, whole_cells: bool = False) -> Duel:
@@ -83,7 +83,7 @@ def make_duel(zero_sum_game: ZeroSumGame, whole_cells: bool = False) -> Duel:
     require_memory("grid", own.name, own.size * other.size * BYTES_PER_PAIR, FEWER_NODES)
     sides = zip(zero_sum_game.motions, zero_sum_game.grids, strict=True)
     first, second = (make_side(*side, SLACK, whole_cells) for side in sides)
-    return Duel(zero_sum_game, first, second, decisive(zero_sum_game, first, second))
+    return Duel(zero_sum_game, first, second, forcing_actions(zero_sum_game, first, second))
 
 
 def solve_duel(duel: Duel, report: Report | None = None, tolerance: float = TOLERANCE) -> Solved:
@@ -95,7 +95,7 @@ def solve_duel(duel: Duel, report: Report | None = None, tolerance: float = TOLE
     """
     lanes = lanes_of(duel.first.grid)
     table = jnp.zeros((duel.first.grid.size // lanes, duel.second.grid.size, lanes), jnp.float32)
-    return iterate(lambda table: _sweep(duel, table), table, report, tolerance)
+    return iterate_values(lambda table: _sweep(duel, table), table, report, tolerance)
 
 
 @eqx.filter_jit
@@ -106,10 +106,10 @@ def value_before_move(duel: Duel, moved: JointTable) -> JointTable:
     """
     first = duel.first
     zero_sum_game = duel.zero_sum_game
-    lanes = duel.decided.shape[2]
+    lanes = duel.forcing.shape[2]
 
     def before_move(tile: Int[Array, ""]) -> Float[Array, "moving lanes"]:
-        forced = duel.decided[tile].reshape(-1, *first.grid.shape[2:], lanes)
+        forced = duel.forcing[tile].reshape(-1, *first.grid.shape[2:], lanes)
 
         def value(
             index: Int[Array, ""], action: int, later: Float[Array, "x y lanes"]
@@ -124,7 +124,7 @@ def value_before_move(duel: Duel, moved: JointTable) -> JointTable:
         values = _tile_of(moved, tile, lanes).reshape(*first.grid.shape, lanes)
         return first.transitions.backup(values, value).reshape(-1, lanes)
 
-    return jax.lax.map(before_move, jnp.arange(duel.decided.shape[0]))
+    return jax.lax.map(before_move, jnp.arange(duel.forcing.shape[0]))
 
 
 @partial(eqx.filter_jit, donate="all-except-first")

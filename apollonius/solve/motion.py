@@ -74,13 +74,13 @@ class Motion(eqx.Module):
         """Return the least clearance [m] of the body along a course, step by step as the rules
         judge it.
         """
-        return jnp.min(jax.vmap(self.arena.clearance_along)(*ends(course))) - self.body.radius
+        return jnp.min(jax.vmap(self.arena.clearance_along)(*step_ends(course))) - self.body.radius
 
     def failure(self, course: RobotState) -> UInt8[Array, ""]:
         """Return the step of a course in which the body first touches something, from 1; `NEVER` if
         in none.
         """
-        touches = jax.vmap(self.arena.clearance_along)(*ends(course)) < self.body.radius
+        touches = jax.vmap(self.arena.clearance_along)(*step_ends(course)) < self.body.radius
         return jnp.where(jnp.any(touches), jnp.argmax(touches) + 1, NEVER).astype(jnp.uint8)
 
 
@@ -97,12 +97,12 @@ def discount_after(seconds: Real | Float[Array, "*shape"]) -> Float[Array, "*sha
     return jnp.exp(-jnp.asarray(seconds, jnp.float32) / HORIZON)
 
 
-def ends(course: RobotState) -> tuple[RobotState, RobotState]:
+def step_ends(course: RobotState) -> tuple[RobotState, RobotState]:
     """Return the states before and after each step of a course: leaves `[steps]`."""
     return jax.tree.map(lambda leaf: leaf[:-1], course), jax.tree.map(lambda leaf: leaf[1:], course)
 
 
-def last(course: RobotState) -> RobotState:
+def end_state(course: RobotState) -> RobotState:
     """Return the state at the end of a course."""
     return jax.tree.map(lambda leaf: leaf[-1], course)
 
@@ -121,7 +121,7 @@ WIN, LOSE = 1.0, -1.0
 """Values of winning and losing at once; later they are discounted by `discount_after`."""
 
 
-class Alone(eqx.Module):
+class SoloStep(eqx.Module):
     """A step of one robot, judged without the other one: whether it touches an obstacle, leaves the
     walls, or comes into a territory, if it has one to come to.
     """
@@ -142,9 +142,9 @@ def first_events(
     Courses have leaves `[steps + 1, m, games]` and `[steps + 1, n, games]`. A robot alone is judged
     once for each course, only captures for every pair.
     """
-    solo = _steps_alone(game, Role.PURSUER, pursuer), _steps_alone(game, Role.EVADER, evader)
+    solo = _solo_steps(game, Role.PURSUER, pursuer), _solo_steps(game, Role.EVADER, evader)
 
-    def judge_pair(pursuer: Alone, evader: Alone) -> Int[Array, ""]:
+    def judge_pair(pursuer: SoloStep, evader: SoloStep) -> Int[Array, ""]:
         moves = (pursuer.before, pursuer.after), (evader.before, evader.after)
         return decide(
             captured=come_within(*moves, game.capture_distance),
@@ -162,7 +162,7 @@ def first_events(
 
     def one_step(
         before: tuple[Int[Array, "m n games"], Int[Array, "m n games"]],
-        solo_steps: tuple[Alone, Alone],
+        solo_steps: tuple[SoloStep, SoloStep],
     ) -> tuple[tuple[Int[Array, "m n games"], Int[Array, "m n games"]], None]:
         outcome, steps = before
         ongoing = outcome == Outcome.ONGOING
@@ -175,18 +175,18 @@ def first_events(
     return outcome, steps.astype(jnp.float32) * game.dt
 
 
-def _steps_alone(game: Game, role: Role, courses: RobotState) -> Alone:
+def _solo_steps(game: Game, role: Role, courses: RobotState) -> SoloStep:
     body, arena = game.body(role), game.arena
 
-    def judge_step(before: RobotState, after: RobotState) -> Alone:
+    def judge_step(before: RobotState, after: RobotState) -> SoloStep:
         arrives = None
         if arena.territory and role == Role.EVADER:
             arrives = arena.reaches_territory(before, after)
         hit = arena.hits_obstacle(before, after, body.radius)
         out = arena.is_out_of_range(after, body.radius)
-        return Alone(before, after, hit, out, arrives)
+        return SoloStep(before, after, hit, out, arrives)
 
-    return jax.vmap(jax.vmap(jax.vmap(judge_step)))(*ends(courses))
+    return jax.vmap(jax.vmap(jax.vmap(judge_step)))(*step_ends(courses))
 
 
 class ZeroSumGame(eqx.Module):

@@ -13,30 +13,30 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, Shaped, UInt32
 
-from apollonius.agents.batching import batched_by, spread
+from apollonius.agents.batching import broadcast_rows, with_batch_function
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy, Memory
-from apollonius.agents.pool import Acted, RowBits, act_in_rows
+from apollonius.agents.pool import ActionsAndMemory, RowBits, act_in_rows
 from apollonius.game.game import Game
 from apollonius.game.types import (
     NUM_ACTIONS,
     Action,
     Actions,
-    Bits,
     BySide,
     GameState,
     Outcome,
+    RandomBits,
     RobotState,
     Role,
 )
-from apollonius.observe.observation import perceive
+from apollonius.observe.observation import observation_rows
 from apollonius.observe.view import View
 from apollonius.solve.joint import interpolate
 from apollonius.solve.motion import (
     ZeroSumGame,
     discount_after,
+    end_state,
     every_hold,
     first_events,
-    last,
     payoff_of,
 )
 
@@ -50,9 +50,11 @@ class AbstractSearch(AbstractActionValuePolicy):
     zero_sum_game: ZeroSumGame
 
     def values(self, view: View) -> Float[Array, "9"]:
-        return self.weigh(view, (), jnp.zeros((), jnp.uint32))[0]
+        return self.score(view, (), jnp.zeros((), jnp.uint32))[0]
 
-    def weigh(self, view: View, memory: Memory, bits: Bits) -> tuple[Float[Array, "9"], Memory]:
+    def score(
+        self, view: View, memory: Memory, bits: RandomBits
+    ) -> tuple[Float[Array, "9"], Memory]:
         """Return the values against an opponent that acts by chance, as by these bits."""
         return _values_in_one(self, view.own.state, view.opponent.state, bits), memory
 
@@ -72,12 +74,12 @@ class AbstractSearch(AbstractActionValuePolicy):
 def _values_in_many(
     size: int, batched: Any, player: AbstractSearch, *seen: Any
 ) -> Float[Array, "games 9"]:
-    return player.action_values(*spread(size, tuple(batched[1:]), seen)).T
+    return player.action_values(*broadcast_rows(size, tuple(batched[1:]), seen)).T
 
 
-@batched_by(_values_in_many)
+@with_batch_function(_values_in_many)
 def _values_in_one(
-    player: AbstractSearch, own: RobotState, other: RobotState, bits: Bits
+    player: AbstractSearch, own: RobotState, other: RobotState, bits: RandomBits
 ) -> Float[Array, "9"]:
     """Return the values of the nine actions in one game; a batch of games is looked at together."""
     one_game = jax.tree.map(lambda leaf: leaf[None], (own, other, bits))
@@ -107,7 +109,7 @@ class SaddlePolicy(AbstractSearch):
         if game.role == Role.EVADER:
             outcome, seconds = jnp.swapaxes(outcome, 0, 1), jnp.swapaxes(seconds, 0, 1)
         later = game.motions[0].discount * interpolate(
-            self.table, (other_grid, other), (grid, last(own_courses))
+            self.table, (other_grid, other), (grid, end_state(own_courses))
         )
         values = jnp.where(
             outcome == Outcome.ONGOING, later[:, None], payoff_of(game.role, outcome, seconds)
@@ -148,17 +150,17 @@ class RolloutSearch(AbstractSearch):
         )
         for number in range(self.holds):
             if number > 0 and self.width < plans.first.shape[1]:
-                plans = some_of(plans, jax.lax.top_k(self._values(plans), self.width)[1])
+                plans = select_courses(plans, jax.lax.top_k(self._values(plans), self.width)[1])
 
-            def hold_bits(bits: Bits, number: int = number) -> UInt32[Array, " steps"]:
+            def hold_bits(bits: RandomBits, number: int = number) -> UInt32[Array, " steps"]:
                 key = jax.random.fold_in(jax.random.key(bits), number)
                 return jax.random.bits(key, (self.hold,), jnp.uint32)
 
-            plans = self._extended(plans, jax.vmap(hold_bits, out_axes=1)(bits))
+            plans = self._extend(plans, jax.vmap(hold_bits, out_axes=1)(bits))
         begins_with = plans.first[None] == jnp.arange(NUM_ACTIONS)[:, None, None]
         return jnp.max(jnp.where(begins_with, self._values(plans)[None], -jnp.inf), axis=2)
 
-    def _extended(self, plans: "_Plans", bits: UInt32[Array, "steps games"]) -> "_Plans":
+    def _extend(self, plans: "_Plans", bits: UInt32[Array, "steps games"]) -> "_Plans":
         """Return the plans, each with each of the nine actions behind it, carried out."""
         game, role = self.zero_sum_game.game, self.zero_sum_game.role
         longer = jax.tree.map(lambda leaf: jnp.repeat(leaf, NUM_ACTIONS, axis=1), plans)
@@ -173,8 +175,10 @@ class RolloutSearch(AbstractSearch):
         ) -> tuple[tuple[GameState, Int[Array, "games plans"]], None]:
             states = jax.tree.map(flat, before[0])
             # All plans in a game meet the same course of an opponent that acts by chance.
-            answers, _ = act_in(self.opponent, game, states, role.other, (), flat(bits[:, None]))
-            return step_all(game, role, *before, flat(actions[None]), answers), None
+            answers, _ = batch_actions(
+                self.opponent, game, states, role.other, (), flat(bits[:, None])
+            )
+            return step_courses(game, role, *before, flat(actions[None]), answers), None
 
         (states, outcome), _ = jax.lax.scan(one_step, (longer.states, longer.outcome), bits)
         is_first_hold = plans.first.shape[1] == 1
@@ -197,9 +201,9 @@ class RolloutSearch(AbstractSearch):
         return jnp.where(plans.outcome == Outcome.ONGOING, discount_after(seconds) * later, payoff)
 
 
-def act_in(
+def batch_actions(
     policy: AbstractPolicy, game: Game, states: GameState, role: Role, memory: Memory, bits: RowBits
-) -> Acted:
+) -> ActionsAndMemory:
     """Return a player's actions in a batch of states, and its memories after them.
 
     Args:
@@ -210,18 +214,18 @@ def act_in(
         memory: its memory in each row.
         bits: random bits of each row.
     """
-    read, rows = perceive(policy.observation, game, states, role)
+    read, rows = observation_rows(policy.observation, game, states, role)
     return act_in_rows(policy, read, rows, memory, bits)
 
 
-def some_of(tree: Any, courses: Int[Array, "games some"]) -> Any:
+def select_courses(tree: Any, courses: Int[Array, "games some"]) -> Any:
     """Return some courses of each game, of leaves `[games, courses, ...]`."""
     return jax.tree.map(
         lambda leaf: jax.vmap(lambda leaf, courses: leaf[courses])(leaf, courses), tree
     )
 
 
-def step_all(
+def step_courses(
     game: Game,
     role: Role,
     states: GameState,

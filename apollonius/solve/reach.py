@@ -26,14 +26,14 @@ from apollonius.game.types import Outcome, RobotState, Role, Scalar
 from apollonius.io.errors import require
 from apollonius.io.limits import require_memory
 from apollonius.observe.view import View
-from apollonius.solve.grid import FEWER_NODES, Grid, Report, Solved, iterate
+from apollonius.solve.grid import FEWER_NODES, Grid, Report, Solved, iterate_values
 from apollonius.solve.motion import (
     HORIZON,
     Motion,
     discount_after,
+    end_state,
     every_hold,
     first_events,
-    last,
     motion_of,
 )
 from apollonius.solve.transition_map import Side, make_side
@@ -94,7 +94,7 @@ def solve_reach(
     farthest = game.capture_distance + side.motion.farthest
     cells = ceil(farthest / grid.spacing[0]) + 1, ceil(farthest / grid.spacing[1]) + 1
     captures = _caught(game, side, cells, x, y)
-    solution = iterate(
+    solution = iterate_values(
         lambda table: _sweep(side, captures, table), jnp.zeros(grid.shape, jnp.float32), report
     )
     return Reach(game, side.motion, grid, x, y, solution.table), solution
@@ -122,7 +122,7 @@ def _hold_values(
     still = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (motion.steps + 1, 1, 1)), target)
     outcome, seconds = first_events(game, courses, still)
     value = jnp.where(outcome == Outcome.CAPTURED, discount_after(seconds), 0.0)
-    after = jax.tree.map(lambda leaf: leaf[:, 0], last(courses))
+    after = jax.tree.map(lambda leaf: leaf[:, 0], end_state(courses))
     return (outcome != Outcome.ONGOING)[:, 0, 0], value[:, 0, 0], after
 
 

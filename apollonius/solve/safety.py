@@ -25,9 +25,9 @@ from jaxtyping import Array, Float
 from apollonius.game.game import Game
 from apollonius.game.types import Role, Scalar
 from apollonius.io.limits import require_memory
-from apollonius.solve.grid import FEWER_NODES, TOLERANCE, Grid, Report, Solved, iterate
+from apollonius.solve.grid import FEWER_NODES, TOLERANCE, Grid, Report, Solved, iterate_values
 from apollonius.solve.motion import motion_of
-from apollonius.solve.transition_map import TransitionMap, of_courses, transition_map_of
+from apollonius.solve.transition_map import TransitionMap, over_courses, transition_map_of
 
 BYTES_PER_NODE = 4 * (9 + 5)
 """The clearances of nine actions; the table before and after a sweep, padded, and what is between.
@@ -55,13 +55,15 @@ def solve_safety(
     require_memory("grid", grid.name, grid.size * BYTES_PER_NODE, FEWER_NODES)
     motion = motion_of(game, role, hold)
     transitions = transition_map_of(motion, grid)
-    clearances = of_courses(motion.clearance, grid, transitions)
-    x, y = grid.places()
+    clearances = over_courses(motion.clearance, grid, transitions)
+    x, y = grid.node_positions()
     clearance_on_grid = jax.vmap(jax.vmap(motion.arena.clearance, (None, 0)), (0, None))
     node_clearance = clearance_on_grid(x, y)
     start = jnp.broadcast_to(node_clearance - motion.body.radius, grid.shape)
     tolerance = 0.0 if motion.body.brakes_to_rest else TOLERANCE
-    return iterate(lambda table: _sweep(transitions, clearances, table), start, report, tolerance)
+    return iterate_values(
+        lambda table: _sweep(transitions, clearances, table), start, report, tolerance
+    )
 
 
 @eqx.filter_jit

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import jax.numpy as jnp
 
-from apollonius.agents.kind import AbstractKind, Named
+from apollonius.agents.source import NamedPlayer, PlayerSource
 from apollonius.arenas.file import from_dict, to_dict
 from apollonius.game.game import Game
 from apollonius.game.types import ROLES, BySide, Role
-from apollonius.io.cache import cached, entry
+from apollonius.io.cache import cached, entry_path
 from apollonius.io.errors import InvalidInput, require
 from apollonius.solve.grid import Grid, Report, Sweep, make_grid
 from apollonius.solve.joint import make_duel, solve_duel
@@ -85,12 +85,12 @@ PHYSICS = ("pursuer", "evader", "arena", "capture_distance", "dt")
 """The parts of a game that a solution depends on: not starts, time limit or rewards."""
 
 
-class SolvedGame(AbstractKind):
+class SolvedGame(PlayerSource):
     """The players of solved games' files."""
 
-    looks = "a file of a solved game"
+    syntax = "a file of a solved game"
 
-    def find(self, name: str, role: Role, game: Game) -> Named | None:
+    def find(self, name: str, role: Role, game: Game) -> NamedPlayer | None:
         """Return the player of the file, called after it."""
         if not is_solution(Path(name)):
             return None
@@ -102,7 +102,7 @@ class SolvedGame(AbstractKind):
             f"'{name}'",
             f"a file solved for the {side}; this is the {solved_for}'s",
         )
-        return Named(Path(name).stem, policy)
+        return NamedPlayer(Path(name).stem, policy)
 
 
 def table_player(path: Path, game: Game) -> SaddlePolicy:
@@ -178,7 +178,7 @@ def cached_tables(
     def player(role: Role) -> SaddlePolicy:
         problem = joint_problem(game, role, counts)
         physics = {part: problem.game.get(part) for part in PHYSICS}
-        path = folder and entry(
+        path = folder and entry_path(
             folder, f"{problem.role}.safetensors", asdict(problem) | {"game": physics}
         )
         solution = cached(

@@ -13,7 +13,7 @@ from jaxtyping import Array, Shaped
 
 from apollonius.arenas.file import from_dict
 from apollonius.game.validation import MAX_SIZE
-from apollonius.io.arrays import kinds_in, opened, read_header, require_finite, write_arrays
+from apollonius.io.arrays import kinds_in, open_arrays, read_header, require_finite, write_arrays
 from apollonius.io.errors import InvalidInput, require
 from apollonius.io.limits import HOLD, JOINT_HOLD, MOST_COUNTED, require_memory
 from apollonius.solve.grid import FEWER_NODES
@@ -103,7 +103,7 @@ def load_solution(path: Path) -> Solution:
     """
     remedy = "solve it again, into another file"
     foreign = f"'{path}' holds no whole Apollonius solution: {remedy}"
-    with opened(path, remedy, "Apollonius solution") as file:
+    with open_arrays(path, remedy, "Apollonius solution") as file:
         fields = read_header(path, file, FORMAT, foreign)
         header = from_dict(_Header, fields, f"the header of '{path}'")
         if not _fits(header.problem, kinds_in(file), path):
@@ -115,7 +115,7 @@ def load_solution(path: Path) -> Solution:
 
 def is_solution(path: Path) -> bool:
     try:
-        with opened(path, "") as file:
+        with open_arrays(path, "") as file:
             return bool(read_header(path, file, FORMAT, ""))
     except (InvalidInput, OSError):
         return False

@@ -45,7 +45,7 @@ class TransitionMap(eqx.Module):
     source: Int[Array, "slices 9 terms"]
     weight: Float[Array, "slices 9 terms"]
     cells: Int[Array, "slices 9 2"]
-    rest: Float[Array, "slices 9 2"] | None
+    fraction: Float[Array, "slices 9 2"] | None
     margin: int = eqx.field(static=True)
 
     def backup(
@@ -102,9 +102,9 @@ class TransitionMap(eqx.Module):
         """Return the places beside that where an action leads, counted from the nearest below, and
         their shares.
         """
-        if self.rest is None:
+        if self.fraction is None:
             return [((0, 0), 1.0)]
-        on_x, on_y = ((1 - share, share) for share in self.rest[index, action])
+        on_x, on_y = ((1 - share, share) for share in self.fraction[index, action])
         return [((x, y), on_x[x] * on_y[y]) for x, y in product((0, 1), repeat=2)]
 
 
@@ -129,11 +129,11 @@ def transition_map_of(
     course = _courses(motion, grid)
     end = jax.tree.map(lambda leaf: np.asarray(leaf[..., -1], np.float64), course)
     dx, dy, dv, dheading = (float(distance) for distance in grid.spacing)
-    cells, fraction = _whole_and_rest(
+    cells, fraction = _cells_and_fraction(
         np.stack([end.x / dx, end.y / dy], axis=-1), 1.0 if whole_cells else 0.0
     )
-    slower, share_v = _whole_and_rest((end.v - float(grid.low[2])) / dv)
-    before, share_heading = _whole_and_rest(end.heading / dheading, slack)
+    slower, share_v = _cells_and_fraction((end.v - float(grid.low[2])) / dv)
+    before, share_heading = _cells_and_fraction(end.heading / dheading, slack)
     terms = [
         (
             np.minimum(slower + up, speeds - 1) * headings + (before + on) % headings,
@@ -148,7 +148,7 @@ def transition_map_of(
         source=jnp.asarray(np.stack([source for source, _ in used_terms], axis=-1), jnp.int32),
         weight=jnp.asarray(np.stack([weight for _, weight in used_terms], axis=-1), jnp.float32),
         cells=jnp.asarray(cells, jnp.int32),
-        rest=None if whole_cells else jnp.asarray(fraction, jnp.float32),
+        fraction=None if whole_cells else jnp.asarray(fraction, jnp.float32),
         margin=int(np.max(np.abs(cells))) + 1,
     )
 
@@ -181,16 +181,18 @@ def _courses(motion: Motion, grid: Grid) -> RobotState:
     return jax.vmap(lambda index: jax.vmap(lambda action: course(index, action))(actions))(slices)
 
 
-def _whole_and_rest(cells: np.ndarray, slack: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+def _cells_and_fraction(cells: np.ndarray, slack: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     nearest = np.round(cells)
     cells = np.where(np.abs(cells - nearest) < max(slack, _ROUNDING), nearest, cells)
     return np.floor(cells).astype(np.int64), cells - np.floor(cells)
 
 
 @eqx.filter_jit
-def of_courses(of: Callable[[RobotState], Array], grid: Grid, transitions: TransitionMap) -> Array:
+def over_courses(
+    of: Callable[[RobotState], Array], grid: Grid, transitions: TransitionMap
+) -> Array:
     """Return a function's value of each action's course from each node: `[slices 9 x y]`."""
-    x, y = grid.places()
+    x, y = grid.node_positions()
 
     def everywhere(course: RobotState) -> Array:
         def at(x: Scalar, y: Scalar) -> Array:
@@ -227,4 +229,4 @@ def make_side(motion: Motion, grid: Grid, slack: float = 0.0, whole_cells: bool 
         motion, grid, slack, whole_cells: as in `transition_map_of`.
     """
     transitions = transition_map_of(motion, grid, slack, whole_cells)
-    return Side(motion, grid, transitions, of_courses(motion.failure, grid, transitions))
+    return Side(motion, grid, transitions, over_courses(motion.failure, grid, transitions))

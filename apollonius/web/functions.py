@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from apollonius.agents.searching import sought_by
+from apollonius.agents.searching import search_view
 from apollonius.agents.shield import MARGIN
 from apollonius.arenas.charting import clearances, paths
 from apollonius.game.chart import NO_PATH, Chart, entries
@@ -26,13 +26,13 @@ from apollonius.game.types import (
     RobotStatus,
     Role,
     Scalar,
-    choose,
+    tree_where,
 )
 from apollonius.observe import tracking
 from apollonius.observe.belief import NEVER
 from apollonius.observe.team import TEAM
 from apollonius.observe.view import Robot, look
-from apollonius.web.handed import AnyBackup, Field, Floor, Known, Robots, at
+from apollonius.web.dynamic_game import DynamicBackup, Field, Floor, Robots, SearcherState, at
 from apollonius.web.site import ROBOTS
 
 UNITS = 64
@@ -43,7 +43,7 @@ Levels = Float[Array, "2"]
 # ---- rules
 
 
-def step(
+def step_robots(
     robots: Robots,
     floor: Floor,
     field: Field,
@@ -160,7 +160,7 @@ def clearance_after(
     It is less, but more than `MARGIN`, where nothing is within reach of any manoeuvre to rest.
     """
     arena, (body, robot) = floor.arena(field), robots.first
-    backup = AnyBackup(arena, dt, jnp.ceil(body.v_max / (body.u1_max * dt)).astype(jnp.int32))
+    backup = DynamicBackup(arena, dt, jnp.ceil(body.v_max / (body.u1_max * dt)).astype(jnp.int32))
     after = move(robots, levels, dt)
     longest = after.v**2 / (2 * body.u1_max) + after.v * dt
     least = (
@@ -182,7 +182,7 @@ def search(
     chart: Chart,
     capture_distance: Scalar,
     dt: Scalar,
-    known: Known,
+    known: SearcherState,
     shares: Float[Array, " coarse"],
 ) -> dict[str, Any]:
     """Update the first robot's knowledge by a look at its one opponent; return it with the opponent
@@ -194,7 +194,7 @@ def search(
         known: before it; of a negative age where the game begins.
         shares: random numbers from 0 to 1.
     """
-    view, role = robots.seen(floor.arena(field, chart), capture_distance, dt), Role.PURSUER
+    view, role = robots.view(floor.arena(field, chart), capture_distance, dt), Role.PURSUER
     own, opponent = view.own, view.opponents[0]
     sensors = Sensing(pursuer=Sensors(line_of_sight=True))
     game = Game(
@@ -207,15 +207,17 @@ def search(
         sensors=sensors,
     )
     state = GameState.of_two(own.state, opponent.state, jnp.zeros((), jnp.int32))
-    first = tracking.begin(game, state, role)
+    first = tracking.init_track(game, state, role)
     assert first is not None, "it has sensors"
-    is_new, initial = known.track.ages[0] < 0, Known(first, jnp.full((), -1, jnp.int32))
-    knowledge = choose(is_new, initial, known)
-    track, known_state = tracking.update(game, role, knowledge.track, state, jnp.uint32(0))
+    is_new, initial = known.track.ages[0] < 0, SearcherState(first, jnp.full((), -1, jnp.int32))
+    knowledge = tree_where(is_new, initial, known)
+    track, known_state = tracking.sense_and_update(
+        game, role, knowledge.track, state, jnp.uint32(0)
+    )
     assert track is not None, "it has sensors"
-    sought, cell = sought_by(look(game, known_state, role), knowledge.cell, shares)
+    sought, cell = search_view(look(game, known_state, role), knowledge.cell, shares)
     sight = (track.ages[0] < NEVER).astype(jnp.int32)
-    return {"after": Known(track, cell), "sought": sought.opponent.state, "sight": sight}
+    return {"after": SearcherState(track, cell), "sought": sought.opponent.state, "sight": sight}
 
 
 def chart(
@@ -239,7 +241,9 @@ def chart(
     }
 
 
-def leads(robots: Robots, chart: Chart, capture_distance: Scalar) -> Float[Array, " coarse"]:
+def arrival_advantage(
+    robots: Robots, chart: Chart, capture_distance: Scalar
+) -> Float[Array, " coarse"]:
     """Return the evaders' lead over the pursuers at each coarse cell [s], on shortest paths at full
     thrust.
 

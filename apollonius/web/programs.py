@@ -21,8 +21,8 @@ from apollonius.agents.guidance import Flee, FleeAware, Intercept, PurePursuit, 
 from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.surrounding import Encirclement, VoronoiPursuit
-from apollonius.export.c import Program, built, files
-from apollonius.export.translate import translated
+from apollonius.export.c import Program, compile_texts, files
+from apollonius.export.translate import translate_block
 from apollonius.game.arena import MOST_DISCS, MOST_EDGES, Disc
 from apollonius.game.chart import COARSE, SIDE, Chart
 from apollonius.game.polygon import Edge
@@ -35,7 +35,7 @@ from apollonius.observe.registry import find_observation
 from apollonius.observe.tracking import Sightings, Track
 from apollonius.observe.view import View
 from apollonius.web import functions
-from apollonius.web.handed import Field, Floor, Known, Robots
+from apollonius.web.dynamic_game import Field, Floor, Robots, SearcherState
 from apollonius.web.site import READS, ROBOTS
 
 T = TypeVar("T")
@@ -55,12 +55,12 @@ _RULES: dict[str, AbstractClassical] = {
 }
 
 
-def _made(function: Callable[..., Any], name: str | None = None, **shapes: Any) -> Program:
+def _make_program(function: Callable[..., Any], name: str | None = None, **shapes: Any) -> Program:
     """Return a function's program, for arguments of the page's shapes, by their names, or of these."""
     shapes = jax.eval_shape(_examples) | shapes
     arguments = (shapes[parameter] for parameter in inspect.signature(function).parameters)
     with jax.numpy_dtype_promotion("standard"):  # numbers that are Python's elsewhere are data here
-        return translated(function, *arguments, name=name or function.__name__, whole=True)
+        return translate_block(function, *arguments, name=name or function.__name__, whole=True)
 
 
 def _of_view(name: str, answer: Callable[[View], Array]) -> Program:
@@ -74,9 +74,9 @@ def _of_view(name: str, answer: Callable[[View], Array]) -> Program:
         capture_distance: Scalar,
         dt: Scalar,
     ) -> Array:
-        return answer(robots.seen(floor.arena(field, chart), capture_distance, dt))
+        return answer(robots.view(floor.arena(field, chart), capture_distance, dt))
 
-    return _made(view, name)
+    return _make_program(view, name)
 
 
 def player_program(player: AbstractPolicy) -> Program:
@@ -99,15 +99,23 @@ def player_program(player: AbstractPolicy) -> Program:
 
 def page_programs() -> Iterator[Program]:
     """Yield all programs of the page."""
-    yield _made(functions.step, levels=jax.ShapeDtypeStruct((2 * ROBOTS, 2), jnp.float32))
+    yield _make_program(
+        functions.step_robots, levels=jax.ShapeDtypeStruct((2 * ROBOTS, 2), jnp.float32)
+    )
     rules = (
         functions.move,
         functions.clearance,
         functions.clearance_along,
         functions.clearance_after,
     )
-    for function in (*rules, functions.chart, functions.leads, functions.network, functions.search):
-        yield _made(function)
+    for function in (
+        *rules,
+        functions.chart,
+        functions.arrival_advantage,
+        functions.network,
+        functions.search,
+    ):
+        yield _make_program(function)
     for name in READS:
         yield _of_view(name, find_observation(name))
     yield _of_view("departure_costs", departure_costs)
@@ -143,7 +151,7 @@ def _examples() -> dict[str, Any]:
         "chart": Chart(
             real(1, SIDE + 1, SIDE + 1), lengths, visible, real(1), real(1), real(1), links, whole()
         ),
-        "known": Known(
+        "known": SearcherState(
             Track((robot,), (robot,), (number,), None, belief, Sightings(whole(), whole())), whole()
         ),
         "shares": real(COARSE**2),
@@ -177,14 +185,14 @@ def sources(programs: Iterable[Program]) -> dict[str, str]:
     return {name: text for program in programs for name, text in files(program).items()}
 
 
-def digest(files: dict[str, str]) -> str:
+def sources_digest(files: dict[str, str]) -> str:
     """Return the SHA-256 of C files."""
     return hashlib.sha256(
         "".join(f"{name}\n{text}" for name, text in files.items()).encode()
     ).hexdigest()
 
 
-def compiled(programs: Sequence[Program], flags: Sequence[str]) -> bytes:
+def compile_programs(programs: Sequence[Program], flags: Sequence[str]) -> bytes:
     """Return the module with some programs; raises InvalidInput where the compiler is not
     installed.
     """
@@ -198,7 +206,7 @@ def compiled(programs: Sequence[Program], flags: Sequence[str]) -> bytes:
     command = [sys.executable, "-m", "ziglang", "cc", *_FLAGS, *flags]
     command += [f"-Wl,--export={program.name}" for program in programs]
     command += [*(name for name in texts if name.endswith(".c")), "-lm"]
-    with built(texts, "ziglang", command) as module:
+    with compile_texts(texts, "ziglang", command) as module:
         return module.read_bytes()
 
 
@@ -206,4 +214,4 @@ def write_player(player: AbstractPolicy, path: Path) -> None:
     """Write a player as a file that `apollonius play --against FILE` takes; raises InvalidInput for
     a player that the page cannot play, or where the compiler is not installed.
     """
-    write_atomically(path, compiled([player_program(player)], _OF_PLAYER))
+    write_atomically(path, compile_programs([player_program(player)], _OF_PLAYER))

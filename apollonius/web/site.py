@@ -44,7 +44,7 @@ _MADE = f"one that the page makes: {', '.join(READS)}; choose another player"
 
 
 @dataclass(frozen=True)
-class Choice:
+class FirstMatch:
     """The first match of the page: players, difficulty, game and seed of the starts; or a level.
 
     A person leads a side of several robots. `agents` and `games` do not ship with the package, and
@@ -61,7 +61,7 @@ class Choice:
     games: dict[str, Game] = field(default_factory=dict)
 
 
-def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
+def choose_match(person: Role, against: str | None, game: str, seed: int) -> FirstMatch:
     """Make the first match of a person.
 
     Args:
@@ -115,7 +115,7 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     players, difficulty = BySide.of(side, name, YOU), "fair" if against is None else "sharp"
     arena, level = Path(game_name).stem if games else game_name, 1 if is_first else None
     game_name = f"{team}/{arena}" if team else arena
-    return Choice(
+    return FirstMatch(
         players.pursuer, players.evader, game_name, difficulty, seed, level, agents, games
     )
 
@@ -147,11 +147,11 @@ def _require_playable(rules: Game, name: str) -> None:
     )
 
 
-def write_site(folder: Path, choice: Choice | None = None) -> None:
+def write_site(folder: Path, choice: FirstMatch | None = None) -> None:
     """Write the page and all files that it loads into a folder, whose other files stay, with its
     first match.
     """
-    first_choice = choice or Choice()
+    first_choice = choice or FirstMatch()
     shutil.copytree(PAGE, folder, dirs_exist_ok=True)
     (folder / "agents").mkdir(exist_ok=True)
     names: dict[str, list[str]] = {role.name.lower(): [] for role in Role}

@@ -13,8 +13,8 @@ from apollonius.agents import built_in
 from apollonius.agents.classical import AbstractClassical
 from apollonius.agents.guidance import Flee, FleeAware, Intercept, PurePursuit, nearest_reach
 from apollonius.agents.searching import Search
-from apollonius.agents.surrounding import Encirclement, VoronoiPursuit, even_bearings, path_length_to, to_all
-from apollonius.arenas.charting import charted
+from apollonius.agents.surrounding import Encirclement, VoronoiPursuit, even_bearings, path_length_to, path_lengths_from
+from apollonius.arenas.charting import with_chart
 from apollonius.catalogue import find_player, player_names
 from apollonius.evaluate.match import Match, play_match
 from apollonius.game.arena import Arena
@@ -128,9 +128,9 @@ def test_flee_aware_keeps_off_walls_and_discs():
 def test_the_way_to_a_place_behind_a_wall_leads_round_its_end():
     """The wall is at x from 4 to 4.2, below a door at y from 6 to 8."""
     wall = Polygon(((4.0, 0.0), (4.2, 0.0), (4.2, 6.0), (4.0, 6.0)))
-    game = charted(Game(arena=Arena(0.0, 8.0, 0.0, 8.0, polygons=(wall,))))
+    game = with_chart(Game(arena=Arena(0.0, 8.0, 0.0, 8.0, polygons=(wall,))))
     search = Search.for_side(game, Role.PURSUER)
-    way = jax.jit(lambda own, place: search.way(view(game, Role.PURSUER, own, place), place))
+    way = jax.jit(lambda own, place: search.course_to(view(game, Role.PURSUER, own, place), place))
     for x, y in ((3.0, 3.0), (3.3, 4.0), (2.0, 4.5)):
         heading, speed = map(float, way(robot(x, y, 0.0, pi / 2), robot(5.5, 2.0, 0.0, 0.0)))
         assert difference(heading, atan2(6.2 - y, 4.0 - x)) < 0.35
@@ -159,7 +159,7 @@ def test_each_is_found_by_name(name, role):
     player = find_player(name, role, game).policy
     assert name in player_names(role, game)
     shielded = find_player(f"shielded:{name}", role, game).policy
-    assert (shielded.policy, shielded.charted) == (player, player.charted)
+    assert (shielded.policy, shielded.needs_chart) == (player, player.needs_chart)
 
 
 def test_of_the_actions_that_are_allowed_a_rule_takes_the_best():
@@ -169,7 +169,7 @@ def test_of_the_actions_that_are_allowed_a_rule_takes_the_best():
         """Return its action, the one in place of this, and the values of all."""
         seen = look(OPEN, OPEN.reset(key), Role.PURSUER)
         own = act(CHASER, seen, jnp.uint32(0))
-        return own, CHASER.choose(CHASER.weigh(seen, (), jnp.uint32(0))[0], jnp.arange(9) != own), CHASER.values(seen)
+        return own, CHASER.select(CHASER.score(seen, (), jnp.uint32(0))[0], jnp.arange(9) != own), CHASER.values(seen)
 
     own, other, values = map(np.asarray, played(jax.random.split(jax.random.key(1), 20)))
     np.testing.assert_array_equal(own, values.argmax(axis=1))
@@ -226,7 +226,7 @@ OPEN_TO_TEAMS = in_teams(Game(arena=Arena(0.0, 10.0, 0.0, 10.0)), 3, 1)
 def view_of_team(pursuers, evader, out=(), number=0, game=None):
     statuses = [RobotStatus.HIT_OBSTACLE if n in out else 0 for n in range(len(pursuers))]
     state = state_of(pursuers, [evader], (statuses, [0]))
-    return eqx.filter_jit(look)(game or charted(OPEN_TO_TEAMS), state, Role.PURSUER, number)
+    return eqx.filter_jit(look)(game or with_chart(OPEN_TO_TEAMS), state, Role.PURSUER, number)
 
 
 def random_teams(seed):
@@ -286,7 +286,7 @@ def test_bearings_are_even_in_their_order_and_turn_as_little_as_can_be():
 def test_in_the_open_the_lengths_of_paths_are_nearly_distances_to_points_all_over():
     seen = view_of_team([(2, 3), (9, 9), (8, 1)], (6, 4))
     x, y = np.meshgrid(*[(np.arange(0, 40, 2) + 0.5) / 4] * 2)
-    np.testing.assert_allclose(to_all(seen, seen.own), np.hypot(x - 2, y - 3).ravel(), rtol=0.05, atol=0.15)
+    np.testing.assert_allclose(path_lengths_from(seen, seen.own), np.hypot(x - 2, y - 3).ravel(), rtol=0.05, atol=0.15)
 
 
 def test_encirclement_closes_in_at_its_own_bearing():
@@ -304,12 +304,12 @@ def test_encirclement_closes_in_at_its_own_bearing():
 @pytest.mark.slow
 def test_behind_a_wall_ways_are_those_around_it():
     wall = Polygon(((4.8, 0.0), (5.2, 0.0), (5.2, 8.0), (4.8, 8.0)))
-    game = in_teams(charted(Game(arena=Arena(polygons=(wall,)))), 2, 1)
+    game = in_teams(with_chart(Game(arena=Arena(polygons=(wall,)))), 2, 1)
     seen = view_of_team([(4, 2), (9, 9)], (6, 2), out=(1,), game=game)
     there = seen.opponent.state
     around = hypot(0.8, 6) + 0.4 + hypot(0.8, 6)
     assert float(path_length_to(seen, there)(*map(jnp.float32, (4, 2)))) == pytest.approx(around, rel=0.1)
-    own, evader = (np.asarray(to_all(seen, robot)) for robot in seen.robots)
+    own, evader = (np.asarray(path_lengths_from(seen, robot)) for robot in seen.robots)
     free = evader < 100
     assert 0.9 < free.mean() < 1
     x, y = np.meshgrid(*[(np.arange(0, 40, 2) + 0.5) / 4] * 2)

@@ -9,7 +9,7 @@ import pytest
 
 from apollonius.agents.departure import NEAR, Departing, departures
 from apollonius.agents.policy import AbstractActionValuePolicy
-from apollonius.arenas.charting import charted
+from apollonius.arenas.charting import with_chart
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
@@ -19,7 +19,7 @@ from apollonius.observe.view import look
 from tests.acting import robot
 
 WALL = Polygon(((4.0, 0.0), (4.2, 0.0), (4.2, 6.0), (4.0, 6.0)))
-GAME = charted(Game(Unicycle(radius=0.2), arena=Arena(0.0, 8.0, 0.0, 8.0, polygons=(WALL,))))
+GAME = with_chart(Game(Unicycle(radius=0.2), arena=Arena(0.0, 8.0, 0.0, 8.0, polygons=(WALL,))))
 TURNS = {0, 2}
 DRIVES = {6, 7, 8}
 

@@ -12,13 +12,20 @@ import pytest
 from safetensors.numpy import save_file
 from scipy.stats import chisquare, kstest, norm
 
+from apollonius.agents.action_repeat import ActionRepeat
 from apollonius.agents.classical import Still, Uniform, uniform_action
-from apollonius.agents.holding import Holding
 from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.policy import AbstractPolicy
-from apollonius.agents.pool import Apart, solo, stack
+from apollonius.agents.pool import PartitionedPlayers, single_player, stack
 from apollonius.agents.store import describe, load_agent, save_agent
-from apollonius.agents.trained import EpsilonGreedy, Greedy, SquashedGaussian, exploring, greedy, normal_pair
+from apollonius.agents.trained import (
+    EpsilonGreedy,
+    Greedy,
+    SquashedGaussian,
+    exploring_policy,
+    greedy_policy,
+    normal_pair,
+)
 from apollonius.arenas.file import to_dict
 from apollonius.catalogue import find_pool
 from apollonius.cli.main import main
@@ -29,7 +36,7 @@ from apollonius.io.document import write_atomically
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.egocentric import EGOCENTRIC
 from apollonius.observe.team import TEAM
-from apollonius.play.rollout import begin, collect
+from apollonius.play.rollout import collect, init_games
 from tests.acting import act, act_in_rows, identical
 from tests.solve.small import SMALL
 
@@ -74,14 +81,14 @@ def test_greedy_takes_the_first_of_the_best_actions_that_are_allowed():
     )
     for values, allowed, chosen in (*limited, *alike):
         player = Greedy(network_with(values))
-        assert player.choose(player.weigh(NOTHING, (), WORDS[0])[0], allowing(*allowed)) == chosen
+        assert player.select(player.score(NOTHING, (), WORDS[0])[0], allowing(*allowed)) == chosen
         assert act(player, NOTHING, WORDS[0]) == np.argmax(values)
 
 
 def test_still_brakes_straight_ahead_and_random_takes_its_own_action_or_the_first_that_is_allowed():
     assert act(Still(), NOTHING, WORDS[0]) == 1
     actions = np.asarray(jax.vmap(partial(act, Uniform()))(jnp.zeros((50, 8)), WORDS[:50]))
-    held = jax.vmap(lambda bits: Uniform().choose(act(Uniform(), NOTHING, bits), allowing(2, 5, 6)))(WORDS[:50])
+    held = jax.vmap(lambda bits: Uniform().select(act(Uniform(), NOTHING, bits), allowing(2, 5, 6)))(WORDS[:50])
     assert held.tolist() == [action if action in (2, 5, 6) else 2 for action in actions]
 
 
@@ -102,18 +109,18 @@ class Drifting(AbstractPolicy):
 @jax.jit
 def pursuits(pursuers):
     """What the pursuers do in twenty games, and when these end."""
-    starts, players = reset_batch(GAME, jax.random.key(0), 20), BySide(pursuers, solo(Uniform()))
-    begun = begin(GAME, starts, players, jnp.zeros((2, 20), jnp.uint32))
+    starts, players = reset_batch(GAME, jax.random.key(0), 20), BySide(pursuers, single_player(Uniform()))
+    begun = init_games(GAME, starts, players, jnp.zeros((2, 20), jnp.uint32))
     moves = collect(GAME, players, begun, jax.tree.map(lambda leaf: leaf[None], starts), jax.random.key(1), 40)[1]
     return moves.sides.pursuer, moves.ended
 
 
-HOLDING = Holding(Drifting(), 7)
+HOLDING = ActionRepeat(Drifting(), 7)
 
 
 def test_what_was_decided_is_held_from_the_start_of_each_game():
     """Games begin as others end; its own memory goes on as it decides."""
-    moves, ended = pursuits(solo(HOLDING))
+    moves, ended = pursuits(single_player(HOLDING))
     for actions, over in zip(np.asarray(moves.action).T, np.asarray(ended).T, strict=True):
         for course in np.split(actions, np.flatnonzero(over) + 1):
             decided = course[::7]
@@ -125,10 +132,10 @@ def test_what_was_decided_is_held_from_the_start_of_each_game():
 
 def test_players_of_several_kinds_have_games_of_their_own():
     """Each plays its part of a batch as it would play all of it, with a memory of its own."""
-    together, _ = pursuits(Apart((HOLDING, Drifting()), (8, 12)))
+    together, _ = pursuits(PartitionedPlayers((HOLDING, Drifting()), (8, 12)))
     assert together.member[-1].tolist() == [0] * 8 + [1] * 12
     for one, own in ((HOLDING, slice(8)), (Drifting(), slice(8, 20))):
-        np.testing.assert_array_equal(together.action[:, own], pursuits(solo(one))[0].action[:, own])
+        np.testing.assert_array_equal(together.action[:, own], pursuits(single_player(one))[0].action[:, own])
 
 
 def test_a_batch_has_the_values_of_each_observation_and_their_gradients():
@@ -183,7 +190,7 @@ def test_players_of_many_games_act_as_each_of_them_would(player):
     each = np.stack([alone(player, *one) for one in zip(seen, bits, strict=True)])
     assert len(np.unique(each, axis=0)) > 5
     for games in (64, 40):
-        found = together(solo(player), jnp.zeros(games, jnp.int32), seen[:games], bits[:games])
+        found = together(single_player(player), jnp.zeros(games, jnp.int32), seen[:games], bits[:games])
         np.testing.assert_allclose(found, each[:games], atol=1e-6)
 
 
@@ -195,10 +202,10 @@ def test_at_its_best_it_plays_the_hyperbolic_tangent_of_its_means():
     mean = np.asarray(ONE_SEEN, np.float64)
     for number, layer in enumerate(ACTOR.layers):
         mean = np.asarray(layer.weight) @ (np.maximum(mean, 0) if number else mean) + np.asarray(layer.bias)
-    action = act(greedy(ACTOR), ONE_SEEN, WORDS[0])
+    action = act(greedy_policy(ACTOR), ONE_SEEN, WORDS[0])
     np.testing.assert_allclose(action, np.tanh(mean[:2]), atol=1e-6)
     np.testing.assert_allclose(ACTOR.batch(ONE_SEEN[None])[0][0], mean[:2], atol=1e-6)
-    np.testing.assert_array_equal(act(exploring(ACTOR, jnp.asarray(0.0)), ONE_SEEN, WORDS[0]), action)
+    np.testing.assert_array_equal(act(exploring_policy(ACTOR, jnp.asarray(0.0)), ONE_SEEN, WORDS[0]), action)
 
 
 def test_exploring_it_draws_from_its_distributions():
@@ -224,11 +231,13 @@ def test_exploring_it_draws_from_its_distributions():
     [((1.0, 1.0), range(9), 8), ((0.4, -0.6), range(9), 3), ((0.4, -0.6), (0, 1, 8), 0), ((-9.0, 0.2), (2, 4), 2)],
 )
 def test_where_only_some_actions_are_allowed_it_takes_that_with_the_nearest_levels(levels, allowed, action):
-    assert greedy(ACTOR).choose(jnp.array(levels), allowing(*allowed)) == action
+    assert greedy_policy(ACTOR).select(jnp.array(levels), allowing(*allowed)) == action
 
 
 def test_who_is_given_words_of_its_own_acts_by_them_and_is_drawn_by_the_games():
-    pool = stack([exploring(make_actor("paper", 8, 1, jax.random.key(seed)), jnp.asarray(1.0)) for seed in range(2)])
+    pool = stack(
+        [exploring_policy(make_actor("paper", 8, 1, jax.random.key(seed)), jnp.asarray(1.0)) for seed in range(2)]
+    )
     member, seen = jnp.array([0, 1, 1, 0]), jnp.tile(ONE_SEEN, (4, 1))
     held, acts = replace(pool, bits=WORDS[4:8]), jax.jit(act_in_rows)
     own = np.asarray(acts(held, member, seen, WORDS[:4]))

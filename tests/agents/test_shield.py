@@ -13,9 +13,9 @@ from scipy.integrate import quad
 from apollonius.agents.classical import Uniform
 from apollonius.agents.network import make_network
 from apollonius.agents.policy import AbstractContinuous, AbstractPolicy
-from apollonius.agents.shield import MARGIN, brakes, shielded
+from apollonius.agents.shield import MARGIN, brakes, with_shield
 from apollonius.agents.trained import Greedy
-from apollonius.arenas.charting import charted
+from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import find_game
 from apollonius.arenas.random_arena import random_arena
 from apollonius.catalogue import find_player
@@ -58,7 +58,9 @@ class Reckless(AbstractPolicy):
 def test_behind_a_shield_neither_robot_ever_fails(name, policy, drives):
     """It knows how late and how slowly its drive does what it is told."""
     game = replace(make_game(name), max_steps=150, drives=drives)
-    outcomes = play_match(a_match(game, *(shielded(policy, game, role) for role in Role), games=100, seed=1)).outcomes
+    outcomes = play_match(
+        a_match(game, *(with_shield(policy, game, role) for role in Role), games=100, seed=1)
+    ).outcomes
     assert outcomes["captured"] + outcomes["no_result"] == 100
 
 
@@ -112,7 +114,7 @@ def test_what_surely_stops_does_and_only_polygons_within_reach_are_looked_at(mak
     def tried(state, action):
         robot = Robot(game.pursuer, state)
         everywhere = replace(backup, surroundings=None).clearance_after(robot, action) if backup.surroundings else 0.0
-        return backup.surely_stops(robot, action), backup.clearance_after(robot, action), everywhere
+        return backup.can_stop_straight(robot, action), backup.clearance_after(robot, action), everywhere
 
     sure, clearance, everywhere = map(np.asarray, tried(robots, jnp.arange(600) % 9))
     stops = clearance > MARGIN
@@ -156,7 +158,7 @@ def test_a_wall_that_only_the_rim_of_a_large_body_would_touch_is_within_reach():
 def test_games_are_guarded_together_as_by_trying_all_nine_actions_in_each(make, policy):
     """Of those that are held back there are several blocks and a part of one."""
     game, role = make(), Role.PURSUER
-    player = shielded(policy, game, role)
+    player = with_shield(policy, game, role)
     nine = jax.vmap(lambda action: jnp.stack(action_levels(action)))(jnp.arange(9))
     states = jax.jit(reset_batch, static_argnums=2)(game, jax.random.key(0), 500)
     speeds = jnp.linspace(0.6, 1.2, 500)
@@ -171,15 +173,15 @@ def test_games_are_guarded_together_as_by_trying_all_nine_actions_in_each(make, 
     def by_all_nine(states, bits):
         def alone(given):
             view, bits = look(game, given[0], role), given[1]
-            weighed = policy.weigh(policy.observation(view), (), bits)[0]
+            scores = policy.score(policy.observation(view), (), bits)[0]
             tried = (
-                jnp.concatenate([nine, jnp.stack(action_levels(weighed))[None]]) if policy.continuous else jnp.arange(9)
+                jnp.concatenate([nine, jnp.stack(action_levels(scores))[None]]) if policy.continuous else jnp.arange(9)
             )
             clearance = jax.lax.map(lambda action: player.backup.clearance_after(view.own, action), tried)
-            best = policy.choose(weighed, clearance[:9] > MARGIN)
+            best = policy.select(scores, clearance[:9] > MARGIN)
             stops = jnp.any(clearance[:9] > MARGIN)
             held = jnp.where(stops, best, jnp.argmax(clearance[:9]))
-            return (jnp.where(clearance[9] > MARGIN, weighed, nine[held]) if policy.continuous else held), stops
+            return (jnp.where(clearance[9] > MARGIN, scores, nine[held]) if policy.continuous else held), stops
 
         return jax.lax.map(alone, (states, bits))
 
@@ -197,7 +199,7 @@ def test_games_are_guarded_together_as_by_trying_all_nine_actions_in_each(make, 
 )
 def test_a_robot_that_does_not_come_to_rest_is_refused(v_min, u1_max):
     with pytest.raises(InvalidInput, match=rf"v_min, u1_max = \({v_min}, {u1_max}\) .*can stop"):
-        shielded(Uniform(), Game(pursuer=Unicycle(v_min=v_min, u1_max=u1_max)), Role.PURSUER)
+        with_shield(Uniform(), Game(pursuer=Unicycle(v_min=v_min, u1_max=u1_max)), Role.PURSUER)
 
 
 NO_BITS = jnp.zeros((), jnp.uint32)
@@ -205,7 +207,7 @@ NO_BITS = jnp.zeros((), jnp.uint32)
 
 @functools.cache
 def game():
-    return charted(find_game("one-large"))
+    return with_chart(find_game("one-large"))
 
 
 def view(pursuer, evader, age=1e3, unseen=None):
@@ -255,7 +257,7 @@ def test_places_are_drawn_by_what_a_look_is_worth():
     v is the larger one in every fourth."""
     near = view(robot(5.0, 1.0), robot(5.0, 9.0), unseen=cells((1.1, 1.1, 50.0), (8.9, 1.1, 25.0)))
     search = find_player("search", Role.PURSUER, game()).policy
-    draw = jax.jit(jax.vmap(lambda bits: search.weigh(near, jnp.int32(-1), bits)[1]))
+    draw = jax.jit(jax.vmap(lambda bits: search.score(near, jnp.int32(-1), bits)[1]))
     drawn = np.asarray(draw(jnp.arange(1000, dtype=jnp.uint32)))
     assert set(drawn) == {number(1.1, 1.1), number(8.9, 1.1)}
     assert np.mean(drawn == number(1.1, 1.1)) == pytest.approx(0.75, abs=0.05)
@@ -280,9 +282,9 @@ def test_a_pursuer_that_searches_hunts_at_the_place_that_it_seeks_while_it_does_
         (view(here, there, 1.1, unseen), place),
         (view(here, there, 20.0, unseen), place),
     ):
-        weighed, (_, cell) = eqx.filter_jit(searching.weigh)(seen, searching.memory, NO_BITS)
+        scores, (_, cell) = eqx.filter_jit(searching.score)(seen, searching.memory, NO_BITS)
         hunted = replace(openly, opponents=(replace(openly.opponent, state=opponent),))
-        np.testing.assert_allclose(weighed, values(hunted), rtol=1e-4)
+        np.testing.assert_allclose(scores, values(hunted), rtol=1e-4)
         assert int(cell) == (number(8.1, 2.1) if opponent is place else -1)
 
 

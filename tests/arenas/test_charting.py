@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.arenas.charting import charted, paths
+from apollonius.arenas.charting import paths, with_chart
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.chart import COARSE, COARSE_BITS, NO_PATH, SIDE, STEPS, Chart, entries
 from apollonius.game.dynamics import Unicycle
@@ -23,7 +23,7 @@ OPEN = Arena(-1.0, 5.0, 2.0, 6.0, discs=(Disc(2.0, 4.0, 0.7),))
 
 
 def chart_of(arena, **changes):
-    return charted(replace(Game(arena=arena), **changes)).arena.chart
+    return with_chart(replace(Game(arena=arena), **changes)).arena.chart
 
 
 def made(field):
@@ -149,7 +149,7 @@ def test_links_lead_between_cells_of_the_field_that_are_side_by_side():
 
 
 def test_each_of_several_arenas_has_its_own_chart():
-    together = charted(in_arenas(Game(), [ROOM, OPEN]))
+    together = with_chart(in_arenas(Game(), [ROOM, OPEN]))
     for number, arena in enumerate((ROOM, OPEN)):
         chart, alone = together.scenario.arena(jnp.asarray(number)).chart, chart_of(arena)
         np.testing.assert_allclose(*(clearances(one, *points(arena, 200)) for one in (chart, alone)), atol=1e-5)

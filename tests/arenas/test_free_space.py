@@ -13,8 +13,8 @@ import pytest
 import tomli_w
 from matplotlib.figure import Figure
 
-from apollonius.arenas.charting import charted
-from apollonius.arenas.file import GALLERY, about_game, find_game, game_names, to_dict
+from apollonius.arenas.charting import with_chart
+from apollonius.arenas.file import GALLERY, describe_game, find_game, game_names, to_dict
 from apollonius.arenas.free_space import _hexagons, free_space, largest_part, tile
 from apollonius.arenas.survey import missed_passage, survey
 from apollonius.catalogue import find_player
@@ -29,7 +29,7 @@ from apollonius.game.presets import PRESETS
 from apollonius.game.starts import Starts
 from apollonius.game.types import Role
 from apollonius.show.arena import KINDS, kinds_of_places, save_plan
-from apollonius.solve.enough import core
+from apollonius.solve.cop_number import core
 
 
 def test_islands_are_obstacles_with_free_space_around_them_for_the_larger_robot():
@@ -122,7 +122,7 @@ def test_a_door_that_the_chart_does_not_have_is_found_with_the_way_round():
     assert "they know no other way. This" in alone
     assert 8.0 < float(re.search(r"they know a way that is (.*) m longer\. This", beside)[1]) < 13.0
     west, east = 20 * COARSE + 5, 20 * COARSE + 35
-    assert np.asarray(charted(floor(0.55)).arena.chart.lengths)[0, west, east] == NO_PATH
+    assert np.asarray(with_chart(floor(0.55)).arena.chart.lengths)[0, west, east] == NO_PATH
 
 
 @pytest.mark.parametrize("game", [floor(1.01), floor(0.55, radius=0.0)], ids=["wide", "thin robots"])
@@ -276,7 +276,7 @@ FILES = game_names()[len(PRESETS) :]
 def test_there_are_an_office_a_warehouse_and_a_maze_beside_the_presets():
     assert game_names()[: len(PRESETS)] == list(PRESETS)
     assert {"office", "warehouse", "maze"} <= set(FILES) == {path.stem for path in GALLERY.iterdir()}
-    assert all(20 < len(about_game(name)) < 110 for name in game_names())
+    assert all(20 < len(describe_game(name)) < 110 for name in game_names())
 
 
 @pytest.mark.parametrize("name", [*PRESETS, *FILES])

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from apollonius.arenas import suite
-from apollonius.arenas.charting import charted
+from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import find_game, from_dict, game_names, load_game, to_dict
 from apollonius.arenas.names import KINDS
 from apollonius.arenas.random_arena import random_arena, random_map
@@ -52,19 +52,19 @@ def test_each_comes_out_as_it_was_published(name):
     for kind in {entry.kind for entry in suite.suite_entries(name)}:
         entries = [entry for entry in suite.suite_entries(name) if entry.kind == kind]
         for entry in entries[:: 30 if kind == "caves" else 4]:
-            assert suite.digest(suite.suite_arena(name, entry.name)) == entry.sha256
+            assert suite.arena_digest(suite.suite_arena(name, entry.name)) == entry.sha256
 
 
 def test_a_digest_is_of_the_numbers_to_a_micrometre_and_of_nothing_else():
     arena = Arena(discs=(Disc(3.0, 0.0, 0.5),))
-    assert suite.digest(arena) == suite.digest(Arena(discs=(Disc(3.0, -1e-9, 0.5 + 1e-9),)))
+    assert suite.arena_digest(arena) == suite.arena_digest(Arena(discs=(Disc(3.0, -1e-9, 0.5 + 1e-9),)))
     others = [
         Arena(discs=(Disc(3.0, 0.0, 0.500001),)),
         Arena(x_max=9.0, discs=arena.discs),
         Arena(),
         replace(arena, map=suite.suite_arena(NAME, "caves-00").map),
     ]
-    assert len({suite.digest(one) for one in [arena, *others]}) == 5
+    assert len({suite.arena_digest(one) for one in [arena, *others]}) == 5
 
 
 def test_an_arena_that_comes_out_otherwise_is_refused(monkeypatch):
@@ -129,7 +129,7 @@ def three():
 def test_a_list_of_arenas_is_a_game_in_each_of_them(three):
     assert three.scenario.count == three.scenario.size == 3
     names = THREE.removeprefix("suite-v1/").split(",")
-    for number, (name, alone) in enumerate(zip(names, suite.each_alone(three), strict=True)):
+    for number, (name, alone) in enumerate(zip(names, suite.single_arena_games(three), strict=True)):
         arena, padded = suite.suite_arena(NAME, name), three.scenario.arena(jnp.asarray(number))
         assert to_dict(alone.arena) == to_dict(arena)
         x, y = np.random.default_rng(0).uniform(0, [[arena.x_max], [arena.y_max]], (2, 300)).astype(np.float32)
@@ -150,8 +150,8 @@ def test_a_record_names_it(three):
 
 def test_robots_of_many_makes_are_around_the_papers():
     found, stout = suite.draw_robot_kinds(), suite.draw_robot_kinds("suite-v2")
-    own = suite.PAPERS_OWN
-    assert len(found) == own + suite.OTHERS
+    own = suite.PAPER_PAIRS
+    assert len(found) == own + suite.OTHER_PAIRS
     for role in Role:
         numbers = np.array([(body.v_max, body.u1_max, body.u2_max, body.radius) for body in found.every(role)])
         np.testing.assert_allclose(numbers[:own], [(1.2, 0.3, 0.8, 0.0)] * own, rtol=1e-6)
@@ -166,7 +166,7 @@ def test_robots_of_many_makes_are_around_the_papers():
 
 def test_each_game_has_the_robots_of_its_make():
     """Two arenas, three kinds of robots: who is fast is where the state says."""
-    own = suite.PAPERS_OWN
+    own = suite.PAPER_PAIRS
     some = jax.tree.map(lambda leaf: leaf[own - 1 : own + 2], suite.draw_robot_kinds())
     game = in_arenas(Game(), [suite.suite_arena("suite-v1", name) for name in ("discs-01", "discs-03")])
     game = replace(game, scenario=replace(game.scenario, kinds=some))
@@ -186,9 +186,9 @@ def test_each_game_has_the_robots_of_its_make():
 
 def test_matches_take_turns_between_arenas_and_makes(three):
     starts = sample_starts(three, jax.random.key(0), 7)
-    assert np.asarray(starts.place).tolist() == [0, 1, 2, 0, 1, 2, 0]
+    assert np.asarray(starts.variant).tolist() == [0, 1, 2, 0, 1, 2, 0]
     with_kinds = replace(three.scenario, kinds=suite.draw_robot_kinds())
-    places = with_kinds.place_of(np.arange(3 * 64))
+    places = with_kinds.variant_of(np.arange(3 * 64))
     assert sorted(places) == list(range(3 * 64)), "every arena with every make once"
 
 
@@ -204,7 +204,7 @@ def test_wins_are_counted_by_arenas(three):
 
 
 def test_a_match_in_arenas_with_charts_tells_of_long_ways():
-    game = charted(replace(find_game("suite-v2/fences-03,labyrinth-03"), max_steps=1))
+    game = with_chart(replace(find_game("suite-v2/fences-03,labyrinth-03"), max_steps=1))
     result = play_match(Match.of_names(game, "still", "still", 40))
     assert list(result.detours) == ["below 1.5", "1.5 to 2.5", "above 2.5"]
     wins, games = np.sum(list(result.detours.values()), axis=0)

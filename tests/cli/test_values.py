@@ -17,18 +17,18 @@ from apollonius.cli.display import Display
 from apollonius.cli.main import build_parser
 from apollonius.cli.terminal import bar
 from apollonius.io import compiling, limits
-from apollonius.io.errors import InvalidInput, shown
-from apollonius.io.limits import GAMES, RECORDS, SEED, Counted
+from apollonius.io.errors import InvalidInput, format_value
+from apollonius.io.limits import GAMES, RECORDS, SEED, CountLimit
 from tests.cli.test_cli import assert_refused
 
 ODD = ["0", "-1", str(2**31), str(2**63), str(10**30), "nan", "inf", "", "folder", "nowhere/deeper", "9" * 5_000]
 """What every argument is given."""
 EVERYTHING = set(ODD[:-1]) - {""}
 SENSIBLE = {
-    values.count(GAMES): set(), values.count(RECORDS): {"0"}, values.count(SEED): {"0", str(2**31)},
-    values.real: {"0", "-1"}, values.varied: set(), values.nodes: set(), values.new_file(".png"): set(),
+    values.whole_number(GAMES): set(), values.whole_number(RECORDS): {"0"}, values.whole_number(SEED): {"0", str(2**31)},
+    values.real_number: {"0", "-1"}, values.swept_number: set(), values.nodes: set(), values.new_file(".png"): set(),
     values.new_folder: EVERYTHING, values.existing_file: set(), values.run_folder: set(),
-    values.named: EVERYTHING | {"9" * 5_000},
+    values.player_or_file: EVERYTHING | {"9" * 5_000},
 }  # fmt: skip
 """The odd values that make sense to each type of argument."""
 
@@ -68,7 +68,7 @@ def test_every_odd_value_makes_sense_or_is_refused_as_it_is_read(parse):
         except argparse.ArgumentTypeError as refusal:
             told = str(refusal)
             assert "is not possible: it must be" in told or told.startswith("no such ")
-            assert shown(value) in told
+            assert format_value(value) in told
         assert (told is None) == (value in SENSIBLE[parse]), (value[:40], told)
     assert [str(path) for path in Path().rglob("*")] == ["folder"]
 
@@ -77,12 +77,12 @@ def test_counts_are_bounded_by_memory(capsys, monkeypatch):
     assert 10**6 < GAMES.limit <= 2**31 - 1
     monkeypatch.setattr(limits, "available_memory", lambda: 10**6)
     assert GAMES.limit == 4_000
-    assert values.count(GAMES)("4000") == values.count(GAMES)("4e3") == 4_000
+    assert values.whole_number(GAMES)("4000") == values.whole_number(GAMES)("4e3") == 4_000
     with pytest.raises(argparse.ArgumentTypeError, match=r"4001 .* at least 1, at most 4,000, for which 0.0 GiB"):
-        values.count(GAMES)("4001")
+        values.whole_number(GAMES)("4001")
     said = "apollonius evaluate: --games = 4001 is not possible: it must be a whole number, at least 1"
     assert_refused(capsys, "evaluate", "random", "still", "--games", "4001", naming=[said])
-    assert Counted(0, most=5, least=0).bound() == "a whole number, at least 0, at most 5"
+    assert CountLimit(0, most=5, least=0).bound() == "a whole number, at least 0, at most 5"
 
 
 def test_the_memory_of_a_container_counts(tmp_path, monkeypatch):
@@ -113,12 +113,12 @@ def test_a_place_that_cannot_be_written_to_is_refused_at_once():
 
 
 def test_jobs_run_on_slurm_where_its_command_is(monkeypatch):
-    monkeypatch.setattr(values, "missing", lambda *_: "")
+    monkeypatch.setattr(values, "missing_extra", lambda *_: "")
     monkeypatch.setattr("shutil.which", str)
-    assert values.installed("slurm") == "slurm"
+    assert values.installed_extra("slurm") == "slurm"
     monkeypatch.setattr("shutil.which", lambda name: None)
     with pytest.raises(argparse.ArgumentTypeError, match="sbatch is not on the PATH"):
-        values.installed("slurm")
+        values.installed_extra("slurm")
 
 
 def test_a_written_grid_is_read():
@@ -148,9 +148,9 @@ def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
 
 
 def test_a_value_is_shown_on_one_short_line():
-    assert shown("two\nlines\x1b[31m") == "two lines\\x1b[31m"
-    assert len(shown("x" * 10_000)) < 250
-    assert shown(16**5_000) == "a number of thousands of digits"
+    assert format_value("two\nlines\x1b[31m") == "two lines\\x1b[31m"
+    assert len(format_value("x" * 10_000)) < 250
+    assert format_value(16**5_000) == "a number of thousands of digits"
     assert "\n" not in str(InvalidInput("one\ntwo"))
 
 
@@ -167,9 +167,9 @@ def test_in_a_pipe_a_piece_has_its_first_line_soon_and_then_ever_fewer(monkeypat
             return capsys.readouterr().err.splitlines()
 
         assert lines_until(100) == [], "a refusal would be the only line"
-        live.begin("playing 8 games")
+        live.begin_task("playing 8 games")
         assert lines_until(103) == ["apollonius evaluate: playing 8 games, 0:00:01"]
-        live.tell("P against E:\n50.0%\x1b[2J")
+        live.print_line("P against E:\n50.0%\x1b[2J")
         live.report(2, 8)
         live.note({"loss": "0.5"})
         told, *lines = lines_until(700)
@@ -183,7 +183,7 @@ def test_the_share_that_is_done_is_asked_for_where_nobody_reports_it(monkeypatch
     monkeypatch.setattr(display, "_FIRST_LINE_SECONDS", 1.0)
     now = [0.0]
     with Display("reproduce", lambda: now[0]) as live:
-        live.begin("training", lambda: 0.25)
+        live.begin_task("training", lambda: 0.25)
         now[0] = 2.0
         time.sleep(0.2)
     assert capsys.readouterr().err == "apollonius reproduce: training, 25.0%, 0:00:02\n"
@@ -204,7 +204,7 @@ def test_the_time_left_is_that_of_what_is_reported_and_not_of_its_compilation(se
     now = [100.0]
     live = Display("train", lambda: now[0])
     for what in ("another piece", "playing"):
-        live.begin(what)
+        live.begin_task(what)
         assert (live.state(), live.tasks[0].total) == (f"{what}, 0:00:00", None)
         now[0] += 30
         for share in shares:
@@ -216,7 +216,7 @@ def test_the_time_left_is_that_of_what_is_reported_and_not_of_its_compilation(se
 def test_the_time_left_runs_down_and_is_not_told_in_a_silence():
     now = [0.0]
     live = Display("arena", lambda: now[0])
-    live.begin("playing")
+    live.begin_task("playing")
     for done in (1, 2, 3, 4):
         now[0] += 10
         live.report(done, 10)

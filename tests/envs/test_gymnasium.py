@@ -19,7 +19,7 @@ from pettingzoo.utils.conversions import parallel_to_aec
 
 import apollonius
 from apollonius.agents.policy import AbstractPolicy
-from apollonius.arenas.charting import charted
+from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import as_game
 from apollonius.catalogue import find_player
 from apollonius.envs.gymnasium import OneSide
@@ -56,7 +56,7 @@ def test_gymnasiums_checker_has_no_complaint(name, actions):
 
 
 def test_an_observation_that_reads_a_chart_is_that_of_the_charted_game():
-    env, game = OneSide(Role.PURSUER, opponent="still", observation="egocentric"), charted(make_game("paper"))
+    env, game = OneSide(Role.PURSUER, opponent="still", observation="egocentric"), with_chart(make_game("paper"))
     seen, info = env.reset(seed=5)
     assert info == {"outcome": "ongoing"}
     bits = np.random.Generator(type(env.np_random.bit_generator)(5)).integers(2**32, dtype=np.uint64)

@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 
 from apollonius.agents import onnx_agent
-from apollonius.agents.kind import Named
 from apollonius.agents.names import ZOO
 from apollonius.agents.onnx_agent import OnnxAgent
 from apollonius.agents.onnx_process import LIMITS, as_actions
-from apollonius.arenas.charting import charted
+from apollonius.agents.source import NamedPlayer
+from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import find_game
 from apollonius.cli.main import main
 from apollonius.evaluate import benchmark, suite_card
 from apollonius.evaluate.benchmark import FORFEIT, Benchmark, digest_of
-from apollonius.evaluate.suite_card import judge, verify
+from apollonius.evaluate.suite_card import judge_agent, verify
 from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput
 
@@ -49,19 +49,19 @@ COMPILED = {}
 @pytest.fixture(scope="module", autouse=True)
 def small():
     """Three arenas, short games, two opponents."""
-    game = charted(replace(find_game(",".join([f"suite-v2/{ARENAS[0]}", *ARENAS[1:]])), max_steps=60))
+    game = with_chart(replace(find_game(",".join([f"suite-v2/{ARENAS[0]}", *ARENAS[1:]])), max_steps=60))
     panel = {"pursuer": ("pure-pursuit", "random"), "evader": ("still", "random")}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Benchmark, "game", game)
         patch.setattr(Benchmark, "arenas", ARENAS)
-        patch.setattr(onnx_agent, "missing", lambda *_: None)
+        patch.setattr(onnx_agent, "missing_extra", lambda *_: None)
         patch.setattr(benchmark, "PANELS", {"full": panel})
         yield
 
 
 @pytest.fixture(scope="module")
 def judged():
-    return json.dumps(asdict(judge(Benchmark("full", Role.PURSUER), "intercept")))
+    return json.dumps(asdict(judge_agent(Benchmark("full", Role.PURSUER), "intercept")))
 
 
 @pytest.fixture
@@ -83,15 +83,15 @@ def entered(tmp_path, monkeypatch):
         process = one.find(str(tmp_path / "mine.onnx")).policy.process
         shared = COMPILED.setdefault(process.brake.ndim, process)
         vars(shared).update(vars(process))
-        return one, Named("mine.onnx", OnnxAgent(shared))
+        return one, NamedPlayer("mine.onnx", OnnxAgent(shared))
 
     return enter
 
 
 def test_a_card_comes_out_again(card):
     found = verify(card, None, every=True)
-    assert found.score.against in ("still", "random")
-    assert -1 <= found.score.worst_tenth <= found.score.worth <= 1
+    assert found.score.opponent in ("still", "random")
+    assert -1 <= found.score.worst_tenth <= found.score.net_win_rate <= 1
 
 
 def test_rounds_as_jobs_make_the_same_card(judged, entered, tmp_path):
@@ -99,10 +99,10 @@ def test_rounds_as_jobs_make_the_same_card(judged, entered, tmp_path):
         return pickle.loads(pickle.dumps([job.run()[1] for job in pickle.loads(pickle.dumps(jobs))]))
 
     one, any_time = Benchmark("full", Role.PURSUER), {"decision_us": 0.0}
-    card = asdict(judge(one, "intercept", run=elsewhere))
+    card = asdict(judge_agent(one, "intercept", run=elsewhere))
     assert json.dumps(card | any_time) == json.dumps(json.loads(judged) | any_time)
     entered(GOOD)
-    card = judge(one, str(tmp_path / "mine.onnx"), run=elsewhere)
+    card = judge_agent(one, str(tmp_path / "mine.onnx"), run=elsewhere)
     assert card.score.forfeits == 0
     assert card.sha256 == sha256(GOOD.encode()).hexdigest()
 
@@ -144,7 +144,7 @@ def lie_well(data):
         (lambda data: first(data).update(failure="an excuse"), "failure"),
         (lambda data: first(data)["outcomes"].__setitem__(0, FORFEIT), "failure"),
         (lambda data: first(data).pop("failure"), "failure"),
-        *[(lambda data, bad=bad: data.pop(bad), bad) for bad in ("format", "made_with", "decision_us")],
+        *[(lambda data, bad=bad: data.pop(bad), bad) for bad in ("format", "versions", "decision_us")],
         (lambda data: data.update(isolated=True), "isolated"),
         (lambda data: data.update(side="evader"), "opponents"),
         (lambda data: data["digests"].update(panel="0" * 64), "digest of the panel"),
@@ -182,7 +182,7 @@ def test_control_characters_of_a_card_do_not_reach_the_terminal(card, capsys):
     data = json.loads(card.read_text())
     words = "\x1b[2Jok\nit comes out: "
     first(data).update(failure=words)
-    for change in ({}, {"agent": words}, {"made_with": words}, {"track": words}, {words: words}):
+    for change in ({}, {"agent": words}, {"versions": words}, {"track": words}, {words: words}):
         card.write_text(json.dumps(data | change))
         assert main(["suite", "verify", str(card)]) == 2
         error = capsys.readouterr().err
@@ -210,7 +210,7 @@ def test_an_agent_that_fails_costs_itself_its_games_and_nothing_else(entered, mo
         assert time.monotonic() - began < 60  # with the compilation
         assert played.outcomes == (FORFEIT,) * 3
         assert re.search(reason, agent.policy.process.reason)
-        assert one.score({"still": [played]}).worth == -1
+        assert one.score({"still": [played]}).net_win_rate == -1
         monkeypatch.undo()
     healthy = one.play(one.find("intercept"), "still", 0)
     assert FORFEIT not in healthy.outcomes
@@ -316,10 +316,10 @@ def test_a_model_plays_in_onnxruntime(tmp_path):
     assert FORFEIT not in played.outcomes
     assert played == one.play(agent, "still", 0)
     process = agent.policy.process
-    process.begin(1)
+    process.start_round(1)
     number = process._running[0].pid
     assert {kind: resource.prlimit(number, kind)[0] for kind in LIMITS} == LIMITS
-    process.end()
+    process.stop()
 
 
 def test_models_that_cannot_play_are_refused_in_a_line(tmp_path):
@@ -346,6 +346,6 @@ def test_models_that_cannot_play_are_refused_in_a_line(tmp_path):
 def test_worths_are_wins_less_losses_and_the_time_limit_is_the_evaders():
     outcomes = (1, 2, 3, 4, 5, 6, 7, FORFEIT)
     one = benchmark.Round(0, outcomes, (1,) * 8, (0,) * 8, "0" * 16, "it failed")
-    pursuer = Benchmark("full", Role.PURSUER)._worths(one)
+    pursuer = Benchmark("full", Role.PURSUER)._net_win_rates(one)
     assert pursuer.tolist() == [1, -1, 1, -1, 1, 0, -1, -1]
-    assert Benchmark("full", Role.EVADER)._worths(one).tolist() == [-1, 1, -1, 1, -1, 0, 1, -1]
+    assert Benchmark("full", Role.EVADER)._net_win_rates(one).tolist() == [-1, 1, -1, 1, -1, 0, 1, -1]

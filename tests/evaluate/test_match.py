@@ -19,11 +19,19 @@ from apollonius.catalogue import find_player
 from apollonius.cli.main import main
 from apollonius.cli.terminal import match_table, tournament_table, varied_table
 from apollonius.evaluate import match
-from apollonius.evaluate.match import Match, MatchResult, count, play_games, play_match, play_matches, record_game
+from apollonius.evaluate.match import (
+    Match,
+    MatchResult,
+    count_results,
+    play_games,
+    play_match,
+    play_matches,
+    record_game,
+)
 from apollonius.evaluate.result import count_robots, read_result
 from apollonius.evaluate.statistics import wilson_interval
-from apollonius.evaluate.tournament import MEAN, SCALE, play_tournament, rate
-from apollonius.evaluate.vary import Variation, alike, numbers_of, play_varied, varied_matches, with_numbers
+from apollonius.evaluate.tournament import MEAN, SCALE, fit_ratings, play_tournament
+from apollonius.evaluate.vary import Variation, pad_shields, play_varied, variable_numbers, varied_matches, with_numbers
 from apollonius.game import game as starts
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.outcome import counts_by_name
@@ -49,7 +57,7 @@ def test_one_seed_gives_one_result_however_many_games_are_under_way(monkeypatch)
     result = play_match(asked)
     for cores, slots in ((1, 17), (3, 17), (2, GAMES)):
         monkeypatch.setattr(playout, "available_cores", lambda cores=cores: range(cores))
-        assert count(asked, play_games(asked, slots)) == result
+        assert count_results(asked, play_games(asked, slots)) == result
 
 
 def test_other_players_meet_the_same_starts(monkeypatch):
@@ -75,7 +83,7 @@ def test_rates_are_those_of_the_counts(game, evader_wins):
     counts = {1: 5, 2: 1, 3: 2, 4: 3, 5: 4, 6: 2, 7: 3}
     outcome = jnp.array([kind for kind, count in counts.items() for _ in range(count)])
     steps = jnp.arange(10, 30)
-    result = count(a_match(game, Still(), Still(), 20), Results(outcome, steps))
+    result = count_results(a_match(game, Still(), Still(), 20), Results(outcome, steps))
     assert {Outcome[name.upper()]: number for name, number in result.outcomes.items()} == counts
     assert result.pursuer_win_rate == (5 + 2 + 4) / 20
     assert result.pursuer_win_interval == wilson_interval(5 + 2 + 4, 20)
@@ -94,8 +102,8 @@ def test_starts_are_the_games_own_unless_others_are_asked_for(asked, speed):
 
 
 def test_a_match_keeps_its_game_and_plays_it_with_charts_where_players_read_them(monkeypatch):
-    monkeypatch.setattr(match, "charted", lambda game, reads: replace(game, max_steps=3) if reads else game)
-    monkeypatch.setattr(Uniform, "charted", True)
+    monkeypatch.setattr(match, "with_chart", lambda game, reads: replace(game, max_steps=3) if reads else game)
+    monkeypatch.setattr(Uniform, "needs_chart", True)
     asked, bare = (a_match(PAPER, player, Still(), 2) for player in (Uniform(), Still()))
     assert (asked.game, asked.rules.max_steps, bare.rules) == (PAPER, 3, PAPER)
 
@@ -236,11 +244,11 @@ def test_matches_as_jobs_come_to_the_same_and_are_drawn(tmp_path, monkeypatch, c
 
 def test_one_match_is_rated_by_its_odds():
     """With half a win added to either side: 75.5 of 101 games."""
-    pursuer, evader = rate(np.array([[75.0]]), 100)
+    pursuer, evader = fit_ratings(np.array([[75.0]]), 100)
     assert pursuer.points[0] - evader.points[0] == pytest.approx(SCALE * np.log(75.5 / 25.5), abs=1e-3)
     assert pursuer.points[0] + evader.points[0] == pytest.approx(2 * MEAN)
     # Wald's interval of the log-odds; either player has half of the difference.
-    assert 2 * pursuer.reach[0] == pytest.approx(1.96 * SCALE * np.sqrt(1 / 75.5 + 1 / 25.5), rel=1e-3)
+    assert 2 * pursuer.half_widths[0] == pytest.approx(1.96 * SCALE * np.sqrt(1 / 75.5 + 1 / 25.5), rel=1e-3)
 
 
 def test_known_strengths_are_found_and_intervals_cover_them():
@@ -250,9 +258,9 @@ def test_known_strengths_are_found_and_intervals_cover_them():
     chance = expit(pursuers[:, None] - evaders[None, :])
     covered = []
     for _ in range(40):
-        ratings = rate(rng.binomial(200, chance).astype(float), 200)
+        ratings = fit_ratings(rng.binomial(200, chance).astype(float), 200)
         for found, true in zip(ratings, (pursuers, evaders), strict=True):
-            covered.extend(np.abs(found.points - MEAN - SCALE * (true - mean)) < found.reach)
+            covered.extend(np.abs(found.points - MEAN - SCALE * (true - mean)) < found.half_widths)
     assert 0.92 < np.mean(covered) < 0.98
 
 
@@ -321,7 +329,7 @@ def test_one_compilation_serves_all_values():
 def test_only_the_named_numbers_change():
     other = with_numbers(PAPER, {"evader.u2_max": 0.4, "max_steps": 70.0})
     assert other == replace(PAPER, evader=replace(PAPER.evader, u2_max=0.4), max_steps=70)
-    assert numbers_of(other) == numbers_of(PAPER) | {"evader.u2_max": 0.4, "max_steps": 70}
+    assert variable_numbers(other) == variable_numbers(PAPER) | {"evader.u2_max": 0.4, "max_steps": 70}
 
 
 @pytest.mark.parametrize(
@@ -342,7 +350,7 @@ def test_numbers_that_cannot_be_are_refused(numbers, named):
 def test_shields_get_one_structure_and_leave_as_much_room_as_before():
     games = [replace(find_game("suite-v1/blocks-00"), pursuer=Unicycle(v_max=v_max)) for v_max in (0.6, 1.8)]
     before = [find_player("shielded:random", Role.PURSUER, game).policy for game in games]
-    after = alike(before)
+    after = pad_shields(before)
     shapes = [jax.tree.map(jnp.shape, policy) for policy in after]
     assert jax.tree.structure(after[0]) == jax.tree.structure(after[1])
     assert [policy.backup.steps for policy in after] == [before[1].backup.steps] * 2  # from 1.8 m/s it takes longest
@@ -352,7 +360,7 @@ def test_shields_get_one_structure_and_leave_as_much_room_as_before():
 
     def clearances(backup, body, x, y, heading):
         motion = Motion(RobotState(x, y, jnp.float32(0.6), heading), None)
-        return backup._clearances(Robot(body, motion.state), motion, backup._near(motion.state))
+        return backup._clearances(Robot(body, motion.state), motion, backup._nearby_edges(motion.state))
 
     measured = jax.jit(jax.vmap(clearances, in_axes=(None, None, 0, 0, 0)))
     for game, old, new in zip(games, before, after, strict=True):

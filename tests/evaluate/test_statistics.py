@@ -15,7 +15,7 @@ from apollonius.agents.trained import SquashedMean
 from apollonius.cli.terminal import advice_table
 from apollonius.evaluate import tournament
 from apollonius.evaluate.claims import TABLE_2, TABLE_3, Claim
-from apollonius.evaluate.match import begin, play_match
+from apollonius.evaluate.match import draw_starts, play_match
 from apollonius.evaluate.pairings import last_agents, pairings
 from apollonius.evaluate.solved import measure_card
 from apollonius.evaluate.statistics import (
@@ -212,7 +212,7 @@ def test_its_numbers_are_those_of_the_match_and_the_tables(tables, role):
     own, other = tables if role == Role.PURSUER else tables[::-1]
     agent = Uniform() if role == Role.EVADER else SquashedMean(make_actor("encoded", 16, 2, jax.random.key(0)))
     asked = a_match(QUICK, *((agent, other) if role == Role.PURSUER else (other, agent)), GAMES, seed=3)
-    card, match, starts = measure_card(asked, own, other), play_match(asked), begin(asked)[0]
+    card, match, starts = measure_card(asked, own, other), play_match(asked), draw_starts(asked)[0]
     rates = (match.pursuer_win_rate, match.evader_win_rate)
     assert (card.role, card.games) == (role.name.lower(), GAMES)
     assert (card.won, card.lost) == (rates if role == Role.PURSUER else rates[::-1])

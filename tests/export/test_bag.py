@@ -10,7 +10,7 @@ import pytest
 from apollonius.arenas.file import find_game, to_dict
 from apollonius.cli.main import main
 from apollonius.export import writing
-from apollonius.export.bag import ask_again, bag_of
+from apollonius.export.bag import bag_of, recompute_decisions
 from apollonius.export.player import find_exportable
 from apollonius.export.writing import write_c
 from apollonius.game.types import Role
@@ -69,22 +69,22 @@ def recorded(name, game, steps):
 def test_only_what_was_changed_differs_and_a_game_of_other_robots_is_refused(name, game, other, refused):
     export, decisions = recorded(name, find_game(game), 20)
     bag = bag_of(texts(export, *decisions), "a bag")
-    assert ask_again(bag, name, bag.game) == []
+    assert recompute_decisions(bag, name, bag.game) == []
     then = decisions[12]["controls"]
     then[1] += 0.1
     bag = bag_of(texts(export, *decisions), "a bag")
-    assert len(bag.asked) == 15
-    (one,) = ask_again(bag, name, bag.game)
+    assert len(bag.player_decisions) == 15
+    (one,) = recompute_decisions(bag, name, bag.game)
     assert (one["time"], one["step"], one["then"]) == (pytest.approx(1.2), 2, then)
     assert one["now"][1] == pytest.approx(then[1] - 0.1)
     with pytest.raises(InvalidInput, match=f"robots in the bag = {refused}"):
-        ask_again(bag, name, find_game(other))
+        recompute_decisions(bag, name, find_game(other))
 
 
 def test_a_bag_is_read_as_the_node_writes_it():
     bag = bag_of(texts(EXPORT, SOUND, BRAKED), "a bag")
     assert (bag.player, bag.side, bag.game) == ("intercept", Role.PURSUER, find_game("paper"))
-    assert bag.asked == [bag.decisions[0]]
+    assert bag.player_decisions == [bag.decisions[0]]
     assert asdict(bag.decisions[0]).items() <= (SOUND | {
         "states": ((1.0, 2.0, 0.5, 0.1), (3.0, 4.0, 0.0, 1.0)), "active": (True, True), "controls": (0.3, 0.8)
     }).items()  # fmt: skip
@@ -130,7 +130,7 @@ def test_an_export_that_the_command_does_not_write_is_refused(wrong):
 def test_a_name_that_no_player_can_have_is_refused(name):
     bag = bag_of(texts(EXPORT | {"player": name}, SOUND), "a bag")
     with pytest.raises(InvalidInput, match=name[:9]):
-        ask_again(bag, bag.player, bag.game)
+        recompute_decisions(bag, bag.player, bag.game)
 
 
 def test_a_bag_without_decisions_or_with_other_exports_than_one_is_refused():

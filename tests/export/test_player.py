@@ -15,28 +15,28 @@ from apollonius.agents.built_in import PLAYERS
 from apollonius.agents.classical import Uniform
 from apollonius.agents.names import zoo_names
 from apollonius.agents.policy import AbstractPolicy
-from apollonius.agents.pool import solo
+from apollonius.agents.pool import single_player
 from apollonius.agents.trained import find_trained
 from apollonius.arenas.file import find_game
 from apollonius.arenas.suite import suite_arena, suite_names
 from apollonius.cli.main import main
 from apollonius.export import writing
-from apollonius.export.c import Compiled
-from apollonius.export.parity import Cases, _is_as_good, as_given, cases_of, compare, reference
-from apollonius.export.player import Player, find_exportable, side_of
-from apollonius.export.translate import translated
+from apollonius.export.c import CompiledProgram
+from apollonius.export.parity import Cases, _is_as_good, cases_of, compare_decisions, reference, sensor_inputs
+from apollonius.export.player import Player, exported_side, find_exportable
+from apollonius.export.translate import translate_block
 from apollonius.export.writing import check, write_c
 from apollonius.game.drive import Drive, Drives
 from apollonius.game.game import reset_batch
 from apollonius.game.scenario import stack_arenas
 from apollonius.game.types import BySide, Outcome, Role
-from apollonius.io.errors import InvalidInput, missing
-from apollonius.play.rollout import begin, step_games
+from apollonius.io.errors import InvalidInput, missing_extra
+from apollonius.play.rollout import init_games, step_games
 from tests.documents import REPOSITORY, blocks
 from tests.export.test_translate import STRICT, needs_gcc
 from tests.web.test_parity import as_on_the_page, ask, needs_node
 
-needs_onnx = pytest.mark.skipif(bool(missing("export")), reason=f"needs {missing('export')}")
+needs_onnx = pytest.mark.skipif(bool(missing_extra("export")), reason=f"needs {missing_extra('export')}")
 CLASSICAL = ("pure-pursuit", "intercept", "flee", "flee-aware", "voronoi-pursuit", "encirclement", "random")
 QUICK = {("shielded:P_smooth", "c"), ("shielded:P_smooth", "page"), ("evader", "page")}
 """Players in `paper`, one of them symmetric."""
@@ -59,7 +59,7 @@ DRAWN = 200
 
 def exportable(game, name):
     side = "evader" if name.removeprefix("shielded:") == "random" else None
-    return find_exportable(name, side_of(name, side), find_game(game) if isinstance(game, str) else game)
+    return find_exportable(name, exported_side(name, side), find_game(game) if isinstance(game, str) else game)
 
 
 def games_of(name):
@@ -90,7 +90,7 @@ def in_c(players, asked):
     for player in players:
         shape = str(jax.tree.map(jnp.shape, (player.policy, player.game)))
         compiled = programs.get(shape) or programs.setdefault(
-            shape, Compiled(translated(player.decide, *player.arguments, name="robot"))
+            shape, CompiledProgram(translate_block(player.decide, *player.arguments, name="robot"))
         )
         yield lambda *given: compiled(player.policy, player.game, *given)[:2]  # noqa: B023
     print(len(programs), "programs")
@@ -137,7 +137,7 @@ def test_players_decide_as_the_packages(game, name, language):
     players = list(map(with_wide_index, players)) if game == "drawn" else players
     asked = [cases_of(one, states // len(games), seed) for seed, one in enumerate(players)]
     three = zip(LANGUAGES[language](players, asked), players, asked, strict=True)
-    found = [compare(*each) for each in three]
+    found = [compare_decisions(*each) for each in three]
     total = {word: sum(getattr(one, word) for one in found) for word in ("states", "ties", "errors")}
     print(game, name, language, total, f"controls within {max(one.away for one in found):.0e}")
     assert (total["states"], total["errors"]) == (states, 0)
@@ -145,17 +145,17 @@ def test_players_decide_as_the_packages(game, name, language):
 
 def beside_the_package(player):
     """What an exported pursuer does in games of the package's, what that does, and what it was given, step by step."""
-    players, game, role = BySide(solo(player.package), solo(Uniform())), player.game, Role.PURSUER
+    players, game, role = BySide(single_player(player.package), single_player(Uniform())), player.game, Role.PURSUER
 
     @jax.jit
     def played(key):
-        games = begin(game, reset_batch(game, key, 8), players, jax.random.bits(key, (2, 8), jnp.uint32))
+        games = init_games(game, reset_batch(game, key, 8), players, jax.random.bits(key, (2, 8), jnp.uint32))
         first = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (8, *jnp.shape(leaf))), player.memory)
 
         def step(carry, key):
             games, memory = carry
             bits, track = jax.random.bits(key, (2, 8), jnp.uint32), games.sides[role].track
-            given = games.state if track is None else as_given(game, track, games.state, role, bits[role])
+            given = games.state if track is None else sensor_inputs(game, track, games.state, role, bits[role])
             robots = given.robots.pursuer + given.robots.evader
             states = jnp.stack([jnp.stack(jax.tree.leaves(robot), axis=-1) for robot in robots], axis=1)
             made = jax.vmap(player.decide, in_axes=(None, None, 0, None, 0, 0))(
@@ -201,7 +201,7 @@ def test_one_that_decides_otherwise_is_not_written(monkeypatch):
         answers = zip(actions, controls + [0.0, 0.01] * (cases.states[:, :1, 0] > 8), strict=True)
         return lambda *_: next(answers)
 
-    parity = compare(tampered(), player, cases)
+    parity = compare_decisions(tampered(), player, cases)
     assert (parity.states, parity.errors) == (200, int((cases.states[:, 0, 0] > 8).sum()))
     assert parity.errors > 0
     monkeypatch.setattr(writing, "cases_of", lambda *_: cases)
@@ -256,7 +256,7 @@ def test_a_model_in_onnx_has_the_inputs_that_the_player_reads(game, name, inputs
     model = model_of(player)
     session, (decide, _) = onnxruntime.InferenceSession(model), load(model)
     assert [one.name for one in session.get_inputs()] == inputs
-    assert compare(decide, player, cases_of(player, 20)).errors == 0
+    assert compare_decisions(decide, player, cases_of(player, 20)).errors == 0
 
 
 @needs_gcc
@@ -322,7 +322,7 @@ def test_whole_games_in_c_end_as_the_packages_and_a_shield_holds_in_them():
     given = pursuer.policy, evader.policy, pursuer.game
     starts = jax.device_get(reset_batch(pursuer.game, jax.random.key(0), games))
     first = jax.tree.map(lambda leaf: leaf[0], starts)
-    compiled = Compiled(translated(play, *given, first, name="played"))
+    compiled = CompiledProgram(translate_block(play, *given, first, name="played"))
     ends = [compiled(*given, jax.tree.map(lambda leaf: leaf[place], starts)) for place in range(games)]  # noqa: B023
     outcomes = np.array([int(outcome) for outcome, _ in ends])
     crashes = {Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE, Outcome.BOTH_FAILED}

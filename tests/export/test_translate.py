@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from apollonius.export import c
-from apollonius.export.c import FLAGS, Compiled, header, source, words
+from apollonius.export.c import FLAGS, CompiledProgram, c_names, header, source
 from apollonius.export.names import is_taken, require_name
 from apollonius.export.record import record_of
 from apollonius.export.scalars import HELPERS
-from apollonius.export.translate import translated
+from apollonius.export.translate import translate_block
 from apollonius.export.writing import translate
 from apollonius.io.errors import InvalidInput
 
@@ -153,8 +153,8 @@ CASES = [
 @needs_gcc
 @pytest.mark.parametrize(("function", "cases"), CASES)
 def test_programs_in_c_do_what_jax_does(function, cases):
-    program = translated(function, *cases[0], name="tried")
-    compiled, by_jax = Compiled(program, SANITIZED), jax.jit(function)
+    program = translate_block(function, *cases[0], name="tried")
+    compiled, by_jax = CompiledProgram(program, SANITIZED), jax.jit(function)
     for arguments in cases:
         made = jax.tree.leaves(dict(sorted(by_jax(*arguments).items())))
         for found, wanted in zip(compiled(*arguments), made, strict=True):
@@ -169,7 +169,7 @@ def test_the_same_function_is_the_same_text_and_its_arguments_lie_as_said():
         return arena["walls"][0] + number, {"far": arena["discs"].sum() * number}
 
     given = {"walls": (np.float32(1), np.int8(2)), "discs": np.ones((2, 3), np.float32)}, np.float32(2)
-    program, again = (translated(shifted, *given, name="moved") for _ in range(2))
+    program, again = (translate_block(shifted, *given, name="moved") for _ in range(2))
     assert (source(program), header(program)) == (source(again), header(again))
     arena, number = program.arguments
     assert [leaf.name for leaf in arena.leaves] == ["discs", "walls_0"]
@@ -203,7 +203,7 @@ def ends(a, b):
 
 def the_same(function, *arguments, flags=SANITIZED):
     """Whether a program's results are JAX's to the bit, signs of zeros too."""
-    results = Compiled(translated(function, *arguments, name="tried"), flags)(*arguments)
+    results = CompiledProgram(translate_block(function, *arguments, name="tried"), flags)(*arguments)
     for result, wanted in zip(results, jax.tree.leaves(jax.jit(function)(*arguments)), strict=True):
         np.testing.assert_array_equal(result, wanted)
         np.testing.assert_array_equal(np.signbit(result), np.signbit(wanted))
@@ -235,7 +235,7 @@ def test_real_numbers_beyond_a_kind_become_its_ends_and_zeros_have_their_sign():
 @pytest.mark.parametrize("flag", ["-ffast-math", "-Ofast", "-ffinite-math-only"])
 def test_flags_for_which_nothing_is_nan_are_refused(flag):
     with pytest.raises(InvalidInput, match="compile without -Ofast, -ffast-math"):
-        Compiled(translated(lambda x: x + 1, X), (*FLAGS, flag))
+        CompiledProgram(translate_block(lambda x: x + 1, X), (*FLAGS, flag))
 
 
 @needs_gcc
@@ -245,16 +245,16 @@ def test_names_that_the_programs_had_once_are_free():
         return {"s2": sums @ sums, "k2": jnp.sin(sums) + A[1], "i2": long_1 + time, "time": time}
 
     given = [X + number for number in range(8)]
-    results = Compiled(translated(act, *given, name="a2"), STRICT)(*given)
+    results = CompiledProgram(translate_block(act, *given, name="a2"), STRICT)(*given)
     for result, wanted in zip(results, jax.tree.leaves(act(*given)), strict=True):
         np.testing.assert_allclose(result, wanted, rtol=2e-6)
 
 
 @pytest.mark.parametrize(("function", "cases"), CASES)
 def test_no_name_from_outside_is_one_that_a_program_uses(function, cases):
-    program = translated(function, *cases[0], name="tried")
+    program = translate_block(function, *cases[0], name="tried")
     given = {record.name for record in program.records} | {*map("{0.name}->".format, program.records)}
-    used = words("".join([program.body, *program.functions, *HELPERS.values()]))
+    used = c_names("".join([program.body, *program.functions, *HELPERS.values()]))
     local = {"a", "b", "x", "by", "most", "bits", "both"}  # of the helpers, which no argument reaches
     for word in used - given - local:
         if "->" not in word:
@@ -278,7 +278,7 @@ def test_no_name_from_outside_is_a_macro_or_a_function_of_the_library():
         assert [name for name in sorted(objects) if not is_taken(name)] == []
     for name in ("main", "printf", "sin", "class", "9x", "a b", "../x", "", "übung"):
         with pytest.raises(InvalidInput, match="program's name"):
-            translated(lambda x: x + 1, X, name=name)
+            translate_block(lambda x: x + 1, X, name=name)
 
 
 @pytest.mark.parametrize(
@@ -298,13 +298,13 @@ def test_no_name_from_outside_is_a_macro_or_a_function_of_the_library():
 )
 def test_names_and_shapes_that_c_cannot_have_are_refused_in_a_line(function, name):
     with pytest.raises(InvalidInput, match=name):
-        translated(function, X, name="tried")
+        translate_block(function, X, name="tried")
 
 
 @pytest.mark.parametrize("argument", [jax.random.key(0), np.zeros((0, 3), np.float32), np.float16(1), 1j])
 def test_arguments_that_are_no_numbers_of_c_are_refused(argument):
     with pytest.raises(InvalidInput, match="of x = "):
-        translated(lambda x: x, argument)
+        translate_block(lambda x: x, argument)
 
 
 def test_leaves_are_called_after_their_places_whatever_these_are_called():
@@ -361,6 +361,6 @@ def test_a_compiler_that_fails_is_a_line_and_without_one_nothing_is_compared(tmp
 )
 def test_what_cannot_be_translated_is_refused_by_its_name_and_line(function, needle):
     with pytest.raises(InvalidInput, match=needle) as refused:
-        translated(lambda x: function(x), X)
+        translate_block(lambda x: function(x), X)
     assert "line unknown" not in str(refused.value)
     assert "test_translate.py" in str(refused.value)

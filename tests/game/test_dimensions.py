@@ -9,7 +9,7 @@ from apollonius.agents.built_in import PLAYERS
 from apollonius.agents.classical import AbstractClassical
 from apollonius.agents.guidance import PurePursuit, Territory
 from apollonius.agents.policy import AbstractPolicy
-from apollonius.agents.pool import solo
+from apollonius.agents.pool import single_player
 from apollonius.agents.shield import Backup
 from apollonius.evaluate.match import Match, play_match
 from apollonius.game.arena import Arena, Disc
@@ -24,7 +24,7 @@ from apollonius.game.starts import Starts
 from apollonius.game.teams import Teams
 from apollonius.game.types import BySide, Role
 from apollonius.observe.paper import PAPER
-from apollonius.play.rollout import begin, step_games
+from apollonius.play.rollout import init_games, step_games
 from apollonius.solve.grid import make_grid
 from apollonius.solve.safety import solve_safety
 
@@ -97,7 +97,10 @@ class Witness(AbstractPolicy):
 @jax.vmap
 def courses(game):
     """Return what happens in a few games, the same of each game, by the powers of length and of time in it."""
-    key, players = jax.random.key(3), BySide(solo(Witness(PurePursuit())), solo(Witness(Territory(guards=False))))
+    key, players = (
+        jax.random.key(3),
+        BySide(single_player(Witness(PurePursuit())), single_player(Witness(Territory(guards=False)))),
+    )
     bits = jax.random.bits(key, (16, 2, 6), jnp.uint32)
 
     def step(games, bits):
@@ -108,7 +111,7 @@ def courses(game):
         return after, {(0, 0): (heading, observations, values, events), (1, 0): (x, y, clearances), (1, -1): v}
 
     starts = jax.vmap(game.reset)(jax.random.split(key, 6))
-    return jax.lax.scan(step, begin(game, starts, players, bits[0]), bits)[1]
+    return jax.lax.scan(step, init_games(game, starts, players, bits[0]), bits)[1]
 
 
 @pytest.mark.slow

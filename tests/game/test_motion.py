@@ -73,7 +73,7 @@ LEFT, RIGHT = 5, 3
 
 def responses(drive, actions):
     """The controls that actions come to, one after the other."""
-    made, state = [], drive.begin()
+    made, state = [], drive.at_rest()
     for action in actions:
         controls, state = drive.respond(state, BODY, jnp.asarray(action), DT)
         made.append([float(control) for control in controls])
@@ -107,7 +107,7 @@ def test_each_robot_of_a_team_has_the_drive_of_its_side():
     """Late pursuers stand while the evader drives off; both pursuers turn as one alone would."""
     game = replace(in_teams(make_game("paper"), 2, 1), drives=Drives(pursuer=Drive(lag=3)))
     state = game.reset(jax.random.key(0))
-    drives = ROLES.map(lambda role: (drive_of(game.drives, role).begin(),) * len(game.bodies[role]))
+    drives = ROLES.map(lambda role: (drive_of(game.drives, role).at_rest(),) * len(game.bodies[role]))
     speeds = []
     for _ in range(5):
         after, drives = step_driven(game, state, drives, BySide((jnp.asarray(7), jnp.asarray(7)), (jnp.asarray(7),)))
@@ -198,5 +198,5 @@ def test_errors_have_the_size_asked_for_and_a_bound():
 
 def test_in_a_drop_out_nothing_is_seen():
     found = percepts(Sensors(drop_out=0.3), (1, 1), (2, 2))
-    assert np.mean(found.looked) == pytest.approx(0.7, abs=0.03)
-    np.testing.assert_array_equal(found.looked, found.seen[0])
+    assert np.mean(found.has_looked) == pytest.approx(0.7, abs=0.03)
+    np.testing.assert_array_equal(found.has_looked, found.seen[0])

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from apollonius.arenas.charting import charted
+from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import to_dict
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.judge import fates
+from apollonius.game.judge import robot_events
 from apollonius.game.outcome import come_within, counts_by_name, decide, evader_wins, pursuer_wins
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import in_arenas, make_game, paper
@@ -144,7 +144,7 @@ LINE, PATHS = Reward(), Reward(along_paths=True)
 def divided(top):
     """A game in an arena with a wall up to there."""
     wall = Polygon(((4.0, 0.0), (4.2, 0.0), (4.2, top), (4.0, top)))
-    return charted(Game(arena=Arena(0.0, 8.0, 0.0, 8.0, polygons=(wall,)), reward=PATHS))
+    return with_chart(Game(arena=Arena(0.0, 8.0, 0.0, 8.0, polygons=(wall,)), reward=PATHS))
 
 
 step = jax.jit(Game.step)
@@ -194,14 +194,14 @@ def test_a_game_without_charts_is_refused_in_one_line():
     with pytest.raises(InvalidInput, match=r"reward\.along_paths") as refusal:
         pay(game, [robot(3.0, 3.0)], robot(5.0, 3.0))
     assert "\n" not in str(refusal.value)
-    assert charted(game, False) == divided(6.0), "the reward reads them"
-    assert charted(replace(game, reward=LINE), False).arena.chart is None
+    assert with_chart(game, False) == divided(6.0), "the reward reads them"
+    assert with_chart(replace(game, reward=LINE), False).arena.chart is None
 
 
 def paid(reward, outcome, before=2.0, after=1.9):
     """In a game of two, whose outcome says what came of both."""
     found = jnp.asarray(outcome)
-    (pursuer,), (evader,) = reward(found, fates(found, None, None), [(jnp.float32(before), jnp.float32(after))])
+    (pursuer,), (evader,) = reward(found, robot_events(found, None, None), [(jnp.float32(before), jnp.float32(after))])
     return float(pursuer), float(evader)
 
 
@@ -222,13 +222,13 @@ def held(game, states):
         after = game.step(state, ahead, ahead)
         return after.state, after.outcome
 
-    place = states.place if game.scenario else None
+    place = states.variant if game.scenario else None
     return jax.vmap(lambda state, place: jax.lax.scan(step, replace(state, place=place), length=30)[1])(states, place)
 
 
 def test_games_in_two_arenas_go_as_each_goes_alone_from_starts_in_either():
     starts = jax.jit(reset_batch, static_argnames="games")(BOTH, jax.random.key(0), 400)
-    place = np.asarray(starts.place)
+    place = np.asarray(starts.variant)
     assert 0.4 < place.mean() < 0.6
     assert np.asarray(starts.pursuer.x)[place == 1].min() < -0.3  # only one arena reaches so far
     together = np.asarray(held(BOTH, starts))

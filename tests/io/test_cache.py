@@ -20,10 +20,10 @@ from jax._src import compilation_cache
 from apollonius.game.arena import Arena
 from apollonius.game.presets import make_game
 from apollonius.io import cache, kept
-from apollonius.io.cache import Entries, Memory, cache_folder, cached, content, entry, keep_compilations, make_room
+from apollonius.io.cache import Entries, Memory, cache_folder, cached, content, entry_path, keep_compilations, make_room
 from apollonius.io.document import write_atomically
 from apollonius.io.errors import InvalidInput
-from apollonius.io.kept import Kept
+from apollonius.io.persistent_jit import PersistentJit
 
 GAME = make_game("paper")
 KEY = {"game": {"dt": 0.1}, "seed": 1}
@@ -47,7 +47,7 @@ def asked(path):
 
 
 def test_it_is_made_once_and_again_where_it_cannot_be_read(tmp_path):
-    path = entry(tmp_path / "new", "a/b:c.json", KEY)
+    path = entry_path(tmp_path / "new", "a/b:c.json", KEY)
     assert path.name.startswith("a-b-c-")
     assert path.suffix == ".json"
     assert [asked(path), asked(path)] == [(b"sound", True), (b"sound", False)]
@@ -59,10 +59,10 @@ def test_it_is_made_once_and_again_where_it_cannot_be_read(tmp_path):
 
 def test_all_that_was_asked_for_and_the_version_make_the_key(tmp_path, monkeypatch):
     keys = [KEY, KEY | {"seed": 2}, {"game": {"dt": 0.2}, "seed": 1}, {"game": {"dt": 0.1}, "seed": None}]
-    names = {entry(tmp_path, "a.json", key) for key in keys}
-    assert entry(tmp_path, "a.json", dict(reversed(KEY.items()))) in names
+    names = {entry_path(tmp_path, "a.json", key) for key in keys}
+    assert entry_path(tmp_path, "a.json", dict(reversed(KEY.items()))) in names
     monkeypatch.setattr(cache, "__version__", "99")
-    assert len(names | {entry(tmp_path, "a.json", KEY)}) == 5
+    assert len(names | {entry_path(tmp_path, "a.json", KEY)}) == 5
 
 
 def test_the_content_of_a_pytree_is_all_of_it():
@@ -150,7 +150,7 @@ def test_the_least_recently_used_make_room(home):
     table(home, "huge", 400)
     assert names(home / "tables") == ["0", "2", "3"], "what is larger than all may be goes first"
     for number in range(9):
-        asked(entry(home / "run", f"{number}.json", KEY))
+        asked(entry_path(home / "run", f"{number}.json", KEY))
     assert len(names(home / "run")) == 9, "only the person's own cache is bounded"
 
 
@@ -233,7 +233,7 @@ def other_sources(monkeypatch, request):
 
 def kept_now():
     """The function in a new process, which has compiled nothing yet."""
-    return Kept(lambda arena, x, y: arena.clearance(x, y))
+    return PersistentJit(lambda arena, x, y: arena.clearance(x, y))
 
 
 def later():
@@ -271,7 +271,7 @@ def test_it_is_traced_where_anything_else_has_changed(change, stored, monkeypatc
 @pytest.mark.parametrize("lost", ["ours", "JAX's"])
 def test_it_is_made_again_where_an_entry_is_lost(lost, stored):
     kept_now()(ARENA, *PLACE)
-    entries, (name,) = cache.kept_entries(), stored
+    entries, (name,) = cache.compiled_entries(), stored
     (entries._path / (name if lost == "ours" else entries.latest.key)).unlink()
     assert kept_now()(ARENA, *PLACE) == NEAR
     assert stored[-1] == name
@@ -279,6 +279,6 @@ def test_it_is_made_again_where_an_entry_is_lost(lost, stored):
 
 
 def test_what_is_of_other_packages_or_traced_is_not_kept(stored):
-    assert Kept(lambda part, x: x + 1)(Stranger("one"), PLACE[0]) == 1.25
+    assert PersistentJit(lambda part, x: x + 1)(Stranger("one"), PLACE[0]) == 1.25
     assert jax.jit(kept_now())(ARENA, *PLACE) == NEAR
     assert not stored

@@ -20,13 +20,13 @@ from safetensors.numpy import load, save
 
 from apollonius.agents.network import make_network
 from apollonius.agents.store import describe, load_header, save_agent
-from apollonius.agents.trained import learned_elsewhere
+from apollonius.agents.trained import trained_elsewhere
 from apollonius.arenas.file import find_game, load_game, save_game, to_dict
 from apollonius.arenas.map_file import load_map
-from apollonius.catalogue import find_player, price_of_losing
+from apollonius.catalogue import find_player, loss_value
 from apollonius.cli.values import known_agent, known_game
 from apollonius.evaluate.result import MatchResult
-from apollonius.export.player import home_of
+from apollonius.export.player import training_game
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
@@ -34,9 +34,16 @@ from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import FORMAT as CHECKPOINT
-from apollonius.learn.folder import Evaluation, Standing, load_checkpoint, load_config, load_standing, save_checkpoint
+from apollonius.learn.folder import (
+    CheckpointMeta,
+    Evaluation,
+    load_checkpoint,
+    load_checkpoint_meta,
+    load_config,
+    save_checkpoint,
+)
 from apollonius.learn.metrics import MetricsLine, load_metrics
-from apollonius.learn.progress import State, load_state
+from apollonius.learn.progress import ProcessStatus, load_status
 from apollonius.play.replay import Replay, load_replay, save_replay
 from apollonius.show.report import load_matches
 from apollonius.solve.store import Problem, Solution, load_solution, save_solution
@@ -46,7 +53,7 @@ GAME = replace(PAPER, arena=replace(PAPER.arena, polygons=(Polygon(((1.0, 6.0), 
 COUNTS = counts_by_name([0, 2, 0, 0, 0, 0, 0, 2, 0])
 RESULT = MatchResult(COUNTS, 500.0, 20.0)
 STATE = {"weights": jnp.arange(6, dtype=jnp.float32).reshape(2, 3), "key": jax.random.key(0), "steps": jnp.int32(7)}
-STANDING = Standing("self-play", 3, 1.5, Evaluation(8, 2, COUNTS), 9)
+STANDING = CheckpointMeta("self-play", 3, 1.5, Evaluation(8, 2, COUNTS), 9)
 
 
 def write_agent(path):
@@ -57,8 +64,8 @@ def read_agent(path):
     """What is done with an agent's header after it has been read."""
     player = find_player(str(path), Role.EVADER, PAPER)
     with suppress(InvalidInput):
-        home_of(str(path))
-    return price_of_losing(player, PAPER), learned_elsewhere(player, PAPER)
+        training_game(str(path))
+    return loss_value(player, PAPER), trained_elsewhere(player, PAPER)
 
 
 def read_replay(path):
@@ -94,7 +101,7 @@ KINDS: dict[str, tuple[Any, Any, str]] = {
     "table": (write_table, load_solution, "t.safetensors"),
     "checkpoint": (
         lambda path: save_checkpoint(path, STATE, STANDING),
-        lambda path: (load_standing(path), load_checkpoint(path, STATE)),
+        lambda path: (load_checkpoint_meta(path), load_checkpoint(path, STATE)),
         "c.safetensors",
     ),
     "replay": (write_replay, read_replay, "r.json"),
@@ -105,8 +112,8 @@ KINDS: dict[str, tuple[Any, Any, str]] = {
     "config": (lambda path: path.write_text(tomli_w.dumps(to_dict(RunConfig(game=GAME)))), load_config, "config.toml"),
     "metrics": (write_metrics, load_metrics, "metrics.jsonl"),
     "state": (
-        lambda path: path.write_text(json.dumps(asdict(State("running", platform.node(), os.getpid(), "1_3")))),
-        load_state,
+        lambda path: path.write_text(json.dumps(asdict(ProcessStatus("running", platform.node(), os.getpid(), "1_3")))),
+        load_status,
         "state.json",
     ),
     "evaluation": (

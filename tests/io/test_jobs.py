@@ -11,7 +11,7 @@ import pytest
 from apollonius.io import interrupts
 from apollonius.io import workers as jobs_module
 from apollonius.io.errors import InvalidInput
-from apollonius.io.interrupts import asked
+from apollonius.io.interrupts import should_stop
 from apollonius.io.workers import Job, run_jobs
 
 
@@ -30,7 +30,7 @@ def test_a_frame_tells_whether_an_exception_would_do_harm_or_be_lost(tmp_path, m
 
 
 def write_down(path):
-    assert not asked()
+    assert not should_stop()
     path.write_text(str(os.getpid()))
     return True
 
@@ -48,7 +48,7 @@ def interrupt_all(path):
     """Ctrl-C, as a terminal sends it: to every process."""
     for pid in (os.getppid(), os.getpid()):
         os.kill(pid, signal.SIGINT)
-    return not asked()
+    return not should_stop()
 
 
 def be_ended_by_ctrl_c(path):
@@ -209,7 +209,7 @@ def queue(array, monkeypatch):
 
 def test_ctrl_c_cancels_what_slurm_still_runs_and_keeps_what_is_done(queue, tmp_path, monkeypatch):
     told = []
-    monkeypatch.setattr(jobs_module, "asked", lambda: bool(told))
+    monkeypatch.setattr(jobs_module, "should_stop", lambda: bool(told))
 
     def look(number):
         if number == 1:

@@ -19,10 +19,10 @@ from apollonius.io.document import to_json
 from apollonius.io.errors import InvalidInput
 from apollonius.learn.config import PRESETS, RunConfig, sweep, with_profile
 from apollonius.learn.folder import create_run, load_config
-from apollonius.learn.learner_config import PROFILES, DQNConfig, SACConfig, linear
+from apollonius.learn.learner_config import PROFILES, DQNConfig, SACConfig, interpolate_linearly
 from apollonius.learn.opponents import OpponentConfig
 from apollonius.learn.ppo_config import PPOConfig
-from apollonius.learn.progress import STATE, State, keep_state, progress_of
+from apollonius.learn.progress import STATE, ProcessStatus, progress_of, record_status
 from apollonius.learn.stage_config import DistillationConfig, ResponseConfig, SelfPlayConfig, StageConfig, Task
 from tests.documents import REPOSITORY
 from tests.learn.tiny import RUN
@@ -88,10 +88,14 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
         (DistillationConfig, {"grid": (3, 3)}, "four numbers of nodes"),
         (DistillationConfig, {"updates": 0}, "updates = 0"),
         (DistillationConfig, {"randomise": (Spread(("pursuer.v_max",), 1.0, 2.0),)}, "randomise = "),
-        (ResponseConfig, {"kept": 1.5}, "kept = 1.5"),
-        (ResponseConfig, {"retries": 1.5}, "retries = 1.5"),
+        (ResponseConfig, {"initial_weight_share": 1.5}, "initial_weight_share = 1.5"),
+        (ResponseConfig, {"restart_fraction": 1.5}, "restart_fraction = 1.5"),
         (PPOConfig, {"hold": 0.5}, "hold = 0.5"),
-        (RunConfig, {"stages": "response", "response": ResponseConfig(kept=0.5)}, "response.kept = 0.5 .*random"),
+        (
+            RunConfig,
+            {"stages": "response", "response": ResponseConfig(initial_weight_share=0.5)},
+            "response.initial_weight_share = 0.5 .*random",
+        ),
         (ResponseConfig, {"tasks": (TASK,)}, "tasks: opponents = given .* 1 names"),
         (StageConfig, {"time_limit": 0}, "time_limit = 0"),
         (DQNConfig, {"exploration_steps": 0}, "exploration_steps = 0"),
@@ -181,7 +185,7 @@ def test_a_round_plays_and_updates_in_the_ratio_that_is_asked_for(games, env_ste
     [(0.1, 1e3, 0, 1.0), (0.1, 1e3, 250, 0.775), (0.1, 1e3, 10**9, 0.1), (2.0, 10.0, 4, 1.4), (0.1, 0.0, 1, 0.1)],
 )
 def test_a_schedule_goes_in_a_straight_line_and_stays(end, over, env_steps, value):
-    assert linear(1.0, end, over=over, env_steps=jnp.asarray(env_steps)) == pytest.approx(value)
+    assert interpolate_linearly(1.0, end, over=over, env_steps=jnp.asarray(env_steps)) == pytest.approx(value)
 
 
 def test_a_sweep_has_every_combination_and_changes_nothing_else():
@@ -221,12 +225,12 @@ def test_who_trains_is_on_file_and_how_that_ended(run, monkeypatch):
     monkeypatch.setenv("SLURM_ARRAY_TASK_ID", "2")
 
     def fail(error):
-        assert progress_of(run).state == State("running", platform.node(), os.getpid(), "7_2")
+        assert progress_of(run).state == ProcessStatus("running", platform.node(), os.getpid(), "7_2")
         raise error
 
     for error, ended in ((ZeroDivisionError("by zero"), ("failed", "by zero")), (KeyboardInterrupt(), ("stopped", ""))):
         with pytest.raises(type(error)):
-            keep_state(run, partial(fail, error))
+            record_status(run, partial(fail, error))
         found = progress_of(run).state
         assert (found.state, found.error) == ended
 
@@ -240,7 +244,7 @@ NOBODY = 2**22 + 1
     [(platform.node(), NOBODY, "stopped"), (platform.node(), 1, "running"), ("elsewhere", NOBODY, "running")],
 )
 def test_a_process_of_this_machine_that_is_gone_was_stopped(run, machine, process, state):
-    (run / STATE).write_text(to_json(asdict(State("running", machine, process))))
+    (run / STATE).write_text(to_json(asdict(ProcessStatus("running", machine, process))))
     assert progress_of(run).state.state == state
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from apollonius.agents.network import make_network
-from apollonius.agents.pool import solo
+from apollonius.agents.pool import single_player
 from apollonius.agents.store import load_agent
 from apollonius.agents.trained import Greedy
 from apollonius.game.arena import Arena
@@ -19,16 +19,16 @@ from apollonius.game.sensing import Sensing, Sensors
 from apollonius.game.types import NUM_ACTIONS, BySide, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import distillation
-from apollonius.learn.caution import COST, bold, cautious
+from apollonius.learn.clearance_penalty import COST, with_clearance_penalty, without_clearance_penalty
 from apollonius.learn.config import RunConfig
 from apollonius.learn.learner_config import DQNConfig
-from apollonius.learn.queries import fresh_starts, queries, query_states, starts_of
-from apollonius.learn.run import Run
+from apollonius.learn.run import TrainingRun
 from apollonius.learn.stage_config import DistillationConfig
-from apollonius.learn.teacher import COSTLIEST, DEEPEST, STEEPNESS, Clearance, Lessons, make_lessons
+from apollonius.learn.states_to_label import fresh_starts, query_states, starts_of, states_to_label
+from apollonius.learn.teacher import COSTLIEST, DEEPEST, STEEPNESS, Clearance, DistillationTask, distillation_tasks
 from apollonius.observe.egocentric import EGOCENTRIC
-from apollonius.play.rollout import begin as begin_games
 from apollonius.play.rollout import collect
+from apollonius.play.rollout import init_games as begin_games
 from apollonius.solve.grid import Solved
 from apollonius.solve.motion import motion_of
 from apollonius.solve.solving import reference_grid
@@ -61,7 +61,7 @@ def test_games_that_opponents_cannot_share_evenly_are_all_played(monkeypatch):
     """109 for two, and those of both attackers."""
     for part in ("joint", "safety"):  # the tables' values do not matter here
         monkeypatch.setattr(f"apollonius.solve.{part}.iterate", lambda sweep, table, *rest: Solved(table, 1, 0.0))
-    (setting,) = make_lessons(RUN, GAME, None)
+    (setting,) = distillation_tasks(RUN, GAME, None)
     plan = replace(RUN, distillation=replace(STAGE, near_sighted=15)).plans["distillation"]
     network = make_network("encoded", 32, 1, jax.random.key(0))
     players = distillation._players(plan, network, setting, jax.random.key(1))
@@ -100,7 +100,7 @@ def values_of(lessons, states):
 def test_a_teacher_says_the_values_of_its_player_and_cuts_off_how_bad_is_bad(student, visited):
     blank, says = jax.tree.map(np.zeros_like, student), jnp.array([5, 4, 3, 2, 1, 0, -1, -10, 4.5])
     player = eqx.tree_at(lambda one: one.network.layers[-1].bias, blank, says)
-    values = values_of(Lessons(GAME, (), 10.0, player, None, None), visited)
+    values = values_of(DistillationTask(GAME, (), 10.0, player, None, None), visited)
     expected = 5 - np.minimum(np.array([0, 1, 2, 3, 4, 5, 6, 15, 0.5]), 10 * DEEPEST)
     np.testing.assert_allclose(values, np.tile(expected, (400, 1)), atol=1e-6)
 
@@ -115,7 +115,7 @@ def test_where_room_is_short_what_a_teacher_prefers_counts_in_proportion(visited
     room = Clearance(motion_of(GAME, Role.EVADER, 2), grid, jnp.zeros(grid.shape), 0.1)
     behind = -np.arange(9, dtype=np.float32) / 10
     cost = np.minimum(STEEPNESS * (0.025 - LEFT), COSTLIEST)
-    np.testing.assert_allclose(eqx.filter_jit(room.weighed)(behind, visited.evader), behind / 4 - cost, atol=1e-6)
+    np.testing.assert_allclose(eqx.filter_jit(room.weigh_against)(behind, visited.evader), behind / 4 - cost, atol=1e-6)
 
 
 def test_a_cautious_agent_takes_what_clearance_is_missing_off_the_values_until_it_is_bold_again():
@@ -126,29 +126,31 @@ def test_a_cautious_agent_takes_what_clearance_is_missing_off_the_values_until_i
         still = layer.weight.at[5:14].set(0.0), layer.bias.at[5:14].set(0.7)
         network = eqx.tree_at(lambda one, at=number: (one.layers[at].weight, one.layers[at].bias), network, still)
     seen = jax.random.uniform(keys[0], (200, EGOCENTRIC.size), minval=-1, maxval=1)
-    careful = cautious(network, seen, 0.06, 2.0)
+    careful = with_clearance_penalty(network, seen, 0.06, 2.0)
     missing = np.maximum(0.06 - 0.3 * np.asarray(seen)[:, -NUM_ACTIONS:], 0)
     assert 0.3 < np.mean(missing > 0) < 0.8
     np.testing.assert_allclose(careful.batch(seen), network.batch(seen) - 2 * COST * missing, atol=2e-5)
     assert jax.tree.structure(careful) == jax.tree.structure(network)
-    np.testing.assert_allclose(bold(careful).batch(seen), network.batch(seen), atol=2e-5)
+    np.testing.assert_allclose(without_clearance_penalty(careful).batch(seen), network.batch(seen), atol=2e-5)
     for never in (network, make_network("encoded", 32, 2, jax.random.key(0))):
-        assert bold(never) is never
+        assert without_clearance_penalty(never) is never
 
 
 def test_caution_needs_an_observation_that_knows_the_room_to_brake():
-    config = replace(RUN, dqn=replace(FITTING, observation="encoded"), distillation=replace(SEEING, caution=0.05))
+    config = replace(
+        RUN, dqn=replace(FITTING, observation="encoded"), distillation=replace(SEEING, clearance_margin=0.05)
+    )
     with pytest.raises(InvalidInput, match=r"observation = encoded is not possible.*egocentric or team"):
-        make_lessons(config, GAME, None)
+        distillation_tasks(config, GAME, None)
 
 
 @pytest.mark.slow
 def test_the_agent_of_a_run_is_as_cautious_as_its_config_says(tmp_path):
     fitting = replace(FITTING, observation="egocentric", games=32, env_steps_per_update=32)
     daring = replace(RUN, dqn=fitting, distillation=replace(SEEING, env_steps=8192, evaluation_games=8))
-    careful = replace(daring, distillation=replace(daring.distillation, caution=0.06))
+    careful = replace(daring, distillation=replace(daring.distillation, clearance_margin=0.06))
     folders = begin(tmp_path / "daring", daring), begin(tmp_path / "careful", careful)
-    assert all(Run(config, folder).execute() for config, folder in zip((daring, careful), folders, strict=True))
+    assert all(TrainingRun(config, folder).execute() for config, folder in zip((daring, careful), folders, strict=True))
     made, wary = (load_agent(folder / "agents" / "P_distilled.safetensors").network for folder in folders)
     (pressed,) = jnp.zeros((1, EGOCENTRIC.size)).at[:, -1].set(-1.0)
     given_up = np.abs(np.asarray(made(pressed) - wary(pressed)))
@@ -157,13 +159,13 @@ def test_the_agent_of_a_run_is_as_cautious_as_its_config_says(tmp_path):
 
 @pytest.fixture(scope="module")
 def setting():
-    return make_lessons(RUN, GAME, None)[0]
+    return distillation_tasks(RUN, GAME, None)[0]
 
 
 @pytest.fixture(scope="module")
 def uninterrupted(tmp_path_factory):
     folder = begin(tmp_path_factory.mktemp("run") / "uninterrupted", RUN)
-    assert Run(RUN, folder).execute()
+    assert TrainingRun(RUN, folder).execute()
     return folder
 
 
@@ -174,7 +176,7 @@ def test_each_of_several_arenas_has_a_teacher_that_says_what_it_would_alone(sett
     monkeypatch.setattr(
         "apollonius.learn.teacher.each_alone", lambda game: [replace(GAME, arena=one) for one in arenas]
     )
-    settings = make_lessons(RUN, in_arenas(GAME, arenas), None)
+    settings = distillation_tasks(RUN, in_arenas(GAME, arenas), None)
     assert len(settings) == 2
     assert len({jax.tree.structure(one) for one in settings}) == 1
     assert len({tuple(map(np.shape, jax.tree.leaves(one))) for one in settings}) == 1
@@ -210,15 +212,15 @@ SHORT_SIGHTED = replace(GAME, sensors=Sensing(pursuer=Sensors(range=1.5)))
 
 def learning(game, student):
     """The setting of a student with that game, and a function from starts that says what it is asked after a time."""
-    (setting,) = make_lessons(replace(RUN, game=game, distillation=SEEING), game, None)
-    players = BySide(solo(student), solo(setting.opponents[1]))
+    (setting,) = distillation_tasks(replace(RUN, game=game, distillation=SEEING), game, None)
+    players = BySide(single_player(student), single_player(setting.opponents[1]))
 
     @functools.partial(jax.jit, static_argnames="steps")
     def asked(starts, steps):
         games = begin_games(game, starts, players, jnp.zeros((2, len(starts.steps)), jnp.uint32))
         key, again = jax.random.key(1), jax.tree.map(lambda leaf: leaf[None], starts)
         games, _ = collect(game, players, games, again, key, steps) if steps else (games, None)
-        known, states, learns = queries(SEEING, setting, games, key)
+        known, states, learns = states_to_label(SEEING, setting, games, key)
         return games, known, states, learns, setting.values(states, Role.PURSUER)
 
     return setting, asked
@@ -260,7 +262,7 @@ def test_a_run_with_sensors_learns(tmp_path):
     wider = replace(FITTING, width=64, depth=2)
     run = replace(RUN, game=SHORT_SIGHTED, dqn=wider, distillation=longer)
     folder = begin(tmp_path / "run", run)
-    assert Run(run, folder).execute()
+    assert TrainingRun(run, folder).execute()
     losses = [line["losses"]["pursuer"] for line in metrics(folder)]
     assert losses[-1] < 0.8 * max(losses)
     assert not (folder / "tables").exists()
@@ -269,9 +271,9 @@ def test_a_run_with_sensors_learns(tmp_path):
 @pytest.mark.slow
 def test_a_run_that_is_stopped_goes_on_to_the_same_end(uninterrupted, tmp_path):
     folder = begin(tmp_path / "run", RUN)
-    assert not Run(RUN, folder, should_stop=stop_after(3)).execute()
+    assert not TrainingRun(RUN, folder, should_stop=stop_after(3)).execute()
     assert agents(folder) == {}
-    assert Run(RUN, folder).execute()
+    assert TrainingRun(RUN, folder).execute()
     assert_same_end(folder, uninterrupted)
 
 
@@ -284,4 +286,6 @@ def test_a_run_that_is_stopped_goes_on_to_the_same_end(uninterrupted, tmp_path):
 )
 def test_players_that_cannot_take_part_are_refused(change, message):
     with pytest.raises(InvalidInput, match=message):
-        make_lessons(replace(RUN, game=SHORT_SIGHTED, distillation=replace(SEEING, **change)), SHORT_SIGHTED, None)
+        distillation_tasks(
+            replace(RUN, game=SHORT_SIGHTED, distillation=replace(SEEING, **change)), SHORT_SIGHTED, None
+        )

@@ -12,11 +12,11 @@ from scipy.stats import chisquare, norm
 
 from apollonius.agents.classical import Uniform
 from apollonius.agents.network import make_actor, make_layers, make_network
-from apollonius.agents.pool import solo
+from apollonius.agents.pool import single_player
 from apollonius.game.types import Role
 from apollonius.learn import dqn, replay_buffer, sac
 from apollonius.learn.learner_config import DQNConfig, SACConfig
-from apollonius.learn.loop import play_and_learn
+from apollonius.learn.loop import train_chunk
 from apollonius.learn.stage_config import Plan, SelfPlayConfig, StageConfig
 from apollonius.learn.train_state import LearnerState, TrainState, players
 from tests.acting import identical
@@ -25,7 +25,7 @@ from tests.learn.tiny import CHUNK, GAME, SMALL, start
 ROWS, GAMES, GAMMA = 12, 3, 0.9
 
 add = jax.jit(replay_buffer.add)
-draw = jax.jit(replay_buffer.sample, static_argnames=("batch", "max_n_step", "gamma"))
+draw = jax.jit(replay_buffer.sample_batch, static_argnames=("batch", "max_n_step", "gamma"))
 
 
 def play(rng, steps):
@@ -40,7 +40,7 @@ def play(rng, steps):
 
 
 def remember(history, steps_at_once=1):
-    memory = replay_buffer.init(ROWS, GAMES, size=2)
+    memory = replay_buffer.init_buffer(ROWS, GAMES, size=2)
     for time in range(0, len(history["reward"]), steps_at_once):
         new = {name: jnp.asarray(numbers[time : time + steps_at_once]) for name, numbers in history.items()}
         memory = add(memory, replay_buffer.Row(**new))
@@ -87,7 +87,7 @@ def test_a_game_that_is_over_is_not_cut():
     """In the latest row the first of three games was ended by the rules and the last one by the time limit."""
     history = play(np.random.default_rng(5), ROWS + 3)
     history["terminated"][-1], history["truncated"][-1] = (True, False, False), (False, False, True)
-    cut = replay_buffer.cut(memory := remember(history), jnp.array([True, False, False]))
+    cut = replay_buffer.truncate_latest(memory := remember(history), jnp.array([True, False, False]))
     assert cut.rows.truncated[memory.head - 1].tolist() == [False, False, True]
 
 
@@ -114,7 +114,7 @@ def one_hot(state):
 )
 def test_the_loss_is_the_mean_squared_error_of_the_chosen_actions_and_moves_them_alone(double, next_value):
     network, target = table({(3, 0): 2.0, (1, 1): 8.0}), table({(1, 1): 4.0, (5, 1): 6.0})
-    batch = replay_buffer.Batch(
+    batch = replay_buffer.TransitionBatch(
         observation=one_hot([0, 0]),
         action=jnp.array([3, 4]),
         reward=jnp.array([1.0, -10.0]),
@@ -131,8 +131,10 @@ def test_the_loss_is_the_mean_squared_error_of_the_chosen_actions_and_moves_them
 
 def test_an_update_is_one_step_of_adam():
     """Adam's first step is the step size against the gradient's sign, whatever the gradient's size."""
-    learner = dqn.init(PLAIN, jax.random.key(0), table({(3, 0): 2.0}))
-    batch = replay_buffer.Batch(one_hot([0]), jnp.array([3]), jnp.array([100.0]), one_hot([1]), jnp.array([0.0]))
+    learner = dqn.init_learner(PLAIN, jax.random.key(0), table({(3, 0): 2.0}))
+    batch = replay_buffer.TransitionBatch(
+        one_hot([0]), jnp.array([3]), jnp.array([100.0]), one_hot([1]), jnp.array([0.0])
+    )
     after, error = update(learner, batch, jnp.asarray(0.01), PLAIN)
     assert error == pytest.approx(98.0**2)
     assert after.network(one_hot(0))[3] == pytest.approx(2.0 + 2 * 0.01, abs=1e-5)  # its weight and its bias
@@ -147,7 +149,7 @@ CONFIG = SACConfig(observation="paper", width=16, depth=1, critics_first=0, aver
 RATE = jnp.asarray(1e-2)
 
 
-sac_update, init = (jax.jit(one, static_argnames="config") for one in (sac.update, sac.init))
+sac_update, init = (jax.jit(one, static_argnames="config") for one in (sac.update_actor_critic, sac.init_actor_critic))
 
 
 def random_batch(seed, size=32):
@@ -156,7 +158,7 @@ def random_batch(seed, size=32):
     def normal(*shape):
         return jnp.asarray(rng.normal(size=shape), jnp.float32)
 
-    return replay_buffer.Batch(
+    return replay_buffer.TransitionBatch(
         observation=normal(size, 8),
         action=jnp.asarray(rng.uniform(-1, 1, (size, 2)), jnp.float32),
         reward=normal(size),
@@ -197,7 +199,7 @@ def test_far_out_densities_are_finite():
         make_actor("paper", 4, 1, jax.random.key(5)),
         jnp.array([50.0, -50.0, 0.0, 0.0]),
     )
-    actions, density = jax.jit(sac.sample)(actor, jnp.zeros((3, 8)), jnp.zeros((3, 2)))
+    actions, density = jax.jit(sac.sample_actions)(actor, jnp.zeros((3, 8)), jnp.zeros((3, 2)))
     np.testing.assert_allclose(actions, [[1, -1]] * 3)
     assert np.isfinite(density).all()
     assert (density > 50).all()
@@ -266,7 +268,9 @@ def test_actor_and_temperature_take_steps_of_adam():
 def test_a_game_keeps_its_noise_for_as_many_steps_as_the_config_says_and_each_side_has_its_own():
     """Sixteen steps are eight iterations of two."""
     plan = Plan(replace(CONFIG, games=64, noise_steps=16, env_steps_per_update=128), SelfPlayConfig())
-    both = dict.fromkeys(Role, LearnerState(init(CONFIG, jax.random.key(1)), replay_buffer.init(ROWS, GAMES, size=2)))
+    both = dict.fromkeys(
+        Role, LearnerState(init(CONFIG, jax.random.key(1)), replay_buffer.init_buffer(ROWS, GAMES, size=2))
+    )
     state = TrainState(None, both, jax.random.key(0), *[jnp.zeros((), jnp.int32)] * 3)
 
     @jax.jit
@@ -284,17 +288,17 @@ def test_a_game_keeps_its_noise_for_as_many_steps_as_the_config_says_and_each_si
 def test_a_side_remembers_continuous_actions_and_learns_from_them():
     """Against a side that plays discrete ones; both play in one game."""
     config = SACConfig(**SMALL, learning_starts=CHUNK, critics_first=8)
-    plan, evader = Plan(config, StageConfig(env_steps=4 * CHUNK)), {Role.EVADER: solo(Uniform())}
+    plan, evader = Plan(config, StageConfig(env_steps=4 * CHUNK)), {Role.EVADER: single_player(Uniform())}
     state = start(plan, GAME, jax.random.key(0), evader)
     before = jax.tree.map(np.array, state.learners[Role.PURSUER].learner.network)
-    state, metrics = play_and_learn(plan, GAME, state, evader)
+    state, metrics = train_chunk(plan, GAME, state, evader)
     actions = np.asarray(state.learners[Role.PURSUER].buffer.rows.action)
     assert actions.shape == (128, 64, 2)
     assert (np.abs(actions) <= 1).all()
     assert actions.std() > 0.1  # an actor that knows nothing has deviations of exp(-2)
     assert metrics.updates == 1
     assert metrics.outcomes.sum() > 0
-    state, metrics = play_and_learn(plan, GAME, state, evader)
+    state, metrics = train_chunk(plan, GAME, state, evader)
     assert metrics.updates == 128
     assert np.isfinite(metrics.losses.pursuer)
     assert not identical(state.learners[Role.PURSUER].learner.network, before)

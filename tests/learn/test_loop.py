@@ -15,7 +15,7 @@ import pytest
 
 from apollonius.agents.classical import Still
 from apollonius.agents.network import make_network
-from apollonius.agents.pool import solo
+from apollonius.agents.pool import single_player
 from apollonius.agents.store import describe, save_agent
 from apollonius.arenas.file import find_game
 from apollonius.game.game import Game
@@ -23,14 +23,14 @@ from apollonius.game.presets import in_teams
 from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import dqn, replay_buffer
-from apollonius.learn.loop import play_and_learn, renew_opponents
+from apollonius.learn.loop import resample_all_opponents, train_chunk
 from apollonius.learn.opponents import OpponentConfig
-from apollonius.learn.run import load_first
+from apollonius.learn.run import load_first_networks
 from apollonius.learn.stage_config import Plan, SelfPlayConfig
 from tests.acting import identical
 from tests.learn.tiny import CHUNK, DQN, GAME, PLAN, RUN, STAGE, start
 
-EVADER = {Role.EVADER: solo(Still())}
+EVADER = {Role.EVADER: single_player(Still())}
 
 
 def copy(tree):
@@ -51,7 +51,7 @@ def stage():
     state = start(PLAN, GAME, jax.random.key(0), EVADER)
     moments = [snapshot(state)]
     for _ in range(4):
-        state, metrics = play_and_learn(PLAN, GAME, state, EVADER)
+        state, metrics = train_chunk(PLAN, GAME, state, EVADER)
         moments.append(snapshot(state, metrics))
     return moments
 
@@ -62,7 +62,7 @@ def test_updates_wait_for_a_whole_window_and_the_replay_is_updated_in_place():
     begun = eqx.tree_at(lambda state: state.env_steps, begun, jnp.asarray(20_000, jnp.int32))
     before = begun.learners[Role.PURSUER].buffer.rows.observation
     address = before.unsafe_buffer_pointer()
-    state, metrics = play_and_learn(PLAN, GAME, begun, EVADER)
+    state, metrics = train_chunk(PLAN, GAME, begun, EVADER)
     after = state.learners[Role.PURSUER]
     assert 128 - 3 <= after.learner.updates < 128
     assert metrics.updates == after.learner.updates
@@ -132,7 +132,7 @@ def test_play_explores_as_scheduled_and_then_is_greedy(stage):
 def test_games_of_training_end_at_the_time_limit_of_their_stage(terminates):
     plan = replace(PLAN, stage=replace(STAGE, time_limit=5, limit_terminates=terminates))
     game = plan.stage.trained_in(GAME)
-    state, _ = play_and_learn(plan, game, start(plan, game, jax.random.key(0), EVADER), EVADER)
+    state, _ = train_chunk(plan, game, start(plan, game, jax.random.key(0), EVADER), EVADER)
     rows = state.learners[Role.PURSUER].buffer.rows
     assert int(jnp.max(state.games.state.steps)) < 5
     assert bool(jnp.any(rows.truncated)) is not terminates
@@ -148,7 +148,7 @@ def test_a_stage_is_traced_once(monkeypatch):
         state = start(PLAN, game, jax.random.key(seed), EVADER)
         for chunk in range(2):
             before = len(traces)
-            state, _ = play_and_learn.eval_shape(PLAN, game, state, EVADER)
+            state, _ = train_chunk.eval_shape(PLAN, game, state, EVADER)
             assert (len(traces) > before) == (seed == chunk == 0)
 
 
@@ -163,7 +163,7 @@ def test_every_robot_of_a_team_is_remembered_and_its_game_is_over_when_it_is_out
     plan = replace(PLAN, learner=replace(DQN, learning_starts=CHUNK // 2))
     first = start(plan, TEAM, jax.random.key(0), EVADER)
     before = copy(first.learners[Role.PURSUER].learner.network)
-    state, metrics = play_and_learn(plan, TEAM, first, EVADER)
+    state, metrics = train_chunk(plan, TEAM, first, EVADER)
     side = copy(state.learners[Role.PURSUER])
     assert not identical(before, side.learner.network)
     rows = jax.tree.map(lambda leaf: leaf.reshape(-1, DQN.games, PURSUERS, *leaf.shape[2:]), side.buffer.rows)
@@ -193,7 +193,7 @@ def test_every_robot_of_a_team_is_remembered_and_its_game_is_over_when_it_is_out
 def test_the_loss_does_not_see_robots_that_are_out():
     network = make_network("paper", 16, 1, jax.random.key(0))
     numbers = jax.random.normal(jax.random.key(1), (4, 8))
-    batch = replay_buffer.Batch(numbers, jnp.arange(4), jnp.ones(4), numbers, jnp.full(4, 0.5))
+    batch = replay_buffer.TransitionBatch(numbers, jnp.arange(4), jnp.ones(4), numbers, jnp.full(4, 0.5))
     half = replace(batch, active=jnp.array([True, True, False, False]))
     first = jax.tree.map(lambda leaf: leaf[:2], batch)
     graded = jax.jit(jax.value_and_grad(dqn.loss), static_argnums=3)
@@ -212,13 +212,13 @@ def test_both_sides_learn_in_teams_against_earlier_versions():
     state = start(plan, game, jax.random.key(0), {})
     for chunk in range(4):
         if chunk == 3:
-            state = renew_opponents(plan, game, state)
+            state = resample_all_opponents(plan, game, state)
             rows = state.learners[Role.EVADER].buffer.rows
             latest = int(state.learners[Role.EVADER].buffer.head) - 1
             over = np.asarray(rows.terminated | rows.truncated | ~rows.active)[latest].reshape(-1, 2)
             assert over[:32].all()
             assert not over[32:].all()
-        state, metrics = play_and_learn(plan, game, state, {})
+        state, metrics = train_chunk(plan, game, state, {})
     assert metrics.updates == 128
     assert np.isfinite(metrics.losses.pursuer)
     assert np.isfinite(metrics.losses.evader)
@@ -230,13 +230,13 @@ def test_an_agent_that_reads_egocentric_goes_on_in_teams(tmp_path):
     network = make_network("egocentric", 16, 1, jax.random.key(0))
     save_agent(describe(network, Role.PURSUER, {}, {}), path)
     config = replace(RUN, stages="fixed-target", game=TEAM, pursuer=str(path), dqn=replace(DQN, observation="team"))
-    wide = load_first(config, Role.PURSUER)
+    wide = load_first_networks(config, Role.PURSUER)
     weight = np.asarray(wide.layers[0].weight)
     np.testing.assert_array_equal(weight[:, : network.observation.size], network.layers[0].weight)
     assert not weight[:, network.observation.size :].any()
     assert not wide.symmetric
-    assert load_first(replace(config, dqn=replace(config.dqn, symmetric=True)), Role.PURSUER).symmetric
+    assert load_first_networks(replace(config, dqn=replace(config.dqn, symmetric=True)), Role.PURSUER).symmetric
     save_agent(describe(replace(network, symmetric=True), Role.PURSUER, {}, {}), path)
-    assert load_first(config, Role.PURSUER).symmetric
+    assert load_first_networks(config, Role.PURSUER).symmetric
     with pytest.raises(InvalidInput, match="'paper'"):
-        load_first(replace(config, dqn=replace(DQN, observation="paper")), Role.PURSUER)
+        load_first_networks(replace(config, dqn=replace(DQN, observation="paper")), Role.PURSUER)

@@ -10,11 +10,11 @@ import pytest
 from scipy.stats import chisquare
 
 from apollonius.agents.network import make_network
-from apollonius.agents.pool import Assigned, solo, stack
+from apollonius.agents.pool import LearnerAndPast, single_player, stack
 from apollonius.agents.trained import Greedy
 from apollonius.game.types import Outcome, Role
 from apollonius.learn import archive as archives
-from apollonius.learn.loop import play_and_learn, renew_opponents
+from apollonius.learn.loop import resample_all_opponents, train_chunk
 from apollonius.learn.opponents import OpponentConfig
 from apollonius.learn.stage_config import Plan, SelfPlayConfig
 from tests.acting import act_in_rows, identical
@@ -27,7 +27,7 @@ SLOT_GAMES = 8
 """Half of 64 games, shared by two slots of either side."""
 
 
-enter = jax.jit(archives.enter)
+enter = jax.jit(archives.add_version)
 
 
 def networks(count):
@@ -45,7 +45,7 @@ PLAN = plan_of(replace(CONFIG, renewal=1))
 
 def archive_of(count, config=CONFIG):
     first, *later = networks(count)
-    archive = archives.init(first, config)
+    archive = archives.init_archive(first, config)
     for network in later:
         archive = enter(archive, network, jnp.asarray(True))
     return archive
@@ -53,7 +53,9 @@ def archive_of(count, config=CONFIG):
 
 def test_everyone_plays_their_own_games():
     at_large, *others = networks(4)
-    players = Assigned(Greedy(at_large), jax.tree.map(lambda *leaves: jnp.stack(leaves), *map(Greedy, others)), 3, 4, 5)
+    players = LearnerAndPast(
+        Greedy(at_large), jax.tree.map(lambda *leaves: jnp.stack(leaves), *map(Greedy, others)), 3, 4, 5
+    )
     bits = jnp.zeros(30, jnp.uint32)
     member = players.sample(bits)
     assert member.tolist() == [0] * 4 + [1] * 5 + [2] * 5 + [3] * 5 + [0] * 11
@@ -61,7 +63,7 @@ def test_everyone_plays_their_own_games():
     acts = jax.jit(act_in_rows)
     expected = acts(stack([Greedy(one) for one in (at_large, *others)]), member, observation, bits)
     assert acts(players, member, observation, bits).tolist() == expected.tolist()
-    alone = acts(solo(Greedy(at_large)), member, observation, bits)
+    alone = acts(single_player(Greedy(at_large)), member, observation, bits)
     assert (expected != alone).any()
 
 
@@ -84,7 +86,7 @@ def test_slots_follow_the_stated_distribution(scheme):
     )
     w = np.array([0.8, 0.4, 0.1, 0.5])
     weights = {"uniform": np.ones(4), "prioritised-hard": (1 - w) ** 2}[scheme]
-    renewed = jax.jit(jax.vmap(lambda key: archives.renew(archive, config, key)))
+    renewed = jax.jit(jax.vmap(lambda key: archives.resample_opponents(archive, config, key)))
     after = renewed(jax.random.split(jax.random.key(3), 5000))
     drawn = np.asarray(after.slots)
     assert identical(after.in_slots, jax.tree.map(lambda leaf: np.asarray(leaf)[drawn], archive.networks))
@@ -102,7 +104,7 @@ def test_games_are_counted_for_the_version_that_played_them(role):
     outcome = rng.integers(1, len(Outcome), (7, GAMES))
     over = rng.random((7, GAMES)) < 0.2
     before = replace(archive_of(4), slots=jnp.asarray([2, 0]))
-    archive = jax.jit(archives.record, static_argnums=(1, 2))(before, CONFIG, role, outcome, over)
+    archive = jax.jit(archives.record_results, static_argnums=(1, 2))(before, CONFIG, role, outcome, over)
     pursuer_won = np.isin(outcome, [Outcome.CAPTURED, Outcome.EVADER_HIT_OBSTACLE, Outcome.EVADER_OUT_OF_RANGE])
     lost = over & (~pursuer_won if role == Role.PURSUER else pursuer_won)
     first = 0 if role == Role.PURSUER else 2 * SLOT_GAMES
@@ -119,7 +121,7 @@ def test_the_last_game_that_counts_begins_as_late_as_a_whole_one_can():
     over = np.zeros((10, 4), bool)
     for game, steps in enumerate(ends):
         over[steps, game] = True
-    counted = jax.jit(archives.counted, static_argnums=3)
+    counted = jax.jit(archives.unbiased_endings, static_argnums=3)
     for begins, first, steps, expected in (
         ([0, 0, 0, 0], 0, 10, [[3, 6], [2, 5, 6], [0, 9], [9]]),
         ([0, 0, 6, 7], 7, 10, [[], [], [2], [2]]),
@@ -136,9 +138,9 @@ def played():
     states = [jax.tree.map(jnp.copy, state)]
     for chunk in range(4):
         if chunk == 3:
-            state = renew_opponents(PLAN, GAME, state)
+            state = resample_all_opponents(PLAN, GAME, state)
             states.append(jax.tree.map(jnp.copy, state))
-        state, _ = play_and_learn(PLAN, GAME, state, {})
+        state, _ = train_chunk(PLAN, GAME, state, {})
         states.append(jax.tree.map(jnp.copy, state))
     return states
 
@@ -188,12 +190,12 @@ def test_games_in_slots_that_began_in_time_end_in_the_records(played):
 
 
 def test_opponents_change_no_sooner_than_asked():
-    assert not Plan(DQN, STAGE).renews_after(1)
-    assert not plan_of(OpponentConfig()).renews_after(1)
+    assert not Plan(DQN, STAGE).resamples_after(1)
+    assert not plan_of(OpponentConfig()).resamples_after(1)
     for renewal, chunks in ((CHUNK, 1), (CHUNK + 1, 2), (2 * CHUNK, 2), (1, 1)):
         plan = plan_of(replace(CONFIG, renewal=renewal))
         assert plan.steps_per_assignment * GAMES == chunks * CHUNK >= renewal
-        assert [plan.renews_after(number) for number in range(5)] == [
+        assert [plan.resamples_after(number) for number in range(5)] == [
             number > 0 and number % chunks == 0 for number in range(5)
         ]
 
@@ -201,6 +203,6 @@ def test_opponents_change_no_sooner_than_asked():
 def test_a_version_that_is_due_between_two_renewals_enters_at_the_next(played):
     state, counts = jax.tree.map(jnp.copy, played[0]), []
     for chunks in (1, 2, 3):
-        state = renew_opponents(PLAN, GAME, replace(state, env_steps=jnp.int32(chunks * CHUNK)))
+        state = resample_all_opponents(PLAN, GAME, replace(state, env_steps=jnp.int32(chunks * CHUNK)))
         counts.append(int(state.archives.pursuer.count))
     assert counts == [1, 2, 3]

@@ -15,14 +15,14 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import BySide, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import ppo
-from apollonius.learn.caution import COST, costs
+from apollonius.learn.clearance_penalty import COST, clearance_penalty
 from apollonius.learn.config import RunConfig
-from apollonius.learn.drawing import Drawing
 from apollonius.learn.ppo_config import PPOConfig
 from apollonius.learn.replay_buffer import Row
-from apollonius.learn.run import Run, load_first
-from apollonius.learn.setting import require_players, settings_of
+from apollonius.learn.run import TrainingRun, load_first_networks
+from apollonius.learn.sampling_policy import SamplingPolicy
 from apollonius.learn.stage_config import ResponseConfig, Task
+from apollonius.learn.training_task import require_players, training_tasks
 from apollonius.observe.egocentric import BRAKING, EGOCENTRIC, ROOM
 from apollonius.observe.registry import find_observation
 from tests.learn.test_run import agents, assert_same_end, begin, metrics, stop_after
@@ -54,7 +54,7 @@ def random_row(key, **changes):
 
 @pytest.fixture(scope="module")
 def learner():
-    (setting,) = settings_of(STAGE, PPO, RUN.game)
+    (setting,) = training_tasks(STAGE, PPO, RUN.game)
     state = ppo.start_response(PLAN, [setting], jax.random.key(1))
     return state.learners[Role.EVADER].learner
 
@@ -73,7 +73,7 @@ def test_unknown_opponents_are_refused_in_every_task():
 def test_actions_are_drawn_as_often_as_their_values_as_logits_say():
     network = make_network("encoded", 8, 1, jax.random.key(0))
     seen, bits = jnp.ones(SIZE), jax.random.bits(jax.random.key(1), (40_000,), jnp.uint32)
-    player = Drawing(network, 0.0, 1.0, 1.0)
+    player = SamplingPolicy(network, 0.0, 1.0, 1.0)
     drawn = jax.vmap(lambda bits: player(seen, player.memory, bits)[0])(bits)
     odds = np.exp(np.asarray(network(seen), float))
     np.testing.assert_allclose(np.bincount(drawn, minlength=9) / 40_000, odds / odds.sum(), atol=0.01)
@@ -83,7 +83,7 @@ def test_actions_are_drawn_as_often_as_their_values_as_logits_say():
 
 
 def test_a_random_number_is_held_and_each_action_keeps_its_probability():
-    player = Drawing(make_network("encoded", 8, 1, jax.random.key(0)), 0.0, 1.0, 5.0)
+    player = SamplingPolicy(make_network("encoded", 8, 1, jax.random.key(0)), 0.0, 1.0, 5.0)
     bits = jax.random.bits(jax.random.key(1), (200, 500), jnp.uint32)
 
     def step(held, bits):
@@ -102,10 +102,10 @@ def test_what_leaves_too_little_room_to_brake_is_drawn_by_what_it_costs():
     network = make_network("egocentric", 8, 1, jax.random.key(0))
     room = jnp.full(9, 0.4).at[4].set(0.03 / ROOM)
     seen = jax.random.normal(jax.random.key(1), (EGOCENTRIC.size,)).at[BRAKING:].set(room)
-    bold, careful = (Drawing(network, wanted, 5.0, 1.0) for wanted in (0.0, 0.05))
-    differences = [each.less_costs(network(seen), seen) for each in (bold, careful)]
+    bold, careful = (SamplingPolicy(network, wanted, 5.0, 1.0) for wanted in (0.0, 0.05))
+    differences = [each.penalise(network(seen), seen) for each in (bold, careful)]
     np.testing.assert_allclose(differences[0] - differences[1], 0.02 * COST * 5.0 * np.eye(9)[4], atol=1e-4)
-    np.testing.assert_allclose(costs(seen, 0.05, 5.0), differences[0] - differences[1], atol=1e-4)
+    np.testing.assert_allclose(clearance_penalty(seen, 0.05, 5.0), differences[0] - differences[1], atol=1e-4)
 
 
 def test_advantages_are_what_followed_less_what_was_expected():
@@ -129,7 +129,7 @@ def test_advantages_are_what_followed_less_what_was_expected():
 
 def lesson_of(learner, key, **changes):
     keys = jax.random.split(key, 4)
-    lesson = ppo._Lesson(
+    lesson = ppo._LearnBatch(
         observation=jax.random.normal(keys[0], (64, SIZE)),
         action=jax.random.randint(keys[1], (64,), 0, 9),
         probability=-2.2 + 0.3 * jax.random.normal(keys[2], (64,)),
@@ -162,7 +162,7 @@ def test_what_pays_becomes_likelier_and_in_a_round_less_so_the_narrower_the_clip
     row = replace(row, reward=(row.action == 3).astype(jnp.float32))
 
     def share(learner):
-        logarithms = ppo._drawing(PLAN, learner.network).log_probabilities(row.observation.reshape(-1, SIZE))
+        logarithms = ppo._sampling_policy(PLAN, learner.network).log_probabilities(row.observation.reshape(-1, SIZE))
         return np.exp(np.asarray(logarithms))[:, 3]
 
     after, _ = learned(learner, row)
@@ -193,17 +193,17 @@ def test_the_critic_learns_first_and_robots_out_of_play_teach_nothing(learner):
 
 def test_games_begin_again_where_others_were_lost():
     """A pursuer that stands marks its game: it is where it was at the start."""
-    stage, learner = replace(STAGE, opponents=("still",), retries=1.0), replace(PPO, steps=128)
+    stage, learner = replace(STAGE, opponents=("still",), restart_fraction=1.0), replace(PPO, steps=128)
     plan = replace(PLAN, learner=learner, stage=stage)
-    (setting,) = settings_of(stage, learner, replace(RUN.game, max_steps=1000))
+    (setting,) = training_tasks(stage, learner, replace(RUN.game, max_steps=1000))
     state = ppo.start_response(plan, [setting], jax.random.key(1))
     begun = np.asarray(state.games[0].games.state.evader.x)
-    after, _ = ppo.play_and_learn(plan, replace(state, games=state.games[0]), setting)
+    after, _ = ppo.train_response_chunk(plan, replace(state, games=state.games[0]), setting)
     lost = jax.tree.map(lambda leaf: np.asarray(leaf)[: int(after.games.lost.filled)], after.games.lost.rows)
     assert 0 < len(lost.steps) < 32
     assert np.isin(lost.evader.x, begun).all(), "as they were before the round"
     under_way = np.asarray(after.games.games.state.steps)
-    again, _ = ppo.play_and_learn(plan, after, setting)
+    again, _ = ppo.train_response_chunk(plan, after, setting)
     games = again.games.games.state
     new = np.asarray(games.steps) != under_way + 128
     assert new.any()
@@ -220,10 +220,13 @@ def test_rewards_count_in_units_of_a_capture(profile, unit):
 def test_a_response_goes_on_from_an_agent_whose_values_become_logits():
     """A lost game costs 10 in the values of `E_scratch`, and at a temperature of 0.1 of one 10 in its logits."""
     given = replace(RUN, evader="E_scratch", ppo=replace(PPO, width=256, depth=4, temperature=0.1))
-    first, agent = load_first(given, Role.EVADER), load_first(replace(given, stages="self-play"), Role.EVADER)
+    first, agent = (
+        load_first_networks(given, Role.EVADER),
+        load_first_networks(replace(given, stages="self-play"), Role.EVADER),
+    )
     seen = jax.random.normal(jax.random.key(0), (5, SIZE))
     np.testing.assert_allclose(first.batch(seen), agent.batch(seen), rtol=1e-5)
-    colder = load_first(replace(given, ppo=replace(given.ppo, temperature=0.01)), Role.EVADER)
+    colder = load_first_networks(replace(given, ppo=replace(given.ppo, temperature=0.01)), Role.EVADER)
     np.testing.assert_allclose(colder.batch(seen), 10 * agent.batch(seen), rtol=1e-5)
 
 
@@ -235,8 +238,8 @@ TEAMS = replace(
         STAGE,
         role="pursuer",
         env_steps=512,
-        caution=0.05,
-        retries=0.5,
+        clearance_margin=0.05,
+        restart_fraction=0.5,
         tasks=(Task(replace(make_game("paper"), max_steps=30)),),
     ),
 )
@@ -245,7 +248,7 @@ TEAMS = replace(
 @pytest.fixture(scope="module")
 def uninterrupted(tmp_path_factory):
     folder = begin(tmp_path_factory.mktemp("response") / "run", TEAMS)
-    assert Run(TEAMS, folder).execute()
+    assert TrainingRun(TEAMS, folder).execute()
     return folder
 
 
@@ -262,26 +265,33 @@ def test_a_run_in_twos_and_alone_leaves_a_cautious_agent(uninterrupted):
 @pytest.mark.slow
 def test_a_response_that_is_stopped_goes_on_to_the_same_end(uninterrupted, tmp_path):
     folder = begin(tmp_path / "run", TEAMS)
-    assert not Run(TEAMS, folder, should_stop=stop_after(2)).execute()
-    assert Run(TEAMS, folder).execute()
+    assert not TrainingRun(TEAMS, folder, should_stop=stop_after(2)).execute()
+    assert TrainingRun(TEAMS, folder).execute()
     assert_same_end(folder, uninterrupted)
 
 
-@pytest.mark.parametrize("kept", [0.0, 0.25, 1.0])
-def test_an_agent_keeps_a_share_of_the_weights_that_it_began_with(kept, tmp_path):
+@pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
+def test_an_agent_keeps_a_share_of_the_weights_that_it_began_with(share, tmp_path):
     first = tmp_path / "first.safetensors"
     save_agent(describe(make_network("encoded", 32, 1, jax.random.key(3)), Role.EVADER, to_dict(RUN.game), {}), first)
-    run = replace(RUN, evader=str(first), response=replace(STAGE, kept=kept))
-    begun, (after,) = load_first(run, Role.EVADER).layers, make_network("encoded", 32, 1, jax.random.key(4)).layers[:1]
-    side = Run(run, tmp_path).start("response", BySide(None, load_first(run, Role.EVADER))).train.learners[Role.EVADER]
+    run = replace(RUN, evader=str(first), response=replace(STAGE, initial_weight_share=share))
+    begun, (after,) = (
+        load_first_networks(run, Role.EVADER).layers,
+        make_network("encoded", 32, 1, jax.random.key(4)).layers[:1],
+    )
+    side = (
+        TrainingRun(run, tmp_path)
+        .start("response", BySide(None, load_first_networks(run, Role.EVADER)))
+        .train.learners[Role.EVADER]
+    )
     moved = eqx.tree_at(lambda learner: learner.network.layers[0], side.learner, after)
-    (weight, *_) = jax.tree.leaves(Run(run, tmp_path)._finished(replace(side, learner=moved)).layers)
-    np.testing.assert_allclose(weight, kept * begun[0].weight + (1 - kept) * after.weight, atol=1e-6)
+    (weight, *_) = jax.tree.leaves(TrainingRun(run, tmp_path)._finish_stage(replace(side, learner=moved)).layers)
+    np.testing.assert_allclose(weight, share * begun[0].weight + (1 - share) * after.weight, atol=1e-6)
 
 
 def test_settings_are_those_of_the_tasks_with_opponents_of_their_own():
     tasks = Task(make_game("paper")), Task(find_game("office"), opponents=("flee", "still"))
-    settings = settings_of(replace(STAGE, role="pursuer", tasks=tasks), PPO, RUN.game)
+    settings = training_tasks(replace(STAGE, role="pursuer", tasks=tasks), PPO, RUN.game)
     kinds = [[type(one).__name__ for one in setting.opponents] for setting in settings]
     assert kinds == [["Still", "Uniform"], ["Still", "Uniform"], ["Flee", "Still"]]
     assert settings[2].game.arena.x_max > settings[1].game.arena.x_max == settings[0].game.arena.x_max
@@ -292,13 +302,13 @@ def test_settings_are_those_of_the_tasks_with_opponents_of_their_own():
     [
         ({"ppo": replace(PPO, games=1, batch=16)}, "ppo.games = 1"),
         ({"response": replace(STAGE, opponents=("nobody", "still"))}, "unknown agent 'nobody'"),
-        ({"response": replace(STAGE, caution=0.05)}, "know the room to brake"),
+        ({"response": replace(STAGE, clearance_margin=0.05)}, "know the room to brake"),
     ],
 )
 def test_responses_that_cannot_be_are_refused(change, message):
     def settings():
         one = replace(RUN, **change)
-        return settings_of(one.response, one.ppo, one.game)
+        return training_tasks(one.response, one.ppo, one.game)
 
     with pytest.raises(InvalidInput, match=message):
         settings()

@@ -22,10 +22,10 @@ from apollonius.game.types import BySide, Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import loop, train_state
 from apollonius.learn import run as run_module
-from apollonius.learn.folder import FORMAT, create_run, held, load_config, load_standing
+from apollonius.learn.folder import FORMAT, create_run, load_checkpoint_meta, load_config, lock_run
 from apollonius.learn.opponents import OpponentConfig
-from apollonius.learn.progress import State, progress_of, runs_below
-from apollonius.learn.run import Run, load_first
+from apollonius.learn.progress import ProcessStatus, progress_of, runs_below
+from apollonius.learn.run import TrainingRun, load_first_networks
 from apollonius.play.playout import Results
 from tests.learn.tiny import CHUNK, DQN, RUN
 
@@ -59,7 +59,7 @@ def stop_after(chunks):
 def uninterrupted(tmp_path_factory):
     """The folder of a run of both stages, four chunks each, that nothing interrupted."""
     folder = begin(tmp_path_factory.mktemp("run") / "uninterrupted")
-    assert Run(RUN, folder).execute()
+    assert TrainingRun(RUN, folder).execute()
     return folder
 
 
@@ -101,9 +101,9 @@ def test_opponents_from_the_past_are_resumed_with_the_rest(tmp_path):
     past = OpponentConfig(scheme="prioritised-hard", versions=4, slots=2, renewal=CHUNK)
     config = replace(RUN, stages="self-play", self_play=replace(RUN.self_play, opponents=past))
     whole, broken = begin(tmp_path / "whole", config), begin(tmp_path / "broken", config)
-    assert Run(config, whole).execute()
-    assert not Run(config, broken, should_stop=stop_after(2)).execute()
-    assert Run(config, broken).execute()
+    assert TrainingRun(config, whole).execute()
+    assert not TrainingRun(config, broken, should_stop=stop_after(2)).execute()
+    assert TrainingRun(config, broken).execute()
     assert_same_end(broken, whole)
     assert load_config(whole / "config.toml") == config
 
@@ -111,7 +111,7 @@ def test_opponents_from_the_past_are_resumed_with_the_rest(tmp_path):
 def test_a_finished_run_resumed_has_nothing_left_to_do(uninterrupted):
     before = agents(uninterrupted), metrics(uninterrupted)
     reports = []
-    assert Run(RUN, uninterrupted, lambda *report: reports.append(report)).execute()
+    assert TrainingRun(RUN, uninterrupted, lambda *report: reports.append(report)).execute()
     assert reports == []
     assert (agents(uninterrupted), metrics(uninterrupted)) == before
     assert (progress_of(uninterrupted).state.state, progress_of(uninterrupted).share) == ("finished", 1.0)
@@ -144,8 +144,8 @@ def test_a_run_killed_again_and_again_ends_the_same(uninterrupted, tmp_path, mon
     folder = begin(tmp_path / "run")
     for moment, count in (("chunk", 3), (CHECKPOINT, 3), ("E_curriculum-50.safetensors", 1)):
         with pytest.raises(Killed), monkeypatch.context() as patch:
-            Run(RUN, folder, report=kill_at(moment, count, patch)).execute()
-    assert Run(RUN, folder).execute()
+            TrainingRun(RUN, folder, report=kill_at(moment, count, patch)).execute()
+    assert TrainingRun(RUN, folder).execute()
     assert_same_end(folder, uninterrupted)
     assert not list(folder.rglob("*.tmp"))
 
@@ -154,10 +154,10 @@ def test_two_processes_never_train_in_one_folder(tmp_path):
     """A lock of one process holds against a second one of its own, too."""
     folder = begin(tmp_path / "run")
     (folder / "half.tmp").touch()
-    with held(folder):
+    with lock_run(folder):
         assert not (folder / "half.tmp").exists()
         before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-        for begins in (Run(RUN, folder).execute, lambda: create_run(RUN, folder, force=True)):
+        for begins in (TrainingRun(RUN, folder).execute, lambda: create_run(RUN, folder, force=True)):
             with pytest.raises(InvalidInput, match="is being trained by another process: wait for it"):
                 begins()
         assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
@@ -176,7 +176,7 @@ def test_a_folder_on_nfs_is_locked_for_other_machines_too(tmp_path, monkeypatch)
         locks.append(os.fstat(number).st_ino)
 
     monkeypatch.setattr(fcntl, "flock", flock)
-    with held(folder), pytest.raises(InvalidInput, match="is being trained"), held(folder):
+    with lock_run(folder), pytest.raises(InvalidInput, match="is being trained"), lock_run(folder):
         pass
 
 
@@ -185,7 +185,7 @@ def test_a_link_in_a_run_is_not_followed_to_what_is_somebodys_own(tmp_path):
     own.write_text("mine")
     (folder / "metrics.jsonl").symlink_to(own)
     with pytest.raises(OSError, match="symbolic links"):
-        Run(RUN, folder).execute()
+        TrainingRun(RUN, folder).execute()
     assert own.read_text() == "mine"
 
 
@@ -224,16 +224,16 @@ def scripted(monkeypatch):
 
 def test_self_play_goes_on_from_the_best_pursuer_of_stage_1(self_play_starts, scripted, tmp_path, monkeypatch):
     """Of its four evaluations, the third is the first of the best. Progress weighs less from then on."""
-    evaluated, weights, play_and_learn = scripted(3, 4, 9, 9, 0), [], loop.play_and_learn
+    evaluated, weights, play_and_learn = scripted(3, 4, 9, 9, 0), [], loop.train_chunk
 
     def recorded(plan, game, *rest):
         weights.append(game.reward.progress)
         return play_and_learn(plan, game, *rest)
 
-    monkeypatch.setattr(loop, "play_and_learn", recorded)
+    monkeypatch.setattr(loop, "train_chunk", recorded)
     folder = begin(tmp_path / "run")
-    assert (progress_of(folder).state, progress_of(folder).share) == (State(), 0.0)
-    assert not Run(RUN, folder, should_stop=stop_after(5)).execute()
+    assert (progress_of(folder).state, progress_of(folder).share) == (ProcessStatus(), 0.0)
+    assert not TrainingRun(RUN, folder, should_stop=stop_after(5)).execute()
     assert weights == [3.0, 3.0, 3.0, 3.0, 1.0]
 
     best = load_agent(folder / "agents" / "P_stage1.safetensors")
@@ -268,7 +268,7 @@ def test_a_given_pursuer_goes_on_against_several_evaders(uninterrupted, scripted
     config = replace(RUN, stages="fixed-target", evaders=evaders, pursuer=str(mine / "P_stage1.safetensors"))
     config = replace(config, fixed_target=replace(config.fixed_target, env_steps=2 * CHUNK, evaluations=2))
     folder = begin(tmp_path / "run", config)
-    assert Run(config, folder).execute()
+    assert TrainingRun(config, folder).execute()
     assert list(agents(folder)) == ["P_pool"]
     given, kept = (load_agent(path) for path in (Path(config.pursuer), folder / "agents/P_pool.safetensors"))
     assert eqx.tree_equal(given.network, kept.network)
@@ -284,14 +284,14 @@ def test_self_play_goes_on_from_given_agents_and_resumes_without_their_files(uni
     networks = tuple(load_agent(path).network for path in first)
     config = replace(RUN, stages="self-play", pursuer=str(first[0]), evader=str(first[1]))
     folder = begin(tmp_path / "run", config)
-    assert not Run(config, folder, should_stop=stop_after(2)).execute()
+    assert not TrainingRun(config, folder, should_stop=stop_after(2)).execute()
     assert eqx.tree_equal(self_play_starts, [networks])
     whole = shutil.copytree(folder, tmp_path / "whole")
-    assert Run(config, whole).execute()
+    assert TrainingRun(config, whole).execute()
     assert metrics(whole) != metrics(uninterrupted)[4:]
     for path in first:
         path.unlink()
-    assert Run(config, folder).execute()
+    assert TrainingRun(config, folder).execute()
     assert metrics(folder) == metrics(whole)
 
 
@@ -306,13 +306,13 @@ def test_a_first_pursuer_of_another_kind_than_the_config_trains_is_refused(tmp_p
     path = tmp_path / "P.safetensors"
     save_agent(describe(make(*size, jax.random.key(0)), Role.PURSUER, {}, {}), path)
     with pytest.raises(InvalidInput, match=f"{path}.*a QNetwork of 1 layers of 16 that reads 'paper', as this config"):
-        load_first(replace(RUN, stages="self-play", pursuer=str(path)), Role.PURSUER)
+        load_first_networks(replace(RUN, stages="self-play", pursuer=str(path)), Role.PURSUER)
 
 
 def test_self_play_can_start_from_scratch(uninterrupted, self_play_starts, tmp_path):
     config = replace(RUN, stages="self-play")
     folder = begin(tmp_path / "run", config)
-    assert not Run(config, folder, should_stop=stop_after(1)).execute()
+    assert not TrainingRun(config, folder, should_stop=stop_after(1)).execute()
     assert self_play_starts == [(None, None)]
     assert list(agents(folder)) == ["E_scratch-25", "P_scratch-25"]
     assert metrics(folder) != metrics(uninterrupted)[4:5]
@@ -323,10 +323,10 @@ def test_a_checkpoint_that_lies_about_the_metrics_is_refused_and_cuts_nothing(un
     folder, line = begin(tmp_path / "run"), len(whole.splitlines(keepends=True)[-1])
     (folder / "metrics.jsonl").write_bytes(whole)
     for size in (len(whole) - 40, len(whole) - line, len(whole) + 1):
-        lying = asdict(replace(load_standing(uninterrupted / CHECKPOINT), metrics_bytes=size))
+        lying = asdict(replace(load_checkpoint_meta(uninterrupted / CHECKPOINT), metrics_bytes=size))
         (folder / CHECKPOINT).write_bytes(save(load(content), {FORMAT: json.dumps(lying)}))
         with pytest.raises(InvalidInput, match=r"metrics.jsonl.*checkpoint says; train again|no record of training"):
-            Run(RUN, folder).execute()
+            TrainingRun(RUN, folder).execute()
         assert (folder / "metrics.jsonl").read_bytes() == whole
 
 
@@ -334,7 +334,7 @@ def test_a_checkpoint_that_lies_about_the_metrics_is_refused_and_cuts_nothing(un
 def stopped(tmp_path_factory):
     """The folder of a run that was stopped."""
     folder = begin(tmp_path_factory.mktemp("run") / "stopped")
-    assert not Run(RUN, folder, should_stop=stop_after(5)).execute()
+    assert not TrainingRun(RUN, folder, should_stop=stop_after(5)).execute()
     return folder
 
 
@@ -347,4 +347,4 @@ def test_a_checkpoint_of_another_config_is_refused(source, tmp_path, changed, re
     config = replace(RUN, **changed)
     shutil.copy(request.getfixturevalue(source) / CHECKPOINT, folder := begin(tmp_path / "run", config))
     with pytest.raises(InvalidInput, match="train again"):
-        Run(config, folder).execute()
+        TrainingRun(config, folder).execute()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from apollonius.agents.shield import Backup
-from apollonius.arenas.charting import charted
+from apollonius.arenas.charting import with_chart
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.drive import MOST_LAG, Drive, Drives
 from apollonius.game.dynamics import Unicycle
@@ -20,7 +20,7 @@ from apollonius.game.types import NUM_ACTIONS, DriveState, RobotStatus, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.braking import clearances_after
 from apollonius.observe.egocentric import AHEAD, COURSES, EGOCENTRIC, NEAR, RAYS
-from apollonius.observe.observation import WHOLE, perceive
+from apollonius.observe.observation import RAW_VIEW, observation_rows
 from apollonius.observe.team import MATES, OF_A_ROBOT, OPPONENTS, TEAM
 from apollonius.observe.view import Robot, look
 from tests.acting import observe as observe_one
@@ -60,7 +60,7 @@ def test_encoded_warns_of_a_disc_in_the_braking_distance():
 
 
 def divided(**changes):
-    return charted(Game(arena=ROOM, **changes))
+    return with_chart(Game(arena=ROOM, **changes))
 
 
 @jax.jit
@@ -202,7 +202,7 @@ FIRST = EGOCENTRIC.size
 
 @jax.jit
 def look_together(game, states):
-    return perceive(TEAM, game, states, Role.PURSUER)[1]
+    return observation_rows(TEAM, game, states, Role.PURSUER)[1]
 
 
 def together(pursuers, evaders, out=(), arena=ROOM):
@@ -216,7 +216,7 @@ def together(pursuers, evaders, out=(), arena=ROOM):
         plays = [number < len(side) and first + number not in out for number in range(size)]
         statuses.append([RobotStatus.ACTIVE if one else RobotStatus.HIT_OBSTACLE for one in plays])
     states = jax.tree.map(lambda leaf: leaf[None], state_of(*places, statuses))
-    return np.asarray(look_together(in_teams(charted(Game(arena=arena)), 5, 2), states))[: len(pursuers)]
+    return np.asarray(look_together(in_teams(with_chart(Game(arena=arena)), 5, 2), states))[: len(pursuers)]
 
 
 def slots(numbers):
@@ -286,7 +286,7 @@ def test_each_robot_of_a_team_knows_its_own_turn_rate():
     game = replace(in_teams(Game(arena=ROOM), 3, 1), drives=Drives(pursuer=Drive(turn_time=0.5)))
     drives = [DriveState(None, jnp.array(rates)) for rates in ([0.1, 0.4], [0.2, 0.5], [0.3, 0.6])]
     known = jax.vmap(lambda state, *drives: replace(state, drives=drives))
-    read, rows = perceive(WHOLE, game, known(reset_batch(game, jax.random.key(0), 2), *drives), Role.PURSUER)
+    read, rows = observation_rows(RAW_VIEW, game, known(reset_batch(game, jax.random.key(0), 2), *drives), Role.PURSUER)
     views = jax.vmap(read)(rows)
     assert views.own.turn_rate == pytest.approx([0.1, 0.4, 0.2, 0.5, 0.3, 0.6])
     assert views.mates[0].turn_rate == pytest.approx([0.2, 0.5, 0.3, 0.6, 0.1, 0.4])

@@ -10,18 +10,18 @@ import pytest
 
 from apollonius.agents.classical import uniform_action
 from apollonius.agents.policy import AbstractPolicy
-from apollonius.agents.pool import solo
-from apollonius.arenas.charting import charted
+from apollonius.agents.pool import single_player
+from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
 from apollonius.game.chart import COARSE
 from apollonius.game.game import reset_batch
 from apollonius.game.presets import in_teams
 from apollonius.game.sensing import Noise, Sensing, Sensors
-from apollonius.game.types import ROLES, BySide, Role, choose
+from apollonius.game.types import ROLES, BySide, Role, tree_where
 from apollonius.observe import belief, tracking
-from apollonius.observe.observation import WHOLE, perceive
-from apollonius.play.rollout import begin, collect, step_games
+from apollonius.observe.observation import RAW_VIEW, observation_rows
+from apollonius.play.rollout import collect, init_games, step_games
 from tests.acting import identical, robot
 
 LIDAR = Sensors(line_of_sight=True, range=4.0)
@@ -30,11 +30,11 @@ ROUGH = Sensors(
     drop_out=0.2, delay=3,
 )  # fmt: skip
 
-update, believed = (jax.jit(one, static_argnames="role") for one in (tracking.update, tracking.believed))
+update, believed = (jax.jit(one, static_argnames="role") for one in (tracking.sense_and_update, tracking.apply_track))
 
 
 def sensing(name, sensors, pursuers=1, evaders=1):
-    return charted(replace(in_teams(find_game(name), pursuers, evaders), sensors=Sensing(sensors, sensors)))
+    return with_chart(replace(in_teams(find_game(name), pursuers, evaders), sensors=Sensing(sensors, sensors)))
 
 
 def cell(x, y):
@@ -55,20 +55,20 @@ def played(game, players, key, games, steps):
     start_key, key = jax.random.split(key)
     holds = jax.vmap(lambda cells, place: cells.ravel()[game.arena.chart.nearest_cell(place.x, place.y)] >= 0)
     starts = reset_batch(game, start_key, games)
-    first = begin(game, starts, players, jnp.zeros((2, games), jnp.uint32))
+    first = init_games(game, starts, players, jnp.zeros((2, games), jnp.uint32))
 
     def one(games_, key):
         bits = jax.random.bits(key, (2, games))
-        after, transition = step_games(game, players, games_, bits, observes=False)
+        after, transition = step_games(game, players, games_, bits, with_obs=False)
         truths, shares = [], []
         for role in ROLES:
-            believed = jax.vmap(lambda track, state, role=role: tracking.believed(game, track, state, role))
+            believed = jax.vmap(lambda track, state, role=role: tracking.apply_track(game, track, state, role))
             held = believed(after.sides[role].track, games_.state).sight.belief
             for opponent, active in zip(games_.state.robots[role.other], games_.state.active[role.other], strict=True):
                 truths.append(jnp.all(holds(held, opponent) | ~active))
             shares.append(jnp.mean((held >= 0).astype(jnp.float32)))
-        fresh = begin(game, starts, players, bits)
-        return jax.vmap(choose)(transition.ended, fresh, after), (truths, shares)
+        fresh = init_games(game, starts, players, bits)
+        return jax.vmap(tree_where)(transition.ended, fresh, after), (truths, shares)
 
     return jax.lax.scan(one, first, jax.random.split(key, steps))[1]
 
@@ -86,7 +86,7 @@ def test_a_belief_never_loses_the_truth(name, sensors, evader, size, games, step
     """Every opponent in play is in a cell of the belief, in every state; and the belief is worth having."""
     game = sensing(name, sensors, *size)
     flees = Wanders() if evader == "random" else find_player(evader, Role.EVADER, game).policy
-    players = BySide(solo(find_player("intercept", Role.PURSUER, game).policy), solo(flees))
+    players = BySide(single_player(find_player("intercept", Role.PURSUER, game).policy), single_player(flees))
     truths, shares = played(game, players, jax.random.key(0), games, steps)
     assert all(bool(jnp.all(truth)) for truth in truths)
     assert max(float(jnp.mean(share)) for share in shares) < 0.95 * float(jnp.mean(game.arena.chart.links > 0))
@@ -94,10 +94,10 @@ def test_a_belief_never_loses_the_truth(name, sensors, evader, size, games, step
 
 def test_a_belief_spreads_as_fast_as_an_opponent_at_most_by_a_cell():
     """In the open: cells within reach are in it after a time, and none that is further than cells and slack allow."""
-    chart = charted(find_game("one-large")).arena.chart
+    chart = with_chart(find_game("one-large")).arena.chart
     cell, reach = 10 / COARSE, 0.12
-    start = belief.Belief(belief.at(chart, robot(1.5, 1.5), jnp.float32(0.0)), jnp.zeros((COARSE, COARSE)))
-    after, moved = start, jax.jit(belief.moved)
+    start = belief.Belief(belief.localise(chart, robot(1.5, 1.5), jnp.float32(0.0)), jnp.zeros((COARSE, COARSE)))
+    after, moved = start, jax.jit(belief.propagate)
     for _ in range(20):
         after = moved(chart, after, jnp.float32(reach), 0.1)
     middles = (np.arange(COARSE) + 0.5) * cell
@@ -139,7 +139,7 @@ def test_sightings_are_remembered_with_their_age_and_delay():
         game = replace(find_game("one-large"), sensors=Sensing(pursuer=Sensors(line_of_sight=True, delay=delay)))
         state = game.reset(jax.random.key(0))
         pursuer, ages, places = robot(2.0, 5.0), [], []
-        track = tracking.begin(game, state, Role.PURSUER)
+        track = tracking.init_track(game, state, Role.PURSUER)
         assert float(track.ages[0]) == tracking.NEVER
         for step in range(8):
             evader = robot(5.0, 7.5 - 0.05 * step) if step < 4 else robot(8.0, 5.0)
@@ -151,14 +151,14 @@ def test_sightings_are_remembered_with_their_age_and_delay():
         expected = [tracking.NEVER if at < 0 else 0.1 * max(at - 3, 0) for at in seen]
         assert ages == pytest.approx(expected, rel=1e-4)
         assert places == pytest.approx([5.0 if at < 0 else 7.5 - 0.05 * min(at, 3) for at in seen])
-        assert tracking.begin(game, state, Role.EVADER) is None
-        assert tracking.believed(game, None, state, Role.EVADER) is state
+        assert tracking.init_track(game, state, Role.EVADER) is None
+        assert tracking.apply_track(game, None, state, Role.EVADER) is state
 
 
 def test_an_opponent_seen_late_is_where_its_course_has_led_it_since():
     game = replace(find_game("one-large"), sensors=Sensing(pursuer=Sensors(line_of_sight=True, delay=2)))
     state = game.reset(jax.random.key(0))
-    track, places = tracking.begin(game, state, Role.PURSUER), []
+    track, places = tracking.init_track(game, state, Role.PURSUER), []
     for step in range(8):
         evader = robot(2.0 + 0.1 * step, 2.0, v=1.0) if step < 4 else robot(8.0, 5.0)
         state = replace(state, robots=BySide((robot(2.0, 5.0),), (evader,)))
@@ -170,7 +170,7 @@ def test_an_opponent_seen_late_is_where_its_course_has_led_it_since():
 def looking(game, places, evader):
     """What the pursuer knows after it has looked from several places: the track, and the state that it plays by."""
     state = game.reset(jax.random.key(0))
-    track = tracking.begin(game, state, Role.PURSUER)
+    track = tracking.init_track(game, state, Role.PURSUER)
     for step, place in enumerate(places):
         state = replace(state, robots=BySide((place,), (evader,)), steps=jnp.int32(step))
         track, _ = update(game, Role.PURSUER, track, state, jnp.uint32(step))
@@ -193,12 +193,12 @@ def test_times_since_cells_were_seen_and_sightings_are_counted():
 
 def test_a_look_is_worth_more_where_it_is_long_ago_and_near():
     """By hand, and nothing where no opponent can be; the best is that of all cells."""
-    chart = charted(find_game("one-large")).arena.chart
+    chart = with_chart(find_game("one-large")).arena.chart
     here = robot(1.1, 1.1)
     unseen = np.full((COARSE, COARSE), -1.0, np.float32)
     near, far, recent = (8, 8), (30, 30), (8, 9)
     unseen[near], unseen[far], unseen[recent] = 20.0, 40.0, 1.0
-    worth = np.asarray(belief.prospects(chart, jnp.asarray(unseen), here))
+    worth = np.asarray(belief.search_priority(chart, jnp.asarray(unseen), here))
     lengths = np.asarray(chart.lengths_from(here.x, here.y))
     assert worth[near] == pytest.approx(20.0 / (lengths[near] + belief.NEAR))
     assert lengths[far] > np.hypot(30 - 4, 30 - 4) * 0.25
@@ -206,7 +206,7 @@ def test_a_look_is_worth_more_where_it_is_long_ago_and_near():
     assert np.argmax(worth) == 30 * COARSE + 30
     for near_age, far_age in ((20.0, 21.0), (1e3, 150.0)):  # of two long ago the nearer one
         unseen[near], unseen[far] = near_age, far_age
-        assert np.argmax(belief.prospects(chart, jnp.asarray(unseen), here)) == 8 * COARSE + 8
+        assert np.argmax(belief.search_priority(chart, jnp.asarray(unseen), here)) == 8 * COARSE + 8
 
 
 def test_nothing_of_an_unseen_opponent_reaches_a_player():
@@ -216,9 +216,9 @@ def test_nothing_of_an_unseen_opponent_reaches_a_player():
     @jax.jit
     def seen(y):
         state = replace(game.reset(jax.random.key(0)), robots=BySide((robot(2.0, 5.0),), (robot(8.0, y, 0.3, 1.0),)))
-        track = tracking.begin(game, state, Role.PURSUER)
-        _, known = tracking.update(game, Role.PURSUER, track, state, jnp.uint32(0))
-        view, rows = perceive(WHOLE, game, jax.tree.map(lambda leaf: leaf[None], known), Role.PURSUER)
+        track = tracking.init_track(game, state, Role.PURSUER)
+        _, known = tracking.sense_and_update(game, Role.PURSUER, track, state, jnp.uint32(0))
+        view, rows = observation_rows(RAW_VIEW, game, jax.tree.map(lambda leaf: leaf[None], known), Role.PURSUER)
         return jax.vmap(view)(rows)
 
     assert identical(seen(4.8), seen(5.2))
@@ -232,7 +232,7 @@ def test_with_sensors_that_limit_nothing_games_are_the_same_to_the_bit():
     starts = jax.tree.map(lambda leaf: leaf[None], first)
     for rules in (game, limitless):
         named = zip(("pure-pursuit", "random"), ROLES, strict=True)
-        players = BySide(*(solo(find_player(name, role, rules).policy) for name, role in named))
-        games = begin(rules, first, players, jnp.zeros((2, 16), jnp.uint32))
+        players = BySide(*(single_player(find_player(name, role, rules).policy) for name, role in named))
+        games = init_games(rules, first, players, jnp.zeros((2, 16), jnp.uint32))
         results.append(jax.jit(collect, static_argnums=5)(rules, players, games, starts, jax.random.key(2), 60)[1])
     assert identical(*results)

@@ -17,10 +17,10 @@ from numpy.testing import assert_array_equal
 from scipy import stats
 
 from apollonius.agents.classical import uniform_action
-from apollonius.agents.kind import Named
 from apollonius.agents.network import make_actor
 from apollonius.agents.policy import AbstractPolicy
-from apollonius.agents.pool import solo, stack
+from apollonius.agents.pool import single_player, stack
+from apollonius.agents.source import NamedPlayer
 from apollonius.agents.trained import SquashedGaussian
 from apollonius.evaluate.match import Match, play_games, record_game
 from apollonius.game.arena import Arena, Disc
@@ -35,9 +35,9 @@ from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.paper import ENCODED, PAPER
 from apollonius.play.autoreset import autoreset
 from apollonius.play.playout import play_out
-from apollonius.play.random_bits import fold_in, random_bits
+from apollonius.play.random_bits import fold_in, threefry_bits
 from apollonius.play.replay import as_rows, as_state, load_replay, play_actions, save_replay
-from apollonius.play.rollout import begin, collect
+from apollonius.play.rollout import collect, init_games
 from tests.acting import identical, observe, state
 
 AGILE = Unicycle(v_max=2.0, u1_max=4.0, u2_max=3.0)
@@ -73,7 +73,7 @@ def played(game, players, starts, key):
     """Games that begin at row 0 of their starts, played on for a while."""
     word_key, play_key = jax.random.split(key)
     bits = jax.random.bits(word_key, (2, GAMES), jnp.uint32)
-    games = begin(GAME, row(starts, 0), players, bits)
+    games = init_games(GAME, row(starts, 0), players, bits)
     return collect(game, players, games, starts, play_key, STEPS)
 
 
@@ -231,7 +231,7 @@ def test_every_given_game_ends_and_another_key_plays_others_from_the_same_starts
 def played_at_once(game, players, count, steps):
     """Games from the same starts each time, at their beginning, and what happens in them."""
     starts, bits = reset_batch(game, jax.random.key(3), count), jax.random.bits(jax.random.key(4), (2, count))
-    games = begin(game, starts, players, bits)
+    games = init_games(game, starts, players, bits)
     return games, collect(game, players, games, row(starts, None), jax.random.key(5), steps)[1]
 
 
@@ -261,7 +261,7 @@ class Counting(AbstractPolicy):
 def test_memory_begins_with_a_game_and_goes_on_with_it():
     """Each robot of a side has its own; games end after seven steps, and others begin in their places."""
     game = in_teams(replace(make_game("one-large"), max_steps=jnp.int32(7)), 2, 1)
-    _, moves = played_at_once(game, BySide(solo(Counting()), stack([Counting(), Counting()])), 5, 20)
+    _, moves = played_at_once(game, BySide(single_player(Counting()), stack([Counting(), Counting()])), 5, 20)
     over, expected = np.asarray(moves.ended), np.zeros(5, int)
     for step in range(20):
         for side in moves.sides:
@@ -289,7 +289,7 @@ def test_a_trace_is_the_course_of_the_game_that_was_played_out(drives):
     assert len(set(results.steps[::12].tolist())) > 1
 
 
-WILD = Named("wild", SquashedGaussian(make_actor("paper", 8, 1, jax.random.key(0)), jnp.asarray(1.0)))
+WILD = NamedPlayer("wild", SquashedGaussian(make_actor("paper", 8, 1, jax.random.key(0)), jnp.asarray(1.0)))
 
 
 @pytest.fixture(scope="module", params=[MATCH.players.pursuer, WILD], ids=["discrete", "both kinds"])
@@ -339,10 +339,10 @@ def test_golden_games_play_again(path):
 @pytest.mark.parametrize("key", [jax.random.key(2**31 + 5), jax.random.key(3, impl="rbg")], ids=["threefry", "rbg"])
 def test_words_and_keys_are_those_of_jax(key):
     for shape in ((), (2, 512)):
-        assert_array_equal(random_bits(key, shape), jax.random.bits(key, shape, jnp.uint32))
+        assert_array_equal(threefry_bits(key, shape), jax.random.bits(key, shape, jnp.uint32))
     numbers = jnp.asarray([0, 1, 2**31 - 1, -1], jnp.int32)
     ours, theirs = (jax.vmap(folded, in_axes=(None, 0))(key, numbers) for folded in (fold_in, jax.random.fold_in))
     assert jax.random.key_impl(ours) == jax.random.key_impl(key)
     assert_array_equal(jax.random.key_data(ours), jax.random.key_data(theirs))
     with jax.threefry_partitionable(False):  # two ways to count words
-        assert_array_equal(random_bits(key, (5,)), jax.random.bits(key, (5,), jnp.uint32))
+        assert_array_equal(threefry_bits(key, (5,)), jax.random.bits(key, (5,), jnp.uint32))

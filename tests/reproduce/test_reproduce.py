@@ -15,7 +15,7 @@ from apollonius.evaluate.claims import Claim
 from apollonius.io.errors import InvalidInput
 from apollonius.learn.config import PRESETS
 from apollonius.learn.folder import agent_file, create_run
-from apollonius.learn.run import Run
+from apollonius.learn.run import TrainingRun
 from apollonius.reproduce.finding import claim_table, outcome_table
 from apollonius.reproduce.reproduction import SECTIONS, reproduce
 from apollonius.reproduce.study import AGENTS, RUN_OF, run_configs
@@ -49,7 +49,7 @@ def study(demo, tmp_path_factory):
             for moment in (25, 75, 100) if agent.endswith(("_curriculum", "_scratch")) else (100,):
                 (file := agent_file(run, agent, moment)).parent.mkdir(exist_ok=True)
                 shutil.copy(demo / "agents" / f"{agents.get(agent, agent)}.safetensors", file)
-    begin = Display.begin
+    begin = Display.begin_task
 
     def heard(display, what, share=None):
         PROGRESS[what] = []
@@ -116,7 +116,7 @@ def test_a_study_that_was_killed_goes_on(tmp_path):
     config = run_configs(STOPPING, 0)["scratch"]
     create_run(config, begun)
     chunks = iter([False, False, True])
-    assert not Run(config, begun, should_stop=lambda: next(chunks)).execute()
+    assert not TrainingRun(config, begun, should_stop=lambda: next(chunks)).execute()
     told = []
     reproduce(tmp_path, "tiny", 1, resume=True, games=GAMES, report=told.append)
     assert told[0].startswith("3 of 3 trainings to do")

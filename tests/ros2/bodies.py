@@ -18,7 +18,7 @@ from apollonius.game.game import Game, sample_starts
 from apollonius.game.judge import judge
 from apollonius.game.types import Outcome
 from apollonius.play.replay import as_rows, as_state
-from apollonius.simulate.drive import Drive
+from apollonius.simulate.drive import RobotHardware
 from apollonius.simulate.physics import Physics
 
 PERIOD = 0.02
@@ -49,7 +49,7 @@ class World:
     playing: bool = False
 
     def __post_init__(self):
-        self.drive, self.rng = Drive(), np.random.default_rng(0)
+        self.drive, self.rng = RobotHardware(), np.random.default_rng(0)
         self.physics = Physics(self.game, self.drive)
         self.starts = as_rows(sample_starts(self.game, jax.random.key(1), 64))
         self.judge = jax.jit(
@@ -76,7 +76,7 @@ class World:
     def place(self, number):
         """Put the robots where a game begins, at rest."""
         rows = self.starts[number : number + 1]
-        self.states, self.turn = self.physics.place(rows), np.zeros(2)
+        self.states, self.turn = self.physics.set_poses(rows), np.zeros(2)
         self.rows, self.late = rows.astype(float), deque()
 
     def spin(self, until):

@@ -14,9 +14,9 @@ from PIL import Image, ImageColor, ImageDraw, ImageSequence
 
 from apollonius.agents.network import make_network
 from apollonius.agents.trained import Greedy
-from apollonius.arenas.charting import charted
+from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import find_game
-from apollonius.evaluate.match import Match, begin
+from apollonius.evaluate.match import Match, draw_starts
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import stack_actions
@@ -35,7 +35,7 @@ from apollonius.show.arena import draw_arena
 from apollonius.show.canvas import HEIGHT as SIZE
 from apollonius.show.canvas import Canvas
 from apollonius.show.palette import DARK, EVADER, LIGHT, OBSTACLE, PAPER, PURSUER
-from apollonius.show.report import bundled, for_page
+from apollonius.show.report import bundle, for_page
 from apollonius.show.slices import _TURNS, _draw_actions, _draw_opponent, save_slice, slice_values
 from apollonius.show.style import draw_rate, draw_seeds, draw_strips, smooth
 from tests.acting import state_of
@@ -102,23 +102,23 @@ def test_every_state_is_a_frame_with_both_robots_their_trails_and_the_reach_of_a
 
 def test_fog_is_what_a_side_believed_while_the_game_was_played(words_of):
     """Cell by cell, in every state; it holds the evader, its colour lies there, and words say so."""
-    game = charted(replace(find_game("lidar"), max_steps=40))
+    game = with_chart(replace(find_game("lidar"), max_steps=40))
     match = Match.of_names(game, "pure-pursuit", "flee", 3, seed=5)
-    (starts, key), number = begin(match), jnp.array([2])
+    (starts, key), number = draw_starts(match), jnp.array([2])
     first = jax.tree.map(lambda leaf: leaf[2:], starts)
 
     def step(games, _):
         """Return the games after a step, their states before it, the actions, and what was believed in it."""
         bits, before = random_bits_of(key, number, games.state.steps), games.state
-        games, moves = rollout.step_games(game, match.pools, games, bits, observes=False)
+        games, moves = rollout.step_games(game, match.pools, games, bits, with_obs=False)
         track, before = jax.tree.map(lambda leaf: leaf[0], (games.sides.pursuer.track, before))
-        believed = tracking.believed(game, track, before, Role.PURSUER).sight.belief >= 0
+        believed = tracking.apply_track(game, track, before, Role.PURSUER).sight.belief >= 0
         actions = stack_actions(*(side.action[0] for side in moves.sides))
         return games, (jnp.stack(jax.tree.leaves(before.robots)), actions, believed)
 
     @jax.jit
     def course(first):
-        games = rollout.begin(game, first, match.pools, random_bits_of(key, number, -1 + 0 * number))
+        games = rollout.init_games(game, first, match.pools, random_bits_of(key, number, -1 + 0 * number))
         return jax.lax.scan(step, games, length=40)[1]
 
     rows, actions, believed = map(np.asarray, course(first))
@@ -388,7 +388,7 @@ console.log(JSON.stringify([canvas, calls]));
 
 
 def drawn_by_script(replay, step):
-    script = bundled(REPOSITORY / "apollonius" / "show" / "replay.js")
+    script = bundle(REPOSITORY / "apollonius" / "show" / "replay.js")
     given = f"{script}\nconst [replay, step] = {json.dumps([for_page(replay), step])};{RECORDER}"
     node = ["node", "--input-type=module"]
     return json.loads(subprocess.run(node, input=given, capture_output=True, text=True, check=True, timeout=60).stdout)

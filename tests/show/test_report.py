@@ -18,7 +18,7 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome
 from apollonius.io.errors import InvalidInput
 from apollonius.show import report as report_module
-from apollonius.show.report import MAX_BYTES, SEED, bundled, games_to_show, render, report_of, save_report
+from apollonius.show.report import MAX_BYTES, SEED, bundle, games_to_show, render, report_of, save_report
 from tests.documents import REPOSITORY
 from tests.web.browser import needs_chromium
 
@@ -59,7 +59,7 @@ def test_the_page_needs_nothing_from_outside(page, tmp_path):
     assert all(link.startswith(("data:", "#")) for link in links)
     assert not re.search(r"https?:|@import|url\((?!#)", html)
     assert "default-src 'none'" in html
-    script = bundled(REPOSITORY / "apollonius" / "show" / "replay.js")
+    script = bundle(REPOSITORY / "apollonius" / "show" / "replay.js")
     assert len(script) < 16_000
     assert not re.search(r"import |</|/\*\*", script)
     save_report(page, tmp_path / "report.html")

@@ -15,7 +15,7 @@ import pytest
 
 from apollonius.agents.classical import Still, Uniform
 from apollonius.agents.policy import AbstractContinuous, AbstractPolicy
-from apollonius.agents.pool import solo
+from apollonius.agents.pool import single_player
 from apollonius.arenas.file import find_game, from_dict
 from apollonius.evaluate.match import Match, play_games
 from apollonius.game.arena import Arena, Disc
@@ -32,16 +32,16 @@ from apollonius.io.errors import InvalidInput
 from apollonius.observe import paper
 from apollonius.play.replay import as_state, load_replay, save_replay
 from apollonius.simulate import drive as drive_module
-from apollonius.simulate.drive import Drive, References, load_drive
+from apollonius.simulate.drive import References, RobotHardware, load_drive
 from apollonius.simulate.physics import Physics, mjcf
-from apollonius.simulate.simulation import compare, record_course, simulate, simulate_match
+from apollonius.simulate.simulation import compare_physics, record_course, simulate, simulate_match
 from tests.acting import a_match
 from tests.car import Car
 from tests.documents import ALL, REPOSITORY
 from tests.test_extending import WALL
 
 LIMITS = np.array([[0.0, 1.2], [0.0, 1.2]])
-IDEAL = Drive(latency=0.0, lag=0.0, turn_acceleration=1e6, friction=10.0, resistance=0.0, torque=1000.0)
+IDEAL = RobotHardware(latency=0.0, lag=0.0, turn_acceleration=1e6, friction=10.0, resistance=0.0, torque=1000.0)
 """A drive without delay, lag or slip."""
 
 
@@ -84,9 +84,9 @@ def test_the_turn_rate_changes_no_faster_than_the_drive_can():
 
 def test_impossible_drives_are_refused():
     impossible = {"torque": -1.0, "latency": -0.1, "lag": inf, "wheel_mass": 4.5, "mass": 1e308, "mass_behind": 0.2}
-    for name, value in impossible.items() | {(field.name, nan) for field in fields(Drive)}:
+    for name, value in impossible.items() | {(field.name, nan) for field in fields(RobotHardware)}:
         with pytest.raises(InvalidInput, match=name):
-            Drive(**{name: value})
+            RobotHardware(**{name: value})
 
 
 def test_the_documents_list_every_key_of_a_drives_file():
@@ -94,7 +94,7 @@ def test_the_documents_list_every_key_of_a_drives_file():
     source = Path(drive_module.__file__).read_text(encoding="utf-8")
     abouts = re.findall(r'^    (\w+): float = .*\n    """(.*)\."""$', source, re.MULTILINE)
     rows = []
-    for field, (name, about) in zip(fields(Drive), abouts, strict=True):
+    for field, (name, about) in zip(fields(RobotHardware), abouts, strict=True):
         assert field.name == name
         unit, (low, high) = re.search(r" \[(.*?)\]|$", about), drive_module._BOUNDS[name]
         meaning = about.replace(unit[0], "")
@@ -131,16 +131,16 @@ def drive_on(physics, rows, v, turn_rate, seconds):
     """States after the pursuer was driven at a speed and turn rate, the evader being told to stand."""
     asked = np.concatenate([physics.drive.wheel_speeds(np.array(v), np.array(turn_rate)), np.zeros(2)])
     steps = round(seconds / physics.step)
-    return physics.advance(physics.place(rows), np.tile(asked, (len(rows), steps, 1)))
+    return physics.advance(physics.set_poses(rows), np.tile(asked, (len(rows), steps, 1)))
 
 
 def test_robots_are_placed_as_they_are_measured():
-    physics = Physics(PAPER, Drive())
-    assert physics.measure(physics.place(HERE)) == pytest.approx(HERE, abs=1e-12)
+    physics = Physics(PAPER, RobotHardware())
+    assert physics.measure(physics.set_poses(HERE)) == pytest.approx(HERE, abs=1e-12)
 
 
 def test_the_robot_goes_as_fast_and_turns_as_far_as_its_wheels_say():
-    physics = Physics(PAPER, Drive())
+    physics = Physics(PAPER, RobotHardware())
     driven = drive_on(physics, HERE[:1], 0.5, 0.4, 3.0)
     after = physics.measure(driven)
     x, y, v, heading = after[0, :4]
@@ -156,13 +156,13 @@ def test_the_robot_goes_as_fast_and_turns_as_far_as_its_wheels_say():
 @pytest.mark.parametrize(("radius", "stops"), [(0.2, True), (0.0, False)])
 def test_a_wall_holds_a_robot_that_has_a_radius(radius, stops):
     rows = np.array([[9.0, 5.0, 0.0, 0.0, 2.0, 5.0, 0.0, 0.0]])
-    physics = Physics(replace(PAPER, pursuer=Unicycle(radius=radius)), Drive())
+    physics = Physics(replace(PAPER, pursuer=Unicycle(radius=radius)), RobotHardware())
     x = physics.measure(drive_on(physics, rows, 0.5, 0.0, 4.0))[0, 0]
     assert (x < 10 - radius + 0.02) == stops
 
 
 def geoms(game, drive=None):
-    root = ElementTree.fromstring(mjcf(game, drive or Drive(), 0.005))
+    root = ElementTree.fromstring(mjcf(game, drive or RobotHardware(), 0.005))
     return {geom.get("name"): geom.attrib for geom in root.iter("geom")}
 
 
@@ -192,7 +192,7 @@ def test_walls_stand_around_the_arena_and_obstacles_where_they_are():
 
 def test_robots_weigh_what_the_drive_says_and_have_a_shell_where_the_game_gives_them_a_radius():
     body = Unicycle(radius=0.2)
-    found = geoms(replace(make_game("paper"), pursuer=body), Drive(mass=12.0))
+    found = geoms(replace(make_game("paper"), pursuer=body), RobotHardware(mass=12.0))
     mass = sum(float(geom.get("mass", 0)) for name, geom in found.items() if name.startswith("pursuer"))
     assert mass == pytest.approx(12.0)
     assert numbers(found["pursuer shell"]["size"])[0] == pytest.approx(0.19)
@@ -202,21 +202,21 @@ def test_robots_weigh_what_the_drive_says_and_have_a_shell_where_the_game_gives_
 def test_what_no_body_can_do_is_refused(monkeypatch):
     capsule, car = replace(PAPER, arena=Arena(extra=(WALL,))), replace(PAPER, pursuer=Car())
     for game, drive, refusal in (
-        (PAPER, Drive(latency=0.2), r"latency = 0\.2"),
-        (capsule, Drive(), r"obstacles = Capsule .* discs, polygons and maps"),
-        (car, Drive(), r"class of the pursuer = Car .* Unicycle: a body has two driven wheels"),
+        (PAPER, RobotHardware(latency=0.2), r"latency = 0\.2"),
+        (capsule, RobotHardware(), r"obstacles = Capsule .* discs, polygons and maps"),
+        (car, RobotHardware(), r"class of the pursuer = Car .* Unicycle: a body has two driven wheels"),
     ):
         with pytest.raises(InvalidInput, match=refusal):
             Physics(game, drive)
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(InvalidInput, match="pip install mujoco"):
-        Physics(PAPER, Drive())
+        Physics(PAPER, RobotHardware())
 
 
 def test_numbers_that_grow_beyond_all_bounds_end_the_games_and_leave_no_log(monkeypatch, tmp_path):
     """MuJoCo would go on with both robots where they began."""
     monkeypatch.chdir(tmp_path)
-    physics = Physics(PAPER, Drive(wheel_radius=0.005, friction=10.0, torque=1e5, stiffness=1e5))
+    physics = Physics(PAPER, RobotHardware(wheel_radius=0.005, friction=10.0, torque=1e5, stiffness=1e5))
     with pytest.raises(InvalidInput, match=r"MuJoCo cannot simulate these robots \(Nan, .* torque"):
         drive_on(physics, HERE, 1.2, 0.8, 2.0)
     assert not list(tmp_path.iterdir())
@@ -229,7 +229,7 @@ MATCH = a_match(GAME, Uniform(), Uniform(), GAMES)
 
 @pytest.fixture(scope="module")
 def simulated():
-    return simulate_match(MATCH, Drive())
+    return simulate_match(MATCH, RobotHardware())
 
 
 def test_every_step_of_every_game_is_there(simulated):
@@ -268,7 +268,7 @@ def begun(*row):
 
 def test_who_drives_into_a_wall_has_failed_and_a_replay_shows_it(tmp_path):
     start = begun(5.0, 1.0, 0.0, 0.0, 9.8, 5.0, 1.0, 0.0)
-    game = simulate(GAME, BySide(solo(Still()), solo(Still())), *start, Drive())
+    game = simulate(GAME, BySide(single_player(Still()), single_player(Still())), *start, RobotHardware())
     assert int(game.results.outcome[0]) == Outcome.EVADER_OUT_OF_RANGE
     assert int(game.results.steps[0]) == 3
     save_replay(record_course(game, a_match(GAME, Still(), Still(), 1), 0), tmp_path / "game.json")
@@ -290,7 +290,10 @@ class FullSpeedInACurve(AbstractContinuous):
 @pytest.fixture(scope="module")
 def curve():
     """The players and the start of one game, and the game without imperfections."""
-    given = BySide(solo(FullSpeedInACurve()), solo(Still())), *begun(1.5, 5.0, 0.0, 0.0, 9.0, 9.0, 0.0, 0.0)
+    given = (
+        BySide(single_player(FullSpeedInACurve()), single_player(Still())),
+        *begun(1.5, 5.0, 0.0, 0.0, 9.0, 9.0, 0.0, 0.0),
+    )
     return given, simulate(GAME, *given, IDEAL)
 
 
@@ -306,7 +309,7 @@ def test_players_with_continuous_actions_drive_too(curve, tmp_path):
 
 
 def test_both_plays_are_counted_and_compared(simulated):
-    found = compare(MATCH, play_games(MATCH), simulated)
+    found = compare_physics(MATCH, play_games(MATCH), simulated)
     assert found.rules.games == found.bodies.games == GAMES
     timeouts = np.asarray(simulated.results.outcome) == Outcome.NO_RESULT
     rate = found.differences["no result"]
@@ -317,7 +320,7 @@ def test_both_plays_are_counted_and_compared(simulated):
 
 def test_teams_play_on_without_those_that_are_out_and_their_replays_say_who():
     match = Match.of_names(replace(find_game("team-2v1"), max_steps=150), "pure-pursuit", "flee", games=2)
-    found = simulate_match(match, Drive())
+    found = simulate_match(match, RobotHardware())
     assert found.states.shape[1] == 12
     assert found.actions.shape[1] == 3
     for index in range(2):
@@ -373,8 +376,10 @@ class Careful(AbstractPolicy):
 def test_players_know_what_their_drives_can_do_and_how_fast_they_turn(curve):
     _, *start = curve[0]
     drive = replace(IDEAL, latency=0.04, lag=0.06, turn_acceleration=2.0)
-    actions = simulate(GAME, BySide(solo(Careful()), solo(Still())), *start, drive).course(0)[1][:, 0]
+    actions = simulate(GAME, BySide(single_player(Careful()), single_player(Still())), *start, drive).course(0)[1][:, 0]
     assert actions[:3].tolist() == [5, 5, 4], "0.12 rad/s after one step, 0.2 more by the command on its way"
     assert set(actions[3:]) == {4, 5}, "it turns on whenever it would not turn"
     ice = replace(drive, friction=1e-3)
-    assert set(simulate(GAME, BySide(solo(Careful()), solo(Still())), *start, ice).course(0)[1][:, 0]) == {5}
+    assert set(
+        simulate(GAME, BySide(single_player(Careful()), single_player(Still())), *start, ice).course(0)[1][:, 0]
+    ) == {5}

@@ -12,7 +12,7 @@ from scipy.interpolate import RegularGridInterpolator
 from apollonius.agents.shield import Shielded
 from apollonius.arenas.file import to_dict
 from apollonius.catalogue import find_player
-from apollonius.evaluate.solved import about
+from apollonius.evaluate.solved import describe_solution
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, sample_starts
@@ -20,7 +20,7 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import RobotState, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.solve import transition_map
-from apollonius.solve.grid import TOLERANCE, iterate, make_grid
+from apollonius.solve.grid import TOLERANCE, iterate_values, make_grid
 from apollonius.solve.motion import HORIZON, motion_of
 from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.reach import solve_reach
@@ -72,7 +72,7 @@ def test_the_sweeps_of_a_robot_that_cannot_stop_end_at_a_small_residual():
 def test_a_start_is_lost_where_the_table_is_negative():
     problem = Problem("safety", "evader", to_dict(SMALL), [2, 2, 2, 4], 5)
     for metres, lost in ((-0.1, 1.0), (0.0, 0.0)):
-        facts = about(Solution(problem, 1, 0.0, jnp.full((2, 4, 2, 2), metres, jnp.float32)), SMALL)
+        facts = describe_solution(Solution(problem, 1, 0.0, jnp.full((2, 4, 2, 2), metres, jnp.float32)), SMALL)
         assert (facts["grid"], facts["hold [s]"], facts["moving starts lost, by the table"]) == ("2x2x2x4", 0.5, lost)
 
 
@@ -89,11 +89,11 @@ def test_what_cannot_be_solved_is_refused():
 def test_sweeps_come_to_an_end_at_a_number_and_there_a_small_residual_will_do(monkeypatch):
     monkeypatch.setattr("apollonius.solve.grid._MOST_SWEEPS", 4)
     told = []
-    found = iterate(lambda table: (table, jnp.asarray(1e-5)), jnp.zeros(()), told.append, tolerance=0.0)
+    found = iterate_values(lambda table: (table, jnp.asarray(1e-5)), jnp.zeros(()), told.append, tolerance=0.0)
     assert [sweep.number for sweep in told] == [1, 2, 3, 4]
     assert found.sweeps == 4
     with pytest.raises(RuntimeError, match="after 4 sweeps"):
-        iterate(lambda table: (table, jnp.asarray(1e-3)), jnp.zeros(()), tolerance=0.0)
+        iterate_values(lambda table: (table, jnp.asarray(1e-3)), jnp.zeros(()), tolerance=0.0)
 
 
 PROBLEM = Problem("game", "evader", to_dict(SMALL), [3, 4, 2, 4], 5, whole_cells=True)
@@ -126,7 +126,7 @@ def test_a_solved_game_comes_back_as_it_went_and_plays(file, monkeypatch):
     starts = sample_starts(SMALL, jax.random.key(0), 20)
     np.testing.assert_array_equal(player.policy.best_value(starts), expected.best_value(starts))
     monkeypatch.setattr("apollonius.evaluate.solved.STARTS", 20)
-    sure, facts = np.asarray(expected.best_value(starts)), about(SOLUTION, SMALL)
+    sure, facts = np.asarray(expected.best_value(starts)), describe_solution(SOLUTION, SMALL)
     assert [*facts.values()][-3:] == pytest.approx([np.mean(sure), np.max(sure), np.min(sure)], abs=1e-6)
     other = replace(SMALL, max_steps=77, starts=replace(SMALL.starts, speed="moving"))
     assert find_player(str(file), Role.EVADER, other).policy.zero_sum_game.game.max_steps == 77

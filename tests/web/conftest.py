@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from apollonius.arenas.file import find_game
-from apollonius.web.site import Choice, write_site
+from apollonius.web.site import FirstMatch, write_site
 from tests.arenas.test_file import write
 from tests.web.test_server import serving
 
@@ -21,7 +21,7 @@ def address(tmp_path_factory):
     (folder / "hall.toml").write_text('[arena]\nmap = "floor.yaml"\n')
     games = {"hall": find_game(str(folder / "hall.toml"))}
     spiral = {"spiral": Path(__file__).with_name("spiral.wasm")}
-    chosen = Choice("shielded:pursuer", "you", difficulty="sharp", agents=spiral, games=games)
+    chosen = FirstMatch("shielded:pursuer", "you", difficulty="sharp", agents=spiral, games=games)
     write_site(folder / "site", chosen)
     with serving(folder / "site") as server:
         yield f"http://localhost:{server.server_port}/"

@@ -19,7 +19,7 @@ from apollonius.observe.view import look
 from apollonius.play.replay import as_state, load_replay
 from apollonius.show.animation import fog
 from apollonius.web import programs
-from apollonius.web.programs import digest, player_program, sources, write_player
+from apollonius.web.programs import player_program, sources, sources_digest, write_player
 from tests.documents import REPOSITORY
 from tests.web.browser import needs_chromium, playwright
 
@@ -450,7 +450,7 @@ def test_the_player_in_the_document_plays_on_the_page_as_in_python(desk, spiral,
 
 
 def test_the_player_on_the_page_is_made_of_the_one_in_the_document(spiral):
-    assert digest(sources([player_program(spiral)])) == SPIRAL
+    assert sources_digest(sources([player_program(spiral)])) == SPIRAL
 
 
 def test_a_player_that_the_page_cannot_play_is_refused_and_so_is_a_compiler_that_is_missing(tmp_path, monkeypatch):
@@ -459,4 +459,4 @@ def test_a_player_that_the_page_cannot_play_is_refused_and_so_is_a_compiler_that
         write_player(smooth, tmp_path / "smooth.wasm")
     monkeypatch.setattr(programs, "find_spec", lambda module: None)
     with pytest.raises(InvalidInput, match=r"ziglang = missing .* pip install ziglang"):
-        programs.compiled([], ())
+        programs.compile_programs([], ())

@@ -18,7 +18,7 @@ from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.shield import MARGIN, brakes
 from apollonius.agents.store import describe, save_agent
 from apollonius.agents.trained import ZOO
-from apollonius.arenas.charting import charted
+from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import find_game, from_dict, game_names, load_game, to_dict
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.chart import COARSE
@@ -188,7 +188,7 @@ def test_games_come_out_the_same(name, draw):
 def test_robots_see_and_do_the_same(name, role, number):
     """All observations, all rules, and the room that all actions leave, with some other robots out of play."""
     game, rows = drawn(name)
-    game, counts = charted(game), [len(side) for side in game.bodies]
+    game, counts = with_chart(game), [len(side) for side in game.bodies]
     statuses = np.where(np.random.default_rng(3).random((len(rows), sum(counts))) < 0.3, RobotStatus.CAPTURED, 0)
     statuses[:, [number + role * counts[0], 0 if role == Role.EVADER else counts[0]]] = RobotStatus.ACTIVE
 
@@ -212,7 +212,7 @@ def test_robots_see_and_do_the_same(name, role, number):
     def expected(one):
         seen = {name: find_observation(name)(one) for name in READS}
         values = {rule: policy.for_side(game, role).values(one) for rule, policy in rules.items()}
-        return seen, values, jax.vmap(backup.of(one).clearance_after, (None, 0))(one.own, actions)
+        return seen, values, jax.vmap(backup.for_view(one).clearance_after, (None, 0))(one.own, actions)
 
     all_seen, all_values, clearances = jax.tree.map(np.asarray, expected(views))
     for observation, seen in all_seen.items():
@@ -231,7 +231,7 @@ def test_robots_see_and_do_the_same(name, role, number):
 def test_in_fog_a_side_knows_what_it_knows_in_the_package_and_a_pursuer_searches_that_has_seen_nobody_of_late():
     """Either side has only its line of sight, and its robot goes straight."""
     sees = Sensors(line_of_sight=True)
-    game = charted(replace(find_game("office"), sensors=Sensing(sees, sees)))
+    game = with_chart(replace(find_game("office"), sensors=Sensing(sees, sees)))
     rows = np.linspace((7, 1, 0.4, 0, 6, 5, 0.8, 0), (11, 1, 0.4, 0, 14, 5, 0.8, 0), 100, dtype=np.float32)
     states = jax.jit(jax.vmap(as_state))(jnp.asarray(rows), jnp.arange(100))
     record = to_dict(replace(game, arena=replace(game.arena, chart=None), sensors=None))
@@ -243,10 +243,12 @@ def test_in_fog_a_side_knows_what_it_knows_in_the_package_and_a_pursuer_searches
         """Return the age and the place of a side's last sighting, and its belief, at each of the states."""
 
         def follow(track, state):
-            track, _ = tracking.update(game, role, track, state, jnp.uint32(0))
-            return track, (track.ages[0], track.opponents[0], track.belief.credit)
+            track, _ = tracking.sense_and_update(game, role, track, state, jnp.uint32(0))
+            return track, (track.ages[0], track.opponents[0], track.belief.travel_budget)
 
-        return jax.lax.scan(follow, tracking.begin(game, jax.tree.map(lambda leaf: leaf[0], states), role), states)[1]
+        return jax.lax.scan(
+            follow, tracking.init_track(game, jax.tree.map(lambda leaf: leaf[0], states), role), states
+        )[1]
 
     for role in Role:
         found, (ages, last, credit) = answers["knowledge"][role.name.lower()], followed(role, states)

@@ -28,7 +28,7 @@ from apollonius.io.errors import InvalidInput
 from apollonius.observe.registry import OBSERVATIONS
 from apollonius.show import palette
 from apollonius.web.server import LOOPBACK, FolderHandler, make_server
-from apollonius.web.site import LEARNERS, PAGE, READS, YOU, choose, write_site
+from apollonius.web.site import LEARNERS, PAGE, READS, YOU, choose_match, write_site
 from tests.arenas.test_file import write as write_map
 from tests.documents import REPOSITORY
 
@@ -175,26 +175,26 @@ def test_colours_are_those_of_all_pictures():
 
 
 def test_a_person_meets_the_best_unless_told_otherwise():
-    choice = choose(Role.EVADER, None, "paper", 3)
+    choice = choose_match(Role.EVADER, None, "paper", 3)
     assert (choice.pursuer, choice.evader, choice.seed, choice.agents) == ("shielded:pursuer", YOU, 3, {})
-    assert choose(Role.EVADER, None, "team-3v1", 3).pursuer == "shielded:pursuer"
-    assert choose(Role.PURSUER, None, "maze", 3).evader == "shielded:evader"
-    assert choose(Role.PURSUER, "random", "robot", 0).evader == "random"
-    assert choose(Role.EVADER, None, "paper", 0).level == 1
-    asked = choose(Role.EVADER, "P_curriculum", "paper", 0)
+    assert choose_match(Role.EVADER, None, "team-3v1", 3).pursuer == "shielded:pursuer"
+    assert choose_match(Role.PURSUER, None, "maze", 3).evader == "shielded:evader"
+    assert choose_match(Role.PURSUER, "random", "robot", 0).evader == "random"
+    assert choose_match(Role.EVADER, None, "paper", 0).level == 1
+    asked = choose_match(Role.EVADER, "P_curriculum", "paper", 0)
     assert (asked.level, asked.difficulty) == (None, "sharp")
 
 
 def test_a_game_of_teams_is_a_game_of_two_by_another_name(tmp_path):
     (tmp_path / "hall.toml").write_text("capture_distance = 0.4\n")
-    assert (choose(Role.PURSUER, None, "team-3v1/office", 0).game) == "team-3v1/office"
-    choice = choose(Role.EVADER, "pursuer", f"team-3v1/{tmp_path / 'hall.toml'}", 0)
+    assert (choose_match(Role.PURSUER, None, "team-3v1/office", 0).game) == "team-3v1/office"
+    choice = choose_match(Role.EVADER, "pursuer", f"team-3v1/{tmp_path / 'hall.toml'}", 0)
     assert (choice.game, choice.games["hall"].size) == ("team-3v1/hall", "1 v 1")
     (tmp_path / "bodies.toml").write_text("pursuers = 2\nmates_collide = true\n")
     with pytest.raises(InvalidInput, match=r"mates_collide = true .* false in the page"):
-        choose(Role.EVADER, None, str(tmp_path / "bodies.toml"), 0)
+        choose_match(Role.EVADER, None, str(tmp_path / "bodies.toml"), 0)
     (tmp_path / "pack.toml").write_text("pursuers = 4\n")
-    catalogue = published(tmp_path / "site", choose(Role.PURSUER, None, str(tmp_path / "pack.toml"), 0))
+    catalogue = published(tmp_path / "site", choose_match(Role.PURSUER, None, str(tmp_path / "pack.toml"), 0))
     assert catalogue["chosen"]["game"] == "pack"
     assert len(catalogue["games"]["pack"]["teams"]["pursuers"]) == 3
 
@@ -202,7 +202,7 @@ def test_a_game_of_teams_is_a_game_of_two_by_another_name(tmp_path):
 def test_a_game_on_a_map_is_served_with_its_field(tmp_path):
     write_map(tmp_path, np.full((20, 30), 254, np.uint8))
     (tmp_path / "hall.toml").write_text('[arena]\nmap = "floor.yaml"\n')
-    choice = choose(Role.EVADER, None, str(tmp_path / "hall.toml"), 0)
+    choice = choose_match(Role.EVADER, None, str(tmp_path / "hall.toml"), 0)
     catalogue = published(tmp_path / "site", choice)
     occupancy, served = choice.games["hall"].arena.map, catalogue["maps"].pop("hall")
     field = np.frombuffer((tmp_path / "site" / served.pop("field")).read_bytes(), "<f4")
@@ -218,7 +218,7 @@ def test_agents_are_served_whose_observation_the_page_makes(name, tmp_path):
     made = "paper, encoded, egocentric, team; choose another"
     refused = pytest.raises(InvalidInput, match=f"observation = {name} .* {made}")
     with nullcontext() if name in READS else refused:
-        choice = choose(Role.EVADER, str(path), "paper", 0)
+        choice = choose_match(Role.EVADER, str(path), "paper", 0)
         assert list(choice.agents.values()) == [path]
 
 
@@ -226,7 +226,7 @@ def test_an_agent_from_a_run_is_served_too(tmp_path):
     path = tmp_path / "first" / "agents" / "P_pool.safetensors"
     path.parent.mkdir(parents=True)
     shutil.copyfile(ZOO / "P_random.safetensors", path)
-    choice = choose(Role.EVADER, f"shielded:{path}", "paper", 0)
+    choice = choose_match(Role.EVADER, f"shielded:{path}", "paper", 0)
     assert choice.pursuer == "shielded:P_pool of first"
     catalogue = published(tmp_path / "site", choice)
     assert "P_pool of first" in catalogue["agents"]["pursuer"]
@@ -247,7 +247,7 @@ def test_an_agent_from_a_run_is_served_too(tmp_path):
 )
 def test_what_there_is_not_is_refused(arguments, complaint):
     with pytest.raises(InvalidInput, match=complaint):
-        choose(*arguments)
+        choose_match(*arguments)
 
 
 def test_a_full_disk_leaves_no_half_site(tmp_path, monkeypatch, capsys):

@@ -9,7 +9,7 @@ import numpy as np
 import scipy  # its parts are loaded where they are used: `scipy.ndimage` alone takes 0.4 s
 from jaxtyping import Bool
 
-from apollonius.arenas.map_file import islands, largest
+from apollonius.arenas.map_file import count_islands, keep_largest
 from apollonius.arenas.random.scattered import Layout
 from apollonius.game.arena import Arena
 from apollonius.game.occupancy import OccupancyMap, distance_field
@@ -56,8 +56,8 @@ def caves(layout: Layout, rng: np.random.Generator) -> Arena:
     require(max(columns, rows) <= _MOST_CELLS, "gap", layout.gap, bound)
     pillars = max(1, round(columns * rows / (_PER_PILLAR * _PER_GAP**2)))
     for _ in range(_TRIES):
-        free = _widened(_worn(rng.random((rows, columns)) < _ROCK))
-        if free.mean() >= _LEAST_FREE and islands(free) >= pillars and _is_one(free):
+        free = _widen(_smooth(rng.random((rows, columns)) < _ROCK))
+        if free.mean() >= _LEAST_FREE and count_islands(free) >= pillars and _is_connected(free):
             return _arena(~free, cell)
     raise InvalidInput(
         f"caves with passages of {layout.gap:g} m find no room: none of {_TRIES} leaves "
@@ -66,7 +66,7 @@ def caves(layout: Layout, rng: np.random.Generator) -> Arena:
     )
 
 
-def _worn(rock: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows columns"]:
+def _smooth(rock: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows columns"]:
     """Give each cell the majority of the cells around it, again and again; cells outside count as
     neither.
     """
@@ -77,13 +77,13 @@ def _worn(rock: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows colu
     return rock
 
 
-def _widened(rock: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows columns"]:
+def _widen(rock: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows columns"]:
     """Return the free cells within reach of the largest connected part of the corners with that
     clearance.
 
     The corners keep it, as no cell that a disc around a corner touches was rock.
     """
-    ways, count = largest(_clearances(rock) >= _REACH)
+    ways, count = keep_largest(_clearances(rock) >= _REACH)
     near = np.asarray(scipy.ndimage.distance_transform_edt(~ways)) < (_REACH if count else 0)
     return near[1:, 1:] | near[1:, :-1] | near[:-1, 1:] | near[:-1, :-1]
 
@@ -93,10 +93,12 @@ def _clearances(rock: Bool[np.ndarray, "rows columns"]) -> np.ndarray:
     return distance_field(np.pad(rock, 1, constant_values=True), 1.0)[1:-1, 1:-1]
 
 
-def _is_one(free: Bool[np.ndarray, "rows columns"]) -> bool:
+def _is_connected(free: Bool[np.ndarray, "rows columns"]) -> bool:
     """Check whether robots of all sizes up to the gap find one connected part."""
     clearances = _clearances(~free)
-    return all(largest(clearances >= least)[1] <= 1 for least in np.linspace(0.5, _REACH, _PER_GAP))
+    return all(
+        keep_largest(clearances >= least)[1] <= 1 for least in np.linspace(0.5, _REACH, _PER_GAP)
+    )
 
 
 def _arena(rock: Bool[np.ndarray, "rows columns"], cell: float) -> Arena:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from apollonius.arenas.random.scattered import DOOR, Layout, Room, pieces
+from apollonius.arenas.random.scattered import DOOR, Layout, Room, wall_pieces
 from apollonius.game.arena import Arena
 
 _THIN = 0.1
@@ -33,7 +33,7 @@ def fences(layout: Layout, rng: np.random.Generator) -> Arena:
         lows = _openings(wide, gap, rng)
         walls += [(at, low, at + thin, high) for low, high in lows]
         at += thin + gap * rng.uniform(*_BETWEEN)
-    return layout.walled(walls, along_y)
+    return layout.with_walls(walls, along_y)
 
 
 def _openings(wide: float, gap: float, rng: np.random.Generator) -> list[tuple[float, float]]:
@@ -45,7 +45,7 @@ def _openings(wide: float, gap: float, rng: np.random.Generator) -> list[tuple[f
     if rng.uniform() < _SECOND:
         other = rng.uniform(0, wide - width)
         lows = sorted([low, other]) if abs(other - low) > 2 * width else lows
-    return pieces(0.0, lows, width, wide)
+    return wall_pieces(0.0, lows, width, wide)
 
 
 def floors(layout: Layout, rng: np.random.Generator) -> Arena:
@@ -68,17 +68,17 @@ def floors(layout: Layout, rng: np.random.Generator) -> Arena:
             right = long if long - (left + length) < 2.2 * gap + thin else left + length
             width = min(gap * rng.uniform(*DOOR), right - left - 0.02)
             door = left + rng.uniform(0, right - left - width)
-            along = pieces(left, [door], width, right)
+            along = wall_pieces(left, [door], width, right)
             walls += [(start, low, end, low + thin) for start, end in along]
             if right < long:
                 next_door = gap * rng.uniform(*DOOR)
                 at = bottom + rng.uniform(0, top - bottom - next_door)
                 openings = [at] if rng.uniform() < _SECOND else []
-                across = pieces(bottom, openings, next_door, top)
+                across = wall_pieces(bottom, openings, next_door, top)
                 walls += [(right, start, right + thin, end) for start, end in across]
                 right += thin
             left = right
-    return layout.walled(walls, along_y)
+    return layout.with_walls(walls, along_y)
 
 
 def _thickness(layout: Layout) -> float:

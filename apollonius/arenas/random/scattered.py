@@ -18,13 +18,13 @@ Room = tuple[float, float, float, float]
 """Left, bottom, right, top [m]."""
 
 
-def turned(room: Room) -> Room:
+def transpose_room(room: Room) -> Room:
     """Return a room with x and y exchanged."""
     left, bottom, right, top = room
     return bottom, left, top, right
 
 
-def pieces(
+def wall_pieces(
     low: float, openings: list[float], width: float, high: float
 ) -> list[tuple[float, float]]:
     """Return the start and end of each piece of a wall with openings [m].
@@ -59,9 +59,9 @@ class Layout:
     def arena(self, polygons: list[Polygon]) -> Arena:
         return Arena(x_max=self.width, y_max=self.height, polygons=tuple(polygons))
 
-    def walled(self, walls: list[Room], along_y: bool = False) -> Arena:
+    def with_walls(self, walls: list[Room], along_y: bool = False) -> Arena:
         """Return the arena with these walls, turned where they were laid out along y."""
-        rectangles = [turned(wall) if along_y else wall for wall in walls]
+        rectangles = [transpose_room(wall) if along_y else wall for wall in walls]
         polygons = [
             Polygon(((x, y), (x_to, y), (x_to, y_to), (x, y_to))) for x, y, x_to, y_to in rectangles
         ]

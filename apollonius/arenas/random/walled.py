@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from apollonius.arenas.random.scattered import DOOR, WALL, Layout, Room, pieces, turned
+from apollonius.arenas.random.scattered import DOOR, WALL, Layout, Room, transpose_room, wall_pieces
 from apollonius.game.arena import MOST_POLYGONS, Arena
 from apollonius.io.errors import require
 
@@ -34,7 +34,7 @@ def maze(layout: Layout, rng: np.random.Generator, opened: float = _OPENED) -> A
     wide, high = layout.width / columns, layout.height / rows
     upright = _walls(right, wide, high, layout.height)
     level = _walls(up.T, high, wide, layout.width)
-    return layout.walled([*upright, *map(turned, level)])
+    return layout.with_walls([*upright, *map(transpose_room, level)])
 
 
 def _carve(right: np.ndarray, up: np.ndarray, rng: np.random.Generator) -> None:
@@ -107,7 +107,7 @@ def racks(layout: Layout, rng: np.random.Generator) -> Arena:
             if rng.uniform() >= _MISSING:
                 found.append((at, bottom, end, bottom + depth))
             at = end + layout.gap * rng.uniform(*_AISLE)
-    return layout.walled(found, along_y)
+    return layout.with_walls(found, along_y)
 
 
 _LEAST = 2.4
@@ -144,15 +144,15 @@ def rooms(layout: Layout, rng: np.random.Generator) -> Arena:
             and max(room[2] - room[0], room[3] - room[1]) < _LARGE * layout.gap
             and rng.uniform() < _WHOLE
         )
-        parted = None if whole else _part(room, doors, layout.gap, rng)
+        parted = None if whole else _split_room(room, doors, layout.gap, rng)
         if parted is None:
             continue
         for known, new in zip((walls, doors, waiting), parted, strict=True):
             known += new
-    return layout.walled(walls)
+    return layout.with_walls(walls)
 
 
-def _part(
+def _split_room(
     room: Room, doors: list[Room], gap: float, rng: np.random.Generator
 ) -> tuple[list[Room], list[Room], list[Room]] | None:
     """Return the pieces of a wall through a room, its doors and the two rooms; None where it stays
@@ -161,10 +161,12 @@ def _part(
     left, bottom, right, top = room
     across = right - left >= top - bottom  # the wall runs along y
     if not across:
-        other_way = _part((bottom, left, top, right), [turned(door) for door in doors], gap, rng)
+        other_way = _split_room(
+            (bottom, left, top, right), [transpose_room(door) for door in doors], gap, rng
+        )
         if other_way is None:
             return None
-        wall, first_doors, rooms = ([turned(room) for room in part] for part in other_way)
+        wall, first_doors, rooms = ([transpose_room(room) for room in part] for part in other_way)
         return wall, first_doors, rooms
     least = _LEAST * gap
     if right - left < 2 * least + WALL or top - bottom < least:
@@ -187,5 +189,7 @@ def _part(
     span = long / count
     lows = [bottom + number * span + rng.uniform(0, span - width) for number in range(count)]
     openings: list[Room] = [(x, low, x + WALL, low + width) for low in lows]
-    walls: list[Room] = [(x, low, x + WALL, high) for low, high in pieces(bottom, lows, width, top)]
+    walls: list[Room] = [
+        (x, low, x + WALL, high) for low, high in wall_pieces(bottom, lows, width, top)
+    ]
     return walls, openings, [(left, bottom, x, top), (x + WALL, bottom, right, top)]

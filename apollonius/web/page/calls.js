@@ -97,7 +97,7 @@ export function step(game, state, actions) {
   ROLES.forEach((role, side) => {
     state[role].forEach((robot, index) => given.levels().set(isActive(robot) ? actionLevels(actions[role][index]) : [0, 0], 2 * (side * MOST_ROBOTS + index)));
   });
-  const found = run.step(game.capture_distance, game.dt, game.max_steps - state.steps);
+  const found = run.step_robots(game.capture_distance, game.dt, game.max_steps - state.steps);
   const { x, y, v, heading } = found.states();
   const [status, [outcome]] = [found.status(), found.outcome()];
   const robot = (at) => ({ x: x[at], y: y[at], v: v[at], heading: heading[at], status: STATUSES[status[at]] });
@@ -178,7 +178,7 @@ export const CLASSICAL = {
 export function leads(game, state) {
   writeChart(game);
   writeRobots(game, state, ROLES);
-  return run.leads(game.capture_distance);
+  return run.arrival_advantage(game.capture_distance);
 }
 
 /** A player of a user's own, from the bytes of its module. */

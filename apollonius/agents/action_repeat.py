@@ -9,22 +9,22 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from apollonius.agents.batching import batched_by, spread, where_needed
+from apollonius.agents.batching import broadcast_rows, compute_where, with_batch_function
 from apollonius.agents.policy import AbstractPolicy, AbstractWrapper, Memory
-from apollonius.game.types import Action, Bits
-from apollonius.observe.observation import Whole
+from apollonius.game.types import Action, RandomBits
+from apollonius.observe.observation import RawView
 
 _DECIDE = 16
 """Rows of a batch that decide at a time."""
 
 
-class Holding(AbstractWrapper):
+class ActionRepeat(AbstractWrapper):
     """A player that is asked in every n-th step of a game, and whose action is held in between."""
 
     steps: int = eqx.field(static=True)
 
     @property
-    def observation(self) -> Whole:
+    def observation(self) -> RawView:
         return self.policy.observation
 
     @property
@@ -35,17 +35,17 @@ class Holding(AbstractWrapper):
         action = jnp.zeros(2) if self.continuous else jnp.int32(0)
         return {"own": self.policy.memory, "action": action, "left": jnp.int32(0)}
 
-    def __call__(self, observation: Any, memory: Memory, bits: Bits) -> tuple[Action, Memory]:
-        action, own_memory = _decided(self.policy, observation, memory, bits)
+    def __call__(self, observation: Any, memory: Memory, bits: RandomBits) -> tuple[Action, Memory]:
+        action, own_memory = _repeat(self.policy, observation, memory, bits)
         remaining = jnp.where(memory["left"] == 0, self.steps, memory["left"]) - 1
         return action, {"own": own_memory, "action": action, "left": remaining}
 
 
-def _decided_together(
+def _repeat_in_batch(
     size: int, batched: Any, policy: AbstractPolicy, observation: Any, memory: Memory, bits: Array
 ) -> tuple[Array, Memory]:
-    memory = spread(size, batched[2], memory)
-    bits = spread(size, batched[3], bits)
+    memory = broadcast_rows(size, batched[2], memory)
+    bits = broadcast_rows(size, batched[3], bits)
 
     def some(rows: Array) -> tuple[Array, Memory]:
         their_views = jax.tree.map(
@@ -55,12 +55,12 @@ def _decided_together(
         memories, random_bits = jax.tree.map(lambda leaf: leaf[rows], (memory["own"], bits))
         return jax.vmap(policy, in_axes=(axes, 0, 0))(their_views, memories, random_bits)
 
-    return where_needed(memory["left"] == 0, some, (memory["action"], memory["own"]), _DECIDE)
+    return compute_where(memory["left"] == 0, some, (memory["action"], memory["own"]), _DECIDE)
 
 
-@batched_by(_decided_together)
-def _decided(
-    policy: AbstractPolicy, observation: Any, memory: Memory, bits: Bits
+@with_batch_function(_repeat_in_batch)
+def _repeat(
+    policy: AbstractPolicy, observation: Any, memory: Memory, bits: RandomBits
 ) -> tuple[Action, Memory]:
     """Return the action that is held, decided now if that is due, and the memory of the player that
     decides.

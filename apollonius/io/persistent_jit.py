@@ -21,7 +21,7 @@ import jax
 from jax.core import Tracer
 from jax.experimental import serialize_executable as stored
 
-from apollonius.io.cache import Entries, kept_entries
+from apollonius.io.cache import Entries, compiled_entries
 
 R = TypeVar("R")
 _SOURCES = Path(__file__).parents[1]
@@ -29,7 +29,7 @@ _KNOWN = {"apollonius", "builtins", "collections", "equinox", "functools", "jax"
 """Packages whose sources, or versions, the name of an entry contains."""
 
 
-class Kept(Generic[R]):
+class PersistentJit(Generic[R]):
     """A function under `jax.jit`, without keywords; kept on one CPU where `keep_compilations` was
     called.
     """
@@ -38,23 +38,23 @@ class Kept(Generic[R]):
         functools.update_wrapper(self, function)
         self.name = f"{function.__module__}.{function.__qualname__}"
         self._jitted: Any = jax.jit(function)
-        self.found: dict[Any, Callable[..., Any]] = {}
+        self.executables: dict[Any, Callable[..., Any]] = {}
 
     def __call__(self, *args: Any) -> R:
         leaves, structure = jax.tree.flatten(args)
         is_one_cpu = jax.default_backend() == "cpu" and jax.device_count() == 1
         entries = (
-            kept_entries() if is_one_cpu and not jax.config.values["jax_disable_jit"] else None
+            compiled_entries() if is_one_cpu and not jax.config.values["jax_disable_jit"] else None
         )
         if entries is None or any(isinstance(leaf, Tracer) for leaf in leaves):
             return self._jitted(*args)
         key = structure, tuple(map(jax.typeof, leaves))
-        if key not in self.found:
-            self.found[key] = self._find(entries, args, *key)
-        return self.found[key](*args)
+        if key not in self.executables:
+            self.executables[key] = self._find(entries, args, *key)
+        return self.executables[key](*args)
 
     def _cache_size(self) -> int:
-        return len(self.found) + self._jitted._cache_size()
+        return len(self.executables) + self._jitted._cache_size()
 
     def _find(
         self, entries: Entries, args: Any, structure: Any, types: tuple[Any, ...]
@@ -95,7 +95,7 @@ class _Static(pickle.Pickler):
         return NotImplemented
 
 
-class _Around(getattr(stored, "_JaxPjrtPickler", pickle.Pickler)):  # pyright: ignore[reportGeneralTypeIssues, reportUntypedBaseClass]
+class _ExecutablePickler(getattr(stored, "_JaxPjrtPickler", pickle.Pickler)):  # pyright: ignore[reportGeneralTypeIssues, reportUntypedBaseClass]
     """Writes the name of a compilation that JAX has stored instead of its content."""
 
     entry: str
@@ -105,7 +105,7 @@ class _Around(getattr(stored, "_JaxPjrtPickler", pickle.Pickler)):  # pyright: i
         return ("exec", self.entry) if is_compilation else super().persistent_id(obj)
 
 
-class _Whole(getattr(stored, "_JaxPjrtUnpickler", pickle.Unpickler)):  # pyright: ignore[reportGeneralTypeIssues, reportUntypedBaseClass]
+class _ExecutableUnpickler(getattr(stored, "_JaxPjrtUnpickler", pickle.Unpickler)):  # pyright: ignore[reportGeneralTypeIssues, reportUntypedBaseClass]
     """Reads the compilation that is named."""
 
     entries: Entries
@@ -124,7 +124,7 @@ def _dump(compilation: Any, entry: str | None) -> bytes:
     assert entry
     assert not compilation._params.const_args, "they would have to be handed over"
     file = BytesIO()
-    pickler = _Around(file)
+    pickler = _ExecutablePickler(file)
     pickler.entry = entry
     types = jax.tree.leaves(compilation.args_info)
     output_structure = compilation.out_tree.unflatten(range(compilation.out_tree.num_leaves))
@@ -134,7 +134,7 @@ def _dump(compilation: Any, entry: str | None) -> bytes:
 
 
 def _load(data: bytes, entries: Entries, structure: Any) -> Callable[..., Any]:
-    reader = _Whole(BytesIO(data), jax.devices()[0].client)
+    reader = _ExecutableUnpickler(BytesIO(data), jax.devices()[0].client)
     reader.entries = entries
     unloaded, types, no_kwargs, output_structure = reader.load()
     arguments = jax.tree.unflatten(structure, types)

@@ -10,10 +10,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, UInt8, UInt32
 
-from apollonius.agents.policy import mixed
+from apollonius.agents.policy import mix_bits
 from apollonius.agents.pool import Pool
 from apollonius.arenas.file import as_game
-from apollonius.envs.batch import Compiled, Outside, begun, carried, require_unforked, resumed
+from apollonius.envs.batch import (
+    CompiledFunction,
+    ExternalPolicy,
+    flatten_carry,
+    require_unforked,
+    restore_games,
+    start_games,
+)
 from apollonius.envs.options import (
     ObservationOption,
     OwnReward,
@@ -25,10 +32,10 @@ from apollonius.envs.options import (
     observation_space,
 )
 from apollonius.game.game import Game
-from apollonius.game.types import Bits, BySide, GameState, Outcome, RobotStatus, Role
+from apollonius.game.types import BySide, GameState, Outcome, RandomBits, RobotStatus, Role
 from apollonius.io.errors import require
 from apollonius.play.replay import as_state
-from apollonius.play.rollout import look_around, step_games
+from apollonius.play.rollout import observe_both, step_games
 from apollonius.show.canvas import Canvas
 
 # A game is one row of numbers: for each robot x, y, speed, heading, status and reward; whether the
@@ -44,7 +51,7 @@ RENDER_MODES = ["rgb_array"]
 _OUTCOMES = [outcome.name.lower() for outcome in Outcome]
 
 
-class LiveGame:
+class SingleGame:
     """One game, one step at a time, either side's actions from outside or from a player of the
     package (`inside`).
 
@@ -88,21 +95,21 @@ class LiveGame:
         self.idle = np.zeros(space.shape or (), space.dtype)
         """A placeholder for the action of a robot that is not played from outside."""
         # The game is a constant of both functions.
-        self._begin = Compiled(_begin, game, contest.players)
-        self._step = Compiled(_step, game, contest.players, contest.reward, self.idle.shape)
-        self._numbers: Array | None = None
+        self._start = CompiledFunction(_start, game, contest.players)
+        self._step = CompiledFunction(_step, game, contest.players, contest.reward, self.idle.shape)
+        self._row: Array | None = None
         self._canvas = Canvas(game) if render_mode else None
 
     @property
-    def is_under_way(self) -> bool:
-        return self._numbers is not None and not (self.terminated or self.truncated)
+    def is_running(self) -> bool:
+        return self._row is not None and not (self.terminated or self.truncated)
 
     def reset(self, bits: np.uint32) -> None:
         """Begin a new game; random bits decide where."""
         require_unforked()
         self._steps = 0
         self._canvas = Canvas(self.game) if self._canvas else None
-        numbers, self._carried = self._begin(bits)
+        numbers, self._carried = self._start(bits)
         self._take(numbers)
 
     def step(self, actions: Sequence[Any], bits: np.uint32) -> None:
@@ -115,69 +122,72 @@ class LiveGame:
         step_inputs = np.empty(1 + self.idle.size * len(action_arrays), action_arrays[0].dtype)
         step_inputs[0] = self._steps
         step_inputs[1:] = np.ravel(action_arrays)
-        numbers, self._carried = self._step(self._numbers, step_inputs, bits, self._carried)
+        numbers, self._carried = self._step(self._row, step_inputs, bits, self._carried)
         self._steps += 1
         self._take(numbers)
 
     def _take(self, numbers: Array) -> None:
-        self._numbers = numbers
-        self._read = np.asarray(numbers)
+        self._row = numbers
+        self._row = np.asarray(numbers)
         if self._canvas:
             active = [status == RobotStatus.ACTIVE for status in self.statuses]
-            rows = self._read[: self._end].reshape(-1, _COLUMNS)
+            rows = self._row[: self._end].reshape(-1, _COLUMNS)
             self._canvas.move(rows[:, :_STATUS].ravel().tolist(), active)
 
     def observation(self, robot: int) -> Float[np.ndarray, " size"]:
         """Return the observation of a robot from outside by its number among the game's robots."""
-        return self._read[self._seen[robot]].copy()
+        return self._row[self._seen[robot]].copy()
 
     @property
     def rewards(self) -> list[float]:
         """Return the rewards of all robots for the last step."""
-        return self._read[_REWARD : self._end : _COLUMNS].tolist()
+        return self._row[_REWARD : self._end : _COLUMNS].tolist()
 
     @property
     def statuses(self) -> list[int]:
         """Return the `RobotStatus` of all robots."""
-        return self._read[_STATUS : self._end : _COLUMNS].astype(int).tolist()
+        return self._row[_STATUS : self._end : _COLUMNS].astype(int).tolist()
 
     @property
     def terminated(self) -> bool:
-        return bool(self._read[self._end])
+        return bool(self._row[self._end])
 
     @property
     def truncated(self) -> bool:
-        return bool(self._read[self._end + 1])
+        return bool(self._row[self._end + 1])
 
     @property
     def outcome(self) -> str:
         """Return `ongoing` or the name of a row of Tables II and III."""
-        return _OUTCOMES[int(self._read[self._end + 2])]
+        return _OUTCOMES[int(self._row[self._end + 2])]
 
     def picture(self) -> UInt8[np.ndarray, "height width 3"] | None:
         """Return the game as it stands, in mode `rgb_array`; otherwise None."""
         return np.array(self._canvas.picture()) if self._canvas else None
 
 
-def _begin(
-    game: Game, players: BySide[Pool], bits: Bits
+def _start(
+    game: Game, players: BySide[Pool], bits: RandomBits
 ) -> tuple[Float[Array, " _"], tuple[Array, ...]]:
     """Return a game's numbers, and what it carries."""
-    games = begun(
+    games = start_games(
         game, players, jax.tree.map(lambda leaf: leaf[None], game.reset(jax.random.key(bits)))
     )
-    _, observations_by_side = look_around(game, players, games, _bits_of(players, ~bits))
-    outside = [role for role in Role if isinstance(players[role].members, Outside)]
+    _, observations_by_side = observe_both(game, players, games, _bits_of(players, ~bits))
+    outside = [role for role in Role if isinstance(players[role].members, ExternalPolicy)]
     observations = [observations_by_side[role][1] for role in outside]
     rewards = games.sides.map(lambda side: side.episode_return)
-    return _packed(games.state, rewards, [jnp.zeros(())] * 3, observations), carried(games, players)
+    return _pack(games.state, rewards, [jnp.zeros(())] * 3, observations), flatten_carry(
+        games, players
+    )
 
 
-def _bits_of(players: BySide[Pool], bits: Bits) -> UInt32[Array, "2 1"]:
+def _bits_of(players: BySide[Pool], bits: RandomBits) -> UInt32[Array, "2 1"]:
     """Return random bits of each side, those given for a player inside."""
-    outside = [isinstance(pool.members, Outside) for pool in players]
+    outside = [isinstance(pool.members, ExternalPolicy) for pool in players]
     sides = [
-        mixed(bits, jnp.uint32(1 + number)) if out else bits for number, out in enumerate(outside)
+        mix_bits(bits, jnp.uint32(1 + number)) if out else bits
+        for number, out in enumerate(outside)
     ]
     return jnp.stack(sides)[:, None]
 
@@ -189,7 +199,7 @@ def _step(
     shape: tuple[int, ...],
     numbers: Float[Array, " numbers"],
     step_inputs: Int[Array, " inputs"] | Float[Array, " inputs"],
-    bits: Bits,
+    bits: RandomBits,
     leaves: Sequence[Array],
 ) -> tuple[Float[Array, " numbers"], tuple[Array, ...]]:
     """Step a game; return its numbers and carried arrays.
@@ -207,16 +217,18 @@ def _step(
     actions = BySide(
         *jnp.split(step_inputs[1:].reshape(1, sum(counts), *shape), [counts.pursuer], axis=1)
     )
-    games = resumed(game, players, jax.tree.map(lambda leaf: leaf[None], state), leaves, actions)
+    games = restore_games(
+        game, players, jax.tree.map(lambda leaf: leaf[None], state), leaves, actions
+    )
     games, transitions = step_games(game, players, games, _bits_of(players, bits), pay=reward)
-    outside = [role for role in Role if isinstance(players[role].members, Outside)]
+    outside = [role for role in Role if isinstance(players[role].members, ExternalPolicy)]
     next_observations = [transitions.sides[role].next_observation for role in outside]
     ends = [transitions.terminated, transitions.truncated, transitions.outcome]
     rewards = transitions.sides.map(lambda side: side.reward)
-    return _packed(games.state, rewards, ends, next_observations), carried(games, players)
+    return _pack(games.state, rewards, ends, next_observations), flatten_carry(games, players)
 
 
-def _packed(
+def _pack(
     state: GameState, rewards: BySide[Array], ends: Sequence[Array], observations: Sequence[Array]
 ) -> Float[Array, " numbers"]:
     statuses = state.status or state.robots.map(lambda side: (jnp.zeros(1),) * len(side))

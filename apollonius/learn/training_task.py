@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import equinox as eqx
 
-from apollonius.agents.kind import Named
 from apollonius.agents.policy import AbstractPolicy
-from apollonius.arenas.charting import charted, largest_radius
+from apollonius.agents.source import NamedPlayer
+from apollonius.arenas.charting import largest_radius, with_chart
 from apollonius.catalogue import TABLE, find_player
 from apollonius.game.game import Game
 from apollonius.game.types import Real, Role
@@ -17,18 +17,18 @@ from apollonius.learn.ppo_config import PPOConfig
 from apollonius.learn.stage_config import OneSideConfig, ResponseConfig
 from apollonius.observe.registry import find_observation
 
-Players = dict[tuple[str, Role], Named]
+Players = dict[tuple[str, Role], NamedPlayer]
 """Players by name and side."""
 
 
-class Setting(eqx.Module):
+class TrainingTask(eqx.Module):
     """A game, the learner's opponents in it, each in an equal part of the games, and what a lost game costs in the
     learner's values.
     """
 
     game: Game
     opponents: tuple[AbstractPolicy, ...]
-    price: Real
+    loss_value: Real
 
 
 def equal_parts(games: int, kinds: int) -> list[int]:
@@ -36,23 +36,25 @@ def equal_parts(games: int, kinds: int) -> list[int]:
     return [games // kinds + (number < games % kinds) for number in range(kinds)]
 
 
-def settings_of(stage: ResponseConfig, learner: PPOConfig, game: Game) -> list[Setting]:
+def training_tasks(stage: ResponseConfig, learner: PPOConfig, game: Game) -> list[TrainingTask]:
     """Return the run's own game and the further tasks; raises InvalidInput when an opponent cannot be found, and where
     caution is wanted of a network that knows no room to brake.
     """
     require_room_to_brake(stage, learner)
     reads, known, settings = (
-        find_observation(learner.observation).charted,
+        find_observation(learner.observation).needs_chart,
         list[Game](),
-        list[Setting](),
+        list[TrainingTask](),
     )
     other = stage.side.other
-    for one, names in stage.casts(game):
-        known.append(_charted_as(one, known, reads))
-        here, players = cast(stage.trained_in(known[-1]), names)
+    for one, names in stage.line_ups(game):
+        known.append(_with_chart_like(one, known, reads))
+        here, players = resolve_players(stage.trained_in(known[-1]), names)
         settings.append(
-            Setting(
-                here, tuple(players[name, other].policy for name in names[other]), learner.price
+            TrainingTask(
+                here,
+                tuple(players[name, other].policy for name in names[other]),
+                learner.loss_value,
             )
         )
     return settings
@@ -64,10 +66,15 @@ def require_room_to_brake(stage: OneSideConfig, learner: LearnerConfig) -> None:
         learner.observation,
         "egocentric or team, which know the room to brake, or no caution",
     )
-    require(stage.caution == 0 or find_observation(reads).charted, "observation", reads, bound)
+    require(
+        stage.clearance_margin == 0 or find_observation(reads).needs_chart,
+        "observation",
+        reads,
+        bound,
+    )
 
 
-def _charted_as(game: Game, others: Sequence[Game], are_read: bool) -> Game:
+def _with_chart_like(game: Game, others: Sequence[Game], are_read: bool) -> Game:
     """Return a game with the charts of another one in the same arenas and with as large robots, or with its own."""
     for other in others:
         ours, theirs = game.scenario, other.scenario
@@ -79,21 +86,21 @@ def _charted_as(game: Game, others: Sequence[Game], are_read: bool) -> Game:
             and largest_radius(game) == largest_radius(other)
         ):
             return replace(game, scenario=replace(ours, arenas=theirs.arenas))
-    return charted(game, are_read)
+    return with_chart(game, are_read)
 
 
-def cast(game: Game, names: Mapping[Role, Sequence[str]]) -> tuple[Game, Players]:
+def resolve_players(game: Game, names: Mapping[Role, Sequence[str]]) -> tuple[Game, Players]:
     """Return a game, with charts where its players of these names read them, and these; `TABLE` is nobody here."""
-    players = _found(game, names)
-    return charted(game, any(player.policy.charted for player in players.values())), players
+    players = _find(game, names)
+    return with_chart(game, any(player.policy.needs_chart for player in players.values())), players
 
 
-def _found(game: Game, names: Mapping[Role, Sequence[str]]) -> Players:
+def _find(game: Game, names: Mapping[Role, Sequence[str]]) -> Players:
     asked = {(name, role) for role in names for name in names[role] if name != TABLE}
     return {each: find_player(*each, game) for each in asked}
 
 
 def require_players(stage: OneSideConfig, game: Game) -> None:
     """Refuse, by InvalidInput, opponents and a teacher that cannot be found."""
-    for here, names in stage.casts(game):
-        _found(here, names)
+    for here, names in stage.line_ups(game):
+        _find(here, names)

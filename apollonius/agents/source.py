@@ -9,11 +9,11 @@ from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.store import AgentHeader
 from apollonius.game.game import Game
 from apollonius.game.types import Role
-from apollonius.io.errors import InvalidInput, nearest, unknown_name
+from apollonius.io.errors import InvalidInput, closest_names, unknown_name
 
 
 @dataclass(frozen=True)
-class Named:
+class NamedPlayer:
     """A player with its name and, if it is from a file, the header of that."""
 
     name: str
@@ -21,11 +21,11 @@ class Named:
     header: AgentHeader | None = None
 
 
-class AbstractKind(ABC):
+class PlayerSource(ABC):
     """Players of one kind, by name. It is registered in `apollonius.catalogue.KINDS`."""
 
-    looks: str = ""
-    """How the names of those look that `names` does not list."""
+    syntax: str = ""
+    """Syntax of names that `names()` does not list, for messages."""
 
     def names(self) -> Sequence[str]:
         """Return the names of those that need no file of a person's own."""
@@ -36,13 +36,17 @@ class AbstractKind(ABC):
         return True
 
     @abstractmethod
-    def find(self, name: str, role: Role, game: Game) -> Named | None:
+    def find(self, name: str, role: Role, game: Game) -> NamedPlayer | None:
         """Return the player of this name, None where this kind does not know it; raises InvalidInput for the others."""
 
 
-def unknown(name: str, *kinds: AbstractKind) -> InvalidInput:
+def unknown_player(name: str, *kinds: PlayerSource) -> InvalidInput:
     """Return the refusal of a name that these kinds do not know."""
-    looks = ", or ".join(kind.looks for kind in kinds if kind.looks)
+    syntax = ", or ".join(kind.syntax for kind in kinds if kind.syntax)
     known = [one for kind in kinds for one in kind.names()]
-    meant = None if name in BUILT_IN or any(mark in name for mark in "/:") else nearest(name, known)
-    return InvalidInput(unknown_name("agent", name, f"{LISTED}; or give {looks}", meant))
+    meant = (
+        None
+        if name in BUILT_IN or any(mark in name for mark in "/:")
+        else closest_names(name, known)
+    )
+    return InvalidInput(unknown_name("agent", name, f"{LISTED}; or give {syntax}", meant))

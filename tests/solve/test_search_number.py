@@ -10,8 +10,8 @@ from apollonius.arenas.free_space import free_space, largest_part
 from apollonius.game.presets import make_game
 from apollonius.game.sensing import Sensing, Sensors
 from apollonius.solve import enough, searchers
-from apollonius.solve.enough import core, solve_chase
-from apollonius.solve.searchers import clearing, how_many_to_see
+from apollonius.solve.cop_number import core, solve_chase
+from apollonius.solve.search_number import clearing_strategy, find_search_number
 from tests.arenas.test_free_space import ANNULUS, BENT, ROOM
 
 
@@ -89,7 +89,7 @@ SMALL[50:62, 50:62] = False
 
 
 def count(free, sizes, report=lambda spacing: None):
-    return enough.how_many(largest_part(free, 0.0, 0.0, 0.1), report, sizes=sizes)
+    return enough.find_cop_number(largest_part(free, 0.0, 0.0, 0.1), report, sizes=sizes)
 
 
 @pytest.mark.parametrize(
@@ -106,9 +106,9 @@ def count(free, sizes, report=lambda spacing: None):
 )
 def test_three_graphs_in_a_row_must_see_every_island_and_agree(free, sizes, pursuers, islands, said):
     found = count(free, sizes, (told := []).append)
-    assert told == [reading.tiling.spacing for reading in found.readings]
-    assert [reading.pursuers for reading in found.readings] == pursuers
-    assert [reading.tiling.holes for reading in found.readings] == islands
+    assert told == [reading.tiling.spacing for reading in found.results]
+    assert [reading.pursuers for reading in found.results] == pursuers
+    assert [reading.tiling.holes for reading in found.results] == islands
     assert found.verdict.startswith(said)
     assert found.agree == ("enough" in said)
     assert found.pursuers == (pursuers[-1] if found.agree else None)
@@ -117,7 +117,7 @@ def test_three_graphs_in_a_row_must_see_every_island_and_agree(free, sizes, purs
 def test_what_would_take_too_long_is_left_out(monkeypatch):
     monkeypatch.setattr(enough, "MOST_NODES", 20)
     found = count(ANNULUS, (60, 600))
-    assert len(found.readings) == 1
+    assert len(found.results) == 1
     assert found.pursuers is None
 
 
@@ -163,7 +163,7 @@ def test_searching_random_graphs(seed):
     seen = np.triu(random.random((5, 5)) < 0.3, 1) | np.eye(5, dtype=bool)
     seen |= seen.T | (adjacency & (random.random() < 0.5))
     for pursuers in (1, 2):
-        found, all_examined = clearing(adjacency, seen, pursuers, 6)
+        found, all_examined = clearing_strategy(adjacency, seen, pursuers, 6)
         possible = is_cleared_plainly(adjacency, seen, pursuers)
         if found:
             assert possible
@@ -176,22 +176,22 @@ def test_searching_random_graphs(seed):
 @pytest.mark.parametrize(("adjacency", "known"), [(path(9), 1), (cycle(9), 2)], ids=["path", "cycle"])
 def test_who_sees_the_next_nodes_clears_a_path_alone_and_a_cycle_with_a_second(adjacency, known):
     seen = adjacency | np.eye(len(adjacency), dtype=bool)
-    assert [bool(clearing(adjacency, seen, pursuers, 6)[0]) for pursuers in (1, 2)] == [known == 1, True]
-    assert clearing(adjacency, seen, 1, 6)[1] == (known == 2)
-    assert clearing(adjacency, seen, 2, 6, most_states=1) == ([], False)
+    assert [bool(clearing_strategy(adjacency, seen, pursuers, 6)[0]) for pursuers in (1, 2)] == [known == 1, True]
+    assert clearing_strategy(adjacency, seen, 1, 6)[1] == (known == 2)
+    assert clearing_strategy(adjacency, seen, 2, 6, most_states=1) == ([], False)
 
 
 def test_sensors_of_a_game_count(monkeypatch):
     monkeypatch.setattr(searchers, "SIZES", (40, 60, 80))
     game, far = make_game("one-large"), Sensors(line_of_sight=True, field_of_view=0.1)
     space = free_space(game)
-    found, spacings = how_many_to_see(game, space, (told := []).append), set(told)
+    found, spacings = find_search_number(game, space, (told := []).append), set(told)
     assert found.pursuers == 2
     assert "2 pursuers are enough, 1 is not" in found.verdict
-    assert {reading.tiling.spacing for reading in found.readings} == spacings
+    assert {reading.tiling.spacing for reading in found.results} == spacings
     monkeypatch.setattr(searchers, "SIZES", (40,))
     for sensors, known in ((far, 2), (Sensors(range=30.0), 1), (Sensors(range=3.0), 2)):
-        one = how_many_to_see(replace(game, sensors=Sensing(sensors)), space, told.append).readings[0]
+        one = find_search_number(replace(game, sensors=Sensing(sensors)), space, told.append).results[0]
         assert one.pursuers == known
     monkeypatch.setattr(searchers, "MOST_SEARCHERS", 1)
-    assert how_many_to_see(game, space, told.append).readings == (), "where no strategy is found nothing is said"
+    assert find_search_number(game, space, told.append).results == (), "where no strategy is found nothing is said"

@@ -5,13 +5,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from apollonius.agents.network import QNetwork, inferred
+from apollonius.agents.network import QNetwork, infer
 from apollonius.agents.trained import AbstractByNetwork
-from apollonius.game.types import Bits
-from apollonius.learn.caution import costs
+from apollonius.game.types import RandomBits
+from apollonius.learn.clearance_penalty import clearance_penalty
 
 
-class Drawing(AbstractByNetwork):
+class SamplingPolicy(AbstractByNetwork):
     """The action drawn by a network's values as logits, less the costs of missing clearance.
 
     The random number that chooses it is held for some steps: each action keeps its probability, and what is tried lasts
@@ -24,20 +24,20 @@ class Drawing(AbstractByNetwork):
     """
 
     network: QNetwork
-    wanted: float = eqx.field(static=True)
-    price: float = eqx.field(static=True)
+    clearance_margin: float = eqx.field(static=True)
+    loss_value: float = eqx.field(static=True)
     hold: float = eqx.field(static=True)
 
     @property
-    def memory(self) -> Bits:
+    def memory(self) -> RandomBits:
         """The number that is held; 0 where none is."""
         return jnp.zeros((), jnp.uint32)
 
     def __call__(
-        self, observation: Float[Array, " size"], memory: Bits, bits: Bits
-    ) -> tuple[Int[Array, ""], Bits]:
+        self, observation: Float[Array, " size"], memory: RandomBits, bits: RandomBits
+    ) -> tuple[Int[Array, ""], RandomBits]:
         below = jnp.cumsum(
-            jax.nn.softmax(self.less_costs(inferred(self.network, observation), observation))
+            jax.nn.softmax(self.penalise(infer(self.network, observation), observation))
         )
         lasts = ((bits & 0xFF).astype(jnp.float32) >= 256 / self.hold) & (memory > 0)
         held = jnp.where(lasts, memory, bits)
@@ -45,9 +45,13 @@ class Drawing(AbstractByNetwork):
         return jnp.minimum(jnp.sum(drawn >= below), below.size - 1).astype(jnp.int32), held
 
     def log_probabilities(self, observations: Float[Array, "rows size"]) -> Float[Array, "rows 9"]:
-        return jax.nn.log_softmax(self.less_costs(self.network.batch(observations), observations))
+        return jax.nn.log_softmax(self.penalise(self.network.batch(observations), observations))
 
-    def less_costs(
+    def penalise(
         self, values: Float[Array, "*rows 9"], observations: Float[Array, "*rows size"]
     ) -> Array:
-        return values - costs(observations, self.wanted, self.price) if self.wanted else values
+        return (
+            values - clearance_penalty(observations, self.clearance_margin, self.loss_value)
+            if self.clearance_margin
+            else values
+        )

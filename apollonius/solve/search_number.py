@@ -23,10 +23,10 @@ from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.sensing import Sensors
 from apollonius.game.types import Flag, RobotState
-from apollonius.solve.enough import Adjacency, Enough, Reading, how_many
+from apollonius.solve.cop_number import Adjacency, CopNumber, GraphResult, find_cop_number
 
 SIZES = (100, 150, 200, 250)
-"""Cells that the free space is cut into, as of `apollonius.solve.enough`."""
+"""Cells that the free space is cut into, as of `apollonius.solve.cop_number`."""
 MOST_STATES = 40_000
 """Most states that are examined for a number of pursuers: some seconds."""
 BRANCHES = 6, 12
@@ -39,34 +39,37 @@ Team = tuple[int, ...]
 Nodes = Bool[np.ndarray, " nodes"]
 
 
-def how_many_to_see(game: Game, space: FreeSpace, report: Callable[[float], None]) -> Enough:
-    """Judge a game's arena as `apollonius.solve.enough.how_many`, by the pursuers' line of sight
+def find_search_number(game: Game, space: FreeSpace, report: Callable[[float], None]) -> CopNumber:
+    """Judge a game's arena as `apollonius.solve.cop_number.how_many`, by the pursuers' line of sight
     and range.
 
     Errors, delays and fields of view do not count; without sensors the pursuers have a line of
     sight.
     """
     sensors = (game.sensors and game.sensors.pursuer) or Sensors(line_of_sight=True)
-    return how_many(
-        space, report, partial(_read, game.arena, replace(sensors, field_of_view=None)), SIZES
+    return find_cop_number(
+        space,
+        report,
+        partial(_judge_search, game.arena, replace(sensors, field_of_view=None)),
+        SIZES,
     )
 
 
-def _read(arena: Arena, sensors: Sensors, tiling: Tiling) -> Reading | None:
+def _judge_search(arena: Arena, sensors: Sensors, tiling: Tiling) -> GraphResult | None:
     """Find the least number of pursuers on a graph, and their strategy; None without one."""
-    in_sight, exact = sights(arena, sensors, tiling.places), True
+    in_sight, exact = nodes_in_sight(arena, sensors, tiling.places), True
     for pursuers in range(1, MOST_SEARCHERS + 1):
-        search_with = partial(clearing, tiling.adjacency, in_sight, pursuers)
+        search_with = partial(clearing_strategy, tiling.adjacency, in_sight, pursuers)
         searches = (search_with(branches) for branches in BRANCHES)
         strategy, all_examined = next((search for search in searches if any(search)), ([], False))
         if strategy:
             places = tiling.places[np.array(strategy)]
-            return Reading(tiling, len(in_sight), pursuers, exact, places)
+            return GraphResult(tiling, len(in_sight), pursuers, exact, places)
         exact = all_examined
     return None
 
 
-def sights(
+def nodes_in_sight(
     arena: Arena, sensors: Sensors, places: Float[np.ndarray, "nodes 2"]
 ) -> Bool[np.ndarray, "nodes nodes"]:
     """Return the nodes that a robot at each node has in sight."""
@@ -82,7 +85,7 @@ def sights(
     return np.asarray(jax.jit(jax.vmap(jax.vmap(sees, (None, 0)), (0, None)))(nodes, nodes))
 
 
-def clearing(
+def clearing_strategy(
     adjacency: Adjacency,
     in_sight: Bool[np.ndarray, "nodes nodes"],
     pursuers: int,

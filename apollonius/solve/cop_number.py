@@ -32,7 +32,7 @@ ALWAYS = 3
 
 
 @dataclass(frozen=True)
-class Reading:
+class GraphResult:
     """A graph, the number of its nodes that matter, and how many pursuers are enough on it.
 
     `exact` is whether fewer are surely not; `places` those of pursuers who search, from turn to
@@ -47,33 +47,33 @@ class Reading:
 
 
 @dataclass(frozen=True)
-class Enough:
+class CopNumber:
     """The number of pursuers that are enough in an arena, by readings of graphs from coarse to
     fine.
     """
 
     space: FreeSpace
-    readings: tuple[Reading, ...]
+    results: tuple[GraphResult, ...]
 
     @property
     def agree(self) -> bool:
         """True where the finest graphs have one verdict."""
-        finest = self.readings[-AGREEING:]
+        finest = self.results[-AGREEING:]
         return len(finest) == AGREEING and len({reading.pursuers for reading in finest}) == 1
 
     @property
     def pursuers(self) -> int | None:
         """Number of pursuers that are enough; None where the graphs do not agree."""
-        return self.readings[-1].pursuers if self.agree else None
+        return self.results[-1].pursuers if self.agree else None
 
     @property
     def verdict(self) -> str:
         """The number of pursuers in words."""
         if self.pursuers is None:
-            verdicts = sorted({reading.pursuers for reading in self.readings[-AGREEING:]})
+            verdicts = sorted({reading.pursuers for reading in self.results[-AGREEING:]})
             return f"the graphs do not agree or are too few: {' or '.join(map(str, verdicts))}"
         fewer = self.pursuers - 1
-        exact = all(reading.exact for reading in self.readings[-AGREEING:])
+        exact = all(reading.exact for reading in self.results[-AGREEING:])
         robots = "for idealised robots on this graph"
         if not fewer:
             return f"1 pursuer is enough, {robots}"
@@ -82,7 +82,7 @@ class Enough:
         return f"{self.pursuers} pursuers are enough, {remark}, {robots}"
 
 
-def read_chase(tiling: Tiling) -> Reading | None:
+def judge_graph(tiling: Tiling) -> GraphResult | None:
     """Find the least number of pursuers that catch an evader on a graph; None where it is too
     large.
     """
@@ -92,15 +92,15 @@ def read_chase(tiling: Tiling) -> Reading | None:
     inner = tiling.adjacency[np.ix_(nodes, nodes)]
     while len(nodes) > 1 and pursuers < ALWAYS and not solve_chase(inner, pursuers).all():
         pursuers += 1
-    return Reading(tiling, len(nodes), pursuers)
+    return GraphResult(tiling, len(nodes), pursuers)
 
 
-def how_many(
+def find_cop_number(
     space: FreeSpace,
     report: Callable[[float], None],
-    read: Callable[[Tiling], Reading | None] = read_chase,
+    read: Callable[[Tiling], GraphResult | None] = judge_graph,
     sizes: Sequence[int] = SIZES,
-) -> Enough:
+) -> CopNumber:
     """Judge an arena on finer and finer graphs, until three in a row agree or one is too large.
 
     Args:
@@ -109,7 +109,7 @@ def how_many(
         read: judges one graph; None where it is too large.
         sizes: about the numbers of cells of the graphs.
     """
-    readings: list[Reading] = []
+    readings: list[GraphResult] = []
     for number, size in enumerate(sizes):
         spacing = float(np.sqrt(2 * space.area / np.sqrt(3) / size))
         report(spacing)
@@ -117,11 +117,11 @@ def how_many(
         if reading is None:
             break
         readings.append(reading)
-        result = Enough(space, tuple(readings))
+        result = CopNumber(space, tuple(readings))
         finest = readings[-AGREEING:]
         if result.agree and all(reading.tiling.holes == space.islands for reading in finest):
             break
-    return Enough(space, tuple(readings))
+    return CopNumber(space, tuple(readings))
 
 
 def core(adjacency: Adjacency) -> Int[np.ndarray, " kept"]:
@@ -176,7 +176,7 @@ def solve_chase(adjacency: Adjacency, pursuers: int) -> Bool[np.ndarray, "evader
             size = np.count_nonzero(after)
             if size > sizes[node]:  # it only grows, so that one of the same size is the same
                 sizes[node] = size
-                before = _before(after, near) | caught[node]
+                before = _predecessors(after, near) | caught[node]
                 if not np.array_equal(before, caught[node]):
                     caught[node] = before
                     is_waiting[around[node]] = True
@@ -184,7 +184,7 @@ def solve_chase(adjacency: Adjacency, pursuers: int) -> Bool[np.ndarray, "evader
     return caught
 
 
-def _before(
+def _predecessors(
     states: Bool[np.ndarray, "*pursuers"], near: Int[np.ndarray, "nodes most"]
 ) -> Bool[np.ndarray, "*pursuers"]:
     """Return the states from which the pursuers come to these in a move, each pursuer in its turn

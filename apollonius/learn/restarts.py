@@ -7,7 +7,7 @@ from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.game.game import Game
 from apollonius.game.outcome import evader_wins, pursuer_wins
-from apollonius.game.types import GameState, Outcome, Role, choose
+from apollonius.game.types import GameState, Outcome, Role, tree_where
 from apollonius.learn.replay_buffer import ReplayBuffer
 from apollonius.play.rollout import Games
 
@@ -17,20 +17,20 @@ _TOO_LATE = 1.5
 """Time [s] before the end of a lost game from which on it is not begun again."""
 
 
-class Practice(eqx.Module):
+class RestartBuffer(eqx.Module):
     """The games of a setting under way, and states of games that the learner lost within a round."""
 
     games: Games
-    lost: ReplayBuffer[GameState]
+    lost_states: ReplayBuffer[GameState]
 
 
-def no_losses(states: GameState) -> ReplayBuffer[GameState]:
+def empty_restarts(states: GameState) -> ReplayBuffer[GameState]:
     """Return an empty ring for states like these, leaves `[games]`."""
     rows = jax.tree.map(lambda leaf: jnp.zeros((_KEPT, *leaf.shape[1:]), leaf.dtype), states)
     return ReplayBuffer(rows, jnp.zeros((), jnp.int32), jnp.zeros((), jnp.int32))
 
 
-def with_losses(
+def add_losses(
     lost: ReplayBuffer[GameState],
     game: Game,
     states: GameState,
@@ -56,11 +56,11 @@ def with_losses(
     )
 
 
-def with_retries(
+def mix_in_restarts(
     share: float, drawn: GameState, lost: ReplayBuffer[GameState], key: PRNGKeyArray
 ) -> GameState:
     """Return starts, a share of which are states of lost games as soon as there are some. The key is consumed."""
     which, row, count = *jax.random.split(key), len(drawn.steps)
     again = jax.random.bernoulli(which, share, (count,)) & (lost.filled > 0)
     index = jax.random.randint(row, (count,), 0, jnp.maximum(lost.filled, 1))
-    return jax.vmap(choose)(again, jax.tree.map(lambda leaf: leaf[index], lost.rows), drawn)
+    return jax.vmap(tree_where)(again, jax.tree.map(lambda leaf: leaf[index], lost.rows), drawn)

@@ -45,7 +45,7 @@ class Discs(AbstractObstacle):
         return jax.lax.fori_loop(0, self.count, look, jnp.asarray(jnp.inf, jnp.float32))
 
 
-class SomeEdges(Edges):
+class BoundedEdges(Edges):
     """The edges of polygons, leaves `[most]`, of which the first `count` exist."""
 
     count: Int[Array, ""]
@@ -73,12 +73,12 @@ class Cells(OccupancyMap):
         return self.field[row * self.columns + column]
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
-        return self._if_there(lambda: OccupancyMap.clearance(self, x, y))
+        return self._where_present(lambda: OccupancyMap.clearance(self, x, y))
 
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
-        return self._if_there(lambda: OccupancyMap.clearance_along(self, before, after))
+        return self._where_present(lambda: OccupancyMap.clearance_along(self, before, after))
 
-    def _if_there(self, clearance: Callable[[], Scalar]) -> Scalar:
+    def _where_present(self, clearance: Callable[[], Scalar]) -> Scalar:
         return jax.lax.cond(self.columns > 0, clearance, lambda: jnp.asarray(jnp.inf, jnp.float32))
 
     def hides(self, here: RobotState, there: RobotState) -> Bool[Array, ""]:
@@ -88,7 +88,7 @@ class Cells(OccupancyMap):
         )
 
 
-class Drawn(Arena):
+class DynamicArena(Arena):
     """An arena whose obstacles are data, with one translated function for each query however often
     it is called.
     """
@@ -115,13 +115,15 @@ class Floor(eqx.Module):
     map: Float[Array, "3"]
     counts: Int[Array, "4"]
 
-    def arena(self, field: Float[Array, " corners"], chart: Chart | None = None) -> Drawn:
+    def arena(self, field: Float[Array, " corners"], chart: Chart | None = None) -> DynamicArena:
         """Return the arena with the field of its map."""
         discs, edges, rows, columns = self.counts
         (x, y, cell), (x_min, x_max, y_min, y_max) = self.map, self.walls
         cells = Cells(field, x, y, cell, "", "", rows, columns)
-        drawn = Discs(self.discs, discs), SomeEdges(self.edges, edges), cells
-        return Drawn(x_min, x_max, y_min, y_max, territory=self.territory, chart=chart, extra=drawn)
+        drawn = Discs(self.discs, discs), BoundedEdges(self.edges, edges), cells
+        return DynamicArena(
+            x_min, x_max, y_min, y_max, territory=self.territory, chart=chart, extra=drawn
+        )
 
 
 class Robots(eqx.Module):
@@ -155,12 +157,12 @@ class Robots(eqx.Module):
             first_pursuer, first_evader, arena, capture_distance, dt, max_steps, teams=teams
         )
 
-    def seen(self, arena: Arena, capture_distance: Scalar, dt: Scalar) -> View:
+    def view(self, arena: Arena, capture_distance: Scalar, dt: Scalar) -> View:
         """Return the view of the first robot."""
         return look(self.game(arena, capture_distance, dt), self.state, Role.PURSUER)
 
 
-class Known(eqx.Module):
+class SearcherState(eqx.Module):
     """Knowledge of a robot with a line of sight, and the cell that it searches
     (`apollonius.agents.searching`).
     """
@@ -180,7 +182,7 @@ def at(values: Any, number: int | Int[Array, ""]) -> Any:
     return jax.tree.map(lambda leaf: leaf[number], values)
 
 
-class AnyBackup(Backup):
+class DynamicBackup(Backup):
     """Manoeuvres of any number of steps, among obstacles without an index."""
 
     steps: int | Array  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -191,7 +193,7 @@ class AnyBackup(Backup):
         def one_step(
             _: Int[Array, ""], carry: list[tuple[Motion, Scalar]]
         ) -> list[tuple[Motion, Scalar]]:
-            after = self._braked(robot, [before for before, _ in carry])
+            after = self._brake(robot, [before for before, _ in carry])
             return [
                 (to, jnp.minimum(least, self.arena.clearance_along(before.state, to.state)))
                 for to, (before, least) in zip(after, carry, strict=True)

@@ -24,7 +24,7 @@ COST = 30.0
 _ROWS = 20_000
 
 
-def costs(
+def clearance_penalty(
     observations: Float[Array, "*rows size"], wanted: Real, price: Real
 ) -> Float[Array, "*rows 9"]:
     """Return what each action costs for what is missing of the `wanted` clearance [m], where a lost game has a price.
@@ -35,7 +35,7 @@ def costs(
     return COST * ROOM * price * jax.nn.relu(wanted / ROOM - after)
 
 
-def cautious(
+def with_clearance_penalty(
     network: QNetwork, observations: Float[Array, "rows size"], wanted: Real, price: Real
 ) -> QNetwork:
     """Return a network that values each action as another one does, less its `costs`.
@@ -63,13 +63,13 @@ def cautious(
     return replace(network, layers=tuple(layers))
 
 
-def sampled(buffer: ReplayBuffer[Labels]) -> Float[Array, "rows size"]:
+def sample_observations(buffer: ReplayBuffer[Labels]) -> Float[Array, "rows size"]:
     """Return observations of a student's buffer, evenly spaced, `_ROWS` or a few more."""
     filled = int(buffer.filled)
     return buffer.rows[0][: filled : max(1, filled // _ROWS)]
 
 
-def bold(network: Network) -> Network:
+def without_clearance_penalty(network: Network) -> Network:
     """Return what a cautious network was without its costs, or the network itself if it is not cautious.
 
     In a training that moves all weights the units that carry them would drift, and what drifts by a hundredth costs

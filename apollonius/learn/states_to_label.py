@@ -12,10 +12,10 @@ from jaxtyping import Array, Bool, PRNGKeyArray
 
 from apollonius.game.dynamics import Unicycle, wrap_angle
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.types import GameState, Real, RobotState, Scalar, choose
+from apollonius.game.types import GameState, Real, RobotState, Scalar, tree_where
 from apollonius.learn.stage_config import DistillationConfig
-from apollonius.learn.teacher import Lessons
-from apollonius.observe.tracking import update
+from apollonius.learn.teacher import DistillationTask
+from apollonius.observe.tracking import sense_and_update
 from apollonius.play.rollout import Games
 
 SPREAD = (0.25, 0.25, 0.15, 0.3)
@@ -26,8 +26,8 @@ _EDGE = 0.02
 """Least distance from the walls at which a robot is put [m]."""
 
 
-def queries(
-    config: DistillationConfig, setting: Lessons, games: Games, key: PRNGKeyArray
+def states_to_label(
+    config: DistillationConfig, setting: DistillationTask, games: Games, key: PRNGKeyArray
 ) -> tuple[GameState, GameState, Bool[Array, " rows"]]:
     """Return states to learn from, as the student knows them and as they are, and which of its robots learn there.
 
@@ -43,7 +43,7 @@ def queries(
         return states, states, jnp.ones(states.steps.shape, bool)
 
     bits = jax.random.bits(key, games.state.steps.shape, jnp.uint32)
-    _, seen = jax.vmap(functools.partial(update, game, role))(track, games.state, bits)
+    _, seen = jax.vmap(functools.partial(sense_and_update, game, role))(track, games.state, bits)
     ages = (
         jnp.zeros((1, *games.state.steps.shape))
         if seen.sight is None
@@ -57,7 +57,7 @@ def queries(
     )
 
 
-def starts_of(setting: Lessons, games: int, key: PRNGKeyArray) -> GameState:
+def starts_of(setting: DistillationTask, games: int, key: PRNGKeyArray) -> GameState:
     """Return starts of games: with tables `fresh_starts`, else as the game draws them. The key is consumed."""
     return (
         reset_batch(setting.game, key, games)
@@ -88,7 +88,7 @@ def fresh_starts(game: Game, games: int, key: PRNGKeyArray) -> GameState:
     rest_key, moving_key = jax.random.split(key)
     starts, others = reset_batch(game, rest_key, games), _anywhere(game, games, moving_key)
     even = jnp.arange(games) % 2 == 0
-    return choose(even, starts, others)
+    return tree_where(even, starts, others)
 
 
 def _anywhere(game: Game, games: int, key: PRNGKeyArray) -> GameState:
@@ -105,8 +105,8 @@ def _around(game: Game, state: GameState, key: PRNGKeyArray) -> GameState:
     """Return a state not far from this one."""
     pursuer, evader = jax.random.normal(key, (2, 4)) * jnp.array([SPREAD])
     robots = (
-        _moved(game, game.pursuer, state.pursuer, *pursuer),
-        _moved(game, game.evader, state.evader, *evader),
+        _move(game, game.pursuer, state.pursuer, *pursuer),
+        _move(game, game.evader, state.evader, *evader),
     )
     return GameState.of_two(*robots, state.steps)
 
@@ -118,11 +118,11 @@ def _closer(game: Game, state: GameState, key: PRNGKeyArray) -> GameState:
     )
     away = game.capture_distance + away
     there = replace(state.pursuer, x=state.evader.x, y=state.evader.y)
-    pursuer = _moved(game, game.pursuer, there, away * jnp.cos(angle), away * jnp.sin(angle))
+    pursuer = _move(game, game.pursuer, there, away * jnp.cos(angle), away * jnp.sin(angle))
     return GameState.of_two(pursuer, state.evader, state.steps)
 
 
-def _moved(
+def _move(
     game: Game,
     body: Unicycle,
     robot: RobotState,
