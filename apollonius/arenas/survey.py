@@ -206,7 +206,7 @@ def missed_passage(game: Game) -> list[str]:
     arena = game.arena
     radius = largest_radius(game)
     chart = with_chart(game).arena.chart
-    assert chart is not None, "which a charted game has"
+    assert chart is not None, "the game has a chart"
     lengths = np.asarray(chart.lengths)[0]
     side = float(np.asarray(chart.side)[0])
     x, y, cell, clearance = grid_points(arena)

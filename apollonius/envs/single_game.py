@@ -97,12 +97,12 @@ class SingleGame:
         # The game is a constant of both functions.
         self._start = CompiledFunction(_start, game, contest.players)
         self._step = CompiledFunction(_step, game, contest.players, contest.reward, self.idle.shape)
-        self._row: Array | None = None
+        self._device_row: Array | None = None
         self._canvas = Canvas(game) if render_mode else None
 
     @property
     def is_running(self) -> bool:
-        return self._row is not None and not (self.terminated or self.truncated)
+        return self._device_row is not None and not (self.terminated or self.truncated)
 
     def reset(self, bits: np.uint32) -> None:
         """Begin a new game; random bits decide where."""
@@ -122,12 +122,12 @@ class SingleGame:
         step_inputs = np.empty(1 + self.idle.size * len(action_arrays), action_arrays[0].dtype)
         step_inputs[0] = self._steps
         step_inputs[1:] = np.ravel(action_arrays)
-        numbers, self._carried = self._step(self._row, step_inputs, bits, self._carried)
+        numbers, self._carried = self._step(self._device_row, step_inputs, bits, self._carried)
         self._steps += 1
         self._take(numbers)
 
     def _take(self, numbers: Array) -> None:
-        self._row = numbers
+        self._device_row = numbers
         self._row = np.asarray(numbers)
         if self._canvas:
             active = [status == RobotStatus.ACTIVE for status in self.statuses]

@@ -209,7 +209,7 @@ def _detour_ratios(game: Game, starts: GameState) -> Float[Array, " games"]:
         chart = game.at(start).arena.chart
         pursuer = start.pursuer
         evader = start.evader
-        assert chart is not None, "the game is charted"
+        assert chart is not None, "the game has a chart"
         return chart.shortest_path_length(pursuer.x, pursuer.y, evader.x, evader.y) / separation(
             pursuer, evader
         )

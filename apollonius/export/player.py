@@ -183,8 +183,8 @@ def known_state(
     percept = Percept(
         own, current.robots[role.other], tuple(is_seen[len(own) :]), jnp.ones((), bool)
     )
-    pending, past = apply_delay(sensors, track.late, percept)  # sightings are late already
-    track = replace(track, own=own, late=pending)
+    pending, past = apply_delay(sensors, track.pending, percept)  # sightings are late already
+    track = replace(track, own=own, pending=pending)
     track = update_track(game, track, replace(percept, own=past.own), current, role)
     known = replace(apply_track(game, track, current, role), drives=drives)
     return known, track, drive_state, own_memory

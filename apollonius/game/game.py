@@ -124,27 +124,27 @@ class Game(eqx.Module):
         validation.require_key(key)
         if self.scenario is None:
             return self.starts.sample(key, self.arena, self.bodies)
-        place_key, start_key = jax.random.split(key)
-        return self.reset_at(self.scenario.sample(place_key), start_key)
+        variant_key, start_key = jax.random.split(key)
+        return self.reset_at(self.scenario.sample(variant_key), start_key)
 
-    def reset_at(self, place: Int[Array, ""], key: PRNGKeyArray) -> GameState:
+    def reset_at(self, variant: Int[Array, ""], key: PRNGKeyArray) -> GameState:
         """Draw an initial state in one arena of the scenario. The key is consumed."""
-        game = self.in_place(place)
-        return replace(self.starts.sample(key, game.arena, game.bodies), place=place)
+        game = self.with_variant(variant)
+        return replace(self.starts.sample(key, game.arena, game.bodies), variant=variant)
 
     def at(self, state: GameState) -> "Game":
         """Return the game that is played in a state: in its arena, between its robots."""
-        return self if self.scenario is None else self.in_place(state.variant)
+        return self if self.scenario is None else self.with_variant(state.variant)
 
-    def in_place(self, place: Int[Array, ""] | None) -> "Game":
-        """Return the game at one place of its scenario."""
+    def with_variant(self, variant: Int[Array, ""] | None) -> "Game":
+        """Return the game at one variant of its scenario."""
         scenario = self.scenario
-        assert scenario is not None, "only a scenario has places"
-        assert place is not None, "a state of a game in one of several arenas says in which"
-        single = replace(self, arena=scenario.arena(place), scenario=None)
+        assert scenario is not None, "only a scenario has variants"
+        assert variant is not None, "a state of a game in one of several arenas says in which"
+        single = replace(self, arena=scenario.arena(variant), scenario=None)
         if scenario.kinds is None:
             return single
-        kind = jax.tree.map(lambda leaf: leaf[place // scenario.count], scenario.kinds)
+        kind = jax.tree.map(lambda leaf: leaf[variant // scenario.count], scenario.kinds)
         teams = self.teams and replace(
             self.teams,
             pursuers=(kind.pursuer,) * len(self.teams.pursuers),
@@ -227,7 +227,7 @@ class Game(eqx.Module):
         pay = _rewards_computed_once if self.teams else _rewards
         chart = game.arena.chart if self.reward.along_paths else None
         has_chart = chart is not None or not self.reward.along_paths
-        bound = "left out in a game without charts: apollonius.arenas.charting.charted draws them"
+        bound = "left out in a game without charts: apollonius.arenas.charting.with_chart draws them"
         require(has_chart, "reward.along_paths", True, bound)
         out_of_time = outcome == Outcome.NO_RESULT
         truncated = out_of_time & (not self.reward.time_limit_wins)

@@ -132,15 +132,15 @@ class Scenario(eqx.Module):
 
     @property
     def size(self) -> int:
-        """The number of places: every arena with every kind of robots."""
+        """The number of variants: every arena with every kind of robots."""
         return self.count * (len(self.kinds) if self.kinds else 1)
 
     def sample(self, key: PRNGKeyArray) -> Int[Array, ""]:
-        """Draw a place. The key is consumed."""
+        """Draw a variant. The key is consumed."""
         return jax.random.randint(key, (), 0, self.size)
 
     def variant_of(self, index: Any) -> Any:
-        """Return the place of a match's game of this index: all arenas take turns, and all kinds of
+        """Return the variant of a match's game of this index: all arenas take turns, and all kinds of
         robots.
         """
         arena, turn = index % self.count, index // self.count
@@ -148,11 +148,11 @@ class Scenario(eqx.Module):
             return arena
         return arena + self.count * ((turn + _STRIDE * arena) % len(self.kinds))
 
-    def arena(self, place: Int[Array, ""]) -> Arena:
-        """Return the arena of a place. A map's field and a chart stay with all others: they are too
+    def arena(self, variant: Int[Array, ""]) -> Arena:
+        """Return the arena of a variant. A map's field and a chart stay with all others: they are too
         large to copy.
         """
-        number = place % self.count
+        number = variant % self.count
         cells = self.arenas.map
         chart = self.arenas.chart
 

@@ -127,7 +127,7 @@ def distillation_tasks(
     counts = tuple(np.max([grid.counts for grid, _ in grids], axis=0).tolist())
 
     def lessons(number: int, one: Game) -> DistillationTask:
-        here = game if scenario is None else game.in_place(jnp.asarray(number))
+        here = game if scenario is None else game.with_variant(jnp.asarray(number))
         here, players = resolve_players(here, asked)
         tables = cached_tables(one, stage.grid, folder, played=here)
         players |= {(TABLE, side): NamedPlayer(TABLE, tables[side]) for side in Role}

@@ -51,7 +51,7 @@ class Belief(eqx.Module):
     """The cells where hidden opponents can be, and the time since each cell was last seen.
 
     Attributes:
-        credit: for each cell the distance [m] that an opponent can have moved since it came in,
+        travel_budget: for each cell the distance [m] that an opponent can have moved since it came in,
             `_most` at most; negative where none can be.
         unseen: times since each cell was last seen [s], `NEVER` at most.
     """
@@ -103,16 +103,16 @@ def propagate(chart: Chart, belief: Belief, reach: Scalar, time: Real) -> Belief
     hops = jnp.ceil(reach / (_SHARE * cell))
     share = reach / jnp.maximum(hops, 1.0)
 
-    def one_hop(_: Array, credit: Array) -> Array:
-        credit = jnp.where(credit >= 0, jnp.minimum(credit + share, _most(chart)), _NOBODY)
-        best = credit
-        for length, is_entered, credit_there in _beside(links, credit, _NOBODY):
-            remaining = credit_there - _SHARE * cell * length
+    def one_hop(_: Array, budget: Array) -> Array:
+        budget = jnp.where(budget >= 0, jnp.minimum(budget + share, _most(chart)), _NOBODY)
+        best = budget
+        for length, is_entered, neighbour_budget in _beside(links, budget, _NOBODY):
+            remaining = neighbour_budget - _SHARE * cell * length
             best = jnp.maximum(best, jnp.where(is_entered & (remaining >= 0), remaining, _NOBODY))
         return best
 
-    credit = jax.lax.fori_loop(0, hops.astype(jnp.int32), one_hop, belief.travel_budget)
-    return Belief(credit, jnp.minimum(belief.unseen + time, NEVER))
+    budget = jax.lax.fori_loop(0, hops.astype(jnp.int32), one_hop, belief.travel_budget)
+    return Belief(budget, jnp.minimum(belief.unseen + time, NEVER))
 
 
 def observe_belief(
@@ -138,8 +138,8 @@ def observe_belief(
     hidden = jnp.where(is_visible, _SEEN, _owners(chart))
     for _, is_entered, owner in _beside(_links(chart), hidden, _SEEN):
         is_seen &= (owner == _SEEN) | ~(is_entered | (owner == number))
-    credit = jnp.where(is_seen, _NOBODY, belief.travel_budget)
-    return Belief(credit, jnp.where(is_seen, 0.0, belief.unseen))
+    budget = jnp.where(is_seen, _NOBODY, belief.travel_budget)
+    return Belief(budget, jnp.where(is_seen, 0.0, belief.unseen))
 
 
 def _owners(chart: Chart) -> Int[Array, "rows columns"]:
@@ -151,7 +151,7 @@ def _owners(chart: Chart) -> Int[Array, "rows columns"]:
 
 
 def localise(chart: Chart, robot: RobotState, bound: Scalar) -> Float[Array, "rows columns"]:
-    """Return the credit of an opponent that is within `bound` [m] of where it is seen."""
+    """Return the budget of an opponent that is within `bound` [m] of where it is seen."""
     x, y = chart.middles()
     near = (bound > 0) & (jnp.hypot(x - robot.x, y - robot.y) <= bound + 1.5 * _cell(chart))
     own_cell = jnp.arange(COARSE**2).reshape(COARSE, COARSE) == chart.nearest_cell(robot.x, robot.y)
@@ -240,5 +240,5 @@ def _cell(chart: Chart) -> Scalar:
 
 
 def _most(chart: Chart) -> Scalar:
-    """Return the largest credit [m]: enough to be in the next cell at once."""
+    """Return the largest budget [m]: enough to be in the next cell at once."""
     return _cell(chart) * 2.5

@@ -84,7 +84,7 @@ class Egocentric(AbstractObservation):
 
     name = "egocentric"
     size = 23 + RAYS + 5 + 2 * COURSES + NUM_ACTIONS
-    charted = True
+    needs_chart = True
     mirror = _mirror()
 
     def __call__(self, view: View) -> Float[Array, " size"]:

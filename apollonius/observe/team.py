@@ -48,7 +48,7 @@ class Team(AbstractObservation):
 
     name = "team"
     size = EGOCENTRIC.size + (MATES + OPPONENTS) * OF_A_ROBOT
-    charted = True
+    needs_chart = True
     extends = EGOCENTRIC.name
     mirror = _mirror()
 

@@ -109,10 +109,10 @@ def sense_and_update(
     assert before is not None, "it counts them from the start"
     first = jnp.where((before.first < 0) & in_sight, state.steps, before.first)
     sightings = Sightings(first, before.steps + in_sight.astype(jnp.int32))
-    late, past = apply_delay(sensors, track.pending, percept)
+    pending, past = apply_delay(sensors, track.pending, percept)
     after = update_track(
         local_game,
-        replace(track, own=percept.own, late=late, sightings=sightings),
+        replace(track, own=percept.own, pending=pending, sightings=sightings),
         past,
         state,
         role,
@@ -171,16 +171,16 @@ def _update_belief(
     bound = sensors.noise.reach if sensors.noise else jnp.zeros(())
     opponents = zip(active[role.other], percept.seen, strict=True)
     unseen = [is_active & ~is_seen for is_active, is_seen in opponents]
-    credit = hidden = jnp.where(
+    budget = hidden = jnp.where(
         functools.reduce(operator.or_, unseen),
         after.travel_budget,
         -jnp.ones_like(after.travel_budget),
     )
     for robot, is_seen in zip(percept.opponents, percept.seen, strict=True):
-        credit = jnp.maximum(
-            credit, jnp.where(is_seen, belief.localise(chart, robot, bound), hidden)
+        budget = jnp.maximum(
+            budget, jnp.where(is_seen, belief.localise(chart, robot, bound), hidden)
         )
-    return replace(after, credit=credit)
+    return replace(after, travel_budget=budget)
 
 
 def _reach(game: Game, role: Role, steps: Real = 1.0) -> Scalar:

@@ -81,7 +81,7 @@ class View(eqx.Module):
         """The arena's chart; raises InvalidInput in an arena without one."""
         chart = self.arena.chart
         if chart is None:
-            remedy = "draw it by apollonius.arenas.charting.charted"
+            remedy = "draw it by apollonius.arenas.charting.with_chart"
             raise InvalidInput(f"a player that reads an arena's chart: {remedy}.")
         return chart
 
@@ -142,7 +142,7 @@ def _robots_of_side(
 
     def with_drive(robot: Robot, driven: DriveState) -> Robot:
         soon, rate = predict_after_lag(drive, driven, robot.body, robot.state, game.dt)
-        return replace(robot, soon=soon, turn_time=drive.turn_time, turn_rate=rate)
+        return replace(robot, predicted_state=soon, turn_time=drive.turn_time, turn_rate=rate)
 
     return tuple(map(with_drive, robots, drives))
 

@@ -179,7 +179,7 @@ def test_each_game_has_the_robots_of_its_make():
         states = step(states, straight)
     gained = np.asarray(some.pursuer.u1_max)[np.asarray(states.place) // 2] * 0.3
     np.testing.assert_allclose(states.pursuer.v, gained, rtol=1e-4)
-    team = in_teams(game, 3, 2).in_place(jnp.int32(5))
+    team = in_teams(game, 3, 2).with_variant(jnp.int32(5))
     for side, kind, size in zip(team.bodies, (some.pursuer, some.evader), (3, 2), strict=True):
         assert [float(body.v_max) for body in side] == [float(kind.v_max[2])] * size
 

@@ -223,7 +223,7 @@ def held(game, states):
         return after.state, after.outcome
 
     place = states.variant if game.scenario else None
-    return jax.vmap(lambda state, place: jax.lax.scan(step, replace(state, place=place), length=30)[1])(states, place)
+    return jax.vmap(lambda state, place: jax.lax.scan(step, replace(state, variant=place), length=30)[1])(states, place)
 
 
 def test_games_in_two_arenas_go_as_each_goes_alone_from_starts_in_either():

@@ -93,7 +93,7 @@ const answers = {
   /** In fog, after each state of a game: the age of either side's last sighting, and the cells where the other side can be. */
   knowledge({ game: rules, rows }) {
     const states = rows.map((row) => asState(rules, row));
-    const cells = ({ credit }) => [...credit.keys()].filter((cell) => credit[cell] >= 0);
+    const cells = ({ budget }) => [...budget.keys()].filter((cell) => budget[cell] >= 0);
     const known = (role) => (_, index) => fog.knowledge(fog.inFog(rules), states.slice(0, index + 1), role);
     const told = (found) => ({ age: found.age, last: [found.last.x, found.last.y], cells: cells(found) });
     return Object.fromEntries(game.ROLES.map((role) => [role, states.map(known(role)).map(told)]));

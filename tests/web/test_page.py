@@ -167,7 +167,7 @@ def test_in_fog_the_opponent_is_drawn_where_it_is_in_sight_and_the_package_shows
       const { fogOf } = await import("./fog.js");
       const match = apollonius.page.match.from(number);
       const fog = fogOf({ ...match, isOver: false }, "evader");
-      return [fog.isHidden, [...fog.credit].flatMap((credit, cell) => (credit < 0 ? [] : [cell]))];
+      return [fog.isHidden, [...fog.budget].flatMap((budget, cell) => (budget < 0 ? [] : [cell]))];
     }"""
     red = """() => {
       const { width, height } = document.getElementById("canvas");

@@ -146,7 +146,7 @@ export function observe(name, game, state, who) {
  * What a robot knows of its one opponent after a look at a state, and where a pursuer seeks it.
  *
  * @param before what it knew before; nothing at the beginning of a game
- * @returns {known, last, age [s], isSeen, credit, sought}: all that it knows; of it the last sighting, its age, whether there was
+ * @returns {known, last, age [s], isSeen, budget, sought}: all that it knows; of it the last sighting, its age, whether there was
  *   one, and in which cells of the chart the opponent can be, where 0 or more; and the opponent as a pursuer seeks it
  */
 export function search(game, state, who, before) {
@@ -160,7 +160,7 @@ export function search(game, state, who, before) {
   const last = Object.fromEntries(ROBOT.map((key) => [key, known[`track_opponents_0_${key}`][0]]));
   const sought = Object.fromEntries(Object.entries(found.sought()).map(([key, [value]]) => [key, value]));
   const [isSeen] = found.sight();
-  return { known, last, age: known.track_ages_0[0], isSeen, credit: known.track_belief_credit, sought };
+  return { known, last, age: known.track_ages_0[0], isSeen, budget: known.track_belief_travel_budget, sought };
 }
 
 const rule = (program) => (...seen) => observe(program, ...seen);

@@ -40,7 +40,7 @@ export function bySight(player) {
 /**
  * What a person sees of a match in fog, or null where all is seen.
  *
- * @returns {rival, isHidden, last, credit, own, blocked}: the other side, whether its robot is out of sight, where it was seen last,
+ * @returns {rival, isHidden, last, budget, own, blocked}: the other side, whether its robot is out of sight, where it was seen last,
  *   or null, in which cells it can be, as `search` says, the person's robot, and which cells have no path
  */
 export function fogOf({ game, states, isOver }, me) {
@@ -49,7 +49,7 @@ export function fogOf({ game, states, isOver }, me) {
   const isHidden = found.age > 0;
   if (!walls.has(game.arena)) walls.set(game.arena, leads(game, states[0]).map((lead) => Number(Number.isNaN(lead))));
   const last = isHidden && found.isSeen ? found.last : null;
-  return { rival: other(me), isHidden, last, credit: found.credit, own: states.at(-1)[me][0], blocked: walls.get(game.arena) };
+  return { rival: other(me), isHidden, last, budget: found.budget, own: states.at(-1)[me][0], blocked: walls.get(game.arena) };
 }
 
 /** Return functions that draw fog on the bare ground, and above it a dashed ring where the rival was seen last. */
@@ -67,8 +67,8 @@ export function veilOf(arena, { rival, isHidden, last, ...known }, colours) {
 }
 
 /** Cells where an opponent can be, and the ones beside walls next to them. */
-function covered(credit, blocked) {
-  let cover = Array.from(credit, (one) => one >= 0);
+function covered(budget, blocked) {
+  let cover = Array.from(budget, (one) => one >= 0);
   const isBeside = (cell) => [-1, 1, -CELLS, CELLS].some((step) => cover[cell + step]);
   for (let ring = 0; ring < 2; ring++) cover = cover.map((is, cell) => is || (blocked[cell] > 0 && isBeside(cell)));
   return cover;
@@ -93,13 +93,13 @@ function sightOf(arena, from) {
 }
 
 /** Draw fog: hatched, at the screen's own resolution, and nowhere in what the robot has in sight. */
-function drawFog(context, arena, { credit, own, blocked }, colours) {
+function drawFog(context, arena, { budget, own, blocked }, colours) {
   const { width, height } = context.canvas;
-  let layer = layers.get(credit);
+  let layer = layers.get(budget);
   if (layer?.width !== width || layer.height !== height || layer.colours !== colours) {
     layer = Object.assign(new OffscreenCanvas(width, height), { colours });
-    paintFog(layer.getContext("2d"), context.getTransform(), arena, covered(credit, blocked), sightOf(arena, own), colours);
-    layers.set(credit, layer);
+    paintFog(layer.getContext("2d"), context.getTransform(), arena, covered(budget, blocked), sightOf(arena, own), colours);
+    layers.set(budget, layer);
   }
   const { x_min, x_max, y_min, y_max } = arena;
   context.save();
@@ -143,7 +143,7 @@ function maskOf({ width, height }, transform, { x, y, side }, cover, sight) {
 }
 
 /** Draw cells of an arena's chart, from the bottom: each in the colour that its value has, if any; dark where an opponent can be. */
-export function drawCells(context, arena, opacity, values, colours, colourOf = (credit) => (credit < 0 ? null : colours.ink)) {
+export function drawCells(context, arena, opacity, values, colours, colourOf = (budget) => (budget < 0 ? null : colours.ink)) {
   const { x_min: x, x_max: right, y_min: y, y_max: top } = arena;
   const cell = Math.max(right - x, top - y) / CELLS;
   context.save();

@@ -69,7 +69,7 @@ export function layersOf({ game, state }, { leads, robots, belief }, colours) {
   const beneath = (context) => {
     const first = (lead) => (Number.isNaN(lead) ? null : colours[lead > 0 ? EVADER : PURSUER]);
     if (leads) drawCells(context, game.arena, FAINT, leads, colours, first);
-    if (belief) drawCells(context, game.arena, DENSE, belief.credit, colours);
+    if (belief) drawCells(context, game.arena, DENSE, belief.budget, colours);
   };
   const above = (context) => {
     context.save();
