@@ -227,7 +227,9 @@ class Game(eqx.Module):
         pay = _rewards_computed_once if self.teams else _rewards
         chart = game.arena.chart if self.reward.along_paths else None
         has_chart = chart is not None or not self.reward.along_paths
-        bound = "left out in a game without charts: apollonius.arenas.charting.with_chart draws them"
+        bound = (
+            "left out in a game without charts: apollonius.arenas.charting.with_chart draws them"
+        )
         require(has_chart, "reward.along_paths", True, bound)
         out_of_time = outcome == Outcome.NO_RESULT
         truncated = out_of_time & (not self.reward.time_limit_wins)

@@ -140,7 +140,7 @@ def test_the_check_of_an_arena_says_what_its_chart_resolves(tmp_path, monkeypatc
 
 def warned(game, players=(), name="floor.toml"):
     lines = []
-    warn(argparse.Namespace(game=name, display=SimpleNamespace(tell=lines.append)), game, players)
+    warn(argparse.Namespace(game=name, display=SimpleNamespace(print_line=lines.append)), game, players)
     return lines
 
 

@@ -172,12 +172,12 @@ def test_each_game_has_the_robots_of_its_make():
     game = replace(game, scenario=replace(game.scenario, kinds=some))
     assert game.scenario.size == 6
     states = jax.jit(reset_batch, static_argnames="games")(game, jax.random.key(0), 64)
-    assert set(np.asarray(states.place).tolist()) == set(range(6))
+    assert set(np.asarray(states.variant).tolist()) == set(range(6))
     straight = jnp.full(64, 7, jnp.int32)
     step = jax.jit(jax.vmap(lambda state, action: game.step(state, action, action).state))
     for _ in range(3):
         states = step(states, straight)
-    gained = np.asarray(some.pursuer.u1_max)[np.asarray(states.place) // 2] * 0.3
+    gained = np.asarray(some.pursuer.u1_max)[np.asarray(states.variant) // 2] * 0.3
     np.testing.assert_allclose(states.pursuer.v, gained, rtol=1e-4)
     team = in_teams(game, 3, 2).with_variant(jnp.int32(5))
     for side, kind, size in zip(team.bodies, (some.pursuer, some.evader), (3, 2), strict=True):

@@ -56,7 +56,7 @@ def study(demo, tmp_path_factory):
         begin(display, what, share)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Display, "begin", heard)
+        patch.setattr(Display, "begin_task", heard)
         patch.setattr(Display, "report", lambda self, *games: [*PROGRESS.values()][-1].append(games))
         assert main(["reproduce", "--games", str(GAMES), "--out", str(folder), "--resume"]) == 0
     return folder
