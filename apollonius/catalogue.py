@@ -76,8 +76,8 @@ def find_player(name: str | AbstractPolicy, role: Role, game: Game) -> NamedPlay
         assert isinstance(bare.policy, AbstractActionValuePolicy)
         return replace(bare, name=SEARCHING + bare.name, policy=Searching(bare.policy))
     for kind in SOURCES:
-        if found := kind.find(name, role, game):
-            return found
+        if player := kind.find(name, role, game):
+            return player
     raise unknown_player(name, *SOURCES)
 
 

@@ -18,7 +18,7 @@ import pytest
 import apollonius
 from apollonius.catalogue import find_player, player_names
 from apollonius.cli.main import main
-from apollonius.cli.values import known_agent
+from apollonius.cli.values import existing_agent
 from apollonius.conformance.defects import Nonconformance
 from apollonius.export.player import exported_side, training_game
 from apollonius.game import arena as arenas
@@ -97,9 +97,9 @@ def test_parts_of_a_package_are_found_by_name_in_lists_files_and_exports(mine, c
     assert "mine:policy" in player_names(Role.EVADER, PAPER)
     player = find_player("shielded:mine:policy", Role.PURSUER, PAPER)
     assert (player.name, type(player.policy.policy).__name__) == ("shielded:mine:policy", "Chaser")
-    assert known_agent("shielded:mine:policy", "evader") == "shielded:mine:policy"
+    assert existing_agent("shielded:mine:policy", "evader") == "shielded:mine:policy"
     with pytest.raises(Exception, match="did you mean 'mine:policy'"):
-        known_agent("mine:polcy")
+        existing_agent("mine:polcy")
     assert exported_side("mine:policy", "evader") is Role.EVADER
     assert training_game("mine:policy") == PAPER
     assert registry.find_observation("camera").size == 2
@@ -151,11 +151,11 @@ def test_entry_points_are_read_for_unknown_names_only(here, monkeypatch):
         raise AssertionError("not for a name that is known")
 
     monkeypatch.setattr(importlib.metadata, "entry_points", refuse)
-    assert find_player("intercept", Role.PURSUER, PAPER).name == known_agent("intercept")
+    assert find_player("intercept", Role.PURSUER, PAPER).name == existing_agent("intercept")
     assert registry.find_observation("paper").size == 8
     assert apollonius.find_game("office").arena.extra == ()
     with pytest.raises(AssertionError):
-        known_agent("mine:policy")
+        existing_agent("mine:policy")
 
 
 @dataclass(frozen=True)

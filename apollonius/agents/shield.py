@@ -235,7 +235,7 @@ def _shield(player: Shielded, view: View, scores: Any) -> Action:
     """Return the action that a player behind a shield takes, by its preferences."""
     search = player.start_search(view, scores)
     return jax.lax.while_loop(
-        lambda one: one.is_open, lambda one: player.try_next(view, scores, one), search
+        lambda state: state.is_open, lambda state: player.try_next(view, scores, state), search
     ).action
 
 

@@ -43,10 +43,10 @@ class PlayerSource(ABC):
 def unknown_player(name: str, *kinds: PlayerSource) -> InvalidInput:
     """Return the refusal of a name that these kinds do not know."""
     syntax = ", or ".join(kind.syntax for kind in kinds if kind.syntax)
-    known = [one for kind in kinds for one in kind.names()]
+    listed = [one for kind in kinds for one in kind.names()]
     meant = (
         None
         if name in BUILT_IN or any(mark in name for mark in "/:")
-        else closest_names(name, known)
+        else closest_names(name, listed)
     )
     return InvalidInput(unknown_name("agent", name, f"{LISTED}; or give {syntax}", meant))

@@ -257,8 +257,8 @@ def _visible(field: _Field, is_linked: Bool[Array, " coarse"]) -> UInt16[Array, 
             )
 
         start = _Visibility(jnp.asarray(0), jnp.asarray(-1), jnp.asarray(jnp.inf))
-        looks = jax.lax.fori_loop(0, 4, try_cell, start)
-        return looks.bits, looks.nearest
+        visibility = jax.lax.fori_loop(0, 4, try_cell, start)
+        return visibility.bits, visibility.nearest
 
     cells = jnp.arange(SIDE, dtype=jnp.float32)
     visible_bits, nearest = jax.lax.map(

@@ -77,25 +77,27 @@ def find_game(name: str) -> Game:
     return load_game(GALLERY / f"{name}.toml")
 
 
-def game_in_one_arena(name: str, who: str) -> Game:
-    """Return the game of a name, for `who`, which knows one arena only: raises InvalidInput for
+def game_in_one_arena(name: str, caller: str) -> Game:
+    """Return the game of a name, for `caller`, which knows one arena only: raises InvalidInput for
     several.
     """
     game = find_game(name)
     if game.scenario is not None:
         team, _ = split_team(name)
         first = f"{team}/" * bool(team) + arena_names(game.scenario.name)[0]
-        bound = f"in one arena, which {who} needs, and this one is in several: name one, as {first}"
+        bound = (
+            f"in one arena, which {caller} needs, and this one is in several: name one, as {first}"
+        )
         require(False, "game", name, bound)
     return game
 
 
-def as_game(given: object) -> Game:
+def as_game(data_or_name: object) -> Game:
     """Return a game, or that of a name; raises InvalidInput for anything else (`find_game`)."""
-    if isinstance(given, Game):
-        return given
-    require(isinstance(given, str), "game", given, "a game, or the name of one")
-    return find_game(str(given))
+    if isinstance(data_or_name, Game):
+        return data_or_name
+    require(isinstance(data_or_name, str), "game", data_or_name, "a game, or the name of one")
+    return find_game(str(data_or_name))
 
 
 def to_dict(config: Any) -> dict[str, Any]:
@@ -129,7 +131,9 @@ def from_dict(kind: type[T], data: dict[str, Any], source: str, folder: Path = P
         InvalidInput: for an unknown key, and for a value of the wrong kind or an impossible one.
     """
     hooks = {
-        Game: lambda given: find_game(given) if isinstance(given, str) else given,
+        Game: lambda data_or_name: (
+            find_game(data_or_name) if isinstance(data_or_name, str) else data_or_name
+        ),
         Arena: lambda arena: _with_map(_with_extra(arena), folder),
         Polygon: _read_document,
         Scenario: lambda value: value if isinstance(value, Scenario) else find_scenario(value),

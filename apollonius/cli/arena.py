@@ -8,7 +8,7 @@ from apollonius.agents.names import BUILT_IN, SIDES, side_of, zoo_names
 from apollonius.arenas.names import KINDS
 from apollonius.cli.options import add_json, print_next_step, print_result, shell_command
 from apollonius.cli.terminal import advice_table
-from apollonius.cli.values import known_game, new_file, real_number, whole_number
+from apollonius.cli.values import existing_game, new_file, real_number, whole_number
 from apollonius.io.errors import require
 from apollonius.io.extensions import PLAYERS, extension_names
 from apollonius.io.limits import GAME_FILES, SEED
@@ -25,7 +25,10 @@ def add_arena(parser: argparse.ArgumentParser) -> None:
         "check", help="report what is wrong with a game's arena, and draw it"
     )
     check.add_argument(
-        "game", type=known_game, metavar="GAME", help="a .toml or .json file, or the name of a game"
+        "game",
+        type=existing_game,
+        metavar="GAME",
+        help="a .toml or .json file, or the name of a game",
     )
     picture_help = "write a picture of what was found (.png), or the game as the page reads it (.json, a new file)"
     check.add_argument("--out", type=new_file(".png", ".json"), metavar="FILE", help=picture_help)
@@ -60,7 +63,10 @@ def add_arena(parser: argparse.ArgumentParser) -> None:
         help="[m]",
     )
     draw.add_argument(
-        "--game", type=known_game, default="paper", help="whose other rules it has (default: paper)"
+        "--game",
+        type=existing_game,
+        default="paper",
+        help="whose other rules it has (default: paper)",
     )
     draw.add_argument(
         "--out",

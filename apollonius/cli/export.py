@@ -8,7 +8,7 @@ from pathlib import Path
 from apollonius.agents.names import SIDES
 from apollonius.cli.options import add_json, print_next_step, print_result, warn
 from apollonius.cli.terminal import columns
-from apollonius.cli.values import known_agent, known_game, new_file, player_or_file
+from apollonius.cli.values import existing_agent, existing_game, new_file, player_or_file
 from apollonius.io.errors import format_value, require, require_extra
 
 FORMATS = {"c": ".c", "onnx": ".onnx"}
@@ -19,7 +19,7 @@ SHOWN = 10
 def add_export(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "agent",
-        type=known_agent,
+        type=existing_agent,
         metavar="AGENT",
         help="any player: its name, or a .safetensors file",
     )
@@ -29,7 +29,7 @@ def add_export(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--game",
-        type=known_game,
+        type=existing_game,
         help="name or file (default: the one that the agent was made for)",
     )
     parser.add_argument(
@@ -84,9 +84,9 @@ def add_replay(parser: argparse.ArgumentParser) -> None:
         help="folder of a bag that the ROS 2 node wrote",
     )
     parser.add_argument(
-        "agent", type=known_agent, metavar="AGENT", nargs="?", help="(default: that of the bag)"
+        "agent", type=existing_agent, metavar="AGENT", nargs="?", help="(default: that of the bag)"
     )
-    parser.add_argument("--game", type=known_game, help="(default: that of the bag)")
+    parser.add_argument("--game", type=existing_game, help="(default: that of the bag)")
     add_json(parser)
     parser.set_defaults(run=run_replay)
 

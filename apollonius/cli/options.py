@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 from apollonius.cli.terminal import varied_table
 from apollonius.cli.values import (
     agent_of,
+    existing_game,
     installed_extra,
-    known_game,
     new_folder,
     require_writable,
     swept_number,
@@ -38,7 +38,7 @@ LENGTHS = ("quick", "standard", "paper")
 
 def add_game(parser: argparse.ArgumentParser) -> None:
     about = "name of the game, as office or team-3v1/office, or a .toml or .json file (default: %(default)s)"
-    parser.add_argument("--game", type=known_game, default="paper", help=about)
+    parser.add_argument("--game", type=existing_game, default="paper", help=about)
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:

@@ -23,7 +23,7 @@ from apollonius.cli.options import (
 )
 from apollonius.cli.values import (
     agent_of,
-    known_agent,
+    existing_agent,
     new_file,
     new_folder,
     real_number,
@@ -128,7 +128,7 @@ def run_report(options: argparse.Namespace) -> int:
 
 def add_slice(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "agent", type=known_agent, metavar="AGENT", help="one that values its actions"
+        "agent", type=existing_agent, metavar="AGENT", help="one that values its actions"
     )
     parser.add_argument(
         "--opponent",
@@ -211,7 +211,7 @@ def add_play(parser: argparse.ArgumentParser) -> None:
         "--as", dest="side", choices=SIDES, default="evader", help="your side (default: evader)"
     )
     parser.add_argument(
-        "--against", type=known_agent, metavar="AGENT",
+        "--against", type=existing_agent, metavar="AGENT",
         help="your opponent: a rule such as intercept, a zoo agent, a .safetensors file, PACKAGE:NAME, or a .wasm file "
         "of your own; shielded: may precede it (default: the best there is, a little slow to see)",
     )  # fmt: skip

@@ -14,7 +14,7 @@ from apollonius.cli.options import add_game, add_json, print_next_step, print_re
 from apollonius.cli.terminal import columns, show_sweep
 from apollonius.cli.values import (
     existing_file,
-    known_game,
+    existing_game,
     new_file,
     nodes,
     real_number,
@@ -198,7 +198,7 @@ def _requested_problem(options: argparse.Namespace, game: "Game") -> "Problem":
 def add_pursuers(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "game",
-        type=known_game,
+        type=existing_game,
         metavar="ARENA",
         help="the name of a game, or a .toml or .json file",
     )
@@ -225,28 +225,28 @@ def run_pursuers(options: argparse.Namespace) -> int:
     def report(spacing: float) -> None:
         display.begin_task(f"solving the game on cells of {spacing:.2g} m")
 
-    enough = (
+    result = (
         find_search_number(game, space, report)
         if options.to_see
         else find_cop_number(space, report)
     )
-    if not enough.results:
+    if not result.graph_results:
         raise InvalidInput(
             f"'{options.game}' has too many obstacles to be solved on a graph; take a part of it."
         )
-    facts = _facts(options.game, enough)
-    print_result(options, facts, _text(facts, enough.verdict))
-    return 0 if enough.agree else 1
+    facts = _facts(options.game, result)
+    print_result(options, facts, _text(facts, result.verdict))
+    return 0 if result.agree else 1
 
 
-def _facts(name: str, enough: "CopNumber") -> dict[str, Any]:
-    places = enough.results[-1].places
+def _facts(name: str, result: "CopNumber") -> dict[str, Any]:
+    places = result.graph_results[-1].places
     return {
         "arena": name,
-        "pursuers": enough.pursuers,
-        "agree": enough.agree,
-        "parts": enough.space.parts,
-        "islands": enough.space.islands,
+        "pursuers": result.pursuers,
+        "agree": result.agree,
+        "parts": result.space.parts,
+        "islands": result.space.islands,
         "graphs": [
             {
                 "spacing": reading.tiling.spacing,
@@ -257,7 +257,7 @@ def _facts(name: str, enough: "CopNumber") -> dict[str, Any]:
                 "pursuers": reading.pursuers,
                 **({} if reading.places is None else {"turns": len(reading.places) - 1}),
             }
-            for reading in enough.results
+            for reading in result.graph_results
         ],
         **({} if places is None else {"strategy": places.round(2).tolist()}),
     }

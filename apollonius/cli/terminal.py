@@ -242,9 +242,11 @@ def varied_table(varied: "VariedMatches") -> str:
 
 def card_table(agent: str, starts: str, card: "RegretCard") -> str:
     """Return a regret card as lines of text."""
+    won = f"{card.won:.2%} {interval_text(card.won_interval)}"
+    lost = f"{card.lost:.2%} {interval_text(card.lost_interval)}"
     return (
         f"{agent} ({card.role}) against the table: {card.games:,} games, starts: {starts}\n"
-        f"  won {card.won:.2%} {interval_text(card.won_interval)}, lost {card.lost:.2%} {interval_text(card.lost_interval)}\n"
+        f"  won {won}, lost {lost}\n"
         f"  payoff {card.payoff:+.3f} {interval_text(card.payoff_interval, '+.3f')}\n"
         f"  the tables promise {card.promised:+.3f} to {card.at_most:+.3f}: estimates, no bounds\n"
         f"  gap to what its own table promises {card.gap:.3f} {interval_text(card.gap_interval, '.3f')}"

@@ -10,8 +10,8 @@ from apollonius.cli.solve import solved_game
 from apollonius.cli.terminal import learning_table, match_table, training_notes
 from apollonius.cli.values import (
     existing_file,
+    existing_game,
     installed_extra,
-    known_game,
     new_folder,
     runs_folder,
     seeds,
@@ -48,7 +48,7 @@ def add_train(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--game",
-        type=known_game,
+        type=existing_game,
         help="name of the game, or a .toml or .json file (default: paper)",
     )
     parser.add_argument(

@@ -162,7 +162,7 @@ def agent_or_model(text: str) -> str:
     return (
         str(existing_file(text))
         if player_or_file(text).lower().endswith(ONNX)
-        else known_agent(text)
+        else existing_agent(text)
     )
 
 
@@ -170,10 +170,10 @@ def agent_of(side: str) -> Callable[[str], str]:
     """Return the reader of a player of a side, which refuses those of the other one where their
     names tell.
     """
-    return partial(known_agent, side=side)
+    return partial(existing_agent, side=side)
 
 
-def known_agent(text: str, side: str | None = None) -> str:
+def existing_agent(text: str, side: str | None = None) -> str:
     """Return a player's name or file; one that nobody has is refused here, where JAX is not needed
     for it.
     """
@@ -207,7 +207,7 @@ def agents_in_run(run: str) -> list[str]:
     )
 
 
-def known_game(text: str) -> str:
+def existing_game(text: str) -> str:
     """Return a game's name or file; one that nobody has is refused here, where JAX is not needed
     for it.
     """
@@ -306,4 +306,5 @@ def _unwritable(path: Path, folder: Path) -> str | None:
         with tempfile.TemporaryFile(dir=folder):
             return None
     except OSError as error:
-        return f"in a folder that can be written to ('{format_value(folder)}': {error.strerror or error}); choose another"
+        reason = error.strerror or error
+        return f"in a folder that can be written to ('{format_value(folder)}': {reason}); choose another"

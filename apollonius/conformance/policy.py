@@ -14,7 +14,7 @@ from apollonius.arenas.file import as_game
 from apollonius.conformance.defects import require_all, require_pure, require_rows
 from apollonius.export.c import CompiledProgram, has_compiler
 from apollonius.export.parity import Cases, cases_of, compare_decisions
-from apollonius.export.player import Player, find_exportable, known_state
+from apollonius.export.player import Player, find_exportable, tracked_state
 from apollonius.export.translate import translate_block
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import is_continuous
@@ -74,8 +74,10 @@ class _Checks:
     def see(self, state: Array, active: Array | None, memory: Any) -> tuple[Any, Any]:
         """Return the policy's observation and its memory."""
         sides = self.game.bodies.map(len)
-        known, _, _, own = known_state(self.game, self.player.role, sides, state, active, memory)
-        return self.policy.observation(look(self.game, known, self.player.role)), own
+        tracked, _, _, own = tracked_state(
+            self.game, self.player.role, sides, state, active, memory
+        )
+        return self.policy.observation(look(self.game, tracked, self.player.role)), own
 
     def ask(self, state: Array, active: Array | None, memory: Any, bits: Any) -> tuple[Any, Any]:
         """Return the policy's action and its next memory."""

@@ -161,7 +161,7 @@ class RunningGames(eqx.Module):
     """
 
     state: GameState
-    seen: Float[Array, "games *robots size"]
+    observation: Float[Array, "games *robots size"]
     carry: tuple[Array, ...]
 
 
@@ -172,7 +172,7 @@ class StepResult(eqx.Module):
     and its status.
     """
 
-    seen: Float[Array, "games *robots size"]
+    observation: Float[Array, "games *robots size"]
     reward: Float[Array, " games"]
     terminated: Bool[Array, " games"]
     truncated: Bool[Array, " games"]
@@ -247,11 +247,13 @@ class GameBatch:
             rewards=None if status is None else jnp.stack(rewards, 1),
             status=None if status is None else jnp.stack(status[self.role], 1),
         )
-        new_games = RunningGames(games.state, result.seen, flatten_carry(games, self.players))
+        new_games = RunningGames(
+            games.state, result.observation, flatten_carry(games, self.players)
+        )
         if not self.next_step:
             return auto_reset(new_games, starts, used, transitions.ended), result
         # Zeros: no reward, no end, an ongoing game, active robots.
-        restarted = replace(jax.tree.map(jnp.zeros_like, result), seen=result.seen)
+        restarted = replace(jax.tree.map(jnp.zeros_like, result), seen=result.observation)
         return auto_reset(new_games, starts, used, ended), jax.vmap(tree_where)(
             ended, restarted, result
         )

@@ -11,8 +11,8 @@ from apollonius.envs.options import (
     RewardOption,
     as_role,
     random_bits,
-    require_known,
     require_no_options,
+    require_option,
 )
 from apollonius.envs.single_game import RENDER_MODES, SingleGame
 from apollonius.game.game import Game
@@ -44,20 +44,20 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
         reward: RewardOption = None,
         **unknown: Any,
     ) -> None:
-        require_known(OneSide, unknown)
+        require_option(OneSide, unknown)
         role = as_role(role)
-        self._live = live = SingleGame(
+        self._session = session = SingleGame(
             game, observation, actions, render_mode, reward, {role.other: opponent}
         )
-        count = len(live.game.bodies[role])
+        count = len(session.game.bodies[role])
         sides = f"{role.name.lower()}s"
         bound = f"1, who alone acts from outside: of a team play all {sides} by PettingZoo"
         require(count == 1, sides, count, bound)
-        self.metadata = type(self).metadata | {"render_fps": live.frames_per_second}
+        self.metadata = type(self).metadata | {"render_fps": session.frames_per_second}
         self.render_mode = render_mode
-        self.observation_space = live.observation_space
-        self.action_space = live.action_space
-        self._robot = live.places.index((role, 0))
+        self.observation_space = session.observation_space
+        self.action_space = session.action_space
+        self._robot = session.places.index((role, 0))
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -65,8 +65,8 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
         """Begin a new game from the game's distribution of starts."""
         require_no_options(options)
         super().reset(seed=seed)
-        self._live.reset(random_bits(self.np_random))
-        return self._live.observation(self._robot), {"outcome": self._live.outcome}
+        self._session.reset(random_bits(self.np_random))
+        return self._session.observation(self._robot), {"outcome": self._session.outcome}
 
     def step(
         self, action: int | np.integer | np.ndarray
@@ -74,19 +74,25 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
         """Let all robots hold their actions for one step; raises ResetNeeded where no game is under
         way.
         """
-        live = self._live
-        if not live.is_running:
+        session = self._session
+        if not session.is_running:
             raise gymnasium.error.ResetNeeded("a game begins with reset()")
-        actions: list[Any] = [live.idle] * len(live.places)
+        actions: list[Any] = [session.idle] * len(session.places)
         actions[self._robot] = action
-        live.step(actions, random_bits(self.np_random))
-        observation = live.observation(self._robot)
-        reward = live.rewards[self._robot]
-        return observation, reward, live.terminated, live.truncated, {"outcome": live.outcome}
+        session.step(actions, random_bits(self.np_random))
+        observation = session.observation(self._robot)
+        reward = session.rewards[self._robot]
+        return (
+            observation,
+            reward,
+            session.terminated,
+            session.truncated,
+            {"outcome": session.outcome},
+        )
 
     def render(self) -> np.ndarray | None:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Return a picture `[height, width, 3]` in mode `rgb_array`; None otherwise."""
-        return self._live.picture()
+        return self._session.picture()
 
 
 _MANY = "apollonius.envs.vector:ManyGames"

@@ -192,7 +192,7 @@ def as_role(name: object) -> Role:
     return sides[str(name).lower()]
 
 
-def require_known(environment: type, unknown: dict[str, Any]) -> None:
+def require_option(environment: type, unknown: dict[str, Any]) -> None:
     """Refuse arguments that an environment does not have."""
     names = list(inspect.signature(environment).parameters)[:-1]
     for name in unknown:

@@ -7,7 +7,7 @@ import numpy as np
 from gymnasium.utils.seeding import np_random
 from pettingzoo import ParallelEnv
 
-from apollonius.envs.options import ObservationOption, RewardOption, random_bits, require_known
+from apollonius.envs.options import ObservationOption, RewardOption, random_bits, require_option
 from apollonius.envs.single_game import RENDER_MODES, SingleGame
 from apollonius.game.game import Game
 from apollonius.game.types import RobotStatus
@@ -45,14 +45,14 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
         reward: RewardOption = None,
         **unknown: Any,
     ) -> None:
-        require_known(BothSides, unknown)
-        self._live = live = SingleGame(game, observation, actions, render_mode, reward, {})
-        self.metadata = type(self).metadata | {"render_fps": live.frames_per_second}
+        require_option(BothSides, unknown)
+        self._session = session = SingleGame(game, observation, actions, render_mode, reward, {})
+        self.metadata = type(self).metadata | {"render_fps": session.frames_per_second}
         self.render_mode = render_mode
-        self.possible_agents = [f"{role.name.lower()}_{number}" for role, number in live.places]
+        self.possible_agents = [f"{role.name.lower()}_{number}" for role, number in session.places]
         self.agents: list[str] = []
-        self.observation_spaces = dict.fromkeys(self.possible_agents, live.observation_space)
-        self.action_spaces = dict.fromkeys(self.possible_agents, live.action_space)
+        self.observation_spaces = dict.fromkeys(self.possible_agents, session.observation_space)
+        self.action_spaces = dict.fromkeys(self.possible_agents, session.action_space)
         self._random, _ = np_random()
 
     def observation_space(self, agent: str) -> gymnasium.spaces.Space[np.ndarray]:
@@ -73,7 +73,7 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
         """
         if seed is not None:
             self._random, _ = np_random(seed)
-        self._live.reset(random_bits(self._random))
+        self._session.reset(random_bits(self._random))
         self.agents = list(self.possible_agents)
         return self._observations(), self._infos()
 
@@ -94,28 +94,28 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
         strangers = sorted(actions.keys() - set(self.possible_agents))
         bound = f"among {', '.join(self.possible_agents)}"
         require(not strangers, "agents", ", ".join(map(str, strangers)), bound)
-        live = self._live
+        session = self._session
         all_actions = [
-            actions.get(agent) if agent in self.agents else live.idle
+            actions.get(agent) if agent in self.agents else session.idle
             for agent in self.possible_agents
         ]
-        live.step(all_actions, np.uint32(0))
-        statuses = self._each(live.statuses)
+        session.step(all_actions, np.uint32(0))
+        statuses = self._each(session.statuses)
         is_active = {agent: status == RobotStatus.ACTIVE for agent, status in statuses.items()}
         results = (
-            self._each(live.rewards),
-            {agent: live.terminated or not is_active[agent] for agent in self.agents},
-            {agent: live.truncated and is_active[agent] for agent in self.agents},
+            self._each(session.rewards),
+            {agent: session.terminated or not is_active[agent] for agent in self.agents},
+            {agent: session.truncated and is_active[agent] for agent in self.agents},
             self._infos(),
         )
         observations = self._observations()
-        is_over = live.terminated or live.truncated
+        is_over = session.terminated or session.truncated
         self.agents = [agent for agent in self.agents if is_active[agent] and not is_over]
         return observations, *results
 
     def render(self) -> np.ndarray | None:
         """Return a picture `[height, width, 3]` in mode `rgb_array`; None otherwise."""
-        return self._live.picture()
+        return self._session.picture()
 
     def _each(self, values: list[Any]) -> dict[str, Any]:
         """Return the values of the agents in play, by name, from those of all robots."""
@@ -124,14 +124,14 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
 
     def _observations(self) -> dict[str, np.ndarray]:
         return self._each(
-            [self._live.observation(robot) for robot in range(len(self.possible_agents))]
+            [self._session.observation(robot) for robot in range(len(self.possible_agents))]
         )
 
     def _infos(self) -> dict[str, dict[str, Any]]:
-        common_info = {"outcome": self._live.outcome}
-        if self._live.game.teams is None:
+        common_info = {"outcome": self._session.outcome}
+        if self._session.game.teams is None:
             return {agent: dict(common_info) for agent in self.agents}
-        statuses = self._each(self._live.statuses)
+        statuses = self._each(self._session.statuses)
         return {
             agent: common_info | {"status": RobotStatus(status).name.lower()}
             for agent, status in statuses.items()

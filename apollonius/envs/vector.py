@@ -23,8 +23,8 @@ from apollonius.envs.options import (
     make_contest,
     observation_space,
     random_bits,
-    require_known,
     require_no_options,
+    require_option,
 )
 from apollonius.game.game import Game
 from apollonius.game.types import Role
@@ -82,7 +82,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         **unknown: Any,
     ) -> None:
         require_unforked()
-        require_known(ManyGames, unknown)
+        require_option(ManyGames, unknown)
         role = as_role(role)
         PARALLEL_GAMES.require("num_envs", num_envs)
         mode = AutoresetMode(autoreset_mode) if autoreset_mode in _MODES else autoreset_mode

@@ -116,12 +116,12 @@ class Fingerprint(AbstractWatcher):
     def init(self) -> UInt32[Array, ""]:
         return jnp.uint32(0x811C9DC5)
 
-    def update(self, known: UInt32[Array, ""], transition: Transition) -> UInt32[Array, ""]:
+    def update(self, statistic: UInt32[Array, ""], transition: Transition) -> UInt32[Array, ""]:
         for side in transition.sides:
             for leaf in (side.action, side.reward):
                 for word in jax.lax.bitcast_convert_type(leaf, jnp.uint32).ravel():
-                    known = (known ^ word) * jnp.uint32(0x01000193)
-        return known
+                    statistic = (statistic ^ word) * jnp.uint32(0x01000193)
+        return statistic
 
 
 @dataclass(frozen=True)

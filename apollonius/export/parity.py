@@ -19,7 +19,7 @@ from apollonius.agents.policy import AbstractActionValuePolicy
 from apollonius.agents.pool import Pool, single_player
 from apollonius.agents.shield import MARGIN, Shielded
 from apollonius.export.c import CompiledProgram, Program
-from apollonius.export.player import LARGEST, Player, known_state, pack_memory
+from apollonius.export.player import LARGEST, Player, pack_memory, tracked_state
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.sensing import sense
 from apollonius.game.types import ROLES, BySide, GameState, RandomBits, Role, tree_where
@@ -122,7 +122,7 @@ def sensor_inputs(
         far = jax.tree.map(lambda number: jnp.full_like(number, 2 * LARGEST), state.robots[role][0])
         opponents = tuple(
             tree_where(is_seen, opponent, far)
-            for opponent, is_seen in zip(past.opponents, past.seen, strict=True)
+            for opponent, is_seen in zip(past.opponents, past.in_sight, strict=True)
         )
         return replace(state, robots=BySide.of(role, percept.own, opponents))
 
@@ -208,7 +208,7 @@ def _is_as_good(player: Player, cases: Cases, place: int, action: int, own: int)
     state, active, memory, bits = cases.at(place)
     sides = player.game.bodies.map(len)
     in_play = None if active is None else jnp.asarray(active)
-    known_game_state, _, _, memory = known_state(
+    known_game_state, _, _, memory = tracked_state(
         player.game, player.role, sides, jnp.asarray(state), in_play, memory
     )
     view = look(player.game, known_game_state, player.role)

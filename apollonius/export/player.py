@@ -122,7 +122,7 @@ def _decide(role: Role, sides: BySide[int]) -> Callable[..., dict[str, Any]]:
         bits: RandomBits,
     ) -> dict[str, Any]:
         policy = transpose_layers(player)
-        known_game_state, track, drive_state, own_memory = known_state(
+        known_game_state, track, drive_state, own_memory = tracked_state(
             game, role, sides, state, active, memory
         )
         observation = policy.observation(look(game, known_game_state, role))
@@ -148,7 +148,7 @@ def pack_memory(track: Track | None, drive: DriveState, own: Memory) -> Memory:
     return (track, drive, own) if jax.tree.leaves((track, drive)) else own
 
 
-def known_state(
+def tracked_state(
     game: Game, role: Role, sides: BySide[int], state: Array, active: Array | None, memory: Memory
 ) -> tuple[GameState, Track | None, DriveState, Memory]:
     """Return the state as a side knows it in this step, and the parts of its memory: track, drive,
@@ -190,24 +190,21 @@ def known_state(
     return known, track, drive_state, own_memory
 
 
-def exported_side(name: str, given: str | None = None) -> Role:
+def exported_side(name: str, side: str | None = None) -> Role:
     """Return the side that a player plays, or the given one of a player of either; raises InvalidInput otherwise."""
     bare = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
     sides = _sides_of_rule(bare) or (Role[find_trained(bare)[0].header.role.upper()],)
     named = [side.name.lower() for side in sides]
     require(
-        given is None or given in named,
-        "side",
-        given,
-        f"{' or '.join(named)}, which '{name}' plays",
+        side is None or side in named, "side", side, f"{' or '.join(named)}, which '{name}' plays"
     )
     require(
-        given or len(sides) == 1,
+        side or len(sides) == 1,
         "side",
         "missing",
         f"{' or '.join(named)}, as '{name}' plays either",
     )
-    return Role[given.upper()] if given else sides[0]
+    return Role[side.upper()] if side else sides[0]
 
 
 def _sides_of_rule(name: str) -> tuple[Role, ...]:
@@ -245,8 +242,8 @@ def find_exportable(name: str | AbstractPolicy, role: Role, game: Game) -> Playe
             a robot that does not come to rest by braking, the answer to a broken state.
     """
     game.require_one_arena("an exported policy")
-    found = find_player(name, role, game)
-    policy = found.policy
+    named_player = find_player(name, role, game)
+    policy = named_player.policy
     finite = all(
         np.isfinite(leaf).all()
         for leaf in jax.tree.leaves(eqx.filter(policy, eqx.is_inexact_array))
@@ -271,7 +268,11 @@ def find_exportable(name: str | AbstractPolicy, role: Role, game: Game) -> Playe
             known, arena=replace(known.arena, chart=replace(known.arena.chart, links=None))
         )
     return Player(
-        name if isinstance(name, str) else found.name, role, known, policy, transpose_layers(policy)
+        name if isinstance(name, str) else named_player.name,
+        role,
+        known,
+        policy,
+        transpose_layers(policy),
     )
 
 

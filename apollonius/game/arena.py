@@ -160,9 +160,9 @@ class Arena(Walls):
         hits = [obstacle.is_hit(before, after, radius) for obstacle in self._merged]
         return functools.reduce(jnp.logical_or, hits, jnp.zeros((), bool))
 
-    def hides(self, here: RobotState, there: RobotState) -> Flag:
+    def hides(self, observer: RobotState, target: RobotState) -> Flag:
         """Check whether an obstacle is in the line of sight between two robots' centres."""
-        blocked = [obstacle.hides(here, there) for obstacle in self._merged]
+        blocked = [obstacle.hides(observer, target) for obstacle in self._merged]
         return functools.reduce(jnp.logical_or, blocked, jnp.zeros((), bool))
 
     def reaches_territory(self, before: RobotState, after: RobotState) -> Flag:

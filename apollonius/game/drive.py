@@ -106,7 +106,7 @@ def predict_after_lag(
 
 
 def limited_turn_rate(
-    body: Unicycle, turn_time: Real | None, rate: Scalar | None, asked: Scalar, dt: Real
+    body: Unicycle, turn_time: Real | None, rate: Scalar | None, commanded: Scalar, dt: Real
 ) -> tuple[Scalar, Scalar | None]:
     """Return the mean turn rate over a step and the turn rate after it [rad/s].
 
@@ -121,10 +121,10 @@ def limited_turn_rate(
         dt: duration of the step [s].
     """
     if turn_time is None:
-        return asked, None
+        return commanded, None
     assert rate is not None, "a drive with a turn time has a turn rate"
     max_change = body.u2_max * dt / jnp.maximum(turn_time, 1e-6)
-    change = jnp.clip(asked - rate, -max_change, max_change)
+    change = jnp.clip(commanded - rate, -max_change, max_change)
     mean = rate + change - change * jnp.abs(change) / jnp.maximum(2 * max_change, 1e-9)
     return mean, rate + change
 

@@ -160,19 +160,24 @@ class Game(eqx.Module):
             drives=kind.drives or self.drives,
         )
 
-    def require_one_arena(self, who: str) -> None:
-        """Refuse a game in one of several arenas, for `who` needs one; raises InvalidInput."""
+    def require_one_arena(self, caller: str) -> None:
+        """Refuse a game in one of several arenas, for `caller` needs one; raises InvalidInput."""
         if self.scenario is not None:
-            require(False, "arenas", self.scenario.size, f"one, which {who} has to know beforehand")
+            require(
+                False, "arenas", self.scenario.size, f"one, which {caller} has to know beforehand"
+            )
 
-    def require_two(self, who: str) -> None:
-        """Refuse a game of teams, for `who` knows two robots only; raises InvalidInput."""
+    def require_two(self, caller: str) -> None:
+        """Refuse a game of teams, for `caller` knows two robots only; raises InvalidInput."""
         require(
-            self.teams is None, "robots", self.size, f"1 v 1: {who} knows games of two robots only"
+            self.teams is None,
+            "robots",
+            self.size,
+            f"1 v 1: {caller} knows games of two robots only",
         )
 
-    def duel(self, who: str) -> "Game":
-        """Return the game between one robot of each team, for `who` knows only two.
+    def duel(self, caller: str) -> "Game":
+        """Return the game between one robot of each team, for `caller` knows only two.
 
         Raises:
             InvalidInput: if the robots of a team differ.
@@ -182,7 +187,7 @@ class Game(eqx.Module):
             alike,
             "robots",
             "of several kinds",
-            f"alike on either side: {who} knows one pursuer and one evader",
+            f"alike on either side: {caller} knows one pursuer and one evader",
         )
         return replace(self, teams=None)
 

@@ -81,17 +81,19 @@ class AbstractObstacle(eqx.Module):
         """
         shares = jnp.arange(_PARTS + 1) / _PARTS
         x, y = before.x + shares * (after.x - before.x), before.y + shares * (after.y - before.y)
-        there = jax.vmap(self.clearance)(x, y)
-        apart = jnp.hypot(after.x - before.x, after.y - before.y) / _PARTS
-        return jnp.minimum(jnp.min(there), jnp.min(there[1:] + there[:-1] - apart) / 2)
+        clearances = jax.vmap(self.clearance)(x, y)
+        spacing = jnp.hypot(after.x - before.x, after.y - before.y) / _PARTS
+        return jnp.minimum(
+            jnp.min(clearances), jnp.min(clearances[1:] + clearances[:-1] - spacing) / 2
+        )
 
     def is_hit(self, before: RobotState, after: RobotState, radius: Real) -> Flag:
         """Check whether a body of this radius [m] touches it anywhere along the segment between two states."""
         return self.clearance_along(before, after) < radius
 
-    def hides(self, here: RobotState, there: RobotState) -> Flag:
+    def hides(self, observer: RobotState, target: RobotState) -> Flag:
         """Check whether it is in the line of sight between two robots' centres."""
-        return self.is_hit(here, there, 0.0)
+        return self.is_hit(observer, target, 0.0)
 
     def outline(self) -> Corners:
         """Return its shape for pictures, unless it is a disc or a map; without corners it is not drawn."""

@@ -87,15 +87,15 @@ class OccupancyMap(AbstractObstacle):
         """Return the distance at a corner [m]."""
         return self.field[row, column]
 
-    def hides(self, here: RobotState, there: RobotState) -> Flag:
+    def hides(self, observer: RobotState, target: RobotState) -> Flag:
         """Check whether the segment between two robots' centres meets an occupied cell.
 
         The cells that it crosses are looked at one by one (Amanatides and Woo, "A fast voxel
         traversal algorithm for ray tracing", 1987).
         """
         rows, columns = self._corners
-        start_x, start_y = (here.x - self.x) / self.cell, (here.y - self.y) / self.cell
-        along_x, along_y = (there.x - here.x) / self.cell, (there.y - here.y) / self.cell
+        start_x, start_y = (observer.x - self.x) / self.cell, (observer.y - self.y) / self.cell
+        along_x, along_y = (target.x - observer.x) / self.cell, (target.y - observer.y) / self.cell
 
         def axis(start: Scalar, along: Scalar) -> tuple[Scalar, Scalar, Scalar]:
             """Return the first cell, the share of the segment up to its end, and what of it one

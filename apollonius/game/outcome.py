@@ -22,13 +22,13 @@ PURSUER_FAILS = (Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE)
 
 
 def come_within(
-    one: tuple[RobotState, RobotState], other: tuple[RobotState, RobotState], distance: Real
+    first: tuple[RobotState, RobotState], second: tuple[RobotState, RobotState], distance: Real
 ) -> Flag:
     """Check whether two centres come closer than a distance [m] anywhere along a step.
 
     Both robots move along their segments at the same time.
     """
-    (before, after), (other_before, other_after) = one, other
+    (before, after), (other_before, other_after) = first, second
     relative_x = other_before.x - before.x
     relative_y = other_before.y - before.y
     approach = closest_approach_squared(

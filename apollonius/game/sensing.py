@@ -152,7 +152,7 @@ class Percept(eqx.Module):
 
     own: tuple[RobotState, ...]
     opponents: tuple[RobotState, ...]
-    seen: tuple[Flag, ...]
+    in_sight: tuple[Flag, ...]
     has_looked: Flag
 
 
@@ -182,6 +182,6 @@ def sense(
     return Percept(
         own=sensors.own_noise.add_to(own, bits, _OWN) if sensors.own_noise else own,
         opponents=sensors.noise.add_to(opponents, bits, _OPPONENTS) if sensors.noise else opponents,
-        seen=tuple(map(is_seen, opponents, state.active[role.other])),
+        in_sight=tuple(map(is_seen, opponents, state.active[role.other])),
         has_looked=has_looked,
     )

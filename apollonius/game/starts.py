@@ -95,14 +95,14 @@ class Starts(eqx.Module):
         headings = jax.random.uniform(heading_key, (len(new),), minval=-jnp.pi, maxval=jnp.pi)
         return robots(places, self._speeds(speed_key, [body for _, body in new]), headings)
 
-    def fits(self, arena: Arena, one: _Robot, others: Sequence[_Robot]) -> Flag:
+    def fits(self, arena: Arena, robot: _Robot, placed: Sequence[_Robot]) -> Flag:
         """Check whether a robot keeps its distances from obstacles, other robots and a territory.
 
         Only evaders keep away from a territory.
         """
-        role, body, state = one
+        role, body, state = robot
         is_free = arena.clearance(state.x, state.y) >= self.clearance + body.radius
-        for side, other, other_state in others:
+        for side, other, other_state in placed:
             min_distance = self.separation
             if side == role:
                 min_distance = self.clearance + body.radius + other.radius

@@ -32,7 +32,7 @@ class Teams(eqx.Module):
 
 
 def nearest(
-    here: RobotState,
+    origin: RobotState,
     robots: Sequence[RobotState],
     active: Sequence[Flag | bool],
     values: Sequence[T],
@@ -46,16 +46,16 @@ def nearest(
         robots, active: the other robots, one at least, and whether each is in play.
         values: a value for each, pytrees of one structure.
     """
-    best, least = values[0], jnp.where(active[0], distance_squared(here, robots[0]), jnp.inf)
+    best, least = values[0], jnp.where(active[0], distance_squared(origin, robots[0]), jnp.inf)
     for robot, is_active, value in zip(robots[1:], active[1:], values[1:], strict=True):
-        distance = jnp.where(is_active, distance_squared(here, robot), jnp.inf)
+        distance = jnp.where(is_active, distance_squared(origin, robot), jnp.inf)
         nearer = distance < least
         best, least = tree_where(nearer, value, best), jnp.minimum(distance, least)
     return best
 
 
 def by_distance(
-    here: RobotState,
+    origin: RobotState,
     robots: Sequence[RobotState],
     active: Sequence[Flag | bool],
     values: Sequence[T],
@@ -66,7 +66,7 @@ def by_distance(
         here, robots, active, values: as in `nearest`.
     """
     distances = [
-        jnp.where(is_active, distance_squared(here, robot), jnp.inf)
+        jnp.where(is_active, distance_squared(origin, robot), jnp.inf)
         for robot, is_active in zip(robots, active, strict=True)
     ]
 

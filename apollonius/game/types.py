@@ -101,13 +101,13 @@ def value_for_each(robots: BySide[tuple[T, ...]]) -> BySide[T]:
     return robots.map(lambda side: side[0])
 
 
-def tree_where(first: Bool[Array, "..."], one: T, other: T) -> T:
+def tree_where(condition: Bool[Array, "..."], value: T, other: T) -> T:
     """Return the first of two pytrees where the flags say so, elsewhere the other."""
 
     def select(one: Any, other: Any) -> Any:
-        return one if one is other else jnp.where(first, one, other)
+        return one if one is other else jnp.where(condition, one, other)
 
-    return jax.tree.map(select, one, other)
+    return jax.tree.map(select, value, other)
 
 
 ROLES = BySide(Role.PURSUER, Role.EVADER)

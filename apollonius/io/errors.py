@@ -34,16 +34,16 @@ def format_value(value: object, longest: int = _LONGEST_VALUE) -> str:
     return text if text.isprintable() else "".join(characters)
 
 
-def closest_names(name: str, known: Iterable[str]) -> str | None:
+def closest_names(name: str, choices: Iterable[str]) -> str | None:
     """Return the known name nearest to a misspelt one, if one is near."""
-    name_of_lower = {candidate.lower(): candidate for candidate in known}
+    name_of_lower = {candidate.lower(): candidate for candidate in choices}
     near = difflib.get_close_matches(name.lower(), name_of_lower, n=5)
     # two letters changed places
     near = [candidate for candidate in near if sorted(candidate) == sorted(name.lower())] or near
     return name_of_lower[near[0]] if near else None
 
 
-def unknown_name(kind: str, name: str, known: str, meant: str | None) -> str:
+def unknown_name(kind: str, name: str, choices: str, suggestion: str | None) -> str:
     """Return the message that refuses an unknown name.
 
     Args:
@@ -52,7 +52,7 @@ def unknown_name(kind: str, name: str, known: str, meant: str | None) -> str:
         known: Sentence about the possible names.
         meant: The nearest possible name, which replaces that sentence.
     """
-    remedy = f"did you mean '{meant}'?" if meant else f"{known}."
+    remedy = f"did you mean '{suggestion}'?" if suggestion else f"{choices}."
     return f"unknown {kind} '{format_value(name)}'; {remedy}"
 
 

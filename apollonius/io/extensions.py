@@ -43,9 +43,9 @@ def load_extension(group: str, name: str, kind: str) -> Any:
 def unfit_extension(group: str, name: str, kind: str, reason: object) -> InvalidInput:
     """Return the refusal of a part of another package: what it is instead of its kind, or why it cannot be imported."""
     entry = next(entry for entry in _entries(group) if _name(entry) == name)
+    line = f"{format_value(entry.name)} = {format_value(entry.value)}"
     return InvalidInput(
-        f"the package '{_package(entry)}' has '{format_value(entry.name)} = {format_value(entry.value)}' in {group}, which must be "
-        f"{kind} and is not ({format_value(reason)}): mend it, or uninstall the package."
+        f"the package '{_package(entry)}' has '{line}' in {group}, which must be {kind} and is not ({format_value(reason)}): mend it, or uninstall the package."
     )
 
 

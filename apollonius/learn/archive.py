@@ -119,14 +119,14 @@ def record_results(
     A game without a winner is lost by the pursuer.
     """
     first, games = config.first_game(role, outcome.shape[1]), config.slot_games(outcome.shape[1])
-    theirs = slice(first, first + config.slots * games)
-    lost = pursuer_wins(outcome[:, theirs]) ^ (role == Role.PURSUER)
+    games_of_slots = slice(first, first + config.slots * games)
+    lost = pursuer_wins(outcome[:, games_of_slots]) ^ (role == Role.PURSUER)
 
     def by_slot(which: Bool[Array, "steps theirs"]) -> Float[Array, " slots"]:
         return jnp.sum(which.astype(jnp.float32).reshape(-1, config.slots, games), axis=(0, 2))
 
     return replace(
         archive,
-        games=archive.games.at[archive.slots].add(by_slot(over[:, theirs])),
-        lost=archive.lost.at[archive.slots].add(by_slot(over[:, theirs] & lost)),
+        games=archive.games.at[archive.slots].add(by_slot(over[:, games_of_slots])),
+        lost=archive.lost.at[archive.slots].add(by_slot(over[:, games_of_slots] & lost)),
     )

@@ -171,11 +171,11 @@ class RunConfig:
         """The plans of the stages in their order, by name; the tasks of a response are in its settings."""
         of_one_side = self.distillation, replace(self.response, tasks=())
         stages = (self.fixed_target, self.self_play, *of_one_side)
-        asked = STAGES[:2] if self.stages == "both" else [self.stages]
+        selected = STAGES[:2] if self.stages == "both" else [self.stages]
         return {
             name: Plan(self.learner, stage)
             for name, stage in zip(STAGES, stages, strict=True)
-            if name in asked
+            if name in selected
         }
 
     def share(self, stage: str, env_steps: int) -> float:
@@ -226,16 +226,16 @@ def sweep(config: RunConfig, values: Mapping[str, Sequence[Any]]) -> dict[str, R
     """
     TRAININGS.require("trainings", math.prod(map(len, values.values())))
     combinations = list(itertools.product(*values.values()))
-    found: dict[str, RunConfig] = {}
+    runs: dict[str, RunConfig] = {}
     for combination in combinations:
         changes = dict(zip(values, combination, strict=True))
         name = ",".join(f"{field}={_in_name(value)}" for field, value in changes.items())
         data = to_dict(config)
         for path, value in changes.items():
             _set(data, path, value)
-        found[name] = from_dict(RunConfig, data, name)
-    require(len(found) == len(combinations), "values", ", ".join(found), "different ones")
-    return found
+        runs[name] = from_dict(RunConfig, data, name)
+    require(len(runs) == len(combinations), "values", ", ".join(runs), "different ones")
+    return runs
 
 
 def _in_name(value: Any) -> str:

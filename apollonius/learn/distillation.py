@@ -46,21 +46,19 @@ Labels = tuple[Float[Array, "rows size"], Float[Array, "rows 9"]]
 
 
 def start_distillation(
-    plan: Plan,
-    settings: Sequence[DistillationTask],
-    key: PRNGKeyArray,
-    network: Network | None = None,
+    plan: Plan, tasks: Sequence[DistillationTask], key: PRNGKeyArray, network: Network | None = None
 ) -> TrainState:
     """Return the state before the first step, from random weights where there is no network. The key is consumed."""
     network_key, start_key, train_key = jax.random.split(key, 3)
     learner = first_learner(plan, network_key, network)
-    keys = jax.random.split(start_key, len(settings))
-    begun = [
-        _first_games(plan, learner.network, *each) for each in zip(settings, keys, strict=True)
+    keys = jax.random.split(start_key, len(tasks))
+    first_games = [
+        _first_games(plan, learner.network, *each) for each in zip(tasks, keys, strict=True)
     ]
-    asked = functools.partial(states_to_label, _config(plan))
+    label_states = functools.partial(states_to_label, _config(plan))
     block = max(
-        len(jax.eval_shape(asked, *each, key)[2]) for each in zip(settings, begun, strict=True)
+        len(jax.eval_shape(label_states, *each, key)[2])
+        for each in zip(tasks, first_games, strict=True)
     )
     assert isinstance(plan.learner, DQNConfig)
     rows, size = (
@@ -70,51 +68,44 @@ def start_distillation(
     head, filled, iterations, env_steps, episodes = (jnp.zeros((), jnp.int32) for _ in range(5))
     buffer = ReplayBuffer((jnp.zeros((rows, size)), jnp.zeros((rows, NUM_ACTIONS))), head, filled)
     learners = {_config(plan).side: LearnerState(learner, buffer)}
-    return TrainState(tuple(begun), learners, train_key, iterations, env_steps, episodes)
+    return TrainState(tuple(first_games), learners, train_key, iterations, env_steps, episodes)
 
 
 @functools.partial(jax.jit, static_argnames="plan")
-def _first_games(
-    plan: Plan, network: QNetwork, setting: DistillationTask, key: PRNGKeyArray
-) -> Games:
+def _first_games(plan: Plan, network: QNetwork, task: DistillationTask, key: PRNGKeyArray) -> Games:
     bits = jnp.zeros((2, plan.learner.games), jnp.uint32)
     return init_games(
-        setting.game,
-        starts_of(setting, plan.learner.games, key),
-        _players(plan, network, setting, key),
+        task.game,
+        starts_of(task, plan.learner.games, key),
+        _players(plan, network, task, key),
         bits,
     )
 
 
 @functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
 def train_distillation_chunk(
-    plan: Plan, state: TrainState, setting: DistillationTask
+    plan: Plan, state: TrainState, task: DistillationTask
 ) -> tuple[TrainState, Metrics]:
     """Train one chunk in one setting, whose games are played on."""
     after, metrics = jax.lax.scan(
-        lambda state, _: _iterate(plan, state, setting),
-        state,
-        None,
-        plan.learner.iterations_per_chunk,
+        lambda state, _: _iterate(plan, state, task), state, None, plan.learner.iterations_per_chunk
     )
     return after, jax.tree.map(lambda leaf: jnp.sum(leaf, axis=0), metrics)
 
 
-def _iterate(
-    plan: Plan, state: TrainState, setting: DistillationTask
-) -> tuple[TrainState, Metrics]:
+def _iterate(plan: Plan, state: TrainState, task: DistillationTask) -> tuple[TrainState, Metrics]:
     """Query the teacher, play some steps of every game, fit the student."""
-    role, game, config = _config(plan).side, setting.game, plan.learner
+    role, game, config = _config(plan).side, task.game, plan.learner
     side, key = state.learners[role], jax.random.fold_in(state.key, state.iterations)
     query_key, player_key, play_key, start_key, learn_key = jax.random.split(key, 5)
     assert isinstance(side.learner, dqn.DQNLearner)
     network = side.learner.network
-    known, states, learns = states_to_label(_config(plan), setting, state.games, query_key)
-    _, seen = observation_rows(network.observation, game, known, role)
-    values = setting.values(states, role)
-    buffer = add(side.buffer, (seen, jnp.where(learns[:, None], values, jnp.nan)))
-    starts = jax.tree.map(lambda leaf: leaf[None], starts_of(setting, config.games, start_key))
-    players = _players(plan, network, setting, player_key)
+    observed, states, learns = states_to_label(_config(plan), task, state.games, query_key)
+    _, student_rows = observation_rows(network.observation, game, observed, role)
+    values = task.values(states, role)
+    buffer = add(side.buffer, (student_rows, jnp.where(learns[:, None], values, jnp.nan)))
+    starts = jax.tree.map(lambda leaf: leaf[None], starts_of(task, config.games, start_key))
+    players = _players(plan, network, task, player_key)
     games, played = collect(
         game, players, state.games, starts, play_key, config.steps_per_iteration
     )
@@ -126,14 +117,14 @@ def _iterate(
 
 
 def _players(
-    plan: Plan, network: QNetwork, setting: DistillationTask, key: PRNGKeyArray
+    plan: Plan, network: QNetwork, task: DistillationTask, key: PRNGKeyArray
 ) -> BySide[AbstractPlayers]:
     """Return the student, whose random actions last for a round, and its opponents, each in games of its own."""
-    config, table, games = _config(plan), setting.table, plan.learner.games
-    robots = len(setting.game.bodies[config.side])
+    config, table, games = _config(plan), task.table, plan.learner.games
+    robots = len(task.game.bodies[config.side])
     explores = single_player(exploring_policy(network, jnp.float32(config.epsilon[config.side])))
     student = replace(explores, bits=jax.random.bits(key, (games * robots,), jnp.uint32))
-    players: list[AbstractPolicy] = [*setting.opponents]
+    players: list[AbstractPolicy] = [*task.opponents]
     if table is not None:
         searches = (
             RolloutSearch(table.zero_sum_game, table.table, greedy_policy(network), *ahead)
@@ -141,7 +132,7 @@ def _players(
         )
         players += [ActionRepeat(search, plan.learner.steps_per_iteration) for search in searches]
     left = games - config.near_sighted - config.far_sighted
-    shares = [*equal_parts(left, len(setting.opponents)), config.near_sighted, config.far_sighted]
+    shares = [*equal_parts(left, len(task.opponents)), config.near_sighted, config.far_sighted]
     opponents = [pair for pair in zip(players, shares, strict=False) if pair[1]]
     return BySide.of(
         config.side, student, PartitionedPlayers(*map(tuple, zip(*opponents, strict=True)))

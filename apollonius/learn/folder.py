@@ -143,12 +143,12 @@ class CheckpointMeta:
         require_within(self, 0, 2**62, "chunks", "seconds", "metrics_bytes")
 
 
-def save_checkpoint(path: Path, state: Any, standing: CheckpointMeta) -> None:
+def save_checkpoint(path: Path, state: Any, meta: CheckpointMeta) -> None:
     """Write a pytree of arrays and keys, and how far the run is, so that a crash leaves the old file or the new one."""
     arrays = {
         name: np.asarray(_without_key_type(leaf)) for name, leaf in named_leaves(state).items()
     }
-    write_atomically(path, save(arrays, {FORMAT: to_json(asdict(standing))}))
+    write_atomically(path, save(arrays, {FORMAT: to_json(asdict(meta))}))
 
 
 def end_checkpoint(path: Path, config: RunConfig) -> None:
@@ -169,12 +169,10 @@ def load_checkpoint_meta(path: Path, config: RunConfig | None = None) -> Checkpo
     if FORMAT not in metadata:
         raise InvalidInput(f"'{path}' is no checkpoint of this version ({FORMAT}): train again.")
     record = parse_json(metadata[FORMAT], f"'{path}' holds no record of a run: train again")
-    standing = from_dict(CheckpointMeta, record, f"the record of '{path}'")
-    if config and (
-        standing.stage not in config.plans or standing.ended not in ("", _digest(config))
-    ):
+    meta = from_dict(CheckpointMeta, record, f"the record of '{path}'")
+    if config and (meta.stage not in config.plans or meta.ended not in ("", _digest(config))):
         raise InvalidInput(f"'{path}' is of another training than its config.toml: train again.")
-    return standing
+    return meta
 
 
 def load_checkpoint(path: Path, template: T) -> T:

@@ -172,9 +172,9 @@ def _learn(
         )
         return learner, jnp.sum(losses)
 
-    enough = (env_steps >= config.learning_starts) & (buffer.filled > config.n_step)
+    is_ready = (env_steps >= config.learning_starts) & (buffer.filled > config.n_step)
     learner, loss = jax.lax.cond(
-        enough, updates, lambda learner: (learner, jnp.zeros(())), side.learner
+        is_ready, updates, lambda learner: (learner, jnp.zeros(())), side.learner
     )
     if isinstance(config, DQNConfig) and isinstance(learner, dqn.DQNLearner):
         before = env_steps - config.env_steps_per_iteration
@@ -189,14 +189,14 @@ def row_of(plan: Plan, played: Transition, role: Role) -> replay_buffer.Row:
     side, flags = played.sides[role], (played.terminated, played.truncated)
     if plan.stage.limit_terminates:
         flags = played.ended, jnp.zeros_like(played.ended)
-    made = side.observation, side.action, side.reward, side.next_observation
+    content = side.observation, side.action, side.reward, side.next_observation
     if side.active is None or side.lost is None:
-        return replay_buffer.Row(*made, *flags)
+        return replay_buffer.Row(*content, *flags)
     robots = side.reward.size // played.terminated.size
     terminated, truncated = (
         jnp.repeat(flag, robots, axis=1).reshape(side.lost.shape) for flag in flags
     )
-    row = replay_buffer.Row(*made, terminated | side.lost, truncated & ~side.lost, side.active)
+    row = replay_buffer.Row(*content, terminated | side.lost, truncated & ~side.lost, side.active)
     (steps, games), after = played.terminated.shape, side.reward.ndim
     return jax.tree.map(lambda leaf: leaf.reshape(steps, games * robots, *leaf.shape[after:]), row)
 
@@ -237,12 +237,14 @@ def resample_all_opponents(plan: Plan, game: Game, state: TrainState) -> TrainSt
     archives = ROLES.map(lambda role: archive.resample_opponents(entered[role], config, keys[role]))
     in_slots = jnp.arange(games) < config.first_game(len(Role), games)
     bits = jax.random.bits(jax.random.fold_in(start_key, 1), (2, games), jnp.uint32)
-    begun = init_games(game, reset_batch(game, start_key, games), players(plan, state, {}), bits)
+    fresh_games = init_games(
+        game, reset_batch(game, start_key, games), players(plan, state, {}), bits
+    )
     learners = {
         role: replace(side, buffer=replay_buffer.truncate_latest(side.buffer, in_slots))
         for role, side in state.learners.items()
     }
-    broken_off = jax.vmap(tree_where)(in_slots, begun, state.games)
+    broken_off = jax.vmap(tree_where)(in_slots, fresh_games, state.games)
     return replace(state, games=broken_off, learners=learners, archives=archives)
 
 

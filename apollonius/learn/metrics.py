@@ -102,19 +102,17 @@ def metrics_line(
         ) from error
 
 
-def begin_metrics(path: Path, standing: CheckpointMeta | None = None) -> None:
+def begin_metrics(path: Path, meta: CheckpointMeta | None = None) -> None:
     """Make an empty `metrics.jsonl`, or cut off what was written after a checkpoint.
 
     Raises InvalidInput when the checkpoint does not say where the line of its last chunk ends; nothing is cut off.
     """
-    if standing is not None:
-        chunks = [line.stage for line in load_metrics(path, standing.metrics_bytes)].count(
-            standing.stage
-        )
-        bound = f"the {standing.chunks:,} that its checkpoint says; train again"
-        require(chunks == standing.chunks, f"chunks of {standing.stage} in '{path}'", chunks, bound)
+    if meta is not None:
+        chunks = [line.stage for line in load_metrics(path, meta.metrics_bytes)].count(meta.stage)
+        bound = f"the {meta.chunks:,} that its checkpoint says; train again"
+        require(chunks == meta.chunks, f"chunks of {meta.stage} in '{path}'", chunks, bound)
     with open(path, "ab") as file:
-        file.truncate(standing.metrics_bytes if standing else 0)
+        file.truncate(meta.metrics_bytes if meta else 0)
 
 
 def append_metrics(path: Path, line: MetricsLine) -> int:
@@ -206,13 +204,15 @@ class Tracker:
             self._before, self._stage = self._before + self._steps, line.stage
         self._steps = line.env_steps
         plain = ("episodes", "updates", "env_steps_per_second", "pursuer_return", "evader_return")
-        found = {name: float(getattr(line, name)) for name in plain}
-        found |= {f"loss/{side}": loss for side, loss in line.losses.items()}
+        numbers = {name: float(getattr(line, name)) for name in plain}
+        numbers |= {f"loss/{side}": loss for side, loss in line.losses.items()}
         judged = line.evaluation.outcomes if line.evaluation else {}
         for kind, outcomes in (("exploring", line.outcomes), ("greedy", judged)):
             games = sum(outcomes.values())
-            found |= {f"{kind}/{name}": count / games for name, count in outcomes.items() if games}
+            numbers |= {
+                f"{kind}/{name}": count / games for name, count in outcomes.items() if games
+            }
         self._log(
-            {f"{line.stage}/{name}": value for name, value in found.items()},
+            {f"{line.stage}/{name}": value for name, value in numbers.items()},
             self._before + self._steps,
         )

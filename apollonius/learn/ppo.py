@@ -59,7 +59,7 @@ def first_network(
 
 
 def start_response(
-    plan: Plan, settings: Sequence[TrainingTask], key: PRNGKeyArray, network: Network | None = None
+    plan: Plan, tasks: Sequence[TrainingTask], key: PRNGKeyArray, network: Network | None = None
 ) -> TrainState:
     """Return the state before the first step, from random weights where there is no network, whose values are logits.
     The key is consumed.
@@ -81,31 +81,34 @@ def start_response(
     head, filled, iterations, env_steps, episodes, updates = (
         jnp.zeros((), jnp.int32) for _ in range(6)
     )
-    seen = ReplayBuffer((jnp.zeros((_ROUNDS_SEEN * _kept_of_a_round(config), size)),), head, filled)
-    learners = {stage.side: LearnerState(PPOLearner(own, critic, optimisers, updates), seen)}
-    keys = jax.random.split(start_key, len(settings))
-    begun = tuple(_first_games(plan, own, *each) for each in zip(settings, keys, strict=True))
-    return TrainState(begun, learners, train_key, iterations, env_steps, episodes)
+    observations = ReplayBuffer(
+        (jnp.zeros((_ROUNDS_SEEN * _observations_kept(config), size)),), head, filled
+    )
+    learners = {
+        stage.side: LearnerState(PPOLearner(own, critic, optimisers, updates), observations)
+    }
+    keys = jax.random.split(start_key, len(tasks))
+    first_games = tuple(_first_games(plan, own, *each) for each in zip(tasks, keys, strict=True))
+    return TrainState(first_games, learners, train_key, iterations, env_steps, episodes)
 
 
 @functools.partial(jax.jit, static_argnames="plan")
 def _first_games(
-    plan: Plan, network: QNetwork, setting: TrainingTask, key: PRNGKeyArray
+    plan: Plan, network: QNetwork, task: TrainingTask, key: PRNGKeyArray
 ) -> RestartBuffer:
     bits = jnp.zeros((2, plan.learner.games), jnp.uint32)
-    starts = reset_batch(setting.game, key, bits.shape[1])
+    starts = reset_batch(task.game, key, bits.shape[1])
     return RestartBuffer(
-        init_games(setting.game, starts, _players(plan, network, setting), bits),
-        empty_restarts(starts),
+        init_games(task.game, starts, _players(plan, network, task), bits), empty_restarts(starts)
     )
 
 
-def _players(plan: Plan, network: QNetwork, setting: TrainingTask) -> BySide[AbstractPlayers]:
+def _players(plan: Plan, network: QNetwork, task: TrainingTask) -> BySide[AbstractPlayers]:
     """Return the learner and its opponents, each in games of its own."""
     config, stage = _configs(plan)
-    games = equal_parts(config.games, len(setting.opponents))
+    games = equal_parts(config.games, len(task.opponents))
     learner = single_player(_sampling_policy(plan, network))
-    return BySide.of(stage.side, learner, PartitionedPlayers(setting.opponents, tuple(games)))
+    return BySide.of(stage.side, learner, PartitionedPlayers(task.opponents, tuple(games)))
 
 
 def _sampling_policy(plan: Plan, network: QNetwork) -> SamplingPolicy:
@@ -115,10 +118,10 @@ def _sampling_policy(plan: Plan, network: QNetwork) -> SamplingPolicy:
 
 @functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
 def train_response_chunk(
-    plan: Plan, state: TrainState, setting: TrainingTask
+    plan: Plan, state: TrainState, task: TrainingTask
 ) -> tuple[TrainState, Metrics]:
     """Play a round in a setting, and learn from it."""
-    (config, stage), game = _configs(plan), setting.game
+    (config, stage), game = _configs(plan), task.game
     key, before = jax.random.fold_in(state.key, state.iterations), state.games
     play_key, start_key, retry_key, learn_key = jax.random.split(key, 4)
     learner = state.learners[stage.side].learner
@@ -130,7 +133,7 @@ def train_response_chunk(
         retry_key,
     )
     starts = jax.tree.map(lambda leaf: leaf.reshape(_STARTS, config.games, *leaf.shape[1:]), drawn)
-    players = _players(plan, learner.network, setting)
+    players = _players(plan, learner.network, task)
     games, played = collect(
         game, players, before.games, starts, play_key, config.steps, with_next_obs=False
     )
@@ -139,16 +142,22 @@ def train_response_chunk(
     after, error = _learn(
         plan, learner, _in_units(game, row), state.iterations, env_steps, learn_key
     )
-    seen, kept = row.observation.reshape(-1, row.observation.shape[-1]), _kept_of_a_round(config)
-    buffer = add(state.learners[stage.side].buffer, (seen[:: len(seen) // kept][:kept],))
+    observations, num_kept = (
+        row.observation.reshape(-1, row.observation.shape[-1]),
+        _observations_kept(config),
+    )
+    buffer = add(
+        state.learners[stage.side].buffer,
+        (observations[:: len(observations) // num_kept][:num_kept],),
+    )
     lost = add_losses(before.lost, game, before.games.state, played.outcome, stage.side)
-    practice = RestartBuffer(games, lost)
+    restart_buffer = RestartBuffer(games, lost)
     return after_iteration(
-        state, practice, played, env_steps, {stage.side: (LearnerState(after, buffer), error)}
+        state, restart_buffer, played, env_steps, {stage.side: (LearnerState(after, buffer), error)}
     )
 
 
-def _kept_of_a_round(config: PPOConfig) -> int:
+def _observations_kept(config: PPOConfig) -> int:
     """Return how many of a round's observations are kept."""
     return max(1, config.env_steps_per_iteration // _ROUNDS_SEEN)
 
@@ -210,7 +219,9 @@ def _learn(
         _sampling_policy(plan, learner.network).log_probabilities(flat.observation), flat.action
     )
     counts = jnp.ones(len(values), bool) if flat.active is None else flat.active
-    lesson = _LearnBatch(flat.observation, flat.action, before, gained, gained + values, counts)
+    round_batch = _LearnBatch(
+        flat.observation, flat.action, before, gained, gained + values, counts
+    )
     keys = jax.random.split(key, config.epochs)
     order = jnp.concatenate([jax.random.permutation(key, len(values)) for key in keys])
     rate = interpolate_linearly(
@@ -222,7 +233,7 @@ def _learn(
 
     def update(learner: PPOLearner, rows: Int[Array, " batch"]) -> tuple[PPOLearner, Scalar]:
         parts = learner.network, learner.critic
-        some = jax.tree.map(lambda leaf: leaf[rows], lesson)
+        some = jax.tree.map(lambda leaf: leaf[rows], round_batch)
         (_, error), gradients = eqx.filter_value_and_grad(_loss, has_aux=True)(parts, plan, some)
         each = zip(_adam, gradients, learner.optimisers, strict=True)
         directions, optimisers = zip(
@@ -238,19 +249,21 @@ def _learn(
     return learner, jnp.sum(errors)
 
 
-def _loss(parts: tuple[QNetwork, Layers], plan: Plan, lesson: _LearnBatch) -> tuple[Scalar, Scalar]:
+def _loss(
+    parts: tuple[QNetwork, Layers], plan: Plan, round_batch: _LearnBatch
+) -> tuple[Scalar, Scalar]:
     """Return the loss of both networks on a batch, and the critic's mean squared error in it."""
     (network, critic), (config, _) = parts, _configs(plan)
-    logarithms = _sampling_policy(plan, network).log_probabilities(lesson.observation)
-    ratio = jnp.exp(_of_actions(logarithms, lesson.action) - lesson.probability)
-    mean = functools.partial(jnp.mean, where=lesson.counts)
-    gain = (lesson.advantage - mean(lesson.advantage)) / (
-        jnp.std(lesson.advantage, where=lesson.counts) + 1e-6
+    logarithms = _sampling_policy(plan, network).log_probabilities(round_batch.observation)
+    ratio = jnp.exp(_of_actions(logarithms, round_batch.action) - round_batch.probability)
+    mean = functools.partial(jnp.mean, where=round_batch.counts)
+    gain = (round_batch.advantage - mean(round_batch.advantage)) / (
+        jnp.std(round_batch.advantage, where=round_batch.counts) + 1e-6
     )
     clipped = jnp.clip(ratio, 1 - config.clip, 1 + config.clip)
     gains = mean(jnp.minimum(ratio * gain, clipped * gain))
     entropy = -mean(jnp.sum(jnp.exp(logarithms) * logarithms, axis=1))
-    error = mean((apply_to_batch(critic, lesson.observation)[:, 0] - lesson.value) ** 2)
+    error = mean((apply_to_batch(critic, round_batch.observation)[:, 0] - round_batch.value) ** 2)
     return error - gains - config.entropy * entropy, error
 
 

@@ -49,10 +49,14 @@ def add_losses(
     )
     new = won & (end >= _TOO_LATE / game.dt)
     row = jnp.where(new, (lost.head + jnp.cumsum(new) - 1) % rows, rows)
-    begun = eqx.tree_at(lambda batch: batch.steps, states, jnp.zeros_like(states.steps))
-    kept = jax.tree.map(lambda ring, leaf: ring.at[row].set(leaf, mode="drop"), lost.rows, begun)
+    starts = eqx.tree_at(lambda batch: batch.steps, states, jnp.zeros_like(states.steps))
+    updated_rows = jax.tree.map(
+        lambda ring, leaf: ring.at[row].set(leaf, mode="drop"), lost.rows, starts
+    )
     return ReplayBuffer(
-        kept, (lost.head + jnp.sum(new)) % rows, jnp.minimum(lost.filled + jnp.sum(new), rows)
+        updated_rows,
+        (lost.head + jnp.sum(new)) % rows,
+        jnp.minimum(lost.filled + jnp.sum(new), rows),
     )
 
 

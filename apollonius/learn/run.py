@@ -107,25 +107,25 @@ class TrainingRun:
         return record_status(self.folder, self._execute)
 
     def _execute(self) -> bool:
-        standing = (
+        meta = (
             load_checkpoint_meta(self.checkpoint, self.config) if self.checkpoint.exists() else None
         )
-        if standing is not None and standing.ended:
-            begin_metrics(self.metrics, standing)
+        if meta is not None and meta.ended:
+            begin_metrics(self.metrics, meta)
             return True
         stages = list(self.plans)
         best: Network | None = None
-        for stage in stages[stages.index(standing.stage) if standing else 0 :]:
-            if standing is None:
+        for stage in stages[stages.index(meta.stage) if meta else 0 :]:
+            if meta is None:
                 begin_metrics(self.metrics)
-            if standing is None or standing.stage != stage:
+            if meta is None or meta.stage != stage:
                 first = ROLES.map(lambda role: load_first_networks(self.config, role))
                 saved = self.start(stage, BySide(first.pursuer or best, first.evader))
-                standing = CheckpointMeta(stage, metrics_bytes=self.metrics.stat().st_size)
+                meta = CheckpointMeta(stage, metrics_bytes=self.metrics.stat().st_size)
             else:
                 saved = load_checkpoint(self.checkpoint, self.start(stage, BySide(None, None)))
-                begin_metrics(self.metrics, standing)
-            saved, finished = self._train_stage(saved, standing)
+                begin_metrics(self.metrics, meta)
+            saved, finished = self._train_stage(saved, meta)
             if not finished:
                 return False
             best = saved.best
@@ -147,10 +147,10 @@ class TrainingRun:
         return CheckpointContent(train, _pursuer(train) if stage == FIXED_TARGET else None)
 
     def _train_stage(
-        self, saved: CheckpointContent, standing: CheckpointMeta
+        self, saved: CheckpointContent, meta: CheckpointMeta
     ) -> tuple[CheckpointContent, bool]:
         """Train one stage from here. Returns its last state, and whether it ended by itself."""
-        train, best, stage = saved.train, saved.best, standing.stage
+        train, best, stage = saved.train, saved.best, meta.stage
         plan = self.plans[stage]
         if self.config.one_side is not None:
             play = (
@@ -158,40 +158,36 @@ class TrainingRun:
                 if stage == DISTILLATION
                 else ppo.train_response_chunk
             )
-            chunks = loop.train_round_robin(play, plan, train, self.tasks, standing.chunks)
+            chunks = loop.train_round_robin(play, plan, train, self.tasks, meta.chunks)
         else:
             game, fixed = plan.stage.trained_in(self.game), self.fixed.get(stage, {})
-            chunks = loop.chunks(plan, game, train, fixed, standing.chunks)
-        began, last_save = time.monotonic() - standing.seconds, time.monotonic()
+            chunks = loop.chunks(plan, game, train, fixed, meta.chunks)
+        began, last_save = time.monotonic() - meta.seconds, time.monotonic()
         chunk_began = time.monotonic()
         for train, metrics in chunks:
             jax.block_until_ready(metrics)  # a chunk is handed out before it is computed
             speed = plan.env_steps_per_chunk / (time.monotonic() - chunk_began)
-            before, standing = standing.chunks, replace(standing, chunks=standing.chunks + 1)
+            before, meta = meta.chunks, replace(meta, chunks=meta.chunks + 1)
             evaluation = None
-            if plan.evaluates(before, standing.chunks):
+            if plan.evaluates(before, meta.chunks):
                 evaluation = self._evaluate(stage, train)
-                if self._is_best(evaluation, standing):
+                if self._is_best(evaluation, meta):
                     best = _pursuer(train)
-                    standing = replace(standing, best=evaluation)
-            self._save_agents(train, before, standing)
+                    meta = replace(meta, best=evaluation)
+            self._save_agents(train, before, meta)
             seconds = time.monotonic() - began
             line = metrics_line(stage, train, metrics, evaluation, seconds, speed)
-            standing = replace(
-                standing, seconds=seconds, metrics_bytes=append_metrics(self.metrics, line)
-            )
+            meta = replace(meta, seconds=seconds, metrics_bytes=append_metrics(self.metrics, line))
             self.report(line, self.config.share(stage, line.env_steps))
-            stop, ended = self.should_stop(), standing.chunks == plan.chunks
+            stop, ended = self.should_stop(), meta.chunks == plan.chunks
             if stop or ended or time.monotonic() - last_save >= CHECKPOINT_SECONDS:
-                save_checkpoint(self.checkpoint, CheckpointContent(train, best), standing)
+                save_checkpoint(self.checkpoint, CheckpointContent(train, best), meta)
                 last_save = time.monotonic()
             if stop and not ended:
                 return CheckpointContent(train, best), False
             chunk_began = time.monotonic()
-        if best is not None and standing.best is not None:
-            self._save_agent(
-                best, Role.PURSUER, self.config.stage1_name, asdict(standing.best), stage
-            )
+        if best is not None and meta.best is not None:
+            self._save_agent(best, Role.PURSUER, self.config.stage1_name, asdict(meta.best), stage)
         return CheckpointContent(train, best), True
 
     def _evaluate(self, stage: str, train: TrainState) -> Evaluation:
@@ -213,21 +209,21 @@ class TrainingRun:
         outcomes = counts_by_name(np.bincount(np.asarray(results.outcome), minlength=len(Outcome)))
         return Evaluation(int(train.env_steps), int(train.episodes), outcomes)
 
-    def _is_best(self, evaluation: Evaluation, standing: CheckpointMeta) -> bool:
+    def _is_best(self, evaluation: Evaluation, meta: CheckpointMeta) -> bool:
         """Check whether a pursuer of stage 1 is the best so far.
 
         Against an evader that stays that is the one with most captures (section IV), otherwise the latest: the one with
         most wins would be one that waits until a random evader has failed.
         """
-        if standing.stage != FIXED_TARGET:
+        if meta.stage != FIXED_TARGET:
             return False
-        if self.config.evaders != ("still",) or standing.best is None:
+        if self.config.evaders != ("still",) or meta.best is None:
             return True
-        return evaluation.outcomes["captured"] > standing.best.outcomes["captured"]
+        return evaluation.outcomes["captured"] > meta.best.outcomes["captured"]
 
-    def _save_agents(self, train: TrainState, before: int, standing: CheckpointMeta) -> None:
+    def _save_agents(self, train: TrainState, before: int, meta: CheckpointMeta) -> None:
         """Save the agents at the snapshots of self-play, and that of a side that learns alone at its end."""
-        plan, stage = self.plans[standing.stage], standing.stage
+        plan, stage = self.plans[meta.stage], meta.stage
         times = {SELF_PLAY: self.config.self_play.snapshots, FIXED_TARGET: 0}.get(stage, 1)
         record: dict[str, object] = {
             "env_steps": int(train.env_steps),
@@ -236,7 +232,7 @@ class TrainingRun:
         if self.config.one_side is not None:
             record["price"] = float(self.tasks[0].loss_value)
         for percent in (round(100 * number / times) for number in range(1, times + 1)):
-            if before < -(-plan.chunks * percent // 100) <= standing.chunks:
+            if before < -(-plan.chunks * percent // 100) <= meta.chunks:
                 for role, side in train.learners.items():
                     self._save_agent(
                         self._finish_stage(side),
@@ -249,17 +245,17 @@ class TrainingRun:
 
     def _finish_stage(self, side: LearnerState) -> Network:
         """Return the network that plays when it counts: averaged, or a response between it and the first; cautious."""
-        network, one_side, kept = (
+        network, one_side, initial_share = (
             side.learner.average,
             self.config.one_side,
             self.config.response.initial_weight_share,
         )
         if (
             self.config.stages == RESPONSE
-            and kept
+            and initial_share
             and (first := load_first_networks(self.config, self.config.response.side))
         ):
-            network = interpolate_networks(network, first, kept)
+            network = interpolate_networks(network, first, initial_share)
         if one_side is None or one_side.clearance_margin == 0:
             return network
         assert isinstance(network, QNetwork)

@@ -34,15 +34,15 @@ class SamplingPolicy(AbstractByNetwork):
         return jnp.zeros((), jnp.uint32)
 
     def __call__(
-        self, observation: Float[Array, " size"], memory: RandomBits, bits: RandomBits
+        self, observation: Float[Array, " size"], noise_memory: RandomBits, bits: RandomBits
     ) -> tuple[Int[Array, ""], RandomBits]:
         below = jnp.cumsum(
             jax.nn.softmax(self.penalise(infer(self.network, observation), observation))
         )
-        lasts = ((bits & 0xFF).astype(jnp.float32) >= 256 / self.hold) & (memory > 0)
-        held = jnp.where(lasts, memory, bits)
-        drawn = (held >> 8).astype(jnp.float32) / 2**24
-        return jnp.minimum(jnp.sum(drawn >= below), below.size - 1).astype(jnp.int32), held
+        lasts = ((bits & 0xFF).astype(jnp.float32) >= 256 / self.hold) & (noise_memory > 0)
+        action_bits = jnp.where(lasts, noise_memory, bits)
+        drawn = (action_bits >> 8).astype(jnp.float32) / 2**24
+        return jnp.minimum(jnp.sum(drawn >= below), below.size - 1).astype(jnp.int32), action_bits
 
     def log_probabilities(self, observations: Float[Array, "rows size"]) -> Float[Array, "rows 9"]:
         return jax.nn.log_softmax(self.penalise(self.network.batch(observations), observations))

@@ -27,7 +27,7 @@ _EDGE = 0.02
 
 
 def states_to_label(
-    config: DistillationConfig, setting: DistillationTask, games: Games, key: PRNGKeyArray
+    config: DistillationConfig, task: DistillationTask, games: Games, key: PRNGKeyArray
 ) -> tuple[GameState, GameState, Bool[Array, " rows"]]:
     """Return states to learn from, as the student knows them and as they are, and which of its robots learn there.
 
@@ -37,36 +37,38 @@ def states_to_label(
     not seen an opponent for long. In games with tables whose robots see everything the states are those of
     `query_states`, else those visited.
     """
-    game, role, track = setting.game, config.side, games.sides[config.side].track
-    if setting.table is not None and track is None:
-        states = query_states(game, games.state, key)
+    game, role, track = task.game, config.side, games.sides[config.side].track
+    if task.table is not None and track is None:
+        states = states_near(game, games.state, key)
         return states, states, jnp.ones(states.steps.shape, bool)
 
     bits = jax.random.bits(key, games.state.steps.shape, jnp.uint32)
-    _, seen = jax.vmap(functools.partial(sense_and_update, game, role))(track, games.state, bits)
+    _, believed = jax.vmap(functools.partial(sense_and_update, game, role))(
+        track, games.state, bits
+    )
     ages = (
         jnp.zeros((1, *games.state.steps.shape))
-        if seen.sight is None
-        else jnp.stack(seen.sight.ages)
+        if believed.sight is None
+        else jnp.stack(believed.sight.ages)
     )
     fresh = jnp.min(ages, axis=0) < config.informed
     return (
-        seen,
+        believed,
         games.state,
         jnp.concatenate([active & fresh for active in games.state.active[role]]),
     )
 
 
-def starts_of(setting: DistillationTask, games: int, key: PRNGKeyArray) -> GameState:
+def starts_of(task: DistillationTask, games: int, key: PRNGKeyArray) -> GameState:
     """Return starts of games: with tables `fresh_starts`, else as the game draws them. The key is consumed."""
     return (
-        reset_batch(setting.game, key, games)
-        if setting.table is None
-        else fresh_starts(setting.game, games, key)
+        reset_batch(task.game, key, games)
+        if task.table is None
+        else fresh_starts(task.game, games, key)
     )
 
 
-def query_states(game: Game, visited: GameState, key: PRNGKeyArray) -> GameState:
+def states_near(game: Game, visited: GameState, key: PRNGKeyArray) -> GameState:
     """Return states to learn from: those visited, as many around them, and a quarter as many each with the robots close
     together and anywhere, leaves `[games]`.
 
@@ -86,9 +88,9 @@ def query_states(game: Game, visited: GameState, key: PRNGKeyArray) -> GameState
 def fresh_starts(game: Game, games: int, key: PRNGKeyArray) -> GameState:
     """Return starts of games: every other one as the game draws it, the rest moving and anywhere."""
     rest_key, moving_key = jax.random.split(key)
-    starts, others = reset_batch(game, rest_key, games), _anywhere(game, games, moving_key)
+    starts, moving = reset_batch(game, rest_key, games), _anywhere(game, games, moving_key)
     even = jnp.arange(games) % 2 == 0
-    return tree_where(even, starts, others)
+    return tree_where(even, starts, moving)
 
 
 def _anywhere(game: Game, games: int, key: PRNGKeyArray) -> GameState:
@@ -117,8 +119,8 @@ def _closer(game: Game, state: GameState, key: PRNGKeyArray) -> GameState:
         key, (2,), minval=jnp.array([0, -jnp.pi]), maxval=jnp.array([NEARBY, jnp.pi])
     )
     away = game.capture_distance + away
-    there = replace(state.pursuer, x=state.evader.x, y=state.evader.y)
-    pursuer = _move(game, game.pursuer, there, away * jnp.cos(angle), away * jnp.sin(angle))
+    colocated = replace(state.pursuer, x=state.evader.x, y=state.evader.y)
+    pursuer = _move(game, game.pursuer, colocated, away * jnp.cos(angle), away * jnp.sin(angle))
     return GameState.of_two(pursuer, state.evader, state.steps)
 
 

@@ -106,14 +106,14 @@ def distillation_tasks(
     """Return the lessons of a run: one, or where tables are needed one in each arena.
 
     Games are solved whose tables do not lie in the folder. The lessons in all arenas have one shape, so that one
-    compilation serves all. Raises InvalidInput when a player cannot be found, the teacher does not value the nine
+    compilation serves all. Raises InvalidInput when a player cannot be teacher, the teacher does not value the nine
     actions, or robots of a solved game are of several kinds.
     """
     stage, role, scenario = config.distillation, config.distillation.side, game.scenario
     require_room_to_brake(stage, config.learner)
-    ((_, asked),) = stage.line_ups(game)
+    ((_, names),) = stage.line_ups(game)
     if not stage.solves:
-        here, players = resolve_players(stage.trained_in(game), asked)
+        here, players = resolve_players(stage.trained_in(game), names)
         return [_distillation_task(stage, players, here, None)]
     kinds = "robots of several kinds"
     require(
@@ -126,33 +126,33 @@ def distillation_tasks(
     grids = [reference_grid(one, role) for one in alone]
     counts = tuple(np.max([grid.counts for grid, _ in grids], axis=0).tolist())
 
-    def lessons(number: int, one: Game) -> DistillationTask:
+    def task_in(number: int, one: Game) -> DistillationTask:
         here = game if scenario is None else game.with_variant(jnp.asarray(number))
-        here, players = resolve_players(here, asked)
+        here, players = resolve_players(here, names)
         tables = cached_tables(one, stage.grid, folder, played=here)
         players |= {(TABLE, side): NamedPlayer(TABLE, tables[side]) for side in Role}
-        found = _distillation_task(stage, players, here, tables[role.other])
+        task = _distillation_task(stage, players, here, tables[role.other])
         if stage.clearance == 0:
-            return found
+            return task
         grid = make_grid(here.arena, here.body(role), counts)
         safety = solve_safety(here, role, grid, grids[0][1])
         return replace(
-            found,
+            task,
             clearance=Clearance(motion_of(here, role, _AHEAD), grid, safety.table, stage.clearance),
         )
 
-    return [lessons(number, one) for number, one in enumerate(alone)]
+    return [task_in(number, one) for number, one in enumerate(alone)]
 
 
 def _distillation_task(
     stage: DistillationConfig, players: Players, game: Game, table: SaddlePolicy | None
 ) -> DistillationTask:
-    found, other = players[stage.teacher, stage.side], stage.side.other
+    teacher, other = players[stage.teacher, stage.side], stage.side.other
     policy, bound = (
-        found.policy,
+        teacher.policy,
         "one that values the nine actions: table, or an agent trained by DQN",
     )
     require(isinstance(policy, AbstractActionValuePolicy), "teacher", stage.teacher, bound)
     assert isinstance(policy, AbstractActionValuePolicy)
     opponents = tuple(players[name, other].policy for name in stage.opponents)
-    return DistillationTask(game, opponents, loss_value(found, game), policy, None, table)
+    return DistillationTask(game, opponents, loss_value(teacher, game), policy, None, table)

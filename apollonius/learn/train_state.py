@@ -103,11 +103,11 @@ def start(
     iterations, env_steps, episodes = (jnp.zeros((), jnp.int32) for _ in range(3))
     state = TrainState(None, learners, train_key, iterations, env_steps, episodes, archives)
     bits = jax.random.bits(member_key, (2, config.games), jnp.uint32)
-    begun = init_games(
+    first_games = init_games(
         game, reset_batch(game, start_key, config.games), players(plan, state, fixed), bits
     )
     # Apart: at the start what a side knows is the state itself.
-    return replace(state, games=jax.tree.map(jnp.array, begun))
+    return replace(state, games=jax.tree.map(jnp.array, first_games))
 
 
 def first_learner(plan: Plan, key: PRNGKeyArray, network: Network | None) -> Learner:
@@ -133,8 +133,8 @@ def players(
         if isinstance(config, DQNConfig):
             amount = config.epsilon(plan.stage.epsilon[role], plan.stage.env_steps, state.env_steps)
         if isinstance(config, SACConfig) and config.noise_steps > config.steps_per_iteration:
-            held = state.iterations // (config.noise_steps // config.steps_per_iteration)
-            key = jax.random.fold_in(jax.random.fold_in(state.key, 4 + role), held)
+            noise_block = state.iterations // (config.noise_steps // config.steps_per_iteration)
+            key = jax.random.fold_in(jax.random.fold_in(state.key, 4 + role), noise_block)
             bits = jax.random.bits(key, (config.games,), jnp.uint32)
         learner = exploring_policy(state.learners[role].learner.network, amount)
         if state.archives is None:

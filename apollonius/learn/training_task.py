@@ -41,23 +41,23 @@ def training_tasks(stage: ResponseConfig, learner: PPOConfig, game: Game) -> lis
     caution is wanted of a network that knows no room to brake.
     """
     require_room_to_brake(stage, learner)
-    reads, known, settings = (
+    reads, charted_games, tasks = (
         find_observation(learner.observation).needs_chart,
         list[Game](),
         list[TrainingTask](),
     )
     other = stage.side.other
     for one, names in stage.line_ups(game):
-        known.append(_with_chart_like(one, known, reads))
-        here, players = resolve_players(stage.trained_in(known[-1]), names)
-        settings.append(
+        charted_games.append(_with_chart_like(one, charted_games, reads))
+        task_game, players = resolve_players(stage.trained_in(charted_games[-1]), names)
+        tasks.append(
             TrainingTask(
-                here,
+                task_game,
                 tuple(players[name, other].policy for name in names[other]),
                 learner.loss_value,
             )
         )
-    return settings
+    return tasks
 
 
 def require_room_to_brake(stage: OneSideConfig, learner: LearnerConfig) -> None:
@@ -74,18 +74,18 @@ def require_room_to_brake(stage: OneSideConfig, learner: LearnerConfig) -> None:
     )
 
 
-def _with_chart_like(game: Game, others: Sequence[Game], are_read: bool) -> Game:
+def _with_chart_like(game: Game, references: Sequence[Game], are_read: bool) -> Game:
     """Return a game with the charts of another one in the same arenas and with as large robots, or with its own."""
-    for other in others:
-        ours, theirs = game.scenario, other.scenario
+    for other in references:
+        own_scenario, other_scenario = game.scenario, other.scenario
         if (
-            ours
-            and theirs
-            and ours.name
-            and ours.name == theirs.name
+            own_scenario
+            and other_scenario
+            and own_scenario.name
+            and own_scenario.name == other_scenario.name
             and largest_radius(game) == largest_radius(other)
         ):
-            return replace(game, scenario=replace(ours, arenas=theirs.arenas))
+            return replace(game, scenario=replace(own_scenario, arenas=other_scenario.arenas))
     return with_chart(game, are_read)
 
 
@@ -96,11 +96,11 @@ def resolve_players(game: Game, names: Mapping[Role, Sequence[str]]) -> tuple[Ga
 
 
 def _find(game: Game, names: Mapping[Role, Sequence[str]]) -> Players:
-    asked = {(name, role) for role in names for name in names[role] if name != TABLE}
-    return {each: find_player(*each, game) for each in asked}
+    requested = {(name, role) for role in names for name in names[role] if name != TABLE}
+    return {each: find_player(*each, game) for each in requested}
 
 
 def require_players(stage: OneSideConfig, game: Game) -> None:
     """Refuse, by InvalidInput, opponents and a teacher that cannot be found."""
-    for here, names in stage.line_ups(game):
-        _find(here, names)
+    for task_game, names in stage.line_ups(game):
+        _find(task_game, names)

@@ -103,7 +103,9 @@ def cos_sin(heading: Scalar) -> tuple[Scalar, Scalar]:
     return jnp.cos(heading), jnp.sin(heading)
 
 
-def clearances_ahead(seen: Arena | Chart, robot: Robot, cos: Scalar, sin: Scalar) -> list[Scalar]:
+def clearances_ahead(
+    surroundings: Arena | Chart, robot: Robot, cos: Scalar, sin: Scalar
+) -> list[Scalar]:
     """Return a body's clearances, clipped to [-1, 1] m: now, and at rest after straight braking.
 
     Args:
@@ -113,7 +115,7 @@ def clearances_ahead(seen: Arena | Chart, robot: Robot, cos: Scalar, sin: Scalar
     """
     body, state = robot.body, robot.state
     braking = jnp.maximum(state.v, 0.0) ** 2 / jnp.maximum(2 * body.u1_max, 1e-6)
-    clearance_now = seen.clearance(state.x, state.y)
-    clearance_at_rest = seen.clearance(state.x + braking * cos, state.y + braking * sin)
+    clearance_now = surroundings.clearance(state.x, state.y)
+    clearance_at_rest = surroundings.clearance(state.x + braking * cos, state.y + braking * sin)
     clearances = (clearance_now, clearance_at_rest)
     return [jnp.clip(clearance - body.radius, -1.0, 1.0) for clearance in clearances]

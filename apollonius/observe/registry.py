@@ -33,11 +33,11 @@ def has_observation(name: str) -> bool:
     return True
 
 
-def find_observation(given: str | AbstractObservation) -> AbstractObservation:
+def find_observation(name_or_observation: str | AbstractObservation) -> AbstractObservation:
     """Return the observation of a name, or the one that is given; raises InvalidInput for anything else."""
-    if isinstance(given, AbstractObservation):
-        return given
-    name = str(given)
+    if isinstance(name_or_observation, AbstractObservation):
+        return name_or_observation
+    name = str(name_or_observation)
     if not has_observation(name):
         names = observation_names()
         known = f"choose one of {', '.join(names)}, or give an AbstractObservation"

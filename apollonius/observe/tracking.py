@@ -105,7 +105,7 @@ def sense_and_update(
     if sensors is None or track is None:
         return None, state
     percept = sense(sensors, local_game.arena, state, role, bits)
-    in_sight, before = functools.reduce(operator.or_, percept.seen), track.sightings
+    in_sight, before = functools.reduce(operator.or_, percept.in_sight), track.sightings
     assert before is not None, "it counts them from the start"
     first = jnp.where((before.first < 0) & in_sight, state.steps, before.first)
     sightings = Sightings(first, before.steps + in_sight.astype(jnp.int32))
@@ -151,10 +151,10 @@ def update_track(game: Game, track: Track, percept: Percept, state: GameState, r
         late, bodies = jnp.asarray(sensors.delay, jnp.float32) * game.dt, game.bodies[role.other]
         pairs = zip(bodies, opponents_now, strict=True)
         opponents_now = tuple(body.move(robot, zero, zero, late) for body, robot in pairs)
-    opponents = tuple(map(tree_where, percept.seen, opponents_now, track.opponents))
+    opponents = tuple(map(tree_where, percept.in_sight, opponents_now, track.opponents))
     ages = tuple(
         jnp.where(is_seen, zero, jnp.minimum(age + game.dt, NEVER))
-        for age, is_seen in zip(track.ages, percept.seen, strict=True)
+        for age, is_seen in zip(track.ages, percept.in_sight, strict=True)
     )
     after = track.belief and _update_belief(game, sensors, track.belief, percept, state, role)
     return replace(track, opponents=opponents, ages=ages, belief=after)
@@ -169,14 +169,14 @@ def _update_belief(
     spread_belief = belief.propagate(chart, before, _reach(game, role), game.dt)
     after = belief.observe_belief(chart, sensors, spread_belief, percept, active[role])
     bound = sensors.noise.reach if sensors.noise else jnp.zeros(())
-    opponents = zip(active[role.other], percept.seen, strict=True)
+    opponents = zip(active[role.other], percept.in_sight, strict=True)
     unseen = [is_active & ~is_seen for is_active, is_seen in opponents]
     budget = hidden = jnp.where(
         functools.reduce(operator.or_, unseen),
         after.travel_budget,
         -jnp.ones_like(after.travel_budget),
     )
-    for robot, is_seen in zip(percept.opponents, percept.seen, strict=True):
+    for robot, is_seen in zip(percept.opponents, percept.in_sight, strict=True):
         budget = jnp.maximum(
             budget, jnp.where(is_seen, belief.localise(chart, robot, bound), hidden)
         )

@@ -60,9 +60,9 @@ class _Recorder(AbstractWatcher):
         return jnp.zeros((), jnp.int32), self.actions
 
     def update(
-        self, known: tuple[Int[Array, ""], AllActions], transition: Transition
+        self, statistic: tuple[Int[Array, ""], AllActions], transition: Transition
     ) -> tuple[Int[Array, ""], AllActions]:
-        step, actions = known
+        step, actions = statistic
         robot_actions: list[Array] = []
         for side in transition.sides:
             robot_actions += list(side.action) if side.reward.ndim else [side.action]

@@ -268,7 +268,7 @@ def step_driven(
 def decide(
     players: AbstractPlayers,
     side: SideState,
-    seen: tuple[ObservationReader, Any],
+    observed: tuple[ObservationReader, Any],
     bits: UInt32[Array, " games"],
 ) -> tuple[tuple[Actions, ...], Memory]:
     """Return the actions of a side's robots in many games, and their next memory.
@@ -282,7 +282,7 @@ def decide(
         seen: what `perceive` returned.
         bits: random bits of each game.
     """
-    read, rows = seen
+    read, rows = observed
     robots = side.episode_return[0].size
 
     def as_rows(leaf: Array) -> Array:

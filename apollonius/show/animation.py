@@ -46,7 +46,7 @@ def _side_name(game: Game, role: Role) -> str:
     return name if count == 1 else f"{count} {name}s"
 
 
-def _standing(
+def _score_line(
     game: Game, robots: Float32[np.ndarray, " numbers"], active: Bool[np.ndarray, " robots"]
 ) -> str:
     """Return the least distance of a pursuer and an evader; for teams also the numbers of robots in
@@ -178,7 +178,7 @@ def frames(
         write = functools.partial(ImageDraw.Draw(picture).text, fill=INK, font=font)
         clock = replay.ending() if step == last else f"{step * float(game.dt):.1f} s"
         write((MARGIN, baseline), f"{clock}{pace}", anchor="lm")
-        write((page.width - MARGIN, baseline), _standing(game, robots, active), anchor="rm")
+        write((page.width - MARGIN, baseline), _score_line(game, robots, active), anchor="rm")
         yield picture
 
 

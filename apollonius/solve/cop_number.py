@@ -53,27 +53,27 @@ class CopNumber:
     """
 
     space: FreeSpace
-    results: tuple[GraphResult, ...]
+    graph_results: tuple[GraphResult, ...]
 
     @property
     def agree(self) -> bool:
         """True where the finest graphs have one verdict."""
-        finest = self.results[-AGREEING:]
+        finest = self.graph_results[-AGREEING:]
         return len(finest) == AGREEING and len({reading.pursuers for reading in finest}) == 1
 
     @property
     def pursuers(self) -> int | None:
         """Number of pursuers that are enough; None where the graphs do not agree."""
-        return self.results[-1].pursuers if self.agree else None
+        return self.graph_results[-1].pursuers if self.agree else None
 
     @property
     def verdict(self) -> str:
         """The number of pursuers in words."""
         if self.pursuers is None:
-            verdicts = sorted({reading.pursuers for reading in self.results[-AGREEING:]})
+            verdicts = sorted({reading.pursuers for reading in self.graph_results[-AGREEING:]})
             return f"the graphs do not agree or are too few: {' or '.join(map(str, verdicts))}"
         fewer = self.pursuers - 1
-        exact = all(reading.exact for reading in self.results[-AGREEING:])
+        exact = all(reading.exact for reading in self.graph_results[-AGREEING:])
         robots = "for idealised robots on this graph"
         if not fewer:
             return f"1 pursuer is enough, {robots}"

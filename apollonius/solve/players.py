@@ -72,9 +72,9 @@ class AbstractSearch(AbstractActionValuePolicy):
 
 
 def _values_in_many(
-    size: int, batched: Any, player: AbstractSearch, *seen: Any
+    size: int, batched: Any, player: AbstractSearch, *views: Any
 ) -> Float[Array, "games 9"]:
-    return player.action_values(*broadcast_rows(size, tuple(batched[1:]), seen)).T
+    return player.action_values(*broadcast_rows(size, tuple(batched[1:]), views)).T
 
 
 @with_batch_function(_values_in_many)

@@ -114,10 +114,10 @@ def clearing_strategy(
     waiting: list[tuple[int, int, Nodes]] = []
 
     def add(team: Team, contaminated: Nodes, before: int) -> None:
-        others = least.get(team, [])
-        if any(np.all(contaminated | ~other) for other in others):
+        smaller = least.get(team, [])
+        if any(np.all(contaminated | ~other) for other in smaller):
             return
-        larger = [other for other in others if np.any(other & ~contaminated)]
+        larger = [other for other in smaller if np.any(other & ~contaminated)]
         least[team] = [*larger, contaminated]
         heapq.heappush(waiting, (int(contaminated.sum()), len(paths), contaminated))
         paths.append((team, before))

@@ -81,10 +81,10 @@ class Cells(OccupancyMap):
     def _where_present(self, clearance: Callable[[], Scalar]) -> Scalar:
         return jax.lax.cond(self.columns > 0, clearance, lambda: jnp.asarray(jnp.inf, jnp.float32))
 
-    def hides(self, here: RobotState, there: RobotState) -> Bool[Array, ""]:
+    def hides(self, observer: RobotState, target: RobotState) -> Bool[Array, ""]:
         no = jnp.zeros((), bool)
         return jax.lax.cond(
-            self.columns > 0, lambda: OccupancyMap.hides(self, here, there), lambda: no
+            self.columns > 0, lambda: OccupancyMap.hides(self, observer, target), lambda: no
         )
 
 

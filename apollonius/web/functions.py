@@ -67,8 +67,8 @@ def step_robots(
     after = game.step(robots.state, list(levels[:ROBOTS]), list(levels[ROBOTS:]))
     assert after.state.status is not None
     states, status = (
-        jax.tree.map(lambda *leaves: jnp.stack(leaves), *both.pursuer, *both.evader)
-        for both in (after.state.robots, after.state.status)
+        jax.tree.map(lambda *leaves: jnp.stack(leaves), *pairs.pursuer, *pairs.evader)
+        for pairs in (after.state.robots, after.state.status)
     )
     return {"states": states, "status": status, "outcome": after.outcome}
 
@@ -182,7 +182,7 @@ def search(
     chart: Chart,
     capture_distance: Scalar,
     dt: Scalar,
-    known: SearcherState,
+    searcher: SearcherState,
     shares: Float[Array, " coarse"],
 ) -> dict[str, Any]:
     """Update the first robot's knowledge by a look at its one opponent; return it with the opponent
@@ -209,8 +209,8 @@ def search(
     state = GameState.of_two(own.state, opponent.state, jnp.zeros((), jnp.int32))
     first = tracking.init_track(game, state, role)
     assert first is not None, "it has sensors"
-    is_new, initial = known.track.ages[0] < 0, SearcherState(first, jnp.full((), -1, jnp.int32))
-    knowledge = tree_where(is_new, initial, known)
+    is_new, initial = searcher.track.ages[0] < 0, SearcherState(first, jnp.full((), -1, jnp.int32))
+    knowledge = tree_where(is_new, initial, searcher)
     track, known_state = tracking.sense_and_update(
         game, role, knowledge.track, state, jnp.uint32(0)
     )

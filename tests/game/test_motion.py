@@ -171,7 +171,7 @@ BEHIND, BESIDE, SIGHT = (3.0, 5.0, 0.0, np.pi), (5.0, 8.0), Sensors(line_of_sigh
 )
 def test_a_side_sees_what_any_of_its_active_robots_sees_of_robots_in_play(sensors, pursuers, evader, status, seen):
     found = sense(sensors, DISC, state_of(pursuers, [evader], status), Role.PURSUER, WORDS[0])
-    assert bool(found.seen[0]) is seen
+    assert bool(found.in_sight[0]) is seen
 
 
 def percepts(sensors, pursuer, evader):
@@ -199,4 +199,4 @@ def test_errors_have_the_size_asked_for_and_a_bound():
 def test_in_a_drop_out_nothing_is_seen():
     found = percepts(Sensors(drop_out=0.3), (1, 1), (2, 2))
     assert np.mean(found.has_looked) == pytest.approx(0.7, abs=0.03)
-    np.testing.assert_array_equal(found.has_looked, found.seen[0])
+    np.testing.assert_array_equal(found.has_looked, found.in_sight[0])

@@ -24,7 +24,7 @@ from apollonius.agents.trained import trained_elsewhere
 from apollonius.arenas.file import find_game, load_game, save_game, to_dict
 from apollonius.arenas.map_file import load_map
 from apollonius.catalogue import find_player, loss_value
-from apollonius.cli.values import known_agent, known_game
+from apollonius.cli.values import existing_agent, existing_game
 from apollonius.evaluate.result import MatchResult
 from apollonius.export.player import training_game
 from apollonius.game.outcome import counts_by_name
@@ -310,7 +310,7 @@ def test_suffixes_may_be_in_capitals(kind, name, tmp_path):
     KINDS[kind][0](tmp_path / KINDS[kind][2])
     (tmp_path / KINDS[kind][2]).rename(file)
     assert find(file if kind == "agent" else str(file))
-    assert (known_agent if kind == "agent" else known_game)(str(file)) == str(file)
+    assert (existing_agent if kind == "agent" else existing_game)(str(file)) == str(file)
 
 
 @pytest.mark.timeout(60)

@@ -24,7 +24,7 @@ from apollonius.learn.config import RunConfig
 from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.run import TrainingRun
 from apollonius.learn.stage_config import DistillationConfig
-from apollonius.learn.states_to_label import fresh_starts, query_states, starts_of, states_to_label
+from apollonius.learn.states_to_label import fresh_starts, starts_of, states_near, states_to_label
 from apollonius.learn.teacher import COSTLIEST, DEEPEST, STEEPNESS, Clearance, DistillationTask, distillation_tasks
 from apollonius.observe.egocentric import EGOCENTRIC
 from apollonius.play.rollout import collect
@@ -70,7 +70,7 @@ def test_games_that_opponents_cannot_share_evenly_are_all_played(monkeypatch):
 
 def test_what_is_asked_is_those_visited_and_others_around_close_and_anywhere(visited):
     assert np.sum(np.asarray(visited.evader.v) == 0) == 200, "every other start is the game's own"
-    asked, visited = jax.tree.map(np.asarray, (jax.jit(query_states)(GAME, visited, jax.random.key(1)), visited))
+    asked, visited = jax.tree.map(np.asarray, (jax.jit(states_near)(GAME, visited, jax.random.key(1)), visited))
     same, around, close, anywhere = np.split(np.arange(len(asked.steps)), [400, 800, 900])
     assert len(anywhere) == 100
     for before, after in zip(jax.tree.leaves(visited), jax.tree.leaves(asked), strict=True):
@@ -196,7 +196,7 @@ def test_a_run_leaves_an_agent_that_has_learned_what_the_table_says(uninterrupte
     assert agent.header.training["price"] == 1.0
     losses = [line["losses"]["evader"] for line in metrics(uninterrupted)]
     assert losses[-1] < losses[0] / 2
-    asked = jax.jit(query_states)(GAME, visited, jax.random.key(5))
+    asked = jax.jit(states_near)(GAME, visited, jax.random.key(5))
     values = np.asarray(values_of(setting, asked))
 
     def lost(network):

@@ -188,10 +188,12 @@ def test_sensors_of_a_game_count(monkeypatch):
     found, spacings = find_search_number(game, space, (told := []).append), set(told)
     assert found.pursuers == 2
     assert "2 pursuers are enough, 1 is not" in found.verdict
-    assert {reading.tiling.spacing for reading in found.results} == spacings
+    assert {reading.tiling.spacing for reading in found.graph_results} == spacings
     monkeypatch.setattr(searchers, "SIZES", (40,))
     for sensors, known in ((far, 2), (Sensors(range=30.0), 1), (Sensors(range=3.0), 2)):
-        one = find_search_number(replace(game, sensors=Sensing(sensors)), space, told.append).results[0]
+        one = find_search_number(replace(game, sensors=Sensing(sensors)), space, told.append).graph_results[0]
         assert one.pursuers == known
     monkeypatch.setattr(searchers, "MOST_SEARCHERS", 1)
-    assert find_search_number(game, space, told.append).results == (), "where no strategy is found nothing is said"
+    assert find_search_number(game, space, told.append).graph_results == (), (
+        "where no strategy is found nothing is said"
+    )

@@ -40,22 +40,22 @@ def maze(layout: Layout, rng: np.random.Generator, opened: float = _OPENED) -> A
 def _carve(right: np.ndarray, up: np.ndarray, rng: np.random.Generator) -> None:
     """Take out walls until every cell can be reached by one path: a depth-first walk at random."""
     columns, rows = up.shape[0], right.shape[1]
-    way, seen = [(0, 0)], {(0, 0)}
-    while way:
-        x, y = way[-1]
+    path, visited = [(0, 0)], {(0, 0)}
+    while path:
+        x, y = path[-1]
         beside = [(x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)]
         inside = [cell for cell in beside if 0 <= cell[0] < columns and 0 <= cell[1] < rows]
-        new = [cell for cell in inside if cell not in seen]
+        new = [cell for cell in inside if cell not in visited]
         if not new:
-            way.pop()
+            path.pop()
             continue
         to = new[rng.integers(len(new))]
         if to[1] == y:
             right[min(x, to[0]), y] = False
         else:
             up[x, min(y, to[1])] = False
-        seen.add(to)
-        way.append(to)
+        visited.add(to)
+        path.append(to)
 
 
 def _runs(walls: np.ndarray) -> list[tuple[int, int]]:
@@ -64,7 +64,7 @@ def _runs(walls: np.ndarray) -> list[tuple[int, int]]:
     return [(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _walls(lines: np.ndarray, apart: float, cell: float, long: float) -> list[Room]:
+def _walls(lines: np.ndarray, spacing: float, cell: float, long: float) -> list[Room]:
     """Return the walls on lines along y, of cells each, which end in the middle of the walls they
     meet, which leaves no slit, but inside the arena; lines are some metres apart, cells and the
     arena as long as given [m].
@@ -72,7 +72,7 @@ def _walls(lines: np.ndarray, apart: float, cell: float, long: float) -> list[Ro
     half = WALL / 2
     return [
         (x - half, max(first * cell - half, 0.0), x + half, min(last * cell + half, long))
-        for x, line in zip(apart * np.arange(1, len(lines) + 1), lines, strict=True)
+        for x, line in zip(spacing * np.arange(1, len(lines) + 1), lines, strict=True)
         for first, last in _runs(line)
     ]
 
@@ -98,16 +98,16 @@ def racks(layout: Layout, rng: np.random.Generator) -> Arena:
     rows = max(1, int((wide - aisle) / (aisle + depth)))
     aisle = max(layout.gap, (wide - rows * depth) / (rows + 1))
     depth = (wide - (rows + 1) * aisle) / rows
-    found = []
+    wall_rooms = []
     for row in range(rows):
         bottom = aisle + row * (aisle + depth)
         at = layout.gap * rng.uniform(*_AISLE)
         while at + _DEEP[0] <= long - layout.gap:
             end = min(at + rng.uniform(*_LONG), long - layout.gap)
             if rng.uniform() >= _MISSING:
-                found.append((at, bottom, end, bottom + depth))
+                wall_rooms.append((at, bottom, end, bottom + depth))
             at = end + layout.gap * rng.uniform(*_AISLE)
-    return layout.with_walls(found, along_y)
+    return layout.with_walls(wall_rooms, along_y)
 
 
 _LEAST = 2.4
@@ -130,9 +130,9 @@ def rooms(layout: Layout, rng: np.random.Generator) -> Arena:
     """
     sides, least = (layout.width, layout.height), 2 * _LEAST * layout.gap + WALL
     shorter = f"{_LEAST * layout.gap:g} m for the other"
-    enough = f"{least:g} m and more for one side, two rooms, and {shorter}"
+    bound = f"{least:g} m and more for one side, two rooms, and {shorter}"
     require(
-        max(sides) >= least and min(sides) >= _LEAST * layout.gap, "width, height", sides, enough
+        max(sides) >= least and min(sides) >= _LEAST * layout.gap, "width, height", sides, bound
     )
     walls: list[Room] = []
     doors: list[Room] = []
@@ -147,8 +147,8 @@ def rooms(layout: Layout, rng: np.random.Generator) -> Arena:
         parted = None if whole else _split_room(room, doors, layout.gap, rng)
         if parted is None:
             continue
-        for known, new in zip((walls, doors, waiting), parted, strict=True):
-            known += new
+        for collected, new in zip((walls, doors, waiting), parted, strict=True):
+            collected += new
     return layout.with_walls(walls)
 
 
