@@ -27,7 +27,7 @@ PARTS = {
     ),
     "Reference": _folder(
         "reference",
-        "command config api/index rules game_files run_folder agents arenas browser glossary",
+        "command config api/index rules game_files run_folder agents arenas browser ros_node glossary",
     ),
     "Concepts": _folder(
         "concepts",
