@@ -83,10 +83,10 @@ def leaderboard() -> str:
             card["track"],
             card["side"],
             f"`{card['agent']}`",
-            f"{score['worth']:+.2f} [{low:+.2f}, {high:+.2f}]",
+            f"{score['net_win_rate']:+.2f} [{low:+.2f}, {high:+.2f}]",
         ]
         cells += [
-            f"`{score['against']}`",
+            f"`{score['opponent']}`",
             f"{score['worst_tenth']:+.2f}",
             f"{score['crashes']:.1%}",
         ]
