@@ -27,7 +27,7 @@ PARTS = {
     ),
     "Reference": _folder(
         "reference",
-        "command config api/index rules game_files run_folder agents arenas browser glossary",
+        "command config api/index rules game_files run_folder agents arenas browser ros_node glossary",
     ),
     "Concepts": _folder(
         "concepts",
@@ -83,10 +83,10 @@ def leaderboard() -> str:
             card["track"],
             card["side"],
             f"`{card['agent']}`",
-            f"{score['worth']:+.2f} [{low:+.2f}, {high:+.2f}]",
+            f"{score['net_win_rate']:+.2f} [{low:+.2f}, {high:+.2f}]",
         ]
         cells += [
-            f"`{score['against']}`",
+            f"`{score['opponent']}`",
             f"{score['worst_tenth']:+.2f}",
             f"{score['crashes']:.1%}",
         ]

@@ -2,7 +2,7 @@
 
     python3 -m apollonius_ros.node --ros-args --params-file params.yaml -r __node:=pursuer
 
-`config/params.yaml` explains the parameters, docs/how-to/ros2.md of Apollonius the rest.
+`config/params.yaml` explains the parameters, docs/reference/ros_node.md of Apollonius the rest.
 """
 
 import json
