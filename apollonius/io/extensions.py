@@ -45,7 +45,8 @@ def unfit_extension(group: str, name: str, kind: str, reason: object) -> Invalid
     entry = next(entry for entry in _entries(group) if _name(entry) == name)
     line = f"{format_value(entry.name)} = {format_value(entry.value)}"
     return InvalidInput(
-        f"the package '{_package(entry)}' has '{line}' in {group}, which must be {kind} and is not ({format_value(reason)}): mend it, or uninstall the package."
+        f"the package '{_package(entry)}' has '{line}' in {group}, which must be {kind} "
+        f"and is not ({format_value(reason)}): mend it, or uninstall the package."
     )
 
 

@@ -25,7 +25,8 @@ ODD = ["0", "-1", str(2**31), str(2**63), str(10**30), "nan", "inf", "", "folder
 """What every argument is given."""
 EVERYTHING = set(ODD[:-1]) - {""}
 SENSIBLE = {
-    values.whole_number(GAMES): set(), values.whole_number(RECORDS): {"0"}, values.whole_number(SEED): {"0", str(2**31)},
+    values.whole_number(GAMES): set(), values.whole_number(RECORDS): {"0"},
+    values.whole_number(SEED): {"0", str(2**31)},
     values.real_number: {"0", "-1"}, values.swept_number: set(), values.nodes: set(), values.new_file(".png"): set(),
     values.new_folder: EVERYTHING, values.existing_file: set(), values.run_folder: set(),
     values.player_or_file: EVERYTHING | {"9" * 5_000},

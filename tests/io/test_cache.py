@@ -19,7 +19,7 @@ from jax._src import compilation_cache
 
 from apollonius.game.arena import Arena
 from apollonius.game.presets import make_game
-from apollonius.io import cache, kept
+from apollonius.io import cache, persistent_jit
 from apollonius.io.cache import Entries, Memory, cache_folder, cached, content, entry_path, keep_compilations, make_room
 from apollonius.io.document import write_atomically
 from apollonius.io.errors import InvalidInput
@@ -228,7 +228,7 @@ def stored(monkeypatch):
 def other_sources(monkeypatch, request):
     """Sources that no test before has had."""
     sources = f"{request.node.name} {time.time_ns()}"
-    monkeypatch.setattr(kept, "_sources", lambda: sources)
+    monkeypatch.setattr(persistent_jit, "_sources", lambda: sources)
 
 
 def kept_now():
@@ -261,7 +261,7 @@ def test_it_is_traced_where_anything_else_has_changed(change, stored, monkeypatc
     if change == "static":
         arena = replace(ARENA, discs=ARENA.discs[:1])
     if change == "sources":
-        monkeypatch.setattr(kept, "_sources", lambda: "others")
+        monkeypatch.setattr(persistent_jit, "_sources", lambda: "others")
     if change == "settings":
         monkeypatch.setenv("XLA_FLAGS", "--others")
     with pytest.raises(AttributeError):

@@ -11,7 +11,7 @@ import pytest
 from apollonius.game.game import reset_batch
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
-from apollonius.learn import practice
+from apollonius.learn import restarts
 
 GAME = make_game("paper")
 LATE = jnp.arange(100, 106, dtype=jnp.int32)
@@ -37,17 +37,17 @@ def played(*ends):
     ],
 )  # fmt: skip
 def test_states_are_kept_from_which_a_game_was_lost_though_not_at_once(game, role, expected):
-    lost = practice.add_losses(practice.empty_restarts(STATES), game, STATES, played(*ENDS), role)
+    lost = restarts.add_losses(restarts.empty_restarts(STATES), game, STATES, played(*ENDS), role)
     assert int(lost.filled) == int(lost.head) == len(expected)
     np.testing.assert_array_equal(lost.rows.pursuer.x[: len(expected)], STATES.pursuer.x[jnp.array(expected)])
     assert (lost.rows.steps == 0).all(), "its time begins anew"
 
 
 def test_the_latest_take_the_place_of_the_oldest(monkeypatch):
-    monkeypatch.setattr(practice, "_KEPT", 4)
-    lost, captured = practice.empty_restarts(STATES), [(20, Outcome.CAPTURED)] * 3
+    monkeypatch.setattr(restarts, "_KEPT", 4)
+    lost, captured = restarts.empty_restarts(STATES), [(20, Outcome.CAPTURED)] * 3
     for _ in range(2):
-        lost = practice.add_losses(lost, GAME, STATES, played(*captured), Role.EVADER)
+        lost = restarts.add_losses(lost, GAME, STATES, played(*captured), Role.EVADER)
     assert (int(lost.filled), int(lost.head)) == (4, 2)
     np.testing.assert_array_equal(lost.rows.evader.y, STATES.evader.y[jnp.array([1, 2, 2, 0])])
 
@@ -55,10 +55,10 @@ def test_the_latest_take_the_place_of_the_oldest(monkeypatch):
 @pytest.mark.parametrize(("filled", "share", "expected"), [(0, 1.0, 0.0), (2, 0.0, 0.0), (2, 0.3, 0.3), (2, 1.0, 1.0)])
 def test_a_share_of_games_begins_where_others_were_lost_as_soon_as_some_were(filled, share, expected):
     captured = [(20, Outcome.CAPTURED)] * filled
-    empty = practice.empty_restarts(STATES)
-    lost = practice.add_losses(empty, GAME, STATES, played(*captured), Role.EVADER)
+    empty = restarts.empty_restarts(STATES)
+    lost = restarts.add_losses(empty, GAME, STATES, played(*captured), Role.EVADER)
     drawn = reset_batch(GAME, jax.random.key(1), 2000)
-    starts = practice.mix_in_restarts(share, drawn, lost, jax.random.key(2))
+    starts = restarts.mix_in_restarts(share, drawn, lost, jax.random.key(2))
     again = np.isin(starts.pursuer.x, STATES.pursuer.x)
     assert again.mean() == pytest.approx(expected, abs=0.03)
     kept = eqx.filter(jax.tree.map(lambda new, old: new[~again] == old[~again], starts, drawn), eqx.is_array)

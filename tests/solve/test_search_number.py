@@ -9,7 +9,7 @@ import pytest
 from apollonius.arenas.free_space import free_space, largest_part
 from apollonius.game.presets import make_game
 from apollonius.game.sensing import Sensing, Sensors
-from apollonius.solve import enough, searchers
+from apollonius.solve import cop_number, search_number
 from apollonius.solve.cop_number import core, solve_chase
 from apollonius.solve.search_number import clearing_strategy, find_search_number
 from tests.arenas.test_free_space import ANNULUS, BENT, ROOM
@@ -89,7 +89,7 @@ SMALL[50:62, 50:62] = False
 
 
 def count(free, sizes, report=lambda spacing: None):
-    return enough.find_cop_number(largest_part(free, 0.0, 0.0, 0.1), report, sizes=sizes)
+    return cop_number.find_cop_number(largest_part(free, 0.0, 0.0, 0.1), report, sizes=sizes)
 
 
 @pytest.mark.parametrize(
@@ -106,18 +106,18 @@ def count(free, sizes, report=lambda spacing: None):
 )
 def test_three_graphs_in_a_row_must_see_every_island_and_agree(free, sizes, pursuers, islands, said):
     found = count(free, sizes, (told := []).append)
-    assert told == [reading.tiling.spacing for reading in found.results]
-    assert [reading.pursuers for reading in found.results] == pursuers
-    assert [reading.tiling.holes for reading in found.results] == islands
+    assert told == [reading.tiling.spacing for reading in found.graph_results]
+    assert [reading.pursuers for reading in found.graph_results] == pursuers
+    assert [reading.tiling.holes for reading in found.graph_results] == islands
     assert found.verdict.startswith(said)
     assert found.agree == ("enough" in said)
     assert found.pursuers == (pursuers[-1] if found.agree else None)
 
 
 def test_what_would_take_too_long_is_left_out(monkeypatch):
-    monkeypatch.setattr(enough, "MOST_NODES", 20)
+    monkeypatch.setattr(cop_number, "MOST_NODES", 20)
     found = count(ANNULUS, (60, 600))
-    assert len(found.results) == 1
+    assert len(found.graph_results) == 1
     assert found.pursuers is None
 
 
@@ -182,18 +182,18 @@ def test_who_sees_the_next_nodes_clears_a_path_alone_and_a_cycle_with_a_second(a
 
 
 def test_sensors_of_a_game_count(monkeypatch):
-    monkeypatch.setattr(searchers, "SIZES", (40, 60, 80))
+    monkeypatch.setattr(search_number, "SIZES", (40, 60, 80))
     game, far = make_game("one-large"), Sensors(line_of_sight=True, field_of_view=0.1)
     space = free_space(game)
     found, spacings = find_search_number(game, space, (told := []).append), set(told)
     assert found.pursuers == 2
     assert "2 pursuers are enough, 1 is not" in found.verdict
     assert {reading.tiling.spacing for reading in found.graph_results} == spacings
-    monkeypatch.setattr(searchers, "SIZES", (40,))
+    monkeypatch.setattr(search_number, "SIZES", (40,))
     for sensors, known in ((far, 2), (Sensors(range=30.0), 1), (Sensors(range=3.0), 2)):
         one = find_search_number(replace(game, sensors=Sensing(sensors)), space, told.append).graph_results[0]
         assert one.pursuers == known
-    monkeypatch.setattr(searchers, "MOST_SEARCHERS", 1)
+    monkeypatch.setattr(search_number, "MOST_SEARCHERS", 1)
     assert find_search_number(game, space, told.append).graph_results == (), (
         "where no strategy is found nothing is said"
     )
