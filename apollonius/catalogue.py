@@ -128,8 +128,8 @@ def find_pool(names: Sequence[str], role: Role, game: Game) -> Pool:
         isinstance(policy, Greedy | SquashedMean | Uniform | Still) for policy in policies
     )
     shapes = {
-        (jax.tree.structure(one), *(leaf.shape for leaf in jax.tree.leaves(one)))
-        for one in networks
+        (jax.tree.structure(network), *(leaf.shape for leaf in jax.tree.leaves(network)))
+        for network in networks
     }
     require(together and len(shapes) == 1, side, listed, bound)
     network = networks[0]

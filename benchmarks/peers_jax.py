@@ -39,7 +39,7 @@ class Actor(eqx.Module):
 class Steps(NamedTuple):
     """Steps of all games, or a batch; leaves begin with [steps, games] or [batch]."""
 
-    seen: Float[Array, "... size"]
+    observations: Float[Array, "... size"]
     action: Int[Array, "..."]
     log_probability: Float[Array, "..."]
     value: Float[Array, "..."]
@@ -82,13 +82,13 @@ def loss(
     """Return the clipped surrogate objective, the squared error of values and the entropy,
     weighted.
     """
-    logarithms = log_probabilities(actor, steps.seen)
+    logarithms = log_probabilities(actor, steps.observations)
     log_probability = jnp.take_along_axis(logarithms, steps.action[:, None], axis=1)[:, 0]
     ratio = jnp.exp(log_probability - steps.log_probability)
     normalised_advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
     clipped = jnp.clip(ratio, 1 - CLIP, 1 + CLIP)
     surrogate = jnp.minimum(ratio * normalised_advantage, clipped * normalised_advantage).mean()
-    error = ((jax.vmap(actor.value)(steps.seen) - target) ** 2).mean()
+    error = ((jax.vmap(actor.value)(steps.observations) - target) ** 2).mean()
     entropy = -(jnp.exp(logarithms) * logarithms).sum(axis=1).mean()
     return 0.5 * error - surrogate - ENTROPY * entropy
 

@@ -75,7 +75,7 @@ class Games(VecEnv):
         return [False] * self.num_envs
 
 
-class Looks(BaseCallback):
+class Evaluations(BaseCallback):
     """Calls the watch after every step of the games, until it says stop."""
 
     def __init__(self, watch: Any, network: Callable[[], Any]) -> None:
@@ -107,7 +107,7 @@ def _train(
     modules: Callable[[], Sequence[torch.nn.Module]],
     watch: Any,
 ) -> None:
-    learner.learn(STEPS, callback=Looks(watch, lambda: (activation, layers_of(*modules()))))
+    learner.learn(STEPS, callback=Evaluations(watch, lambda: (activation, layers_of(*modules()))))
 
 
 def train_dqn(seed: int, watch: Any) -> None:

@@ -60,7 +60,7 @@ def train(
     game: Game,
     seeds: Sequence[int],
     fixed: dict[Role, Pool],
-    looks: int = 8,
+    evaluations: int = 8,
     networks: Any = None,
 ) -> Iterator[tuple[float, dict[Role, Any]]]:
     """Train one stage with all seeds side by side; yield at even intervals the share done [%] and
@@ -71,7 +71,7 @@ def train(
         game: The game.
         seeds: The seeds.
         fixed: Players of sides that do not learn.
-        looks: Number of intervals.
+        evaluations: Number of intervals.
         networks: First networks of the pursuers, stacked; random ones for None.
 
     Yields:
@@ -97,8 +97,8 @@ def train(
     start_time = time.time()
     for call in range(1, calls + 1):
         state = train_chunks(state)
-        if call * looks // calls > (call - 1) * looks // calls:
-            percent = 100 * (call * looks // calls) / looks
+        if call * evaluations // calls > (call - 1) * evaluations // calls:
+            percent = 100 * (call * evaluations // calls) / evaluations
             players = {
                 role: greedy_policy(side.learner.average) for role, side in state.learners.items()
             }
@@ -217,7 +217,11 @@ def play_all(options: argparse.Namespace, path: Path) -> dict[str, Any]:
     write(**{"P_curriculum v random": matches(game, agents[Role.PURSUER], uniform, options.games)})
 
     ((_, agents),) = train(
-        plan_of("random", FIXED_TARGET), game, seeds, {Role.EVADER: single_player(uniform)}, looks=1
+        plan_of("random", FIXED_TARGET),
+        game,
+        seeds,
+        {Role.EVADER: single_player(uniform)},
+        evaluations=1,
     )
     for name, evader in (("random", uniform), ("E_scratch", agents_from_scratch[100][Role.EVADER])):
         write(**{f"P_random v {name}": matches(game, agents[Role.PURSUER], evader, options.games)})

@@ -29,13 +29,15 @@ class Pupil(apollonius.AbstractPolicy):
     def observation(self):
         return OBSERVATION
 
-    def __call__(self, seen, memory, bits):
-        return jnp.argmax(self.network(seen)).astype(jnp.int32), memory
+    def __call__(self, observations, memory, bits):
+        return jnp.argmax(self.network(observations)).astype(jnp.int32), memory
 
 
-def loss(network, seen, answers):
+def loss(network, observations, answers):
     """Return the mean cross-entropy of the network and the teacher's answers."""
-    return optax.softmax_cross_entropy_with_integer_labels(jax.vmap(network)(seen), answers).mean()
+    return optax.softmax_cross_entropy_with_integer_labels(
+        jax.vmap(network)(observations), answers
+    ).mean()
 
 
 def main(states: int = 200_000, updates: int = 3_000, games: int = 1_000, width: int = 128) -> None:
@@ -44,8 +46,8 @@ def main(states: int = 200_000, updates: int = 3_000, games: int = 1_000, width:
     teacher = apollonius.find_player("P_curriculum", PURSUER, GAME)
     moving = replace(GAME, starts=replace(GAME.starts, speed="moving"))
     drawn = apollonius.reset_batch(moving, data_key, states)
-    seen = jax.vmap(lambda state: OBSERVATION(apollonius.look(GAME, state, PURSUER)))(drawn)
-    answers = jax.vmap(lambda row: teacher.policy(row, (), jnp.uint32(0))[0])(seen)
+    observations = jax.vmap(lambda state: OBSERVATION(apollonius.look(GAME, state, PURSUER)))(drawn)
+    answers = jax.vmap(lambda row: teacher.policy(row, (), jnp.uint32(0))[0])(observations)
 
     network = eqx.nn.MLP(OBSERVATION.size, 9, width, depth=2, key=network_key)
     optimiser = optax.adam(optax.cosine_decay_schedule(2e-3, updates))
@@ -54,13 +56,13 @@ def main(states: int = 200_000, updates: int = 3_000, games: int = 1_000, width:
     @eqx.filter_jit
     def update(network, moments, key):
         rows = jax.random.randint(key, (1024,), 0, states)
-        slope = eqx.filter_grad(loss)(network, seen[rows], answers[rows])
+        slope = eqx.filter_grad(loss)(network, observations[rows], answers[rows])
         steps, moments = optimiser.update(slope, moments)
         return eqx.apply_updates(network, steps), moments
 
     for key in jax.random.split(batch_key, updates):
         network, moments = update(network, moments, key)
-    agreement = jnp.argmax(jax.vmap(network)(seen), axis=1) == answers
+    agreement = jnp.argmax(jax.vmap(network)(observations), axis=1) == answers
     print(f"the pupil answers as its teacher in {agreement.mean():.0%} of the states")
 
     evader = apollonius.find_player("flee", apollonius.Role.EVADER, GAME)

@@ -41,8 +41,8 @@ class Follower(apollonius.AbstractPolicy):
     def observation(self):
         return self.camera
 
-    def __call__(self, seen, memory, bits):
-        is_seen, bearing = seen
+    def __call__(self, observations, memory, bits):
+        is_seen, bearing = observations
         steer = jnp.where(bearing > 0.1, 2, jnp.where(bearing < -0.1, 0, 1))
         return jnp.where(is_seen > 0, 6 + steer, 2).astype(jnp.int32), memory
 

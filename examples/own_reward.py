@@ -48,14 +48,14 @@ def mean_rewards(reward, games: int) -> np.ndarray:
         reward=reward,
     )
     limits = np.tile(TOP_SPEEDS, games)
-    seen, _ = envs.reset(seed=0)
+    observations, _ = envs.reset(seed=0)
     total = np.zeros(envs.num_envs)
     is_over = np.zeros(envs.num_envs, bool)
     while not is_over.all():
-        speed, bearing = seen.T
+        speed, bearing = observations.T
         throttle = np.where(speed < limits, 6, 0)  # speed up, or brake
         turn = 1 + np.sign(bearing) * (np.abs(bearing) > 0.1)  # right, straight, left
-        seen, rewards, terminated, truncated, _ = envs.step((throttle + turn).astype(int))
+        observations, rewards, terminated, truncated, _ = envs.step((throttle + turn).astype(int))
         total += np.where(is_over, 0.0, rewards)
         is_over |= terminated | truncated
     return total.reshape(games, len(TOP_SPEEDS)).mean(axis=0)

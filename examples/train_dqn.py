@@ -39,8 +39,8 @@ def main(env_steps: int = 8_000_000, games: int = 500, out: str = "runs/chase", 
 
     lines = load_metrics(folder / "metrics.jsonl")
     evaluations = [line.evaluation for line in lines if line.evaluation]
-    steps = [one.env_steps for one in evaluations]
-    rates = [100 * one.outcomes["captured"] / games for one in evaluations]
+    steps = [evaluation.env_steps for evaluation in evaluations]
+    rates = [100 * evaluation.outcomes["captured"] / games for evaluation in evaluations]
     for step, rate in zip(steps, rates, strict=True):
         print(f"{step:10,} env steps: {rate:5.1f} % captured")
 

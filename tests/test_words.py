@@ -1,4 +1,4 @@
-"""Docstrings are plain English: a function's begins with a verb, and none has the words below.
+"""Names are nouns of the field, one for one thing; docstrings are plain English and begin with a verb.
 
 `python tests/test_words.py ROOM` lists what is to be rewritten in a room, or in all of them.
 """
@@ -6,6 +6,7 @@
 import ast
 import re
 import sys
+from collections import defaultdict
 from pathlib import Path
 
 import pytest
@@ -18,9 +19,45 @@ ROOMS = {"apollonius": sorted(PACKAGE.glob("*.py"))} | {
     if any(folder.glob("*.py"))
 }
 """The files of each room."""
-OPENING = re.compile(r"(What|How|Whether|Whom?|Whose|Where|Which|Those|The same)\b|(It|They|This|These) \w+\.")
+PARTICIPLES = set(
+    [
+        "found",
+        "made",
+        "given",
+        "known",
+        "seen",
+        "kept",
+        "held",
+        "told",
+        "said",
+        "asked",
+        "begun",
+        "here",
+        "there",
+        "one",
+        "both",
+        "others",
+        "theirs",
+        "way",
+    ]
+)
+"""They say neither what a value is nor what it is for."""
+PRIVATE_WORDS = set(
+    ["caution", "bold", "practice", "cast", "lesson", "entrant", "handed", "holding", "standing", "looks", "setting"]
+)
+"""Words that only this project used for things that have a name in the field."""
+BY_ANOTHER_NAME = {
+    "parse_known_args": "argparse's own",
+    "main": "of each program that is started by itself",
+}
+"""Names that a rule below forbids, each with the reason for it."""
+OPENING = re.compile(
+    r"(Return )?(What|How|Whether|Whom?|Whose|Where|Which|Those|The same)\b|(It|They|This|These) \w+\."
+)
 WORDS = re.compile(
-    r"\b(anew|whoever|of them|so many|is none|goes on|that there (is|are)|told|announced|gears?|seats?|sitting)\b", re.I
+    r"\b(errors as (of|those)|anew|whoever|of them|so many|is none|goes on|that there (is|are)|told|announced|gears?"
+    r"|seats?|sitting)\b",
+    re.I,
 )
 
 
@@ -37,10 +74,46 @@ def offences(path):
                         yield f"{path.relative_to(REPOSITORY)}:{line.lineno}: '{wrong[0]}' in: {text[:100]}"
 
 
+def names(path):
+    """Yield the line and the name of each function, class, argument and variable of a file."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        match node:
+            case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name) | ast.ClassDef(name=name):
+                yield node.lineno, name
+            case ast.arg(arg=name) | ast.Name(id=name, ctx=ast.Store()):
+                yield node.lineno, name
+
+
+def misnomers(path):
+    """Yield each name that is a participle, and each with a word that is not of the field."""
+    for line, name in names(path):
+        words = set(re.findall("[a-z]+", re.sub("([A-Z])", r" \1", name).lower()))
+        is_defect = name in PARTICIPLES or words & PRIVATE_WORDS
+        if is_defect and name not in BY_ANOTHER_NAME:
+            yield f"{path.relative_to(REPOSITORY)}:{line}: {name}"
+
+
 @pytest.mark.parametrize("room", ROOMS)
 def test_docstrings_are_plain_english(room):
     assert [wrong for path in ROOMS[room] for wrong in offences(path)] == []
 
 
+@pytest.mark.parametrize("room", ROOMS)
+def test_names_are_nouns_of_the_field(room):
+    assert [wrong for path in ROOMS[room] for wrong in misnomers(path)] == []
+
+
+def test_one_name_means_one_thing_in_the_whole_package():
+    homes = defaultdict(list)
+    for path in PACKAGE.rglob("*.py"):
+        for node in ast.parse(path.read_text()).body:
+            if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+                homes[node.name].append(str(path.relative_to(PACKAGE)))
+    several = {name: paths for name, paths in homes.items() if len(paths) > 1}
+    assert several.keys() <= BY_ANOTHER_NAME.keys(), several
+
+
 if __name__ == "__main__":
-    print(*(wrong for room in sys.argv[1:] or ROOMS for path in ROOMS[room] for wrong in offences(path)), sep="\n")
+    for path in (path for room in sys.argv[1:] or ROOMS for path in ROOMS[room]):
+        for wrong in [*offences(path), *misnomers(path)]:
+            print(wrong)

@@ -44,7 +44,7 @@ RADIUS, SECONDS = 0.15, 20
 """Of the robots in levels of the page [m], and the time limit of the lesson [s]."""
 
 
-def lesson() -> Game:
+def training_game() -> Game:
     """Return the paper's game as the page's lesson has it."""
     game = make_game("paper")
     wide = game.bodies.map(lambda bodies: replace(bodies[0], radius=RADIUS))
@@ -64,7 +64,7 @@ def measured(game: Game, pursuer: str) -> dict[str, float]:
 
 def main() -> None:
     """Train; save and measure what has been learned after some chunks."""
-    game = lesson()
+    game = training_game()
     evaders = find_pool(("still",), Role.EVADER, game)
     trained = PLAN.stage.trained_in(game)
     state = train_state.start(

@@ -51,7 +51,9 @@ def main() -> None:
     size = inputs[name][-1]
 
     def act(observation: Any) -> np.ndarray:
-        return as_actions(np.asarray(session.run(None, {name: observation})[0]), len(observation))
+        return parse_actions(
+            np.asarray(session.run(None, {name: observation})[0]), len(observation)
+        )
 
     numbers = act(np.zeros((2, size), np.float32))[0].size
     os.write(0, np.array([size, numbers], "<u4").tobytes())
@@ -62,7 +64,7 @@ def main() -> None:
         rows = number()
 
 
-def as_actions(answer: np.ndarray, rows: int) -> np.ndarray:
+def parse_actions(answer: np.ndarray, rows: int) -> np.ndarray:
     """Return the actions of a model's answer, of nine values the best; -1 for what is no action."""
     if answer.shape == (rows, 9) and answer.dtype.kind == "f":
         return np.where(np.isnan(answer).any(axis=1), -1, answer.argmax(axis=1)).astype(np.int32)

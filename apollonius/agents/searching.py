@@ -182,7 +182,7 @@ def search_view(
     can_be_there = view.belief.ravel()[cell] >= 0
     is_far = chart.lengths_from(own.x, own.y).ravel()[cell] > _AT_HAND
     place = jnp.where((cell >= 0) & can_be_there & is_far, cell, new_cell)
-    opponent_found = is_recently_seen(view)
+    opponent_found = is_tracked(view)
     target = cell_middle(chart, place)
     opponents = tuple(
         replace(robot, state=tree_where(opponent_found, robot.state, target))
@@ -197,7 +197,7 @@ def random_shares(bits: RandomBits) -> Float[Array, " coarse"]:
     return (words >> 8).astype(jnp.float32) / 2**24
 
 
-def is_recently_seen(view: View) -> Flag:
+def is_tracked(view: View) -> Flag:
     """Check whether the opponent was seen so lately that it is driven to."""
     return jnp.asarray(view.opponent.age) < _RECENT
 

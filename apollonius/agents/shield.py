@@ -40,7 +40,7 @@ _TRIED = 8
 """Robots of a batch that try another action at a time."""
 
 
-class Motion(eqx.Module):
+class BrakingMotion(eqx.Module):
     """A robot on a manoeuvre: its state and, with a slow drive, its turn rate [rad/s]."""
 
     state: RobotState
@@ -77,7 +77,7 @@ class Backup(eqx.Module):
         radius, for the best of the manoeuvres. Polygons out of reach by the `surroundings` are left
         out; that only changes clearances above `MARGIN`.
         """
-        before = Motion(robot.predicted, robot.turn_rate)
+        before = BrakingMotion(robot.predicted, robot.turn_rate)
         near, after = self._nearby_edges(before.state), self._hold(robot, before, action)
         step = self._clearance_along(before.state, after.state, near) - robot.body.radius
         return jnp.minimum(step, jnp.max(self._clearances(robot, after, near)))
@@ -92,7 +92,7 @@ class Backup(eqx.Module):
         if self.arena.map is not None or robot.turn_time is not None:
             # Clearances on maps depend on where a segment is cut, and a slow drive keeps turning.
             return replace(self, manoeuvres=(1,)).clearance_after(robot, action) > MARGIN
-        before = Motion(robot.predicted, None)
+        before = BrakingMotion(robot.predicted, None)
         near, after = self._nearby_edges(before.state), self._hold(robot, before, action).state
         (cos, sin), length = unit_vector(after.heading), after.v**2 / (2 * robot.body.u1_max)
         rest = replace(after, x=after.x + length * cos, y=after.y + length * sin)
@@ -103,9 +103,11 @@ class Backup(eqx.Module):
         return least - robot.body.radius > 2 * MARGIN
 
     def _clearances(
-        self, robot: Robot, motion: Motion, near: Edges | None
+        self, robot: Robot, motion: BrakingMotion, near: Edges | None
     ) -> Float[Array, " manoeuvres"]:
-        def one_step(before: list[Motion], _: None) -> tuple[list[Motion], list[RobotState]]:
+        def one_step(
+            before: list[BrakingMotion], _: None
+        ) -> tuple[list[BrakingMotion], list[RobotState]]:
             after = self._brake(robot, before)
             return after, [motion.state for motion in after]
 
@@ -132,16 +134,16 @@ class Backup(eqx.Module):
         clearance = replace(self.arena, polygons=()).clearance_along(before, after)
         return jnp.minimum(clearance, near.clearance_along(before, after))
 
-    def _brake(self, robot: Robot, motions: list[Motion]) -> list[Motion]:
+    def _brake(self, robot: Robot, motions: list[BrakingMotion]) -> list[BrakingMotion]:
         """Return the motion in each manoeuvre after one more step."""
         actions = [jnp.full((), action, jnp.int32) for action in self.manoeuvres]
         pairs = zip(motions, actions, strict=True)
         return [self._hold(robot, motion, action) for motion, action in pairs]
 
-    def _hold(self, robot: Robot, motion: Motion, action: Action) -> Motion:
+    def _hold(self, robot: Robot, motion: BrakingMotion, action: Action) -> BrakingMotion:
         u1, u2 = robot.body.controls(action)
         mean, rate = limited_turn_rate(robot.body, robot.turn_time, motion.turn_rate, u2, self.dt)
-        return Motion(robot.body.move(motion.state, u1, mean, self.dt), rate)
+        return BrakingMotion(robot.body.move(motion.state, u1, mean, self.dt), rate)
 
 
 class Shielded(AbstractWrapper):

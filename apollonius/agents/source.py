@@ -43,7 +43,7 @@ class PlayerSource(ABC):
 def unknown_player(name: str, *kinds: PlayerSource) -> InvalidInput:
     """Return the refusal of a name that these kinds do not know."""
     syntax = ", or ".join(kind.syntax for kind in kinds if kind.syntax)
-    listed = [one for kind in kinds for one in kind.names()]
+    listed = [name for kind in kinds for name in kind.names()]
     meant = (
         None
         if name in BUILT_IN or any(mark in name for mark in "/:")

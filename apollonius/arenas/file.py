@@ -108,7 +108,7 @@ def to_dict(config: Any) -> dict[str, Any]:
     """
     hooks = {
         Scenario: _name,
-        OccupancyMap: lambda found: {"file": found.file, "sha256": found.digest},
+        OccupancyMap: lambda occupancy: {"file": occupancy.file, "sha256": occupancy.digest},
     }
     return write_record(
         config, hooks | {Arena: partial(_arena_data, hooks=hooks)}, derived=("chart",)
@@ -177,12 +177,12 @@ def _with_extra(arena: Any) -> Any:
         if kind := find_obstacle_kind(str(table)):
             obstacles, name = record.pop(table), f"arena.{table}"
             is_list = isinstance(obstacles, list) and all(
-                isinstance(one, dict) for one in obstacles
+                isinstance(obstacle, dict) for obstacle in obstacles
             )
             require(is_list, name, obstacles, f"tables [[{name}]]")
             extra += [
-                read_record(kind, one, f"{name}[{index}]", {})
-                for index, one in enumerate(obstacles)
+                read_record(kind, obstacle, f"{name}[{index}]", {})
+                for index, obstacle in enumerate(obstacles)
             ]
     return record | {"extra": tuple(extra)}
 

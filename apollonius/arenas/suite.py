@@ -130,10 +130,10 @@ def is_scenario(name: str) -> bool:
 
 
 def scenario_game(name: str) -> Game:
-    """Return the paper's rules in the arenas of a scenario; errors as those of `find_scenario`.
+    """Return the paper's rules in the arenas of a scenario.
 
     In `train` robots are of many kinds (`kinds`), and games begin nearer to walls and obstacles, so
-    that the larger robots find a start.
+    that the larger robots find a start. Raises InvalidInput for an unknown scenario.
     """
     starts = Starts(clearance=0.15) if name.endswith("/train") else Starts()
     return Game(starts=starts, scenario=find_scenario(name))
@@ -141,8 +141,9 @@ def scenario_game(name: str) -> Game:
 
 @functools.cache
 def find_scenario(name: Any) -> Scenario:
-    """Return the arenas of a part of a suite, in `train` with its robots, or of a list; errors as
-    of `suite_arena`.
+    """Return the arenas of a part of a suite, in `train` with its robots, or of a list.
+
+    Raises InvalidInput for unknown ones, and where one is not drawn as published.
     """
     arenas = _arenas(name)
     kinds = draw_robot_kinds(name.split("/")[0]) if name.endswith("/train") else None
@@ -150,8 +151,9 @@ def find_scenario(name: Any) -> Scenario:
 
 
 def single_arena_games(game: Game) -> list[Game]:
-    """Return the game in each arena of its scenario alone, itself without one; errors as those of
-    `find_scenario`.
+    """Return the game in each arena of its scenario alone, itself without one.
+
+    Raises InvalidInput where an arena is not drawn as published.
     """
     if game.scenario is None:
         return [game]
@@ -163,8 +165,9 @@ def _arenas(name: Any) -> list[Arena]:
 
 
 def arena_names(name: Any) -> list[str]:
-    """Return the names of the arenas of a scenario, as `suite-v1/maze-00`; errors as those of
-    `find_scenario`.
+    """Return the names of the arenas of a scenario, as `suite-v1/maze-00`.
+
+    Raises InvalidInput for an unknown one.
     """
     parts = [f"{suite}/{part}" for suite in SUITES for part in PARTS]
     is_known = isinstance(name, str) and is_scenario(name)

@@ -58,7 +58,7 @@ def _is_same(first: ClosedJaxpr, second: ClosedJaxpr) -> bool:
         if len(first.consts) == len(second.consts)
         else ()
     )
-    same = all(np.array_equal(one, other, equal_nan=True) for one, other in constants)
+    same = all(np.array_equal(first, second, equal_nan=True) for first, second in constants)
     return same and str(first) == str(second) and len(first.consts) == len(second.consts)
 
 
@@ -72,12 +72,12 @@ def require_rows(
     batch = jax.jit(jax.vmap(function))
     results, again = batch(*rows), batch(*rows)
     same = jax.tree.map(
-        lambda one, other: np.array_equal(one, other, equal_nan=True), results, again
+        lambda first, second: np.array_equal(first, second, equal_nan=True), results, again
     )
     require(jax.tree.all(same), "results", "others for the same arguments", "the same to the bit")
     alone = jax.jit(lambda rows: jax.lax.map(lambda row: function(*row), rows))(rows)
-    for one, other in zip(jax.tree.leaves(results), jax.tree.leaves(alone), strict=True):
-        away = np.abs(np.asarray(one, float) - np.asarray(other, float)).reshape(len(one), -1)
+    for row, alone_row in zip(jax.tree.leaves(results), jax.tree.leaves(alone), strict=True):
+        away = np.abs(np.asarray(row, float) - np.asarray(alone_row, float)).reshape(len(row), -1)
         share = float((away > tolerance).any(axis=1).mean())
         bound = "the same for each row as alone: let no row depend on others"
         require(share <= most, "results of a batch", f"others in {share:.0%} of its rows", bound)

@@ -165,7 +165,7 @@ def _check_body(body: Unicycle, game: Game) -> None:
     rng = np.random.default_rng(0)
     speeds = rng.uniform(body.v_min, body.v_max, _STATES)
     numbers = [*rng.uniform(0, 1, (2, _STATES)), speeds, rng.uniform(-math.pi, math.pi, _STATES)]
-    robots = jax.vmap(RobotState)(*(jnp.asarray(one, jnp.float32) for one in numbers))
+    robots = jax.vmap(RobotState)(*(jnp.asarray(number, jnp.float32) for number in numbers))
 
     def move(robot: RobotState, action: jax.Array) -> RobotState:
         return body.move(robot, *body.controls(action), game.dt)

@@ -177,10 +177,12 @@ class _Checks:
         if is_image:
             discs = tuple(replace(disc, y=height - disc.y) for disc in discs)
             corners = [
-                tuple((x, height - y) for x, y in reversed(one.vertices)) for one in polygons
+                tuple((x, height - y) for x, y in reversed(polygon.vertices))
+                for polygon in polygons
             ]
             polygons = tuple(
-                replace(one, vertices=some) for one, some in zip(polygons, corners, strict=True)
+                replace(polygon, vertices=vertices)
+                for polygon, vertices in zip(polygons, corners, strict=True)
             )
         walls = Arena(arena.x_min, arena.x_max, arena.y_min, arena.y_max, discs, polygons)
         plain = replace(self.game, arena=walls, sensors=None, drives=None)
@@ -188,7 +190,7 @@ class _Checks:
 
     def _images(self, robots: tuple[RobotState, ...]) -> tuple[RobotState, ...]:
         height = self.game.arena.y_min + self.game.arena.y_max
-        return tuple(replace(one, y=height - one.y, heading=-one.heading) for one in robots)
+        return tuple(replace(robot, y=height - robot.y, heading=-robot.heading) for robot in robots)
 
     def export(self, cases: Cases) -> None:
         player = self.player

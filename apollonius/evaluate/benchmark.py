@@ -269,7 +269,7 @@ class Benchmark:
 @partial(jax.jit, static_argnames="role")
 def _act(game: Game, pool: Any, games: rollout.Games, bits: Array, role: Role) -> Any:
     observations = observation_rows(pool.observation, game, games.state, role)
-    return rollout.decide(pool, games.sides[role], observations, bits[role])
+    return rollout.decide_actions(pool, games.sides[role], observations, bits[role])
 
 
 def digest_of(name: str, agent: NamedPlayer | None = None) -> tuple[str, str]:

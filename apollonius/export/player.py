@@ -186,8 +186,8 @@ def tracked_state(
     pending, past = apply_delay(sensors, track.pending, percept)  # sightings are late already
     track = replace(track, own=own, pending=pending)
     track = update_track(game, track, replace(percept, own=past.own), current, role)
-    known = replace(apply_track(game, track, current, role), drives=drives)
-    return known, track, drive_state, own_memory
+    tracked = replace(apply_track(game, track, current, role), drives=drives)
+    return tracked, track, drive_state, own_memory
 
 
 def exported_side(name: str, side: str | None = None) -> Role:
@@ -262,15 +262,16 @@ def find_exportable(name: str | AbstractPolicy, role: Role, game: Game) -> Playe
     sensors = Sensing(**{side: own_sensors}) if own_sensors else None
     drives = Drives(**{side: own_drive}) if own_drive else None
     rules = with_chart(game) if policy.needs_chart else game
-    known = replace(rules, sensors=sensors, drives=drives)
-    if known.arena.chart is not None and sensors is None:
-        known = replace(
-            known, arena=replace(known.arena, chart=replace(known.arena.chart, links=None))
+    player_game = replace(rules, sensors=sensors, drives=drives)
+    if player_game.arena.chart is not None and sensors is None:
+        player_game = replace(
+            player_game,
+            arena=replace(player_game.arena, chart=replace(player_game.arena.chart, links=None)),
         )
     return Player(
         name if isinstance(name, str) else named_player.name,
         role,
-        known,
+        player_game,
         policy,
         transpose_layers(policy),
     )

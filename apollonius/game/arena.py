@@ -80,9 +80,11 @@ class Arena(Walls):
     def named_obstacles(self) -> dict[str, AbstractObstacle]:
         """All obstacles by their names in a game's file: discs, polygons, the map, and those of other kinds."""
         obstacles: dict[str, AbstractObstacle] = {
-            f"arena.discs[{index}]": one for index, one in enumerate(self.discs)
+            f"arena.discs[{index}]": obstacle for index, obstacle in enumerate(self.discs)
         }
-        obstacles |= {f"arena.polygons[{index}]": one for index, one in enumerate(self.polygons)}
+        obstacles |= {
+            f"arena.polygons[{index}]": obstacle for index, obstacle in enumerate(self.polygons)
+        }
         if self.map is not None:
             obstacles["arena.map"] = self.map
         counts = Counter[str]()

@@ -149,7 +149,9 @@ class Chart(eqx.Module):
         lengths = self.lengths[self.member, starts[:, None], ends[None, :]].astype(jnp.float32)
         return jnp.sum(start_weights[:, None] * lengths * end_weights[None, :]) / 100
 
-    def is_seen(self, x: Scalar, y: Scalar, dx: Scalar, dy: Scalar, distance: Scalar) -> Flag:
+    def has_line_of_sight(
+        self, x: Scalar, y: Scalar, dx: Scalar, dy: Scalar, distance: Scalar
+    ) -> Flag:
         """Check whether a straight line between two points meets no obstacle.
 
         Args:
@@ -180,7 +182,7 @@ class Chart(eqx.Module):
         )
         dx, dy = to_x - x, to_y - y
         straight = jnp.hypot(dx, dy)
-        return jnp.where(self.is_seen(x, y, dx, dy, straight), straight, path)
+        return jnp.where(self.has_line_of_sight(x, y, dx, dy, straight), straight, path)
 
     def lengths_from(self, x: Scalar, y: Scalar) -> Float[Array, "rows columns"]:
         """Return the lengths of the shortest paths from a point to all coarse cells [m]; infinite

@@ -128,8 +128,9 @@ _KINDS = 64
 
 def randomised(game: Game, spreads: Sequence[Spread]) -> Game:
     """Return a game in which each start draws these numbers of the robots, their sensors and drives
-    (domain randomisation: Tobin et al., 2017; of dynamics Peng et al., 2018); errors as of
-    `RobotKinds.spread`.
+    (domain randomisation: Tobin et al., 2017; of dynamics Peng et al., 2018).
+
+    Raises InvalidInput for a field that the robots do not have.
     """
     scenario = game.scenario
     if scenario is None:

@@ -104,8 +104,8 @@ def value_for_each(robots: BySide[tuple[T, ...]]) -> BySide[T]:
 def tree_where(condition: Bool[Array, "..."], value: T, other: T) -> T:
     """Return the first of two pytrees where the flags say so, elsewhere the other."""
 
-    def select(one: Any, other: Any) -> Any:
-        return one if one is other else jnp.where(condition, one, other)
+    def select(leaf: Any, other_leaf: Any) -> Any:
+        return leaf if leaf is other_leaf else jnp.where(condition, leaf, other_leaf)
 
     return jax.tree.map(select, value, other)
 

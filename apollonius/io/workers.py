@@ -232,8 +232,8 @@ def on_slurm(jobs: Sequence[Job], logs: Path | None) -> Iterator[tuple[Job, Endi
                 ending = min(endings, key=lambda ending: ending[0] != DONE, default=(STOPPED, None))
                 absences[name] = absences[name] + 1 if len(absent) == len(copies[name]) else 0
                 # what stops may be requeued
-                looks = 1 if cancelled or ending[0] != STOPPED else _LOOKS_WHEN_LOST
-                if ending[0] != DONE and absences[name] < looks:
+                most_absences = 1 if cancelled or ending[0] != STOPPED else _LOOKS_WHEN_LOST
+                if ending[0] != DONE and absences[name] < most_absences:
                     continue
                 if losses[name] == _RESTARTS and not endings and not cancelled:
                     ending = (

@@ -57,7 +57,7 @@ def add_version(archive: Archive, network: Network, due: Flag) -> Archive:
         due, archive.count, versions
     )  # writing there, beyond the last one, does nothing
     networks = jax.tree.map(
-        lambda all_, one: all_.at[index].set(one, mode="drop"), archive.networks, network
+        lambda versions_, new: versions_.at[index].set(new, mode="drop"), archive.networks, network
     )
     return replace(
         archive,

@@ -59,7 +59,7 @@ def with_clearance_penalty(
             weight = weight.at[units].set(0.0).at[units, carried].set(1.0 if number else -1.0)
             bias = bias.at[units].set(0.0 if number else wanted / ROOM)
             carried, means = units, jnp.mean(hidden[:, units], axis=0)
-        layers.append(tree_at(lambda one: (one.weight, one.bias), layer, (weight, bias)))
+        layers.append(tree_at(lambda affine: (affine.weight, affine.bias), layer, (weight, bias)))
     return replace(network, layers=tuple(layers))
 
 
@@ -89,4 +89,4 @@ def without_clearance_penalty(network: Network) -> Network:
             return network
         carried = jnp.argmax(alike, axis=1)
     weight = network.layers[-1].weight.at[actions, carried].set(0.0)
-    return tree_at(lambda one: one.layers[-1].weight, network, weight)
+    return tree_at(lambda whole: whole.layers[-1].weight, network, weight)

@@ -132,7 +132,10 @@ def after_iteration(
 
     return after, Metrics(
         outcomes=jnp.stack(
-            [jnp.sum((ended & (played.outcome == one)).astype(jnp.int32)) for one in Outcome]
+            [
+                jnp.sum((ended & (played.outcome == outcome)).astype(jnp.int32))
+                for outcome in Outcome
+            ]
         ),
         returns=played.sides.map(lambda side: finished(side.episode_return)),
         losses=ROLES.map(lambda role: learned[role][1] if role in learned else jnp.zeros(())),

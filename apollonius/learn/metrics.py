@@ -172,7 +172,7 @@ def _open_tracker(
             str(folder / to), purge_step=0
         )  # in place of what an earlier one has written
         return lambda values, step: [
-            writer.add_scalar(*one, step) for one in values.items()
+            writer.add_scalar(*value, step) for value in values.items()
         ], writer.close
     if to == "mlflow":
         os.environ.setdefault("MLFLOW_EXPERIMENT_NAME", "apollonius")

@@ -82,7 +82,7 @@ def start_response(
         jnp.zeros((), jnp.int32) for _ in range(6)
     )
     observations = ReplayBuffer(
-        (jnp.zeros((_ROUNDS_SEEN * _observations_kept(config), size)),), head, filled
+        (jnp.zeros((_ROUNDS_SEEN * _num_observations(config), size)),), head, filled
     )
     learners = {
         stage.side: LearnerState(PPOLearner(own, critic, optimisers, updates), observations)
@@ -144,7 +144,7 @@ def train_response_chunk(
     )
     observations, num_kept = (
         row.observation.reshape(-1, row.observation.shape[-1]),
-        _observations_kept(config),
+        _num_observations(config),
     )
     buffer = add(
         state.learners[stage.side].buffer,
@@ -157,7 +157,7 @@ def train_response_chunk(
     )
 
 
-def _observations_kept(config: PPOConfig) -> int:
+def _num_observations(config: PPOConfig) -> int:
     """Return how many of a round's observations are kept."""
     return max(1, config.env_steps_per_iteration // _ROUNDS_SEEN)
 

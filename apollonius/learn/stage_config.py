@@ -190,7 +190,8 @@ class DistillationConfig(OneSideConfig):
 
     def casts(self, game: Game) -> list[tuple[Game, dict[Role, tuple[str, ...]]]]:
         return [
-            (here, names | {self.side: (self.teacher,)}) for here, names in super().line_ups(game)
+            (task_game, names | {self.side: (self.teacher,)})
+            for task_game, names in super().line_ups(game)
         ]
 
     @property

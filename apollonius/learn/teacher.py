@@ -113,8 +113,8 @@ def distillation_tasks(
     require_room_to_brake(stage, config.learner)
     ((_, names),) = stage.line_ups(game)
     if not stage.solves:
-        here, players = resolve_players(stage.trained_in(game), names)
-        return [_distillation_task(stage, players, here, None)]
+        task_game, players = resolve_players(stage.trained_in(game), names)
+        return [_distillation_task(stage, players, task_game, None)]
     kinds = "robots of several kinds"
     require(
         scenario is None or scenario.kinds is None,
@@ -123,25 +123,27 @@ def distillation_tasks(
         "of one kind: the solved game has its robots",
     )
     alone = single_arena_games(game)
-    grids = [reference_grid(one, role) for one in alone]
+    grids = [reference_grid(arena_game, role) for arena_game in alone]
     counts = tuple(np.max([grid.counts for grid, _ in grids], axis=0).tolist())
 
-    def task_in(number: int, one: Game) -> DistillationTask:
-        here = game if scenario is None else game.with_variant(jnp.asarray(number))
-        here, players = resolve_players(here, names)
-        tables = cached_tables(one, stage.grid, folder, played=here)
+    def task_in(number: int, arena_game: Game) -> DistillationTask:
+        task_game = game if scenario is None else game.with_variant(jnp.asarray(number))
+        task_game, players = resolve_players(task_game, names)
+        tables = cached_tables(arena_game, stage.grid, folder, played=task_game)
         players |= {(TABLE, side): NamedPlayer(TABLE, tables[side]) for side in Role}
-        task = _distillation_task(stage, players, here, tables[role.other])
+        task = _distillation_task(stage, players, task_game, tables[role.other])
         if stage.clearance == 0:
             return task
-        grid = make_grid(here.arena, here.body(role), counts)
-        safety = solve_safety(here, role, grid, grids[0][1])
+        grid = make_grid(task_game.arena, task_game.body(role), counts)
+        safety = solve_safety(task_game, role, grid, grids[0][1])
         return replace(
             task,
-            clearance=Clearance(motion_of(here, role, _AHEAD), grid, safety.table, stage.clearance),
+            clearance=Clearance(
+                motion_of(task_game, role, _AHEAD), grid, safety.table, stage.clearance
+            ),
         )
 
-    return [task_in(number, one) for number, one in enumerate(alone)]
+    return [task_in(number, arena_game) for number, arena_game in enumerate(alone)]
 
 
 def _distillation_task(

@@ -47,8 +47,8 @@ def training_tasks(stage: ResponseConfig, learner: PPOConfig, game: Game) -> lis
         list[TrainingTask](),
     )
     other = stage.side.other
-    for one, names in stage.line_ups(game):
-        charted_games.append(_with_chart_like(one, charted_games, reads))
+    for game_of_task, names in stage.line_ups(game):
+        charted_games.append(_with_chart_like(game_of_task, charted_games, reads))
         task_game, players = resolve_players(stage.trained_in(charted_games[-1]), names)
         tasks.append(
             TrainingTask(

@@ -166,7 +166,7 @@ def _paths(
 ) -> Float[Array, "37"]:
     """Return the opponent's path lengths to the robot and to points around it."""
     own, opponent = view.own.state, view.opponent.state
-    is_seen = chart.is_seen(own.x, own.y, *away, distance)
+    is_seen = chart.has_line_of_sight(own.x, own.y, *away, distance)
     their_weights = chart.cell_weights(opponent.x, opponent.y)
     own_weights = chart.cell_weights(own.x, own.y)
     cell = their_weights[0][jnp.argmax(their_weights[1])]

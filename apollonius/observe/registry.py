@@ -9,7 +9,9 @@ from apollonius.observe.team import TEAM
 
 OWN = PAPER, ENCODED, EGOCENTRIC, TEAM
 """Those of this package."""
-OBSERVATIONS: dict[str, AbstractObservation] = {one.name: one for one in OWN}
+OBSERVATIONS: dict[str, AbstractObservation] = {
+    observation.name: observation for observation in OWN
+}
 """By their names in files and configurations; those of other packages from when their names are first looked up."""
 _KIND = "an AbstractObservation of the same name"
 
@@ -40,8 +42,8 @@ def find_observation(name_or_observation: str | AbstractObservation) -> Abstract
     name = str(name_or_observation)
     if not has_observation(name):
         names = observation_names()
-        known = f"choose one of {', '.join(names)}, or give an AbstractObservation"
-        raise InvalidInput(unknown_name("observation", name, known, closest_names(name, names)))
+        bound = f"choose one of {', '.join(names)}, or give an AbstractObservation"
+        raise InvalidInput(unknown_name("observation", name, bound, closest_names(name, names)))
     return OBSERVATIONS[name]
 
 
@@ -50,9 +52,9 @@ def register_observation(observation: AbstractObservation) -> None:
 
     Raises InvalidInput if another one has the name.
     """
-    known = OBSERVATIONS.setdefault(observation.name, observation)
+    registered = OBSERVATIONS.setdefault(observation.name, observation)
     require(
-        known == observation,
+        registered == observation,
         "observation",
         observation.name,
         "a name that no other observation has",

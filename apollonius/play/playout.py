@@ -103,7 +103,7 @@ class _Progress(NamedTuple):
     """The carry of `_advance`: slots, games begun, games ended, and steps made."""
 
     under_way: _Slots
-    num_begun: Int[Array, ""]
+    num_started: Int[Array, ""]
     ended: _Ended
     step: Int[Array, ""]
 
@@ -277,7 +277,7 @@ def _advance(
 
     def should_continue(progress: _Progress) -> Array:
         is_playing = progress.under_way.index != _NOBODY
-        some_wait = progress.num_begun < count
+        some_wait = progress.num_started < count
         some_play = jnp.where(more, jnp.all(is_playing), jnp.any(is_playing))
         return (progress.step < steps) & (some_wait | some_play)
 
@@ -299,7 +299,7 @@ def _advance(
         return _Slots(games, watched, index), is_new, is_idle
 
     def one_step(progress: _Progress) -> _Progress:
-        slots, is_new, is_idle = refill(progress.under_way, progress.num_begun)
+        slots, is_new, is_idle = refill(progress.under_way, progress.num_started)
         index = slots.index
         bits = random_bits_of(key, index, slots.games.state.steps)
         after, transition = step_games(game, players, slots.games, bits, with_obs=False)
@@ -312,13 +312,13 @@ def _advance(
         return _Progress(
             under_way=_Slots(games, watched, jnp.where(has_ended, _NOBODY, index)),
             ended=progress.ended.append(has_ended, index, results),
-            num_begun=progress.num_begun + jnp.sum(is_new, dtype=jnp.int32),
+            num_started=progress.num_started + jnp.sum(is_new, dtype=jnp.int32),
             step=progress.step + 1,
         )
 
     start = _Progress(under_way, jnp.asarray(0), no_results, jnp.asarray(0))
     end = jax.lax.while_loop(should_continue, one_step, start)
-    return end.under_way, end.num_begun, end.ended
+    return end.under_way, end.num_started, end.ended
 
 
 def _zeros(shapes: Any) -> Any:

@@ -191,7 +191,7 @@ def step_games(
     tracks, perceptions = observe_both(game, players, games, bits)
 
     def choice(role: Role) -> tuple[tuple[Actions, ...], Memory]:
-        return decide(players[role], games.sides[role], perceptions[role], bits[role])
+        return decide_actions(players[role], games.sides[role], perceptions[role], bits[role])
 
     choices = ROLES.map(choice)
     actions = choices.map(lambda side: side[0])
@@ -265,7 +265,7 @@ def step_driven(
     return game.step_controls(state, controls), drives_after
 
 
-def decide(
+def decide_actions(
     players: AbstractPlayers,
     side: SideState,
     observed: tuple[ObservationReader, Any],

@@ -37,13 +37,16 @@ def outcome_table(columns: Sequence[tuple[str, Shares]]) -> str:
     95 % intervals.
     """
     rows = [
-        [outcome.replace("_", " "), *(mean_share(shares.get(outcome, [])) for _, shares in columns)]
+        [
+            outcome.replace("_", " "),
+            *(mean_with_interval(shares.get(outcome, [])) for _, shares in columns),
+        ]
         for outcome in columns[0][1]
     ]
     return markdown_table(["", *(name for name, _ in columns)], rows)
 
 
-def mean_share(shares: Sequence[float]) -> str:
+def mean_with_interval(shares: Sequence[float]) -> str:
     """Return a mean over seeds with half of its 95 % interval's width (Student's t); "-" without
     values.
     """

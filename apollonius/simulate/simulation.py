@@ -206,7 +206,7 @@ def _select_actions(
         action, robots = moves.sides[role].action, len(game.bodies[role])
         return (action,) if robots == 1 else tuple(action[:, robot] for robot in range(robots))
 
-    def held(states: Any, actions: BySide[tuple[Action, ...]]) -> Float[Array, "robots 2"]:
+    def controls_of(states: Any, actions: BySide[tuple[Action, ...]]) -> Float[Array, "robots 2"]:
         controls_by_side = ROLES.map(
             lambda role: respond(
                 late[role], states[role], game.bodies[role], actions[role], game.dt
@@ -215,7 +215,7 @@ def _select_actions(
         return jnp.stack([jnp.stack(controls) for side in controls_by_side for controls in side])
 
     actions = ROLES.map(of_each)
-    controls = jax.vmap(held)(games.sides.map(lambda side: side.drives), actions)
+    controls = jax.vmap(controls_of)(games.sides.map(lambda side: side.drives), actions)
     return jax.vmap(stack_actions)(*actions.pursuer, *actions.evader), controls, after.sides
 
 

@@ -132,17 +132,17 @@ def _pack(
     role: Role,
     steps: UInt8[Array, "slices wide high 9 9"],
     own: UInt8[Array, "9"],
-    theirs: UInt8[Array, "slices wide high 9"],
+    opponent_steps: UInt8[Array, "slices wide high 9"],
 ) -> UInt16[Array, "slices wide high"]:
     """Find the actions that decide, and their times, packed as `Decided`.
 
     Args:
         role: the side that moves first.
         steps: steps until a capture, by position and both actions.
-        own, theirs: the step in which each action of the two robots fails.
+        own, opponent_steps: the step in which each action of the two robots fails.
     """
     own_failures = own[None, None, None, :, None]
-    their_failures = theirs[..., None, :]
+    their_failures = opponent_steps[..., None, :]
     captured = (steps < NEVER) & (steps <= own_failures) & (steps <= their_failures)
     if role == Role.PURSUER:
         other_fails = jnp.where(their_failures < own_failures, their_failures, NEVER)

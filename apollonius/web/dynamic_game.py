@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from apollonius.agents.shield import Backup, Motion
+from apollonius.agents.shield import Backup, BrakingMotion
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.chart import Chart
 from apollonius.game.dynamics import Unicycle
@@ -188,11 +188,11 @@ class DynamicBackup(Backup):
     steps: int | Array  # pyright: ignore[reportIncompatibleVariableOverride]
 
     def _clearances(
-        self, robot: Robot, motion: Motion, near: Edges | None
+        self, robot: Robot, motion: BrakingMotion, near: Edges | None
     ) -> Float[Array, " manoeuvres"]:
         def one_step(
-            _: Int[Array, ""], carry: list[tuple[Motion, Scalar]]
-        ) -> list[tuple[Motion, Scalar]]:
+            _: Int[Array, ""], carry: list[tuple[BrakingMotion, Scalar]]
+        ) -> list[tuple[BrakingMotion, Scalar]]:
             after = self._brake(robot, [before for before, _ in carry])
             return [
                 (to, jnp.minimum(least, self.arena.clearance_along(before.state, to.state)))

@@ -14,7 +14,7 @@ import pytest
 from apollonius.agents import onnx_agent
 from apollonius.agents.names import ZOO
 from apollonius.agents.onnx_agent import OnnxAgent
-from apollonius.agents.onnx_process import LIMITS, as_actions
+from apollonius.agents.onnx_process import LIMITS, parse_actions
 from apollonius.agents.source import NamedPlayer
 from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import find_game
@@ -270,7 +270,7 @@ ANSWERS = [
 
 @pytest.mark.parametrize(("answer", "actions"), ANSWERS)
 def test_answers_become_actions(answer, actions):
-    made = as_actions(answer, 2)
+    made = parse_actions(answer, 2)
     assert made.tolist() == actions
     assert made.dtype == (np.float32 if made.ndim == 2 else np.int32)
 
@@ -278,7 +278,7 @@ def test_answers_become_actions(answer, actions):
 @pytest.mark.parametrize("answer", [np.zeros((2, 8)), np.array([1.0, 2.0]), np.array(["4", "4"]), np.zeros((3,), int)])
 def test_answers_of_other_shapes_and_types_are_refused(answer):
     with pytest.raises(SystemExit, match="give"):
-        as_actions(answer, 2)
+        parse_actions(answer, 2)
 
 
 def model(*nodes, weights=(), reads=(8,), whole=False):

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from scipy.special import expit
 
 from apollonius.agents.classical import Still, Uniform
-from apollonius.agents.shield import BRAKING, Motion
+from apollonius.agents.shield import BRAKING, BrakingMotion
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
 from apollonius.cli.main import main
@@ -359,7 +359,7 @@ def test_shields_get_one_structure_and_leave_as_much_room_as_before():
     places = np.random.default_rng(0).uniform((1, 1, -3), (9, 9, 3), (200, 3)).astype(np.float32).T
 
     def clearances(backup, body, x, y, heading):
-        motion = Motion(RobotState(x, y, jnp.float32(0.6), heading), None)
+        motion = BrakingMotion(RobotState(x, y, jnp.float32(0.6), heading), None)
         return backup._clearances(Robot(body, motion.state), motion, backup._nearby_edges(motion.state))
 
     measured = jax.jit(jax.vmap(clearances, in_axes=(None, None, 0, 0, 0)))

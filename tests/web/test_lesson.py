@@ -8,7 +8,7 @@ import pytest
 from apollonius.evaluate.match import Match, play_match
 from apollonius.io.document import parse_json
 from apollonius.web.site import LEARNERS, LEARNING
-from website.learners import BLUES, GAMES, PUPILS, lesson
+from website.learners import BLUES, GAMES, PUPILS, training_game
 
 RECORD = parse_json(LEARNING.read_bytes(), str(LEARNING))
 STARTS = 200
@@ -18,7 +18,7 @@ def caught(pupil, **changes):
     """The share of standing blues that one of them catches, from the same fixed starts as all others."""
     path = LEARNERS / f"{pupil['name']}.safetensors"
     match = Match.of_names(
-        replace(lesson(), **changes), str(path) if path.exists() else pupil["name"], "still", STARTS, 7
+        replace(training_game(), **changes), str(path) if path.exists() else pupil["name"], "still", STARTS, 7
     )
     outcomes = play_match(match).outcomes
     return outcomes["captured"] / STARTS, outcomes
@@ -46,4 +46,4 @@ def test_the_curve_is_of_that_training_and_goes_through_its_pursuers():
     for one in shown:
         assert {name: one[name] for name in ("env_steps", *BLUES)} in RECORD["curve"]
     assert RECORD["games"] == GAMES
-    assert RECORD["seconds"] * 10 == lesson().max_steps
+    assert RECORD["seconds"] * 10 == training_game().max_steps

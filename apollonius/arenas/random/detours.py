@@ -49,8 +49,9 @@ def _openings(wide: float, gap: float, rng: np.random.Generator) -> list[tuple[f
 
 
 def floors(layout: Layout, rng: np.random.Generator) -> Arena:
-    """Build rooms on both sides of a corridor, each with a door, some with one to the next; errors
-    as of `fences`.
+    """Build rooms on both sides of a corridor, each with a door, some with one to the next.
+
+    Raises InvalidInput where the arena is too small for them.
     """
     along_y = layout.height > layout.width
     long, wide = max(layout.width, layout.height), min(layout.width, layout.height)

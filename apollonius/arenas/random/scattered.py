@@ -34,7 +34,7 @@ def wall_pieces(
         openings: where each opening begins [m].
         width: width of the openings [m].
     """
-    ends = [low, *[end for one in openings for end in (one, one + width)], high]
+    ends = [low, *[end for opening in openings for end in (opening, opening + width)], high]
     pairs = zip(ends[::2], ends[1::2], strict=True)
     return [(start, end) for start, end in pairs if end - start > 1e-3]
 
@@ -154,7 +154,7 @@ def _block(place: Circle, rng: np.random.Generator) -> Polygon:
     corners = _l_shape(rng) if rng.uniform() < _SHARE_OF_L else _convex(rng)
     directions = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     placed = np.array([x, y]) + radius * corners @ directions
-    return Polygon(tuple((float(one), float(other)) for one, other in placed))
+    return Polygon(tuple((float(x), float(y)) for x, y in placed))
 
 
 def _convex(rng: np.random.Generator) -> np.ndarray:
