@@ -148,11 +148,11 @@ def _speed_of(
             batch, step_result = loop(
                 carry[0], (((words >> 16) * NUM_ACTIONS) >> 16).astype(jnp.int32)
             )
-            return (batch, jax.tree.map(jnp.add, carry[1], _kept(step_result))), None
+            return (batch, jax.tree.map(jnp.add, carry[1], _stored_parts(step_result))), None
 
         nothing = jax.tree.map(
             lambda leaf: jnp.zeros(leaf.shape, leaf.dtype),
-            jax.eval_shape(lambda: _kept(loop(batch, jnp.zeros((2, games), jnp.int32))[1])),
+            jax.eval_shape(lambda: _stored_parts(loop(batch, jnp.zeros((2, games), jnp.int32))[1])),
         )
         return jax.lax.scan(one_step, (batch, nothing), jnp.arange(LOOP_STEPS))[0]
 
@@ -166,8 +166,8 @@ def _speed_of(
     return games * LOOP_STEPS / timed(run, 9, time.process_time)
 
 
-def _kept(step_result: Any) -> tuple[Array, ...]:
-    """Return what a learner keeps of a step, so that all of it is computed."""
+def _stored_parts(step_result: Any) -> tuple[Array, ...]:
+    """Return the parts of a step that a learner stores, so that all of it is computed."""
     after, *observations = step_result if isinstance(step_result, tuple) else (step_result,)
     return (
         *after.reward,

@@ -19,32 +19,11 @@ ROOMS = {"apollonius": sorted(PACKAGE.glob("*.py"))} | {
     if any(folder.glob("*.py"))
 }
 """The files of each room."""
-PARTICIPLES = set(
-    [
-        "found",
-        "made",
-        "given",
-        "known",
-        "seen",
-        "kept",
-        "held",
-        "told",
-        "said",
-        "asked",
-        "begun",
-        "here",
-        "there",
-        "one",
-        "both",
-        "others",
-        "theirs",
-        "way",
-    ]
+PARTICIPLES = re.compile(
+    "found|made|given|known|seen|kept|held|told|said|asked|begun|here|there|one|both|others|theirs|way"
 )
 """They say neither what a value is nor what it is for."""
-PRIVATE_WORDS = set(
-    ["caution", "bold", "practice", "cast", "lesson", "entrant", "handed", "holding", "standing", "looks", "setting"]
-)
+PRIVATE_WORDS = re.compile(r"\b(caution|bold|practice|cast|lesson|entrant|handed|holding|standing|looks|setting)\b")
 """Words that only this project used for things that have a name in the field."""
 BY_ANOTHER_NAME = {
     "parse_known_args": "argparse's own",
@@ -52,7 +31,7 @@ BY_ANOTHER_NAME = {
 }
 """Names that a rule below forbids, each with the reason for it."""
 OPENING = re.compile(
-    r"(Return )?(What|How|Whether|Whom?|Whose|Where|Which|Those|The same)\b|(It|They|This|These) \w+\."
+    r"(return )?(what|how|whether|whom?|whose|where|which|those|the same)\b|(it|they|this|these) \w+\.", re.I
 )
 WORDS = re.compile(
     r"\b(errors as (of|those)|anew|whoever|of them|so many|is none|goes on|that there (is|are)|told|announced|gears?"
@@ -87,8 +66,8 @@ def names(path):
 def misnomers(path):
     """Yield each name that is a participle, and each with a word that is not of the field."""
     for line, name in names(path):
-        words = set(re.findall("[a-z]+", re.sub("([A-Z])", r" \1", name).lower()))
-        is_defect = name in PARTICIPLES or words & PRIVATE_WORDS
+        words = re.sub("([A-Z])|_", r" \1", name).lower()
+        is_defect = PARTICIPLES.fullmatch(name) or PRIVATE_WORDS.search(words)
         if is_defect and name not in BY_ANOTHER_NAME:
             yield f"{path.relative_to(REPOSITORY)}:{line}: {name}"
 

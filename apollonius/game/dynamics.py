@@ -18,7 +18,7 @@ those of its chord.
 
 
 def wrap_angle(angle: Scalar) -> Scalar:
-    """Return the same direction in (-pi, pi] [rad]."""
+    """Wrap an angle [rad] to (-pi, pi]."""
     return angle - 2 * jnp.pi * jnp.ceil((angle - jnp.pi) / (2 * jnp.pi))
 
 

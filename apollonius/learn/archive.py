@@ -92,15 +92,18 @@ def unbiased_endings(
     duration: int,
     longest: Int[Array, ""] | int,
 ) -> Bool[Array, "steps games"]:
-    """Return where games end that count for a version's record: those that began so early that they end before the
-    next draw of opponents, however long they last.
+    """Mask the endings of games that started early enough to finish before the next draw of opponents.
 
-    Of later games the short ones would be counted and the long ones broken off, and the winner depends on the length.
-    Of those that begin before a fixed step all are counted, so that their share of losses is unbiased (Wald's
+    Of games that start later the short ones would be counted and the long ones broken off, and the winner depends on
+    the length. All games that start before a fixed step are counted, so that the win rate is unbiased (Wald's
     identity).
 
-    Before the first of these steps each game had `played` some, and there were `before` since the last draw; draws are
-    a `duration` apart, and a game lasts for `longest` at most [steps].
+    Args:
+        over: whether a game ends, in each of the steps of an iteration.
+        played: steps that each game had made before the iteration.
+        before: steps since the last draw of opponents.
+        duration: steps between two draws.
+        longest: time limit of a game [steps].
     """
     steps = jnp.arange(over.shape[0])[:, None]
     begins = jnp.concatenate([-played[None], jnp.where(over[:-1], steps[1:], -played)])

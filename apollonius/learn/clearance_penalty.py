@@ -1,4 +1,4 @@
-"""Caution: a network takes the cost of missing clearance off its values, in units that it has little use for.
+"""A clearance penalty in nine rarely used units of a trained network.
 
 What a network learns of walls and bodies is blurred, and teaching it the sharp edge of what a shield forbids costs it
 the differences between good actions. So the edge is not learned: nine units of each layer carry what each action lacks
@@ -25,20 +25,23 @@ _ROWS = 20_000
 
 
 def clearance_penalty(
-    observations: Float[Array, "*rows size"], wanted: Real, price: Real
+    observations: Float[Array, "*rows size"], margin: Real, loss_value: Real
 ) -> Float[Array, "*rows 9"]:
-    """Return what each action costs for what is missing of the `wanted` clearance [m], where a lost game has a price.
+    """Compute the penalty of each action that leaves less than the clearance margin.
 
-    Observations are `egocentric` or begin with it.
+    Args:
+        observations: `egocentric`, or those that begin with it.
+        margin: the clearance that an action should leave a robot that then brakes [m].
+        loss_value: value of a lost game.
     """
     after = observations[..., BRAKING : BRAKING + NUM_ACTIONS]
-    return COST * ROOM * price * jax.nn.relu(wanted / ROOM - after)
+    return COST * ROOM * loss_value * jax.nn.relu(margin / ROOM - after)
 
 
 def with_clearance_penalty(
-    network: QNetwork, observations: Float[Array, "rows size"], wanted: Real, price: Real
+    network: QNetwork, observations: Float[Array, "rows size"], margin: Real, loss_value: Real
 ) -> QNetwork:
-    """Return a network that values each action as another one does, less its `costs`.
+    """Encode a `clearance_penalty` in a network of action values.
 
     The units that are given up are the nine of each layer that vary least in the observations: their means go into the
     next layer's biases, so that units that are never active change nothing.
@@ -52,12 +55,12 @@ def with_clearance_penalty(
             bias = bias + weight[:, carried] @ means
             weight = weight.at[:, carried].set(0.0)
         if layer is network.layers[-1]:
-            weight = weight.at[actions, carried].set(-COST * ROOM * price)
+            weight = weight.at[actions, carried].set(-COST * ROOM * loss_value)
         else:
             hidden = jax.nn.relu(jax.vmap(layer)(hidden))
             units = jnp.argsort(jnp.std(hidden, axis=0))[:NUM_ACTIONS]
             weight = weight.at[units].set(0.0).at[units, carried].set(1.0 if number else -1.0)
-            bias = bias.at[units].set(0.0 if number else wanted / ROOM)
+            bias = bias.at[units].set(0.0 if number else margin / ROOM)
             carried, means = units, jnp.mean(hidden[:, units], axis=0)
         layers.append(tree_at(lambda affine: (affine.weight, affine.bias), layer, (weight, bias)))
     return replace(network, layers=tuple(layers))
@@ -70,7 +73,7 @@ def sample_observations(buffer: ReplayBuffer[Labels]) -> Float[Array, "rows size
 
 
 def without_clearance_penalty(network: Network) -> Network:
-    """Return what a cautious network was without its costs, or the network itself if it is not cautious.
+    """Remove the clearance penalty from a network; one without it is returned as it is.
 
     In a training that moves all weights the units that carry them would drift, and what drifts by a hundredth costs
     several lost games.

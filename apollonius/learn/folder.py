@@ -161,8 +161,10 @@ def _digest(config: RunConfig) -> str:
 
 
 def load_checkpoint_meta(path: Path, config: RunConfig | None = None) -> CheckpointMeta:
-    """Return how far the run of a checkpoint is; raises InvalidInput for a missing, damaged or foreign file, and for
-    one of another training than that of the config.
+    """Read the metadata of a checkpoint: the progress of its run.
+
+    Raises InvalidInput for a missing, damaged or foreign file, and for a checkpoint of another training than that of
+    the config.
     """
     with open_arrays(path, "train again", "checkpoint") as file:
         metadata = file.metadata() or {}

@@ -44,7 +44,7 @@ class OpponentConfig:
         return 0.0 if SCHEMES[self.scheme] is None else self.past_share
 
     def slot_games(self, games: int) -> int:
-        """Return how many games of a batch belong to one slot."""
+        """Return the number of games of a batch that belong to one slot."""
         return int(self.share * games) // (2 * self.slots)
 
     def first_game(self, role: int, games: int) -> int:

@@ -158,7 +158,7 @@ def train_response_chunk(
 
 
 def _num_observations(config: PPOConfig) -> int:
-    """Return how many of a round's observations are kept."""
+    """Return the number of observations that are stored of each round."""
     return max(1, config.env_steps_per_iteration // _ROUNDS_SEEN)
 
 
@@ -171,8 +171,7 @@ def _in_units(game: Game, row: Row) -> Row:
 def advantages(
     config: PPOConfig, row: Row, values: Float[Array, "steps games"]
 ) -> Float[Array, "steps games"]:
-    """Return how much better each action was than the policy, by `values` of the observations and the rewards that
-    followed: generalised advantage estimation (Schulman et al., 2016).
+    """Estimate the advantages of actions by generalised advantage estimation (Schulman et al., 2016).
 
     A game that is truncated, and one that the last step leaves under way, is worth what it was before that step.
     """

@@ -32,7 +32,7 @@ class TrainingTask(eqx.Module):
 
 
 def equal_parts(games: int, kinds: int) -> list[int]:
-    """Return how many of some games each kind of opponents gets: as many, or one more in the first kinds."""
+    """Divide games between kinds of opponents: equally, with one more for each of the first if need be."""
     return [games // kinds + (number < games % kinds) for number in range(kinds)]
 
 
