@@ -22,7 +22,8 @@ def main() -> int:
         ended = run()
     except BaseException:
         # A module that is being loaded makes errors of its own of a Ctrl-C.
-        if number := interrupt_status():
+        number = interrupt_status()
+        if number:
             leave(number, stop_message())
         raise
     if interrupt_status():

@@ -76,7 +76,8 @@ def find_player(name: str | AbstractPolicy, role: Role, game: Game) -> NamedPlay
         assert isinstance(bare.policy, AbstractActionValuePolicy)
         return replace(bare, name=SEARCHING + bare.name, policy=Searching(bare.policy))
     for kind in SOURCES:
-        if player := kind.find(name, role, game):
+        player = kind.find(name, role, game)
+        if player:
             return player
     raise unknown_player(name, *SOURCES)
 

@@ -172,10 +172,13 @@ def _with_extra(arena: Any) -> Any:
         "given",
         "left out: each kind of obstacles has a table of its own",
     )
-    record, extra = dict(arena), []
+    record = dict(arena)
+    extra = []
     for table in [key for key in arena if key not in Arena.__dataclass_fields__]:
-        if kind := find_obstacle_kind(str(table)):
-            obstacles, name = record.pop(table), f"arena.{table}"
+        kind = find_obstacle_kind(str(table))
+        if kind:
+            obstacles = record.pop(table)
+            name = f"arena.{table}"
             is_list = isinstance(obstacles, list) and all(
                 isinstance(obstacle, dict) for obstacle in obstacles
             )

@@ -68,7 +68,9 @@ class _Checks:
     """The properties of a player, each a method that raises InvalidInput where it does not hold."""
 
     def __init__(self, player: Player) -> None:
-        self.player, self.policy, self.game = player, player.package, player.game
+        self.player = player
+        self.policy = player.package
+        self.game = player.game
         self.example = player.arguments[2:]
 
     def see(self, state: Array, active: Array | None, memory: Any) -> tuple[Any, Any]:
