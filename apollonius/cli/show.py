@@ -36,6 +36,7 @@ from apollonius.io.limits import MOVING, PORT, SEED
 
 if TYPE_CHECKING:
     from apollonius.game.types import Role
+    from apollonius.play.replay import Replay
 
 
 def add_show(parser: argparse.ArgumentParser) -> None:
@@ -62,30 +63,18 @@ def add_show(parser: argparse.ArgumentParser) -> None:
 
 
 def run_show(options: argparse.Namespace) -> int:
-    from apollonius.play.replay import load_replay, save_replay
+    from apollonius.play.replay import save_replay
     from apollonius.show import animation
 
     if options.speed is not None:
         moving = f"left out, as only {', '.join(MOVING)} move"
         require(options.out.suffix in MOVING, "--speed", options.speed, moving)
-        possible = f"from {animation.SLOWEST:g} to {animation.FASTEST:g} times real time"
-        require(
-            animation.SLOWEST <= options.speed <= animation.FASTEST,
-            "--speed",
-            options.speed,
-            possible,
-        )
+        bound = f"from {animation.SLOWEST:g} to {animation.FASTEST:g} times real time"
+        is_possible = animation.SLOWEST <= options.speed <= animation.FASTEST
+        require(is_possible, "--speed", options.speed, bound)
     display = options.display
     display.begin_task("playing one game")
-    if options.evader is None:
-        replay = load_replay(Path(options.pursuer))
-        first = replay.first_difference()
-        if first is not None:
-            display.print_line(f"played again, this game differs from step {first} on")
-    else:
-        from apollonius.evaluate.match import record_game
-
-        replay = record_game(requested_match(options, in_one_arena=True), 0)
+    replay = _requested_replay(options)
     display.begin_task(f"drawing {len(replay.states)} states")
     if options.out.suffix == ".json":
         save_replay(replay, options.out)
@@ -104,6 +93,21 @@ def run_show(options: argparse.Namespace) -> int:
         )
     print_next_step(options, options.out, then=then)
     return 0
+
+
+def _requested_replay(options: argparse.Namespace) -> "Replay":
+    """Load the replay, or play one game between two players."""
+    if options.evader is None:
+        from apollonius.play.replay import load_replay
+
+        replay = load_replay(Path(options.pursuer))
+        first = replay.first_difference()
+        if first is not None:
+            options.display.print_line(f"played again, this game differs from step {first} on")
+        return replay
+    from apollonius.evaluate.match import record_game
+
+    return record_game(requested_match(options, in_one_arena=True), 0)
 
 
 def add_report(parser: argparse.ArgumentParser) -> None:

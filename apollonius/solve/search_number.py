@@ -118,7 +118,7 @@ def clearing_strategy(
         state = states.pop()
         if state is None:
             return [], examined_all
-        if not state.count:
+        if not state.num_contaminated:
             return states.path_to(state.number), False
         after = spreads @ state.contaminated.astype(np.float32) > 0
         teams = _moves_from(states.paths[state.number][0], around)
@@ -142,8 +142,7 @@ class _WaitingState(NamedTuple):
     these the oldest.
     """
 
-    count: int
-    """Number of contaminated nodes."""
+    num_contaminated: int
     number: int
     """Number of the state, in the order in which they were added."""
     contaminated: Nodes
