@@ -189,7 +189,9 @@ def _parse_yaml(text: bytes, name: str) -> dict[str, Any]:
 
 
 def _require_ranges(values: dict[str, Any], numbers: dict[str, Any], name: str) -> None:
-    """Refuse numbers that are out of range; messages show the resolution and `negate` as written."""
+    """Refuse numbers that are out of range; messages show the resolution and `negate` as
+    written.
+    """
     bound = "metres in a cell, more than 0"
     is_possible = 0 < numbers["resolution"] <= 1e3
     require(is_possible, f"{name}: resolution", values["resolution"], bound)

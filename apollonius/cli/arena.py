@@ -171,18 +171,26 @@ def run_random(options: argparse.Namespace) -> int:
 ZOO = {
     "pursuer": "learned in 416 arenas, plays in any, alone or in a team",
     "P_smooth": "steers without steps",
-    "P_curriculum": "of the paper: self-play after P_stage1", "P_scratch": "of the paper: self-play alone",
-    "P_random": "of the paper: learned from a random evader", "P_stage1": "of the paper: standing targets only",
-    "evader": "learned in 416 arenas, plays in any", "E_smooth": "steers without steps",
-    "E_curriculum": "of the paper: self-play after P_stage1", "E_scratch": "of the paper: self-play alone",
-}  # fmt: skip
+    "P_curriculum": "of the paper: self-play after P_stage1",
+    "P_scratch": "of the paper: self-play alone",
+    "P_random": "of the paper: learned from a random evader",
+    "P_stage1": "of the paper: standing targets only",
+    "evader": "learned in 416 arenas, plays in any",
+    "E_smooth": "steers without steps",
+    "E_curriculum": "of the paper: self-play after P_stage1",
+    "E_scratch": "of the paper: self-play alone",
+}
 """Agents that ship with the package, in a few words."""
 OTHERS = {
     "RUN/NAME": "an agent of a training run, by the run's folder or its name among runs",
     "FILE.safetensors": "an agent's file, or a game that solve solved",
-    "shielded:NAME": "any of these behind a shield: it never crashes, by the rules, where it starts at rest",
+    "shielded:NAME": (
+        "any of these behind a shield: it never crashes, by the rules, where it starts at rest"
+    ),
     "PACKAGE:NAME": "a player of an installed package",
-    "searching:NAME": "a pursuer of limited sight that searches while it does not see the evader; after shielded:",
+    "searching:NAME": (
+        "a pursuer of limited sight that searches while it does not see the evader; after shielded:"
+    ),
 }
 
 

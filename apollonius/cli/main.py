@@ -125,7 +125,11 @@ class OneLineParser(argparse.ArgumentParser):
         """Refuse a value that is no choice of an argument, and name the nearest choice."""
         if action.choices is not None and value not in action.choices:
             choices = [*map(str, action.choices)]
-            if isinstance(action, argparse._SubParsersAction):  # pyright: ignore[reportPrivateUsage]
+            is_command = isinstance(
+                action,
+                argparse._SubParsersAction,  # pyright: ignore[reportPrivateUsage]
+            )
+            if is_command:
                 argument = None
                 kind = "command"
                 remedy = f"see {self.prog} --help"
@@ -216,14 +220,19 @@ def build_parser() -> argparse.ArgumentParser:
     parser = OneLineParser(
         prog="apollonius",
         usage="apollonius COMMAND ...",
-        description="Learn, solve and play pursuit-evasion games between mobile robots among obstacles.",
+        description="Learn, solve and play pursuit-evasion games between mobile robots "
+        "among obstacles.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"apollonius {__version__}")
     subparsers = parser.add_subparsers(
-        dest="command", required=True, prog="apollonius", metavar="COMMAND", help=argparse.SUPPRESS,
+        dest="command",
+        required=True,
+        prog="apollonius",
+        metavar="COMMAND",
+        help=argparse.SUPPRESS,
         parser_class=OneLineParser,
-    )  # fmt: skip
+    )
     groups = []
     for purpose, commands in COMMANDS.items():
         groups.append(

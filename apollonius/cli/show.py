@@ -51,9 +51,11 @@ def add_show(parser: argparse.ArgumentParser) -> None:
     )
     add_game_options(parser)
     parser.add_argument(
-        "--out", type=new_file(*MOVING, ".png", ".json", needs={}), default="game.gif",
+        "--out",
+        type=new_file(*MOVING, ".png", ".json", needs={}),
+        default="game.gif",
         help="file to write: .png, .gif, .webp or a replay's .json (default: %(default)s)",
-    )  # fmt: skip
+    )
     parser.add_argument(
         "--speed",
         type=real_number,
@@ -215,10 +217,13 @@ def add_play(parser: argparse.ArgumentParser) -> None:
         "--as", dest="side", choices=SIDES, default="evader", help="your side (default: evader)"
     )
     parser.add_argument(
-        "--against", type=existing_agent, metavar="AGENT",
-        help="your opponent: a rule such as intercept, a zoo agent, a .safetensors file, PACKAGE:NAME, or a .wasm file "
+        "--against",
+        type=existing_agent,
+        metavar="AGENT",
+        help="your opponent: a rule such as intercept, a zoo agent, a .safetensors file, "
+        "PACKAGE:NAME, or a .wasm file "
         "of your own; shielded: may precede it (default: the best there is, a little slow to see)",
-    )  # fmt: skip
+    )
     add_game(parser)
     parser.add_argument(
         "--seed",
@@ -271,7 +276,9 @@ def run_play(options: argparse.Namespace) -> int:
 
 
 def _opponent(options: argparse.Namespace, role: "Role", folder: Path) -> str | None:
-    """Return the opponent's name for the page: a player of another package becomes a file of the folder."""
+    """Return the opponent's name for the page: a player of another package becomes a file of the
+    folder.
+    """
     bare = (options.against or "").removeprefix(SHIELDED)
     if ":" not in bare or bare not in extension_names(PLAYERS):
         return options.against

@@ -31,16 +31,20 @@ _RADIUS = 0.3
 _EXACT, _ROUGH = 0.01, 0.25
 """How much too long a clearance along a segment may be [m], and how much too short."""
 _STEEP = 1.5
-"""By how much a clearance may change in a metre: a distance by 1 at most, in the cells of a map by 1.42."""
+"""By how much a clearance may change in a metre: a distance by 1 at most, in the cells of a map by
+1.42.
+"""
 _ON_EDGE = 0.05
 """How far the corners of an outline may be from the obstacle's edge [m]."""
 
 
 def check_game(game: Game | str) -> None:
-    """Check that a game in one arena, its robots and its kinds of obstacles can be played, saved and exported.
+    """Check that a game in one arena, its robots and its kinds of obstacles can be played, saved
+    and exported.
 
-    Its step must be pure, compile, and give the same in a batch as alone; starts must be free; an obstacle's clearance
-    must be a distance, its contacts swept, its outline on its edge; robots must keep their limits; a file must hold it.
+    Its step must be pure, compile, and give the same in a batch as alone; starts must be free; an
+    obstacle's clearance must be a distance, its contacts swept, its outline on its edge; robots
+    must keep their limits; a file must hold it.
 
     Raises:
         apollonius.conformance.defects.Nonconformance: with a line for each property that it lacks.
@@ -142,7 +146,9 @@ def _check_clearances(
 
 
 def _eighth(spacing: Segments) -> Segments:
-    """Return an eighth of segments' lengths, what `AbstractObstacle.clearance_along` allows itself."""
+    """Return an eighth of segments' lengths, what `AbstractObstacle.clearance_along` allows
+    itself.
+    """
     return spacing * (_SAMPLES - 1) / 8
 
 
@@ -183,7 +189,9 @@ def _check_outline(obstacle: AbstractObstacle) -> None:
 def _check_contacts(
     name: str, contacts: Bool[Array, " segments"], least: Segments, slack: Segments
 ) -> None:
-    """Refuse contacts that disagree with the least clearances of segments [m] by more than some slack [m]."""
+    """Refuse contacts that disagree with the least clearances of segments [m] by more than some
+    slack [m].
+    """
     missed = (~np.asarray(contacts) & (least < -_ROUGH)).sum()
     bound = "true wherever a segment comes nearer than the radius: look at the whole segment"
     require(not missed, name, f"false on {missed} of {_SEGMENTS} segments that touch it", bound)

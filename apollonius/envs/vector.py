@@ -66,7 +66,10 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     given, a game is truncated.
     """
 
-    metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}  # noqa: RUF012
+    metadata: dict[str, Any] = {  # noqa: RUF012
+        "autoreset_mode": AutoresetMode.SAME_STEP,
+        "render_modes": [],
+    }
 
     def __init__(
         self,
@@ -181,7 +184,9 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return values | {f"_{name}": np.ones(self.num_envs, bool) for name in values}
 
     def _provide(self) -> None:
-        """Sample new starts if the last ones might not suffice; each is used once, in their order."""
+        """Sample new starts if the last ones might not suffice; each is used once, in their
+        order.
+        """
         if self._left < self.num_envs:
             self._starts = self._draw(random_bits(self.np_random))
             self._left = SPARE * self.num_envs

@@ -241,7 +241,9 @@ class _SlurmJobs:
         self._losses = Counter[str]()
 
     def submit_all(self) -> None:
-        """Submit all jobs; raises InvalidInput if Slurm refuses any, and then cancels the others."""
+        """Submit all jobs; raises InvalidInput if Slurm refuses any, and then cancels the
+        others.
+        """
         try:
             for array in _arrays(list(self.unfinished.values())):
                 submitted = zip(array, self._executor.map_array(self._call, array), strict=True)

@@ -142,7 +142,8 @@ def stack_robots(values: Sequence[Array]) -> Array:
 def observe_both(
     game: Game, players: BySide[AbstractPlayers], games: Games, bits: UInt32[Array, "2 games"]
 ) -> tuple[BySide[Track | None], BySide[tuple[ObservationReader, Any]]]:
-    """Let both sides sense; return their tracks, and their perceptions as `observation_rows` gives them.
+    """Let both sides sense; return their tracks, and their perceptions as `observation_rows` gives
+    them.
 
     Args:
         game: the rules.

@@ -267,7 +267,9 @@ class Physics:
     def set_poses(
         self, rows: Float[np.ndarray, "games columns"]
     ) -> Float64[np.ndarray, "games numbers"]:
-        """Return states in which the robots stand, or roll, where rows of x, y, v and heading say."""
+        """Return states in which the robots stand, or roll, where rows of x, y, v and heading
+        say.
+        """
         data, kind = self._data, self._mujoco.mjtState.mjSTATE_FULLPHYSICS
         states = np.empty((len(rows), self._mujoco.mj_stateSize(self.model, kind)))
         for row, state in zip(rows.astype(float).reshape(len(rows), -1, 4), states, strict=True):
@@ -312,8 +314,8 @@ class Physics:
             self._mujoco.set_mju_user_warning(None)
         if warnings:
             raise InvalidInput(
-                f"MuJoCo cannot simulate these robots ({warnings[0]}): make masses, inertia, torque and stiffness of "
-                "the drive more like a real robot's."
+                f"MuJoCo cannot simulate these robots ({warnings[0]}): make masses, inertia, "
+                "torque and stiffness of the drive more like a real robot's."
             )
         return trajectories[:, -1]
 

@@ -138,7 +138,9 @@ def _body_limits(game: Game, drive: RobotHardware) -> _BodyLimits:
 def _braking_controls(
     speeds: Float[np.ndarray, "games robots"], limits: _BodyLimits, dt: float
 ) -> Float[np.ndarray, "games robots 2"]:
-    """Return the controls by which robots of these speeds [m/s] come to rest as soon as they can."""
+    """Return the controls by which robots of these speeds [m/s] come to rest as soon as they
+    can.
+    """
     braking = np.clip(-speeds / dt, -limits.accelerations, limits.accelerations)
     return np.stack([braking, np.zeros_like(braking)], axis=-1)
 
@@ -247,7 +249,9 @@ def _judge_steps(
     rows: Float32[Array, "games columns"],
     alive: Bool[Array, " games"],
 ) -> tuple[Games, Int[Array, " games"]]:
-    """Return the games that are not over after a step that led to these rows, and how each ended."""
+    """Return the games that are not over after a step that led to these rows, and how each
+    ended.
+    """
 
     def judge_game(
         state: GameState, row: Float32[Array, " columns"]
