@@ -187,41 +187,23 @@ def _facts(program: Program, player: Player, files: Mapping[Path, bytes]) -> dic
 
 def _about(program: Program, player: Player) -> list[str]:
     game = player.game
-    role = player.role
+    body = game.bodies[player.role][0]
     names = {record.name for record in program.records}
-    body, *mates = game.bodies[role]
-    opponents = game.bodies[role.other]
-    opponents_text = "its opponent's"
-    if player.robots > 2:
-        opponents_text = f"its {len(mates)} mates', then its {len(opponents)} opponents'"
     files = " and ".join(
         f"{program.name}.{name}" for name in ("player", "game", "memory") if name in names
     )
-    levels = "shares of the largest controls, in [-1, 1]"
-    nine = "3 * (level of u1) + (level of u2), a level being 0, 1, 2 for -max, 0, +max"
-    field_notes = {
-        files: "the structs below as a little-endian machine has them: read them into memory",
-        "state": (
-            f"x [m], y [m], speed [m/s], heading [rad] of {player.robots} robots: its own, "
-            f"then {opponents_text}"
-        ),
-        "active": "of the same robots, whether each is in play",
-        "memory": "where a game begins that of the file, later what the last call returned",
-        "bits": "32 random bits, fresh for every call",
-        "action": levels if player.policy.continuous else nine,
-        "controls": (
-            f"acceleration u1 [m/s^2] and turn rate u2 [rad/s], to be held for {game.dt:g} s"
-        ),
-    }
+    notes = {
+        files: "the structs below as a little-endian machine has them: read them into memory"
+    } | _argument_notes(player)
     speeds = f"v from {body.v_min:g} to {body.v_max:g} m/s"
     limits = f"{speeds}, |u1| to {body.u1_max:g} m/s^2, |u2| to {body.u2_max:g} rad/s"
     return [
-        f"The {role.name.lower()} {player.name} of a pursuit-evasion game, {game.size}.",
+        f"The {player.role.name.lower()} {player.name} of a pursuit-evasion game, {game.size}.",
         f"Its robot: {limits}, radius {body.radius:g} m.",
         "",
         *(
             f"{name}: {words}."
-            for name, words in field_notes.items()
+            for name, words in notes.items()
             if name == files != "" or name in names
         ),
         "",
@@ -230,3 +212,24 @@ def _about(program: Program, player: Player) -> list[str]:
         + (", but for an opponent's: that is not seen now." if game.sensors else "."),
         "Nothing is allocated, and nothing is kept between calls.",
     ]
+
+
+def _argument_notes(player: Player) -> dict[str, str]:
+    """Describe the arguments and results of a decision, by their names."""
+    _, *mates = player.game.bodies[player.role]
+    opponents = player.game.bodies[player.role.other]
+    opponents_text = "its opponent's"
+    if player.robots > 2:
+        opponents_text = f"its {len(mates)} mates', then its {len(opponents)} opponents'"
+    levels = "shares of the largest controls, in [-1, 1]"
+    nine = "3 * (level of u1) + (level of u2), a level being 0, 1, 2 for -max, 0, +max"
+    dt = player.game.dt
+    return {
+        "state": f"x [m], y [m], speed [m/s], heading [rad] of {player.robots} robots: its own, "
+        f"then {opponents_text}",
+        "active": "of the same robots, whether each is in play",
+        "memory": "where a game begins that of the file, later what the last call returned",
+        "bits": "32 random bits, fresh for every call",
+        "action": levels if player.policy.continuous else nine,
+        "controls": f"acceleration u1 [m/s^2] and turn rate u2 [rad/s], to be held for {dt:g} s",
+    }
