@@ -8,7 +8,7 @@ from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, UInt16
 from scipy.ndimage import distance_transform_edt
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
@@ -244,7 +244,7 @@ def missed_passage(game: Game) -> list[str]:
 
 
 def _flood_seeds(
-    lengths: Int[np.ndarray, "cells cells"], side: float, cell: float, shape: tuple[int, ...]
+    lengths: UInt16[np.ndarray, "cells cells"], side: float, cell: float, shape: tuple[int, ...]
 ) -> tuple[Int[np.ndarray, " seeds"], Int[np.ndarray, " seeds"]]:
     """Return the coarse cells of a chart that have a path to another, and the raster's cell in the
     middle of each.
