@@ -46,7 +46,9 @@ def with_clearance_penalty(
     The units that are given up are the nine of each layer that vary least in the observations: their means go into the
     next layer's biases, so that units that are never active change nothing.
     """
-    actions, layers, hidden = jnp.arange(NUM_ACTIONS), list[Linear](), observations
+    actions = jnp.arange(NUM_ACTIONS)
+    layers = list[Linear]()
+    hidden = observations
     carried, means = BRAKING + actions, jnp.zeros(NUM_ACTIONS)
     for number, layer in enumerate(network.layers):
         weight, bias = layer.weight, layer.bias

@@ -25,12 +25,11 @@ from apollonius.learn.stage_config import (
     StageConfig,
 )
 
-FIXED_TARGET, SELF_PLAY, DISTILLATION, RESPONSE = STAGES = (
-    "fixed-target",
-    "self-play",
-    "distillation",
-    "response",
-)
+FIXED_TARGET = "fixed-target"
+SELF_PLAY = "self-play"
+DISTILLATION = "distillation"
+RESPONSE = "response"
+STAGES = (FIXED_TARGET, SELF_PLAY, DISTILLATION, RESPONSE)
 
 
 def require_pay_in_play(game: Game, role: Role) -> None:

@@ -95,7 +95,9 @@ def train_distillation_chunk(
 
 def _iterate(plan: Plan, state: TrainState, task: DistillationTask) -> tuple[TrainState, Metrics]:
     """Query the teacher, play some steps of every game, fit the student."""
-    role, game, config = _config(plan).side, task.game, plan.learner
+    role = _config(plan).side
+    game = task.game
+    config = plan.learner
     side, key = state.learners[role], jax.random.fold_in(state.key, state.iterations)
     query_key, player_key, play_key, start_key, learn_key = jax.random.split(key, 5)
     assert isinstance(side.learner, dqn.DQNLearner)
@@ -120,7 +122,9 @@ def _players(
     plan: Plan, network: QNetwork, task: DistillationTask, key: PRNGKeyArray
 ) -> BySide[AbstractPlayers]:
     """Return the student, whose random actions last for a round, and its opponents, each in games of its own."""
-    config, table, games = _config(plan), task.table, plan.learner.games
+    config = _config(plan)
+    table = task.table
+    games = plan.learner.games
     robots = len(task.game.bodies[config.side])
     explores = single_player(exploring_policy(network, jnp.float32(config.epsilon[config.side])))
     student = replace(explores, bits=jax.random.bits(key, (games * robots,), jnp.uint32))

@@ -208,7 +208,8 @@ def _record_results(
     plan: Plan, game: Game, state: TrainState, played: Transition
 ) -> BySide[archive.Archive] | None:
     """Return the archives with the games counted that say how good their versions are."""
-    if (old := state.archives) is None:
+    old = state.archives
+    if old is None:
         return None
     before = state.iterations * plan.learner.steps_per_iteration % plan.steps_per_assignment
     over = archive.unbiased_endings(
@@ -226,7 +227,9 @@ def resample_all_opponents(plan: Plan, game: Game, state: TrainState) -> TrainSt
     The games of slots are broken off and begin again, so that an opponent never changes within a game. The state is
     consumed.
     """
-    old, config, games = state.archives, plan.opponents, plan.learner.games
+    old = state.archives
+    config = plan.opponents
+    games = plan.learner.games
     assert old is not None
     interval = max(1, plan.stage.env_steps // config.versions)
     due = (

@@ -192,7 +192,9 @@ class Tracker:
     """A run of tensorboard, wandb, mlflow or trackio, to be called with each record of a training."""
 
     def __init__(self, to: str, folder: Path, config: RunConfig) -> None:
-        self._before, self._stage, self._steps = 0, "", 0
+        self._before = 0
+        self._stage = ""
+        self._steps = 0
         try:
             self._log, self.close = _open_tracker(to, folder.resolve(), to_dict(config))
         except Exception as error:  # of any kind: each library has its own

@@ -64,7 +64,8 @@ def mix_in_restarts(
     share: float, drawn: GameState, lost: ReplayBuffer[GameState], key: PRNGKeyArray
 ) -> GameState:
     """Return starts, a share of which are states of lost games as soon as there are some. The key is consumed."""
-    which, row, count = *jax.random.split(key), len(drawn.steps)
+    which, row = jax.random.split(key)
+    count = len(drawn.steps)
     again = jax.random.bernoulli(which, share, (count,)) & (lost.filled > 0)
     index = jax.random.randint(row, (count,), 0, jnp.maximum(lost.filled, 1))
     return jax.vmap(tree_where)(again, jax.tree.map(lambda leaf: leaf[index], lost.rows), drawn)

@@ -138,7 +138,8 @@ class TrainingRun:
             self.plans[stage],
             jax.random.fold_in(jax.random.key(self.config.seed), STAGES.index(stage)),
         )
-        if (one_side := self.config.one_side) is not None:
+        one_side = self.config.one_side
+        if one_side is not None:
             begin = distillation.start_distillation if stage == DISTILLATION else ppo.start_response
             return CheckpointContent(begin(plan, self.tasks, key, networks[one_side.side]), None)
         train = train_state.start(
@@ -150,7 +151,9 @@ class TrainingRun:
         self, saved: CheckpointContent, meta: CheckpointMeta
     ) -> tuple[CheckpointContent, bool]:
         """Train one stage from here. Returns its last state, and whether it ended by itself."""
-        train, best, stage = saved.train, saved.best, meta.stage
+        train = saved.train
+        best = saved.best
+        stage = meta.stage
         plan = self.plans[stage]
         if self.config.one_side is not None:
             play = (
@@ -244,18 +247,14 @@ class TrainingRun:
                     )
 
     def _finish_stage(self, side: LearnerState) -> Network:
-        """Return the network that plays when it counts: averaged, or a response between it and the first; cautious."""
-        network, one_side, initial_share = (
-            side.learner.average,
-            self.config.one_side,
-            self.config.response.initial_weight_share,
-        )
-        if (
-            self.config.stages == RESPONSE
-            and initial_share
-            and (first := load_first_networks(self.config, self.config.response.side))
-        ):
-            network = interpolate_networks(network, first, initial_share)
+        """Return the network of the agent: the averaged one, of a response mixed with its first; with its penalty."""
+        network = side.learner.average
+        one_side = self.config.one_side
+        initial_share = self.config.response.initial_weight_share
+        if self.config.stages == RESPONSE and initial_share:
+            first = load_first_networks(self.config, self.config.response.side)
+            if first is not None:
+                network = interpolate_networks(network, first, initial_share)
         if one_side is None or one_side.clearance_margin == 0:
             return network
         assert isinstance(network, QNetwork)

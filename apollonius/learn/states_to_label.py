@@ -37,7 +37,9 @@ def states_to_label(
     not seen an opponent for long. In games with tables whose robots see everything the states are those of
     `query_states`, else those visited.
     """
-    game, role, track = task.game, config.side, games.sides[config.side].track
+    game = task.game
+    role = config.side
+    track = games.sides[config.side].track
     if task.table is not None and track is None:
         states = states_near(game, games.state, key)
         return states, states, jnp.ones(states.steps.shape, bool)

@@ -109,7 +109,9 @@ def distillation_tasks(
     compilation serves all. Raises InvalidInput when a player cannot be teacher, the teacher does not value the nine
     actions, or robots of a solved game are of several kinds.
     """
-    stage, role, scenario = config.distillation, config.distillation.side, game.scenario
+    stage = config.distillation
+    role = config.distillation.side
+    scenario = game.scenario
     require_room_to_brake(stage, config.learner)
     ((_, names),) = stage.line_ups(game)
     if not stage.solves:

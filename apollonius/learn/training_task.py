@@ -41,11 +41,9 @@ def training_tasks(stage: ResponseConfig, learner: PPOConfig, game: Game) -> lis
     caution is wanted of a network that knows no room to brake.
     """
     require_room_to_brake(stage, learner)
-    reads, charted_games, tasks = (
-        find_observation(learner.observation).needs_chart,
-        list[Game](),
-        list[TrainingTask](),
-    )
+    reads = find_observation(learner.observation).needs_chart
+    charted_games = list[Game]()
+    tasks = list[TrainingTask]()
     other = stage.side.other
     for game_of_task, names in stage.line_ups(game):
         charted_games.append(_with_chart_like(game_of_task, charted_games, reads))
