@@ -144,7 +144,7 @@ class ResponseConfig(OneSideConfig):
             f"{len(self.opponents)} names, as those of the stage, or left out",
         )
 
-    def casts(self, game: Game) -> list[tuple[Game, dict[Role, tuple[str, ...]]]]:
+    def line_ups(self, game: Game) -> list[tuple[Game, dict[Role, tuple[str, ...]]]]:
         tasks = Task(game), *self.tasks
         return [(task.game, {self.side.other: task.opponents or self.opponents}) for task in tasks]
 
@@ -188,7 +188,7 @@ class DistillationConfig(OneSideConfig):
             "four numbers of nodes, or left out",
         )
 
-    def casts(self, game: Game) -> list[tuple[Game, dict[Role, tuple[str, ...]]]]:
+    def line_ups(self, game: Game) -> list[tuple[Game, dict[Role, tuple[str, ...]]]]:
         return [
             (task_game, names | {self.side: (self.teacher,)})
             for task_game, names in super().line_ups(game)

@@ -174,7 +174,7 @@ def test_each_of_several_arenas_has_a_teacher_that_says_what_it_would_alone(sett
     """All have one shape, so that compiled steps serve all; what is taught is the arena's own."""
     arenas = [GAME.arena, Arena(x_min=-1.0, x_max=2.0, y_max=4.0)]
     monkeypatch.setattr(
-        "apollonius.learn.teacher.each_alone", lambda game: [replace(GAME, arena=one) for one in arenas]
+        "apollonius.learn.teacher.single_arena_games", lambda game: [replace(GAME, arena=one) for one in arenas]
     )
     settings = distillation_tasks(RUN, in_arenas(GAME, arenas), None)
     assert len(settings) == 2
