@@ -243,7 +243,8 @@ def test_in_a_terminal_the_bar_is_gone_at_the_end_and_the_results_stay():
     script = (
         "import time\nfrom apollonius.cli.display import Display\n"
         "with Display('evaluate') as display:\n"
-        "    display.begin_task('playing 8 games')\n    display.report(3, 8)\n    display.note({'loss': 'pursuer 0.5'})\n"
+        "    display.begin_task('playing 8 games')\n    display.report(3, 8)\n"
+        "    display.note({'loss': 'pursuer 0.5'})\n"
         "    time.sleep(0.6)\n    print('a result, below the bar')\n"
         "print('the last result')\n"
     )
