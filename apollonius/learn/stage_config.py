@@ -100,7 +100,7 @@ class OneSideConfig(StageConfig):
     opponents: tuple[str, ...] = ("pursuer",)
     """Its opponents, each in an equal part of the games."""
     clearance_margin: float = 0.0
-    """Clearance after braking [m] that the agent wants (`apollonius.learn.clearance_penalty`); 0 for none."""
+    """Clearance [m] that an action should leave after braking (`apollonius.learn.clearance_penalty`); 0 for none."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -112,7 +112,7 @@ class OneSideConfig(StageConfig):
         return Role[self.role.upper()]
 
     def line_ups(self, game: Game) -> list[tuple[Game, dict[Role, tuple[str, ...]]]]:
-        """Return the games of a run in this one, each with the names of its players by side."""
+        """List the games that a run in this game is trained in, each with the names of its players by side."""
         return [(game, {self.side.other: self.opponents})]
 
 
@@ -126,9 +126,9 @@ class ResponseConfig(OneSideConfig):
     tasks: tuple[Task, ...] = ()
     """Further games, which take turns with the run's own."""
     restart_fraction: float = 0.0
-    """Share of games that begin in a state of one that was lost within the next round (Florensa et al., "Reverse
-    curriculum generation for reinforcement learning", 2017, begin near the goal): where few games are lost, most of
-    what is played teaches nothing."""
+    """Share of games that begin in a state from which a game was lost within a round. Where few games are lost, most
+    games teach nothing (Florensa et al., "Reverse curriculum generation for reinforcement learning", 2017, begin near
+    the goal)."""
     initial_weight_share: float = 0.0
     """Share of its first network in the weights of the agent, which then forgets less (Wortsman et al., "Robust
     fine-tuning of zero-shot models", 2022)."""
@@ -229,8 +229,9 @@ class Plan:
         return after * times // self.chunks > before * times // self.chunks
 
     def share(self, env_steps: int) -> float:
-        """Return the share of the stage's work that is done after some env steps: of those that updates go with."""
-        total, idle = self.chunks * self.env_steps_per_chunk, self.learner.steps_before_learning
+        """Return the share of the stage's updates that is made after some env steps."""
+        total = self.chunks * self.env_steps_per_chunk
+        idle = self.learner.steps_before_learning
         idle = idle if idle < total else 0
         return max(0, env_steps - idle) / (total - idle)
 
