@@ -253,7 +253,7 @@ class GameBatch:
         if not self.next_step:
             return auto_reset(new_games, starts, used, transitions.ended), result
         # Zeros: no reward, no end, an ongoing game, active robots.
-        restarted = replace(jax.tree.map(jnp.zeros_like, result), seen=result.observation)
+        restarted = replace(jax.tree.map(jnp.zeros_like, result), observation=result.observation)
         return auto_reset(new_games, starts, used, ended), jax.vmap(tree_where)(
             ended, restarted, result
         )

@@ -129,7 +129,7 @@ def train_response_chunk(
     drawn = mix_in_restarts(
         stage.restart_fraction,
         reset_batch(game, start_key, _STARTS * config.games),
-        before.lost,
+        before.lost_states,
         retry_key,
     )
     starts = jax.tree.map(lambda leaf: leaf.reshape(_STARTS, config.games, *leaf.shape[1:]), drawn)
@@ -150,7 +150,7 @@ def train_response_chunk(
         state.learners[stage.side].buffer,
         (observations[:: len(observations) // num_kept][:num_kept],),
     )
-    lost = add_losses(before.lost, game, before.games.state, played.outcome, stage.side)
+    lost = add_losses(before.lost_states, game, before.games.state, played.outcome, stage.side)
     restart_buffer = RestartBuffer(games, lost)
     return after_iteration(
         state, restart_buffer, played, env_steps, {stage.side: (LearnerState(after, buffer), error)}

@@ -60,7 +60,7 @@ def visited():
 def test_games_that_opponents_cannot_share_evenly_are_all_played(monkeypatch):
     """109 for two, and those of both attackers."""
     for part in ("joint", "safety"):  # the tables' values do not matter here
-        monkeypatch.setattr(f"apollonius.solve.{part}.iterate", lambda sweep, table, *rest: Solved(table, 1, 0.0))
+        monkeypatch.setattr(f"apollonius.solve.{part}.iterate_values", lambda sweep, table, *rest: Solved(table, 1, 0.0))
     (setting,) = distillation_tasks(RUN, GAME, None)
     plan = replace(RUN, distillation=replace(STAGE, near_sighted=15)).plans["distillation"]
     network = make_network("encoded", 32, 1, jax.random.key(0))
