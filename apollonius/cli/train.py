@@ -167,7 +167,7 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
     from apollonius.arenas.file import find_game
     from apollonius.learn.config import PRESETS, with_profile
     from apollonius.learn.folder import load_config
-    from apollonius.learn.learner_config import SACConfig
+    from apollonius.learn.sac import SACConfig
 
     config = load_config(options.config) if options.config else PRESETS[options.preset]
     algorithm = options.algorithm or ("sac" if config.sac else "dqn")

@@ -14,8 +14,10 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import BySide, Role
 from apollonius.io.errors import InvalidInput, require
 from apollonius.io.limits import SEED, TRAININGS, require_memory
-from apollonius.learn.learner_config import PROFILES, DQNConfig, LearnerConfig, SACConfig
+from apollonius.learn.algorithm import LearnerConfig
+from apollonius.learn.dqn import PROFILES, DQNConfig
 from apollonius.learn.ppo_config import PPOConfig
+from apollonius.learn.sac import SACConfig
 from apollonius.learn.stage_config import (
     DistillationConfig,
     OneSideConfig,

@@ -17,10 +17,10 @@ from jaxtyping import Array, Int, PRNGKeyArray
 from apollonius.agents.pool import Pool
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import ROLES, BySide, GameState, Outcome, Role, Scalar, tree_where
-from apollonius.learn import archive, dqn, replay_buffer, sac
-from apollonius.learn.learner_config import DQNConfig, ReplayConfig, SACConfig, interpolate_linearly
+from apollonius.learn import archive, replay_buffer
+from apollonius.learn.algorithm import Learner, ReplayConfig, interpolate_linearly
 from apollonius.learn.stage_config import Plan
-from apollonius.learn.train_state import Learner, LearnerState, TrainState, players
+from apollonius.learn.train_state import LearnerState, TrainState, players
 from apollonius.play.autoreset import row_at_turn
 from apollonius.play.rollout import Transition, collect, init_games
 
@@ -163,11 +163,7 @@ def _learn(
         batch = replay_buffer.sample_batch(
             buffer, key, config.batch, config.n_step, n_step, config.gamma
         )
-        if isinstance(learner, dqn.DQNLearner) and isinstance(config, DQNConfig):
-            return dqn.update(learner, batch, rate, config)
-        assert isinstance(learner, sac.SACLearner)
-        assert isinstance(config, SACConfig)
-        return sac.update_actor_critic(learner, batch, jax.random.fold_in(key, 2), rate, config)
+        return config.update(learner, batch, rate, key)
 
     def updates(learner: Learner) -> tuple[Learner, Scalar]:
         learner, losses = jax.lax.scan(
@@ -179,12 +175,7 @@ def _learn(
     learner, loss = jax.lax.cond(
         is_ready, updates, lambda learner: (learner, jnp.zeros(())), side.learner
     )
-    if isinstance(config, DQNConfig) and isinstance(learner, dqn.DQNLearner):
-        before = env_steps - config.env_steps_per_iteration
-        learner = dqn.copy_to_target(
-            learner, env_steps // config.target_period > before // config.target_period
-        )
-    return LearnerState(learner, buffer), loss
+    return LearnerState(config.end_iteration(learner, env_steps), buffer), loss
 
 
 def row_of(plan: Plan, played: Transition, role: Role) -> replay_buffer.Row:

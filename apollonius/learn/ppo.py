@@ -27,8 +27,8 @@ from apollonius.agents.pool import AbstractPlayers, PartitionedPlayers, single_p
 from apollonius.catalogue import find_player, loss_value
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import BySide, Role, Scalar
+from apollonius.learn.algorithm import interpolate_linearly
 from apollonius.learn.clearance_penalty import without_clearance_penalty
-from apollonius.learn.learner_config import interpolate_linearly
 from apollonius.learn.loop import Metrics, after_iteration, row_of
 from apollonius.learn.ppo_config import PPOConfig
 from apollonius.learn.replay_buffer import ReplayBuffer, Row, add

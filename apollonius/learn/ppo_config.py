@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from apollonius.agents.network import QNetwork
 from apollonius.io.errors import require, require_positive, require_within
 from apollonius.io.limits import TRANSITIONS
-from apollonius.learn.learner_config import LearnerConfig
+from apollonius.learn.algorithm import LearnerConfig
 
 
 @dataclass(frozen=True)

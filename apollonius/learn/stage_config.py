@@ -10,7 +10,7 @@ from apollonius.game.scenario import Spread
 from apollonius.game.types import BySide, Role
 from apollonius.io.errors import require, require_positive, require_within
 from apollonius.io.limits import GAMES
-from apollonius.learn.learner_config import LearnerConfig
+from apollonius.learn.algorithm import LearnerConfig
 from apollonius.learn.opponents import OpponentConfig
 
 

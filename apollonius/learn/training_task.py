@@ -12,7 +12,7 @@ from apollonius.catalogue import TABLE, find_player
 from apollonius.game.game import Game
 from apollonius.game.types import Real, Role
 from apollonius.io.errors import require
-from apollonius.learn.learner_config import LearnerConfig
+from apollonius.learn.algorithm import LearnerConfig
 from apollonius.learn.ppo_config import PPOConfig
 from apollonius.learn.stage_config import OneSideConfig, ResponseConfig
 from apollonius.observe.registry import find_observation
