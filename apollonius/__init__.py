@@ -1,6 +1,7 @@
 """Apollonius learns, solves and plays pursuit-evasion games between mobile robots among obstacles.
 
-The public names are imported when they are first used, so that `import apollonius` and `apollonius --help` are quick.
+The public names are imported when they are first used, so that `import apollonius` and `apollonius
+--help` are quick.
 """
 
 

@@ -1,4 +1,6 @@
-"""The public names, and where each is from: for type checkers, and for `__init__.py`, which imports what is used."""
+"""The public names, and where each is from: for type checkers, and for `__init__.py`, which imports
+what is used.
+"""
 
 from apollonius.agents.policy import AbstractPolicy as AbstractPolicy
 from apollonius.agents.pool import single_player as single_player

@@ -8,7 +8,9 @@ from _signal import SIGINT, signal  # pyright: ignore[reportMissingImports]
 
 
 def main() -> int:
-    """Run the command of this process; return its exit status. A Ctrl-C ends it, whatever it is doing."""
+    """Run the command of this process; return its exit status. A Ctrl-C ends it, whatever it is
+    doing.
+    """
     signal(SIGINT, _leave)  # what follows takes a moment to import
     os.environ.setdefault(
         "TF_CPP_MIN_LOG_LEVEL", "3"
@@ -22,7 +24,8 @@ def main() -> int:
         ended = run()
     except BaseException:
         # A module that is being loaded makes errors of its own of a Ctrl-C.
-        if number := interrupt_status():
+        number = interrupt_status()
+        if number:
             leave(number, stop_message())
         raise
     if interrupt_status():

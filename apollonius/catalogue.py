@@ -26,24 +26,28 @@ from apollonius.io.errors import require
 from apollonius.solve.solving import SolvedGame
 
 SOURCES: tuple[PlayerSource, ...] = (BuiltIn(), SolvedGame(), Trained(), Extension())
-"""All kinds of players; a name is of the first that knows it. A new kind is a file of its own and its name here."""
+"""All kinds of players; a name is of the first that knows it. A new kind is a file of its own and
+its name here.
+"""
 TABLE = "table"
-"""Instead of a player's name, where both sides are solved anyway: the player by the game solved for that side."""
+"""Instead of a player's name, where both sides are solved anyway: the player by the game solved for
+that side.
+"""
 
 
 def find_player(name: str | AbstractPolicy, role: Role, game: Game) -> NamedPlayer:
-    """Return the player of a name: built in, in the zoo, of a training run, or a file; greedy if it was trained. A
-    policy is returned under the name of its class.
+    """Return the player of a name: built in, in the zoo, of a training run, or a file; greedy if it
+    was trained. A policy is returned under the name of its class.
 
     Args:
-        name: `shielded:` before it puts the player behind a shield (`apollonius.agents.shield`), then `searching:`
-            makes a pursuer search (`apollonius.agents.searching`). `RUN/NAME` is an agent of a training run, by the
-            run's folder or its name among `runs`; `zoo/NAME` is one of the zoo, `PACKAGE:NAME`
-            one of another package (`apollonius.agents.extension`).
+        name: `shielded:` before it puts the player behind a shield (`apollonius.agents.shield`),
+            then `searching:` makes a pursuer search (`apollonius.agents.searching`). `RUN/NAME` is
+            an agent of a training run, by the run's folder or its name among `runs`; `zoo/NAME` is
+            one of the zoo, `PACKAGE:NAME` one of another package (`apollonius.agents.extension`).
 
     Raises:
-        InvalidInput: when nobody has it, its file is bad or of another game, it plays the other side only, or a shield
-            cannot help.
+        InvalidInput: when nobody has it, its file is bad or of another game, it plays the other
+            side only, or a shield cannot help.
     """
     if isinstance(name, AbstractPolicy):
         return NamedPlayer(type(name).__name__, name)
@@ -60,7 +64,10 @@ def find_player(name: str | AbstractPolicy, role: Role, game: Game) -> NamedPlay
         return replace(bare, name=SHIELDED + bare.name, policy=with_shield(bare.policy, game, role))
     if name.startswith(SEARCHING):
         bare = find_player(name.removeprefix(SEARCHING), role, game)
-        bound = "followed by a player that values the nine actions and finds its way by the chart, as pursuer does"
+        bound = (
+            "followed by a player that values the nine actions and finds its way by the chart, "
+            "as pursuer does"
+        )
         require(
             role is Role.PURSUER,
             SEARCHING,
@@ -76,7 +83,8 @@ def find_player(name: str | AbstractPolicy, role: Role, game: Game) -> NamedPlay
         assert isinstance(bare.policy, AbstractActionValuePolicy)
         return replace(bare, name=SEARCHING + bare.name, policy=Searching(bare.policy))
     for kind in SOURCES:
-        if player := kind.find(name, role, game):
+        player = kind.find(name, role, game)
+        if player:
             return player
     raise unknown_player(name, *SOURCES)
 
@@ -84,8 +92,9 @@ def find_player(name: str | AbstractPolicy, role: Role, game: Game) -> NamedPlay
 def loss_value(player: NamedPlayer, game: Game) -> float:
     """Return about what a lost game costs in the units of a player's action values.
 
-    It is 1 for a solved game's player, the price in the record of a student, which has its teacher's, and the reward of
-    a failure for those who learned by rewards. Raises InvalidInput for a record of no possible price.
+    It is 1 for a solved game's player, the price in the record of a student, which has its
+    teacher's, and the reward of a failure for those who learned by rewards. Raises InvalidInput for
+    a record of no possible price.
     """
     if player.header is None:
         return 1.0
@@ -103,15 +112,17 @@ def loss_value(player: NamedPlayer, game: Game) -> float:
 
 
 def player_names(role: Role, game: Game) -> list[str]:
-    """Return the names of all the players of one side that need no file and that the game is one for."""
+    """Return the names of all the players of one side that need no file and that the game is one
+    for.
+    """
     return [name for kind in SOURCES for name in kind.names() if kind.fits(name, role, game)]
 
 
 def find_pool(names: Sequence[str], role: Role, game: Game) -> Pool:
     """Return the pool of the players of these names; each game meets one.
 
-    Several must be trained agents with networks of one shape, all symmetric or none, or `random` or `still` beside
-    discrete ones.
+    Several must be trained agents with networks of one shape, all symmetric or none, or `random` or
+    `still` beside discrete ones.
 
     Raises:
         InvalidInput: as `find_player`, for no name, and for players that do not go together.
@@ -123,7 +134,10 @@ def find_pool(names: Sequence[str], role: Role, game: Game) -> Pool:
         return single_player(policies[0])
     policies = [policy.policy if isinstance(policy, Departing) else policy for policy in policies]
     networks = [policy.network for policy in policies if isinstance(policy, Greedy | SquashedMean)]
-    bound = "one player, or trained agents with networks of one shape, and random and still beside discrete ones"
+    bound = (
+        "one player, or trained agents with networks of one shape, and random and still beside "
+        "discrete ones"
+    )
     together = all(
         isinstance(policy, Greedy | SquashedMean | Uniform | Still) for policy in policies
     )
@@ -136,7 +150,9 @@ def find_pool(names: Sequence[str], role: Role, game: Game) -> Pool:
     require(len(networks) == len(policies) or isinstance(network, QNetwork), side, listed, bound)
 
     def of_one_structure(policy: AbstractPolicy) -> AbstractPolicy:
-        """Return the player as one with a network: who explores always is random, and who values one action still."""
+        """Return the player as one with a network: who explores always is random, and who values
+        one action still.
+        """
         if isinstance(policy, Greedy | SquashedMean):
             return exploring_policy(policy.network, jnp.asarray(0.0))
         assert isinstance(network, QNetwork)

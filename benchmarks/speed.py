@@ -272,7 +272,8 @@ def main() -> None:
     else:
         result = measure_training(PROFILES[options.profile], options.stage)
     print(
-        f"{jax.devices()[0].device_kind}, {len(os.sched_getaffinity(0))} cores, jax {jax.__version__}"
+        f"{jax.devices()[0].device_kind}, {len(os.sched_getaffinity(0))} cores, jax "
+        f"{jax.__version__}"
     )
     for name, value in result.items():
         print(f"{name:<36} {value:,.{0 if value >= 100 else 2}f}")

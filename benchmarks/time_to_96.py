@@ -208,7 +208,8 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
         steps = statistics.median(row["env_steps"] for row in own)
         median = statistics.median(seconds)
         lines.append(
-            f"{learner:12} {arrived:3} of {len(own):2} {median:10.1f} {max(seconds):9.1f} {steps:18,.0f}"
+            f"{learner:12} {arrived:3} of {len(own):2} {median:10.1f} {max(seconds):9.1f} "
+            f"{steps:18,.0f}"
         )
     return "\n".join(lines)
 

@@ -1,4 +1,6 @@
-"""The page's programs as WebAssembly: `make page` compiles them, and a test compares their sources."""
+"""The page's programs as WebAssembly: `make page` compiles them, and a test compares their
+sources.
+"""
 
 import base64
 import json
@@ -48,7 +50,10 @@ def _layouts(programs: Iterable[Program]) -> dict[str, Any]:
 def main() -> None:
     """Write the file; with `--check`, fail if it is outdated."""
     programs = [*page_programs()]
-    source_line = f'export const SOURCE = "{sources_digest(sources(programs))}"; // SHA-256 of all C sources\n'
+    source_line = (
+        f'export const SOURCE = "{sources_digest(sources(programs))}"; // SHA-256 of all C '
+        "sources\n"
+    )
     if "--check" in sys.argv:
         current = source_line in COMPILED.read_text(encoding="utf-8")
         sys.exit(None if current else "the page's programs are outdated: run `make page`")

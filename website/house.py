@@ -37,7 +37,9 @@ def room_of(module: str) -> str:
 
 
 def imported(tree: ast.AST, modules: Collection[str]) -> set[str]:
-    """Return the full names of all that the statements of a module import, which are absolute ones."""
+    """Return the full names of all that the statements of a module import, which are absolute
+    ones.
+    """
     names: set[str] = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):

@@ -23,11 +23,13 @@ PARTS = {
     "Tutorials": _folder("tutorials", "play train floor_plan own_learner"),
     "How-to": _folder(
         "how-to",
-        "runs extend evaluate solve environments jax teams lidar export ros2 turtlebot pictures reproduce cache",
+        "runs extend evaluate solve environments jax teams lidar export ros2 turtlebot "
+        "pictures reproduce cache",
     ),
     "Reference": _folder(
         "reference",
-        "command config api/index rules game_files run_folder agents arenas browser ros_node glossary",
+        "command config api/index rules game_files run_folder agents arenas browser ros_node "
+        "glossary",
     ),
     "Concepts": _folder(
         "concepts",
@@ -72,7 +74,10 @@ def leaderboard() -> str:
         for path in (REPOSITORY / "benchmarks" / "leaderboard").glob("*.json")
     ]
     rows = [
-        "| track | side | agent | worth | worst against | worst tenth | crashes | forfeits | us a decision |"
+        (
+            "| track | side | agent | worth | worst against | worst tenth | crashes | forfeits "
+            "| us a decision |"
+        )
     ]
     rows.append("|---|---|---|---|---|---|---|---|---|")
     for card in sorted(

@@ -17,8 +17,8 @@ _KIND = "an AbstractPolicy, its class, or a function of game and role that retur
 class Extension(PlayerSource):
     """The policies of the entry points `apollonius.players`.
 
-    Each is a policy, a class of policies that needs no arguments, or a function of a game and a role that returns one
-    and raises InvalidInput for a side that it does not play.
+    Each is a policy, a class of policies that needs no arguments, or a function of a game and a
+    role that returns one and raises InvalidInput for a side that it does not play.
     """
 
     syntax = "PACKAGE:NAME for a player of an installed package"

@@ -42,7 +42,9 @@ def zoo_names() -> list[str]:
 
 
 def side_of(name: str) -> tuple[str, ...]:
-    """Return the sides that a built-in player or an agent of the zoo plays; either for one of another package."""
+    """Return the sides that a built-in player or an agent of the zoo plays; either for one of
+    another package.
+    """
     if name in BUILT_IN:
         return BUILT_IN[name][0]
     if ":" in name:

@@ -203,7 +203,9 @@ def make_layers(sizes: Sequence[int], key: PRNGKeyArray) -> Layers:
 
 
 def widen_inputs(network: Network, reads: AbstractObservation) -> Network:
-    """Widen a network for a longer observation, of whose first numbers it makes the same outputs."""
+    """Widen a network for a longer observation, of whose first numbers it makes the same
+    outputs.
+    """
     first, more = network.layers[0], reads.size - network.observation.size
     weight = jnp.pad(first.weight, ((0, 0), (0, more)))
     empty = eqx.nn.Linear(reads.size, first.out_features, key=jax.random.key(0))

@@ -1,4 +1,6 @@
-"""What a player is called, and what each kind of players says of itself so that it can be found by name."""
+"""What a player is called, and what each kind of players says of itself so that it can be found by
+name.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -37,7 +39,9 @@ class PlayerSource(ABC):
 
     @abstractmethod
     def find(self, name: str, role: Role, game: Game) -> NamedPlayer | None:
-        """Return the player of this name, None where this kind does not know it; raises InvalidInput for the others."""
+        """Return the player of this name, None where this kind does not know it; raises
+        InvalidInput for the others.
+        """
 
 
 def unknown_player(name: str, *kinds: PlayerSource) -> InvalidInput:

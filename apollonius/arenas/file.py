@@ -152,18 +152,25 @@ def _name(scenario: Scenario) -> str:
 
 
 def _arena_data(arena: Arena, hooks: Hooks) -> dict[str, Any]:
-    """Return an arena's record, with a list of tables for each kind of obstacles of other packages."""
+    """Return an arena's record, with a list of tables for each kind of obstacles of other
+    packages.
+    """
     record = write_record(arena, hooks, derived=("chart", "extra"))
     for obstacle in arena.extra:
         table = table_of(type(obstacle))
-        bound = "one that register_obstacle, or an entry point of its package, gives a table in game files"
+        bound = (
+            "one that register_obstacle, or an entry point of its package, gives a table in "
+            "game files"
+        )
         require(table is not None, "obstacle", type(obstacle).__name__, bound)
         record.setdefault(table, []).append(write_record(obstacle, hooks))
     return record
 
 
 def _with_extra(arena: Any) -> Any:
-    """Read the obstacles of other packages' kinds from the data of an arena; tables of no kind stay as they are."""
+    """Read the obstacles of other packages' kinds from the data of an arena; tables of no kind stay
+    as they are.
+    """
     if not isinstance(arena, dict) or arena.keys() <= Arena.__dataclass_fields__.keys() - {"extra"}:
         return arena
     require(
@@ -172,10 +179,13 @@ def _with_extra(arena: Any) -> Any:
         "given",
         "left out: each kind of obstacles has a table of its own",
     )
-    record, extra = dict(arena), []
+    record = dict(arena)
+    extra = []
     for table in [key for key in arena if key not in Arena.__dataclass_fields__]:
-        if kind := find_obstacle_kind(str(table)):
-            obstacles, name = record.pop(table), f"arena.{table}"
+        kind = find_obstacle_kind(str(table))
+        if kind:
+            obstacles = record.pop(table)
+            name = f"arena.{table}"
             is_list = isinstance(obstacles, list) and all(
                 isinstance(obstacle, dict) for obstacle in obstacles
             )

@@ -146,6 +146,24 @@ def save_map(cells: OccupancyMap, path: Path) -> None:
 
 def _read_yaml(text: bytes, name: str) -> dict[str, Any]:
     """Return the checked values, as numbers."""
+    values = _parse_yaml(text, name)
+    for key in ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh"):
+        require(key in values, f"{name}: {key}", "missing", "given, as map_server wants it")
+    image = values["image"]
+    require(isinstance(image, str) and image, f"{name}: image", image, "the name of a file")
+    numbers = {"least_obstacle": 0} | values
+    numbers["negate"] = _TRUTHS.get(str(values["negate"]).lower(), values["negate"])
+    for key in ("resolution", "negate", "occupied_thresh", "free_thresh", "least_obstacle"):
+        numbers[key] = _number(numbers[key], f"{name}: {key}")
+    _require_ranges(values, numbers, name)
+    mode = values.get("mode", "trinary")
+    require(mode == "trinary", f"{name}: mode", mode, "trinary, as cells are either free or not")
+    numbers["origin"] = _read_origin(values["origin"], name)
+    return numbers
+
+
+def _parse_yaml(text: bytes, name: str) -> dict[str, Any]:
+    """Return the keys and values of a YAML file, as text."""
     import yaml
 
     class Loader(yaml.BaseLoader):
@@ -162,72 +180,41 @@ def _read_yaml(text: bytes, name: str) -> dict[str, Any]:
     try:
         values = yaml.load(text, Loader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise InvalidInput(
-            f"{name} is no YAML file: {str(error) or 'it is nested too deeply'}; correct it."
-        ) from error
-    require(
-        isinstance(values, dict),
-        name,
-        type(values).__name__,
-        "keys with values: image, resolution, origin ...",
-    )
-    for key in ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh"):
-        require(key in values, f"{name}: {key}", "missing", "given, as map_server wants it")
-    require(
-        isinstance(values["image"], str) and values["image"],
-        f"{name}: image",
-        values["image"],
-        "the name of a file",
-    )
-    numbers = {"least_obstacle": 0} | values
-    numbers["negate"] = _TRUTHS.get(str(values["negate"]).lower(), values["negate"])
-    for key in ("resolution", "negate", "occupied_thresh", "free_thresh", "least_obstacle"):
-        numbers[key] = _number(numbers[key], f"{name}: {key}")
-    require(
-        0 < numbers["resolution"] <= 1e3,
-        f"{name}: resolution",
-        values["resolution"],
-        "metres in a cell, more than 0",
-    )
-    require(
-        numbers["negate"] in (0, 1),
-        f"{name}: negate",
-        values["negate"],
-        "0 or false (dark is occupied), 1 or true",
-    )
+        problem = f"{name} is no YAML file: {str(error) or 'it is nested too deeply'}"
+        raise InvalidInput(f"{problem}; correct it.") from error
+    kind = type(values).__name__
+    bound = "keys with values: image, resolution, origin ..."
+    require(isinstance(values, dict), name, kind, bound)
+    return values
+
+
+def _require_ranges(values: dict[str, Any], numbers: dict[str, Any], name: str) -> None:
+    """Refuse numbers that are out of range; messages show the resolution and `negate` as
+    written.
+    """
+    bound = "metres in a cell, more than 0"
+    is_possible = 0 < numbers["resolution"] <= 1e3
+    require(is_possible, f"{name}: resolution", values["resolution"], bound)
+    bound = "0 or false (dark is occupied), 1 or true"
+    require(numbers["negate"] in (0, 1), f"{name}: negate", values["negate"], bound)
     least = numbers["least_obstacle"]
-    require(
-        least >= 0,
-        f"{name}: least_obstacle",
-        least,
-        "m^2 of the smallest obstacle that stays, 0 or more",
-    )
+    bound = "m^2 of the smallest obstacle that stays, 0 or more"
+    require(least >= 0, f"{name}: least_obstacle", least, bound)
     free, occupied = numbers["free_thresh"], numbers["occupied_thresh"]
-    require(
-        0 < free <= occupied <= 1,
-        f"{name}: free_thresh",
-        free,
-        f"above 0, up to occupied_thresh = {occupied} <= 1",
-    )
-    mode = values.get("mode", "trinary")
-    require(mode == "trinary", f"{name}: mode", mode, "trinary, as cells are either free or not")
-    is_place = isinstance(values["origin"], list) and len(values["origin"]) == 3
-    origin = str(values["origin"]).replace("'", "")
-    require(
-        is_place,
-        f"{name}: origin",
-        origin,
-        "[x, y, yaw] of the lower left corner, in metres and radians",
-    )
-    numbers["origin"] = [_number(number, f"{name}: origin") for number in values["origin"]]
-    yaw = numbers["origin"][2]
-    require(
-        yaw == 0,
-        f"{name}: origin, yaw",
-        yaw,
-        "0, as walls lie along x and y; turn the image and set it to 0",
-    )
-    return numbers
+    bound = f"above 0, up to occupied_thresh = {occupied} <= 1"
+    require(0 < free <= occupied <= 1, f"{name}: free_thresh", free, bound)
+
+
+def _read_origin(origin: Any, name: str) -> list[float]:
+    """Return x, y [m] and yaw, 0, of the lower left corner."""
+    is_place = isinstance(origin, list) and len(origin) == 3
+    shown_origin = str(origin).replace("'", "")
+    bound = "[x, y, yaw] of the lower left corner, in metres and radians"
+    require(is_place, f"{name}: origin", shown_origin, bound)
+    x, y, yaw = (_number(number, f"{name}: origin") for number in origin)
+    bound = "0, as walls lie along x and y; turn the image and set it to 0"
+    require(yaw == 0, f"{name}: origin, yaw", yaw, bound)
+    return [x, y, yaw]
 
 
 def _number(value: Any, name: str) -> float:

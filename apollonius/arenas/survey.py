@@ -212,13 +212,7 @@ def missed_passage(game: Game) -> list[str]:
     x, y, cell, clearance = grid_points(arena)
     clearance -= radius
     graph, start, end, length = _links(clearance, cell)
-    other_lengths = np.where(np.eye(len(lengths), dtype=bool), NO_PATH, lengths)
-    cells = np.flatnonzero(other_lengths.min(axis=1) < NO_PATH)
-    indices = np.divmod(cells, COARSE)
-    middles = [(np.array(index) + 0.5) * side / COARSE / cell for index in indices]
-    rows, columns = (middle.astype(int) for middle in middles)
-    inside = (rows < clearance.shape[0]) & (columns < clearance.shape[1])
-    seeds, cells = (rows * clearance.shape[1] + columns)[inside], cells[inside]
+    cells, seeds = _flood_seeds(lengths, side, cell, clearance.shape)
     if not len(seeds):
         return []
     distances, _, source = dijkstra(
@@ -238,16 +232,36 @@ def missed_passage(game: Game) -> list[str]:
     worst = np.argmax(detour)
     if detour[worst] <= _DETOUR * side / COARSE:
         return []
-    position, longer = (float(axis.ravel()[start[worst]]) for axis in (x, y)), detour[worst]
-    detour_text = f"know a way that is {longer:.1f} m longer"
-    if np.isinf(longer):
+    place = ", ".join(f"{axis.ravel()[start[worst]]:.2f}" for axis in (x, y))
+    detour_text = f"know a way that is {detour[worst]:.1f} m longer"
+    if np.isinf(detour[worst]):
         detour_text = "know no other way"
-    place = ", ".join(f"{axis:.2f}" for axis in position)
     return [
         f"the passage at ({place}) is too narrow for the chart of pursuer and evader: "
         f"they {detour_text}. This arena's chart resolves "
         f"{2 * radius + side / COARSE + side / SIDE:.2f} m, so widen it to that."
     ]
+
+
+def _flood_seeds(
+    lengths: Int[np.ndarray, "cells cells"], side: float, cell: float, shape: tuple[int, ...]
+) -> tuple[Int[np.ndarray, " seeds"], Int[np.ndarray, " seeds"]]:
+    """Return the coarse cells of a chart that have a path to another, and the raster's cell in the
+    middle of each.
+
+    Args:
+        lengths: lengths of the chart's paths between its coarse cells.
+        side: side of the chart [m].
+        cell: side of the raster's cells [m].
+        shape: rows and columns of the raster.
+    """
+    other_lengths = np.where(np.eye(len(lengths), dtype=bool), NO_PATH, lengths)
+    cells = np.flatnonzero(other_lengths.min(axis=1) < NO_PATH)
+    indices = np.divmod(cells, COARSE)
+    middles = [(np.array(index) + 0.5) * side / COARSE / cell for index in indices]
+    rows, columns = (middle.astype(int) for middle in middles)
+    inside = (rows < shape[0]) & (columns < shape[1])
+    return cells[inside], (rows * shape[1] + columns)[inside]
 
 
 def _links(

@@ -21,40 +21,53 @@ def add_arena(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     list_parser = actions.add_parser("list", help="list the games that ship with the package")
     list_parser.set_defaults(run=run_list, compiles=False)
-    check = actions.add_parser(
-        "check", help="report what is wrong with a game's arena, and draw it"
-    )
-    check.add_argument(
+    about = "report what is wrong with a game's arena, and draw it"
+    _add_check(actions.add_parser("check", help=about))
+    about = "write a game in a random arena in which every robot can go everywhere"
+    _add_random(actions.add_parser("random", help=about))
+
+
+def _add_check(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
         "game",
         type=existing_game,
         metavar="GAME",
         help="a .toml or .json file, or the name of a game",
     )
-    picture_help = "write a picture of what was found (.png), or the game as the page reads it (.json, a new file)"
-    check.add_argument("--out", type=new_file(".png", ".json"), metavar="FILE", help=picture_help)
-    players_help = f"play {GAMES} games of each match between rules and agents: who does best here, and where it stops"
-    check.add_argument("--players", action="store_true", help=players_help)
-    add_json(check)
-    check.set_defaults(run=run_check)
-    draw = actions.add_parser(
-        "random", help="write a game in a random arena in which every robot can go everywhere"
+    parser.add_argument(
+        "--out",
+        type=new_file(".png", ".json"),
+        metavar="FILE",
+        help="write a picture of what was found (.png), or the game as the page reads it "
+        "(.json, a new file)",
     )
-    draw.add_argument(
+    parser.add_argument(
+        "--players",
+        action="store_true",
+        help=f"play {GAMES} games of each match between rules and agents: who does best here, "
+        "and where it stops",
+    )
+    add_json(parser)
+    parser.set_defaults(run=run_check)
+
+
+def _add_random(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
         "--kind", choices=KINDS, default="discs", help="of obstacles (default: %(default)s)"
     )
-    draw.add_argument(
+    parser.add_argument(
         "--seed",
         type=whole_number(SEED),
         default=0,
         help="seed of the arena (default: %(default)s)",
     )
-    draw.add_argument(
+    parser.add_argument(
         "--gap",
         type=real_number,
         default=1.0,
         help="least width of all passages [m] (default: %(default)s)",
     )
-    draw.add_argument(
+    parser.add_argument(
         "--size",
         type=real_number,
         nargs=2,
@@ -62,21 +75,14 @@ def add_arena(parser: argparse.ArgumentParser) -> None:
         metavar=("WIDTH", "HEIGHT"),
         help="[m]",
     )
-    draw.add_argument(
-        "--game",
-        type=existing_game,
-        default="paper",
-        help="whose other rules it has (default: paper)",
-    )
-    draw.add_argument(
-        "--out",
-        type=new_file(*GAME_FILES),
-        required=True,
-        metavar="FILE",
-        help="a .toml or .json file",
-    )
-    draw.add_argument("--force", action="store_true", help="overwrite a file that is already there")
-    draw.set_defaults(run=run_random)
+    about = "whose other rules it has (default: paper)"
+    parser.add_argument("--game", type=existing_game, default="paper", help=about)
+    files = new_file(*GAME_FILES)
+    about = "a .toml or .json file"
+    parser.add_argument("--out", type=files, required=True, metavar="FILE", help=about)
+    about = "overwrite a file that is already there"
+    parser.add_argument("--force", action="store_true", help=about)
+    parser.set_defaults(run=run_random)
 
 
 def run_list(options: argparse.Namespace) -> int:
@@ -165,18 +171,26 @@ def run_random(options: argparse.Namespace) -> int:
 ZOO = {
     "pursuer": "learned in 416 arenas, plays in any, alone or in a team",
     "P_smooth": "steers without steps",
-    "P_curriculum": "of the paper: self-play after P_stage1", "P_scratch": "of the paper: self-play alone",
-    "P_random": "of the paper: learned from a random evader", "P_stage1": "of the paper: standing targets only",
-    "evader": "learned in 416 arenas, plays in any", "E_smooth": "steers without steps",
-    "E_curriculum": "of the paper: self-play after P_stage1", "E_scratch": "of the paper: self-play alone",
-}  # fmt: skip
+    "P_curriculum": "of the paper: self-play after P_stage1",
+    "P_scratch": "of the paper: self-play alone",
+    "P_random": "of the paper: learned from a random evader",
+    "P_stage1": "of the paper: standing targets only",
+    "evader": "learned in 416 arenas, plays in any",
+    "E_smooth": "steers without steps",
+    "E_curriculum": "of the paper: self-play after P_stage1",
+    "E_scratch": "of the paper: self-play alone",
+}
 """Agents that ship with the package, in a few words."""
 OTHERS = {
     "RUN/NAME": "an agent of a training run, by the run's folder or its name among runs",
     "FILE.safetensors": "an agent's file, or a game that solve solved",
-    "shielded:NAME": "any of these behind a shield: it never crashes, by the rules, where it starts at rest",
+    "shielded:NAME": (
+        "any of these behind a shield: it never crashes, by the rules, where it starts at rest"
+    ),
     "PACKAGE:NAME": "a player of an installed package",
-    "searching:NAME": "a pursuer of limited sight that searches while it does not see the evader; after shielded:",
+    "searching:NAME": (
+        "a pursuer of limited sight that searches while it does not see the evader; after shielded:"
+    ),
 }
 
 

@@ -104,7 +104,8 @@ def run_replay(options: argparse.Namespace) -> int:
     differences, num_decisions = recompute_decisions(bag, name, game), len(bag.player_decisions)
     braked = len(bag.decisions) - num_decisions
     lines = [
-        f"{format_value(name)} in the {num_decisions:,} states of {options.bag}, a run of {format_value(bag.player)}",
+        f"{format_value(name)} in the {num_decisions:,} states of {options.bag}, "
+        f"a run of {format_value(bag.player)}",
         f"  acts otherwise in {len(differences):,}; {braked:,} more steps braked",
     ]
     rows = [("  time", "step", "u1, u2 recorded", "u1, u2 now")]

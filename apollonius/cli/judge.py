@@ -47,7 +47,10 @@ def add_evaluate(parser: argparse.ArgumentParser) -> None:
 
 def add_simulate(parser: argparse.ArgumentParser) -> None:
     add_match_options(parser, SIMULATED_GAMES)
-    about = "your robots' numbers, as examples/robots/turtlebot4.toml; docs/reference/game_files.md has all keys"
+    about = (
+        "your robots' numbers, as examples/robots/turtlebot4.toml; "
+        "docs/reference/game_files.md has all keys"
+    )
     parser.add_argument("--drive", type=existing_file, metavar="FILE", help=about)
     parser.set_defaults(run=run_simulate, out=None)
 
@@ -232,9 +235,10 @@ def run_verify(options: argparse.Namespace) -> int:
 def _print_card(options: argparse.Namespace, card: "SuiteCard", before: str = "") -> None:
     score = card.score
     text = (
-        f"{before}{card.agent} ({card.side}, {card.track}): {score.net_win_rate:+.3f} [{score.interval[0]:+.3f}, "
-        f"{score.interval[1]:+.3f}] against {score.opponent}, worst tenth {score.worst_tenth:+.3f}, "
-        f"crashes {score.crashes:.1%}, forfeits {score.forfeits:.1%}, {card.decision_us:.4g} us a decision"
+        f"{before}{card.agent} ({card.side}, {card.track}): {score.net_win_rate:+.3f} "
+        f"[{score.interval[0]:+.3f}, {score.interval[1]:+.3f}] against {score.opponent}, "
+        f"worst tenth {score.worst_tenth:+.3f}, crashes {score.crashes:.1%}, "
+        f"forfeits {score.forfeits:.1%}, {card.decision_us:.4g} us a decision"
     )
     failures = {
         game_round.failure for rounds in card.opponents.values() for game_round in rounds

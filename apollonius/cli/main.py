@@ -125,7 +125,11 @@ class OneLineParser(argparse.ArgumentParser):
         """Refuse a value that is no choice of an argument, and name the nearest choice."""
         if action.choices is not None and value not in action.choices:
             choices = [*map(str, action.choices)]
-            if isinstance(action, argparse._SubParsersAction):  # pyright: ignore[reportPrivateUsage]
+            is_command = isinstance(
+                action,
+                argparse._SubParsersAction,  # pyright: ignore[reportPrivateUsage]
+            )
+            if is_command:
                 argument = None
                 kind = "command"
                 remedy = f"see {self.prog} --help"
@@ -158,7 +162,8 @@ def main(arguments: list[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):  # and not None, as of a process without them
             stream.reconfigure(errors="replace")  # of signs that a terminal does not have, as ±
-    parser, words = build_parser(), sys.argv[1:] if arguments is None else arguments
+    parser = build_parser()
+    words = sys.argv[1:] if arguments is None else arguments
     if not words:
         parser.print_help()
         return 0
@@ -178,20 +183,10 @@ def main(arguments: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except OSError as error:
-        where = f" '{format_value(error.filename)}'" if error.filename else ""
-        how = (
-            stop_message().removeprefix("stopped").removeprefix("; ")
-            or "give the same command again"
-        )
-        full = f"; make room on the disk, then {how}" if error.errno == errno.ENOSPC else ""
-        message = f"cannot use{where}: {error.strerror or error}{full}"
+        message = _file_message(error)
     except (RuntimeError, ValueError) as error:
-        if "Unable to initialize backend" in str(error):
-            wish = format_value(os.environ.get("JAX_PLATFORMS", ""))
-            message = f"JAX_PLATFORMS = {wish} is not possible: it must be a kind of device that is here; unset it"
-        elif _ODD_SETTING.search(str(error)):
-            message = f"JAX does not begin ({format_value(error)}): correct the environment variable, or unset it"
-        else:
+        message = _jax_message(error)
+        if message is None:
             raise
     except KeyboardInterrupt:
         print(stop_message(), file=sys.stderr, flush=True)
@@ -200,18 +195,44 @@ def main(arguments: list[str] | None = None) -> int:
     return 2
 
 
+def _file_message(error: OSError) -> str:
+    """Say which file cannot be used, and what to do on a full disk."""
+    where = f" '{format_value(error.filename)}'" if error.filename else ""
+    hint = stop_message().removeprefix("stopped").removeprefix("; ")
+    remedy = f"; make room on the disk, then {hint or 'give the same command again'}"
+    full = remedy if error.errno == errno.ENOSPC else ""
+    return f"cannot use{where}: {error.strerror or error}{full}"
+
+
+def _jax_message(error: Exception) -> str | None:
+    """Say which of JAX's settings is wrong; return None for any other error."""
+    if "Unable to initialize backend" in str(error):
+        wish = format_value(os.environ.get("JAX_PLATFORMS", ""))
+        bound = "it must be a kind of device that is here; unset it"
+        return f"JAX_PLATFORMS = {wish} is not possible: {bound}"
+    if _ODD_SETTING.search(str(error)):
+        remedy = "correct the environment variable, or unset it"
+        return f"JAX does not begin ({format_value(error)}): {remedy}"
+    return None
+
+
 def build_parser() -> argparse.ArgumentParser:
     parser = OneLineParser(
         prog="apollonius",
         usage="apollonius COMMAND ...",
-        description="Learn, solve and play pursuit-evasion games between mobile robots among obstacles.",
+        description="Learn, solve and play pursuit-evasion games between mobile robots "
+        "among obstacles.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"apollonius {__version__}")
     subparsers = parser.add_subparsers(
-        dest="command", required=True, prog="apollonius", metavar="COMMAND", help=argparse.SUPPRESS,
+        dest="command",
+        required=True,
+        prog="apollonius",
+        metavar="COMMAND",
+        help=argparse.SUPPRESS,
         parser_class=OneLineParser,
-    )  # fmt: skip
+    )
     groups = []
     for purpose, commands in COMMANDS.items():
         groups.append(

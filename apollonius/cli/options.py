@@ -37,7 +37,10 @@ LENGTHS = ("quick", "standard", "paper")
 
 
 def add_game(parser: argparse.ArgumentParser) -> None:
-    about = "name of the game, as office or team-3v1/office, or a .toml or .json file (default: %(default)s)"
+    about = (
+        "name of the game, as office or team-3v1/office, or a .toml or .json file "
+        "(default: %(default)s)"
+    )
     parser.add_argument("--game", type=existing_game, default="paper", help=about)
 
 
@@ -61,7 +64,10 @@ def add_game_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_workers(parser: argparse.ArgumentParser, of: str, default: str | None = None) -> None:
-    about = f"where {of} run: in processes of this machine, on slurm, or on ray (default: {default or 'here'})"
+    about = (
+        f"where {of} run: in processes of this machine, on slurm, or on ray "
+        f"(default: {default or 'here'})"
+    )
     parser.add_argument("--on", type=installed_extra, choices=WORKERS, default=default, help=about)
 
 
@@ -108,7 +114,10 @@ def add_match_options(parser: argparse.ArgumentParser, games: CountLimit = GAMES
     parser.add_argument(
         "--replays", type=new_folder, default=Path("replays"), metavar="DIR", help=about
     )
-    about = "play a match for each value of a number of the game, as pursuer.v_max=0.8:1.6:5; twice for pairs"
+    about = (
+        "play a match for each value of a number of the game, as pursuer.v_max=0.8:1.6:5; "
+        "twice for pairs"
+    )
     parser.add_argument(
         "--vary",
         type=swept_number,

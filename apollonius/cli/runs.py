@@ -147,9 +147,15 @@ def run_reproduce(options: argparse.Namespace) -> int:
         return run_jobs(jobs, on=options.on, logs=folder / "slurm")
 
     reproduce(
-        folder, options.budget, options.seeds, options.resume, options.games, run=run_all, begin=display.begin_task,
+        folder,
+        options.budget,
+        options.seeds,
+        options.resume,
+        options.games,
+        run=run_all,
+        begin=display.begin_task,
         progress=display.report,
-    )  # fmt: skip
+    )
     then = shell_command("report", folder / "seed-0" / "curriculum")
     print_next_step(options, folder / "report.md", folder / "results.json", then=then)
     return 0

@@ -36,6 +36,7 @@ from apollonius.io.limits import MOVING, PORT, SEED
 
 if TYPE_CHECKING:
     from apollonius.game.types import Role
+    from apollonius.play.replay import Replay
 
 
 def add_show(parser: argparse.ArgumentParser) -> None:
@@ -50,9 +51,11 @@ def add_show(parser: argparse.ArgumentParser) -> None:
     )
     add_game_options(parser)
     parser.add_argument(
-        "--out", type=new_file(*MOVING, ".png", ".json", needs={}), default="game.gif",
+        "--out",
+        type=new_file(*MOVING, ".png", ".json", needs={}),
+        default="game.gif",
         help="file to write: .png, .gif, .webp or a replay's .json (default: %(default)s)",
-    )  # fmt: skip
+    )
     parser.add_argument(
         "--speed",
         type=real_number,
@@ -62,30 +65,18 @@ def add_show(parser: argparse.ArgumentParser) -> None:
 
 
 def run_show(options: argparse.Namespace) -> int:
-    from apollonius.play.replay import load_replay, save_replay
+    from apollonius.play.replay import save_replay
     from apollonius.show import animation
 
     if options.speed is not None:
         moving = f"left out, as only {', '.join(MOVING)} move"
         require(options.out.suffix in MOVING, "--speed", options.speed, moving)
-        possible = f"from {animation.SLOWEST:g} to {animation.FASTEST:g} times real time"
-        require(
-            animation.SLOWEST <= options.speed <= animation.FASTEST,
-            "--speed",
-            options.speed,
-            possible,
-        )
+        bound = f"from {animation.SLOWEST:g} to {animation.FASTEST:g} times real time"
+        is_possible = animation.SLOWEST <= options.speed <= animation.FASTEST
+        require(is_possible, "--speed", options.speed, bound)
     display = options.display
     display.begin_task("playing one game")
-    if options.evader is None:
-        replay = load_replay(Path(options.pursuer))
-        first = replay.first_difference()
-        if first is not None:
-            display.print_line(f"played again, this game differs from step {first} on")
-    else:
-        from apollonius.evaluate.match import record_game
-
-        replay = record_game(requested_match(options, in_one_arena=True), 0)
+    replay = _requested_replay(options)
     display.begin_task(f"drawing {len(replay.states)} states")
     if options.out.suffix == ".json":
         save_replay(replay, options.out)
@@ -104,6 +95,21 @@ def run_show(options: argparse.Namespace) -> int:
         )
     print_next_step(options, options.out, then=then)
     return 0
+
+
+def _requested_replay(options: argparse.Namespace) -> "Replay":
+    """Load the replay, or play one game between two players."""
+    if options.evader is None:
+        from apollonius.play.replay import load_replay
+
+        replay = load_replay(Path(options.pursuer))
+        first = replay.first_difference()
+        if first is not None:
+            options.display.print_line(f"played again, this game differs from step {first} on")
+        return replay
+    from apollonius.evaluate.match import record_game
+
+    return record_game(requested_match(options, in_one_arena=True), 0)
 
 
 def add_report(parser: argparse.ArgumentParser) -> None:
@@ -211,10 +217,13 @@ def add_play(parser: argparse.ArgumentParser) -> None:
         "--as", dest="side", choices=SIDES, default="evader", help="your side (default: evader)"
     )
     parser.add_argument(
-        "--against", type=existing_agent, metavar="AGENT",
-        help="your opponent: a rule such as intercept, a zoo agent, a .safetensors file, PACKAGE:NAME, or a .wasm file "
+        "--against",
+        type=existing_agent,
+        metavar="AGENT",
+        help="your opponent: a rule such as intercept, a zoo agent, a .safetensors file, "
+        "PACKAGE:NAME, or a .wasm file "
         "of your own; shielded: may precede it (default: the best there is, a little slow to see)",
-    )  # fmt: skip
+    )
     add_game(parser)
     parser.add_argument(
         "--seed",
@@ -267,7 +276,9 @@ def run_play(options: argparse.Namespace) -> int:
 
 
 def _opponent(options: argparse.Namespace, role: "Role", folder: Path) -> str | None:
-    """Return the opponent's name for the page: a player of another package becomes a file of the folder."""
+    """Return the opponent's name for the page: a player of another package becomes a file of the
+    folder.
+    """
     bare = (options.against or "").removeprefix(SHIELDED)
     if ":" not in bare or bare not in extension_names(PLAYERS):
         return options.against

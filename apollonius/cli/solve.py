@@ -100,10 +100,12 @@ def requested_tables(options: argparse.Namespace, game: "Game") -> "BySide[Saddl
 
 def add_solve(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "what", choices=("safety", "reach", "game"),
-        help="safety: from where a robot can avoid a crash forever; reach: the least time to a standing target; "
+        "what",
+        choices=("safety", "reach", "game"),
+        help="safety: from where a robot can avoid a crash forever; "
+        "reach: the least time to a standing target; "
         "game: the payoff that the grid promises a side against any opponent",
-    )  # fmt: skip
+    )
     add_game(parser)
     parser.add_argument(
         "--role", choices=SIDES, help="of safety and game: which side (default: pursuer)"

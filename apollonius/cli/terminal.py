@@ -65,7 +65,10 @@ def show_sweep(display: "Display", sweep: "Sweep") -> None:
 def match_heading(match: "Match") -> str:
     """Return a line that says what is played: the players, the number of games and their starts."""
     pursuer, evader = (player.name for player in match.players)
-    return f"{pursuer} (pursuer) against {evader} (evader), {match.games:,} games, starts: {match.game.starts.speed}"
+    return (
+        f"{pursuer} (pursuer) against {evader} (evader), {match.games:,} games, starts: "
+        f"{match.game.starts.speed}"
+    )
 
 
 _OWN_FAILURES = "hit_obstacle", "out_of_range"
@@ -109,7 +112,8 @@ def match_table(match: "Match", result: "MatchResult") -> str:
     arenas = result.arenas
     if arenas:
         lines.append(
-            f"  by arenas the pursuer wins {arenas.mean:.2%} {interval_text(arenas.interval)}, a mean of"
+            f"  by arenas the pursuer wins {arenas.mean:.2%} {interval_text(arenas.interval)}, "
+            "a mean of"
         )
         lines[-1] += f" {len(arenas.wins)}; {arenas.worst:.2%} in the worst tenth"
     return "\n".join(lines)
@@ -210,13 +214,16 @@ def advice_table(advice: "Advice") -> str:
         table.append([name, *[f"{rate:.0%}" for rate in row]])
     lines = [
         *columns(table),
-        f"best pursuer: {best.pursuer}, which wins at least {least.pursuer:.0%} of its games with each evader",
-        f"best evader: {best.evader}, not beaten in at least {least.evader:.0%} of its games with each pursuer",
+        f"best pursuer: {best.pursuer}, "
+        f"which wins at least {least.pursuer:.0%} of its games with each evader",
+        f"best evader: {best.evader}, "
+        f"not beaten in at least {least.evader:.0%} of its games with each pursuer",
     ]
     if advice.stops:
         places = ", ".join(f"({x:g}, {y:g})" for x, y in advice.stops)
         lines.append(
-            f"places [m] where {best.pursuer} was when a standing evader was not caught in time: {places}"
+            f"places [m] where {best.pursuer} was when a standing evader was not caught in "
+            f"time: {places}"
         )
     return "\n".join(lines)
 
@@ -249,7 +256,8 @@ def card_table(agent: str, starts: str, card: "RegretCard") -> str:
         f"  won {won}, lost {lost}\n"
         f"  payoff {card.payoff:+.3f} {interval_text(card.payoff_interval, '+.3f')}\n"
         f"  the tables promise {card.promised:+.3f} to {card.at_most:+.3f}: estimates, no bounds\n"
-        f"  gap to what its own table promises {card.gap:.3f} {interval_text(card.gap_interval, '.3f')}"
+        f"  gap to what its own table promises {card.gap:.3f} "
+        f"{interval_text(card.gap_interval, '.3f')}"
     )
 
 

@@ -26,7 +26,7 @@ from apollonius.learn.opponents import SCHEMES
 if TYPE_CHECKING:
     from apollonius.evaluate.match import Match, MatchResult
     from apollonius.learn.config import RunConfig
-    from apollonius.learn.metrics import MetricsLine
+    from apollonius.learn.metrics import MetricsLine, Tracker
 
 ALGORITHMS = ("dqn", "sac")
 PROFILES = ("fast", "paper")
@@ -34,35 +34,8 @@ STAGES = ("fixed-target", "self-play", "both")
 
 
 def add_train(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--preset", choices=LENGTHS, default="quick", help="length of training (default: quick)"
-    )
-    parser.add_argument("--stage", choices=STAGES, help="which stage to train (default: both)")
-    parser.add_argument(
-        "--algorithm",
-        choices=ALGORITHMS,
-        help="dqn: discrete actions (default); sac: continuous ones",
-    )
-    parser.add_argument(
-        "--profile", choices=PROFILES, help="how DQN learns: fast (default), or paper, as printed"
-    )
-    parser.add_argument(
-        "--game",
-        type=existing_game,
-        help="name of the game, or a .toml or .json file (default: paper)",
-    )
-    parser.add_argument(
-        "--seed", type=whole_number(SEED), help="seed of everything random (default: 0)"
-    )
-    parser.add_argument(
-        "--seeds", type=seeds, help="a run for each of several seeds, as 0-9 or 0,3,7"
-    )
-    parser.add_argument(
-        "--vary", type=swept_field, action="append", default=[], metavar="FIELD=VALUES",
-        help="a run for each value of a field of config.toml: dqn.learning_rate=1e-4,3e-4 or FIELD=FROM:TO:COUNT; "
-        "several for all combinations",
-    )  # fmt: skip
-    add_workers(parser, "the runs of a sweep")
+    _add_learning_options(parser)
+    _add_sweep_options(parser)
     parser.add_argument(
         "--config", type=existing_file, help="a config.toml to start from instead of a preset"
     )
@@ -84,6 +57,45 @@ def add_train(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(run=run_train)
 
 
+def _add_learning_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--preset", choices=LENGTHS, default="quick", help="length of training (default: quick)"
+    )
+    parser.add_argument("--stage", choices=STAGES, help="which stage to train (default: both)")
+    parser.add_argument(
+        "--algorithm",
+        choices=ALGORITHMS,
+        help="dqn: discrete actions (default); sac: continuous ones",
+    )
+    parser.add_argument(
+        "--profile", choices=PROFILES, help="how DQN learns: fast (default), or paper, as printed"
+    )
+    parser.add_argument(
+        "--game",
+        type=existing_game,
+        help="name of the game, or a .toml or .json file (default: paper)",
+    )
+    parser.add_argument(
+        "--seed", type=whole_number(SEED), help="seed of everything random (default: 0)"
+    )
+
+
+def _add_sweep_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--seeds", type=seeds, help="a run for each of several seeds, as 0-9 or 0,3,7"
+    )
+    parser.add_argument(
+        "--vary",
+        type=swept_field,
+        action="append",
+        default=[],
+        metavar="FIELD=VALUES",
+        help="a run for each value of a field of config.toml: dqn.learning_rate=1e-4,3e-4 or "
+        "FIELD=FROM:TO:COUNT; several for all combinations",
+    )
+    add_workers(parser, "the runs of a sweep")
+
+
 def add_resume(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "folder", type=runs_folder, metavar="DIR", help="folder of a run, or of several"
@@ -93,54 +105,54 @@ def add_resume(parser: argparse.ArgumentParser) -> None:
 
 
 def run_train(options: argparse.Namespace) -> int:
-    from apollonius.catalogue import find_pool
-    from apollonius.game.types import Role
-    from apollonius.learn.config import sweep
     from apollonius.learn.folder import create_run
-    from apollonius.learn.run import load_first_networks
-    from apollonius.learn.training_task import require_players
 
     config = _requested_config(options)
-    require(
-        options.seed is None or not options.seeds, "--seed", options.seed, "left out with --seeds"
-    )
-    values = dict(options.vary) | ({"seed": options.seeds} if options.seeds else {})
-    varied_names = [*(field for field, _ in options.vary), *(["seed"] if options.seeds else [])]
-    require(
-        len(varied_names) == len(values), "--vary", ", ".join(varied_names), "of different fields"
-    )
-    configs = sweep(config, values) if values else {"": config}
+    is_sweep = bool(options.vary or options.seeds)
+    configs = _swept_configs(config, options) if is_sweep else {"": config}
     name = options.config.stem if options.config else options.preset
-    folder: Path = (
-        options.out or Path("runs") / f"{name}-{config.stages}-{'sweep' if values else config.seed}"
-    )
+    suffix = "sweep" if is_sweep else config.seed
+    folder: Path = options.out or Path("runs") / f"{name}-{config.stages}-{suffix}"
     for run_config in configs.values():
-        # refused here, before anything is written
-        find_pool(run_config.evaders, Role.EVADER, run_config.game)
-        for role in Role:
-            load_first_networks(run_config, role)
-        if run_config.one_side is not None:
-            require_players(run_config.one_side, run_config.game)
-    if values and folder.exists():
+        _require_agents(run_config)  # before anything is written
+    if is_sweep and folder.exists():
         is_new = options.force or not any(folder.iterdir())
-        require(
-            is_new,
-            "--out",
-            folder,
-            "a new folder, as this one is not empty; choose another or force it",
-        )
-    several = bool(values or options.on)
-    require(
-        options.track is None or not several,
-        "--track",
-        options.track,
-        "left out here; apollonius track sends runs",
-    )
+        bound = "a new folder, as this one is not empty; choose another or force it"
+        require(is_new, "--out", folder, bound)
+    several = is_sweep or bool(options.on)
+    bound = "left out here; apollonius track sends runs"
+    require(options.track is None or not several, "--track", options.track, bound)
     for name, run_config in configs.items():
         create_run(run_config, folder / name, force=options.force)
     if several:
         return train_all([folder / name for name in configs], folder, options)
     return _train_and_judge(config, folder, options)
+
+
+def _swept_configs(config: "RunConfig", options: argparse.Namespace) -> "dict[str, RunConfig]":
+    """Return the configs of a sweep, by the names of their runs."""
+    from apollonius.learn.config import sweep
+
+    is_one_seed = options.seed is None or not options.seeds
+    require(is_one_seed, "--seed", options.seed, "left out with --seeds")
+    values = dict(options.vary) | ({"seed": options.seeds} if options.seeds else {})
+    fields = [*(field for field, _ in options.vary), *(["seed"] if options.seeds else [])]
+    require(len(fields) == len(values), "--vary", ", ".join(fields), "of different fields")
+    return sweep(config, values)
+
+
+def _require_agents(config: "RunConfig") -> None:
+    """Refuse a run whose opponents or first networks cannot be loaded."""
+    from apollonius.catalogue import find_pool
+    from apollonius.game.types import Role
+    from apollonius.learn.run import load_first_networks
+    from apollonius.learn.training_task import require_players
+
+    find_pool(config.evaders, Role.EVADER, config.game)
+    for role in Role:
+        load_first_networks(config, role)
+    if config.one_side is not None:
+        require_players(config.one_side, config.game)
 
 
 def run_resume(options: argparse.Namespace) -> int:
@@ -192,39 +204,40 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
 
 def _train_and_judge(config: "RunConfig", folder: Path, options: argparse.Namespace) -> int:
     """Train to the end or to Ctrl-C; at the end judge the new agents."""
+    _train(config, folder, options)
+    if config.one_side is None:
+        _judge(config, folder, options)
+        then = shell_command("report", folder)
+    else:
+        from apollonius.learn.folder import agent_file
+
+        agent = agent_file(folder, f"{config.one_side.role[0].upper()}_{config.kind}")
+        then = shell_command("exploit", config.one_side.role, agent)
+    print_next_step(options, folder, then=then)
+    return 0
+
+
+def _train(config: "RunConfig", folder: Path, options: argparse.Namespace) -> None:
+    """Train to the end; raises KeyboardInterrupt after a Ctrl-C."""
     from apollonius.arenas.suite import single_arena_games
-    from apollonius.evaluate.learning import learning_curves
-    from apollonius.evaluate.pairings import evaluate_run
-    from apollonius.learn.folder import agent_file
     from apollonius.learn.metrics import Tracker
     from apollonius.learn.run import TrainingRun
     from apollonius.learn.teacher import TABLES
 
     trackers = list[Tracker]()
     display = options.display
-    to = options.track
 
     def report(line: "MetricsLine", share: float) -> None:
         display.report(share, 1.0)
         display.note({"stage": line.stage} | training_notes(line))
-        for track in trackers:
-            try:
-                track(line)
-            except Exception as error:  # of any kind: each library has its own
-                trackers.clear()
-                display.print_line(
-                    f"{to} takes no more ({error}); apollonius track {folder} --to {to} sends all afterwards"
-                )
-
-    def tell(match: "Match", result: "MatchResult") -> None:
-        print(match_table(match, result), end="\n\n", flush=True)
+        _send(line, trackers, folder, options)
 
     run = TrainingRun(config, folder, report)
     set_resume_hint(f"go on with: apollonius resume {folder}")
     if config.stages == "distillation" and config.distillation.solves:
         for game in single_arena_games(config.game):
             solved_game(display, game, config.distillation.grid, folder / TABLES)
-    trackers += [Tracker(to, folder, config)] if to else []
+    trackers += [Tracker(options.track, folder, config)] if options.track else []
     display.begin_task("training")
     try:
         with stopping_on_signals():
@@ -234,12 +247,32 @@ def _train_and_judge(config: "RunConfig", folder: Path, options: argparse.Namesp
             track.close()
     if not is_finished:
         raise KeyboardInterrupt
-    if config.one_side is not None:
-        agent = agent_file(folder, f"{config.one_side.role[0].upper()}_{config.kind}")
-        print_next_step(options, folder, then=shell_command("exploit", config.one_side.role, agent))
-        return 0
+
+
+def _send(
+    line: "MetricsLine", trackers: "list[Tracker]", folder: Path, options: argparse.Namespace
+) -> None:
+    """Send metrics to the trackers; one that fails gets no more of them."""
+    for track in trackers:
+        try:
+            track(line)
+        except Exception as error:  # of any kind: each library has its own
+            trackers.clear()
+            to = options.track
+            remedy = f"apollonius track {folder} --to {to} sends all afterwards"
+            options.display.print_line(f"{to} takes no more ({error}); {remedy}")
+
+
+def _judge(config: "RunConfig", folder: Path, options: argparse.Namespace) -> None:
+    """Play the evaluation's matches and print their results and the learning curves."""
+    from apollonius.evaluate.learning import learning_curves
+    from apollonius.evaluate.pairings import evaluate_run
+
+    display = options.display
+
+    def print_match(match: "Match", result: "MatchResult") -> None:
+        print(match_table(match, result), end="\n\n", flush=True)
+
     display.begin_task("judging")
-    evaluate_run(folder, config.game, tell, display.report)
+    evaluate_run(folder, config.game, print_match, display.report)
     print(learning_table(learning_curves(folder, config, display.report)), end="\n\n", flush=True)
-    print_next_step(options, folder, then=shell_command("report", folder))
-    return 0

@@ -1,4 +1,6 @@
-"""Checks of values on the command line: a bad one is refused before anything is imported or done."""
+"""Checks of values on the command line: a bad one is refused before anything is imported or
+done.
+"""
 
 import argparse
 import math
@@ -128,7 +130,9 @@ def swept_field(text: str) -> tuple[str, tuple[Any, ...]]:
 
 
 def swept_number(text: str) -> tuple[str, tuple[float, ...]]:
-    """Return a number of a game and evenly spaced values of it, given as `pursuer.v_max=0.8:1.6:5`."""
+    """Return a number of a game and evenly spaced values of it, given as
+    `pursuer.v_max=0.8:1.6:5`.
+    """
     field, equals, numbers = text.partition("=")
     ends = numbers.split(":")
     if not (field.strip() and equals and len(ends) == 3):
@@ -194,7 +198,10 @@ def existing_agent(text: str, side: str | None = None) -> str:
         return text
     names = [candidate for candidate in names if not side or side in side_of(candidate)]
     suggestion = closest_names(bare, in_run or [*names, *extensions]) or next(iter(in_run), None)
-    files = "a .safetensors file, RUN/NAME for an agent of a training run, or PACKAGE:NAME for one of a package"
+    files = (
+        "a .safetensors file, RUN/NAME for an agent of a training run, or PACKAGE:NAME for one "
+        "of a package"
+    )
     message = unknown_name("agent", bare, f"{LISTED}; or give {files}", suggestion)
     raise argparse.ArgumentTypeError(message)
 
@@ -307,4 +314,7 @@ def _unwritable(path: Path, folder: Path) -> str | None:
             return None
     except OSError as error:
         reason = error.strerror or error
-        return f"in a folder that can be written to ('{format_value(folder)}': {reason}); choose another"
+        return (
+            f"in a folder that can be written to ('{format_value(folder)}': {reason}); "
+            "choose another"
+        )

@@ -10,11 +10,16 @@ from jax.extend.core import ClosedJaxpr
 
 from apollonius.io.errors import InvalidInput, format_value, require
 
-_TRACED = "JAX compiles it and so knows no values of arrays: use jnp for np, jnp.where or jax.lax.cond for if"
+_TRACED = (
+    "JAX compiles it and so knows no values of arrays: use jnp for np, jnp.where or "
+    "jax.lax.cond for if"
+)
 
 
 class Nonconformance(ValueError):
-    """The refusal of a part that lacks properties: `defects` has a line for each, which says what to mend."""
+    """The refusal of a part that lacks properties: `defects` has a line for each, which says what
+    to mend.
+    """
 
     def __init__(self, part: str, defects: list[str]) -> None:
         self.defects = tuple(defects)
@@ -22,7 +27,9 @@ class Nonconformance(ValueError):
 
 
 def require_all(part: str, properties: Mapping[str, Callable[[], object]]) -> None:
-    """Try all properties, each a function that raises an error where it does not hold; raises Nonconformance."""
+    """Try all properties, each a function that raises an error where it does not hold; raises
+    Nonconformance.
+    """
     defects: list[str] = []
     for name, demand in properties.items():
         try:
@@ -40,10 +47,15 @@ def require_all(part: str, properties: Mapping[str, Callable[[], object]]) -> No
 
 
 def require_pure(function: Callable[..., Any], *arguments: Any) -> None:
-    """Refuse a function that prints, calls Python or changes from one trace to the next; raises InvalidInput."""
+    """Refuse a function that prints, calls Python or changes from one trace to the next; raises
+    InvalidInput.
+    """
     first, second = (jax.make_jaxpr(_fresh_copy(function))(*arguments) for _ in range(2))
     require(not first.effects, "effects", first.effects, "none: take out callbacks and prints")
-    bound = "the same for the same arguments: take randomness from `bits` or a key, keep nothing in Python's variables"
+    bound = (
+        "the same for the same arguments: take randomness from `bits` or a key, keep nothing "
+        "in Python's variables"
+    )
     require(_is_same(first, second), "its computation", "another in each trace", bound)
 
 
@@ -65,9 +77,11 @@ def _is_same(first: ClosedJaxpr, second: ClosedJaxpr) -> bool:
 def require_rows(
     function: Callable[..., Any], rows: Any, tolerance: float, most: float = 0.02
 ) -> Any:
-    """Return a function's results for rows of arguments, refused unless they are the same again and row by row.
+    """Return a function's results for rows of arguments, refused unless they are the same again and
+    row by row.
 
-    Rounding can decide some rows: a share of `most` may differ by more than the `tolerance`. Raises InvalidInput.
+    Rounding can decide some rows: a share of `most` may differ by more than the `tolerance`. Raises
+    InvalidInput.
     """
     batch = jax.jit(jax.vmap(function))
     results, again = batch(*rows), batch(*rows)

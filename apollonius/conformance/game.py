@@ -31,16 +31,20 @@ _RADIUS = 0.3
 _EXACT, _ROUGH = 0.01, 0.25
 """How much too long a clearance along a segment may be [m], and how much too short."""
 _STEEP = 1.5
-"""By how much a clearance may change in a metre: a distance by 1 at most, in the cells of a map by 1.42."""
+"""By how much a clearance may change in a metre: a distance by 1 at most, in the cells of a map by
+1.42.
+"""
 _ON_EDGE = 0.05
 """How far the corners of an outline may be from the obstacle's edge [m]."""
 
 
 def check_game(game: Game | str) -> None:
-    """Check that a game in one arena, its robots and its kinds of obstacles can be played, saved and exported.
+    """Check that a game in one arena, its robots and its kinds of obstacles can be played, saved
+    and exported.
 
-    Its step must be pure, compile, and give the same in a batch as alone; starts must be free; an obstacle's clearance
-    must be a distance, its contacts swept, its outline on its edge; robots must keep their limits; a file must hold it.
+    Its step must be pure, compile, and give the same in a batch as alone; starts must be free; an
+    obstacle's clearance must be a distance, its contacts swept, its outline on its edge; robots
+    must keep their limits; a file must hold it.
 
     Raises:
         apollonius.conformance.defects.Nonconformance: with a line for each property that it lacks.
@@ -51,8 +55,8 @@ def check_game(game: Game | str) -> None:
     properties = {"file": lambda: _check_file(rules), "export": lambda: _check_export(rules.arena)}
     of_kind: dict[type, int] = {}
     for name, obstacle in rules.arena.named_obstacles.items():
-        of_kind[type(obstacle)] = number = of_kind.get(type(obstacle), 0) + 1
-        if number <= _OF_KIND:
+        of_kind[type(obstacle)] = of_kind.get(type(obstacle), 0) + 1
+        if of_kind[type(obstacle)] <= _OF_KIND:
             properties[name] = lambda obstacle=obstacle: _check_obstacle(obstacle, rules.arena)
     for side, bodies in zip(("pursuer", "evader"), rules.bodies, strict=True):
         properties[side] = lambda body=bodies[0]: _check_body(body, rules)
@@ -88,57 +92,96 @@ def _check_export(arena: Arena) -> None:
 
 
 def _check_obstacle(obstacle: AbstractObstacle, arena: Arena) -> None:
-    """Refuse an obstacle that is not as far away, at points and along segments, as its own clearances say."""
-    numbers = jax.tree.leaves(obstacle)
-    require(
-        numbers,
-        type(obstacle).__name__,
-        "without numbers",
-        "a class whose numbers are fields, without static",
-    )
-    center = jnp.zeros(())
-    form = jax.eval_shape(obstacle.clearance, center, center)
-    is_number = form.shape == () and form.dtype == jnp.float32
-    require(
-        is_number,
-        "clearance",
-        f"{form.dtype} {list(form.shape)}",
-        "float32 []: one number for one point",
-    )
-
+    """Refuse an obstacle that is not as far away, at points and along segments, as its own
+    clearances say.
+    """
+    _check_form(obstacle)
     starts, ends = _segments(arena)
     shares = np.linspace(0, 1, _SAMPLES)[:, None, None]
     points = starts * (1 - shares) + ends * shares
+    spacing = np.hypot(*(ends - starts).T) / (_SAMPLES - 1)
+    least = _check_clearances(obstacle, points, spacing)
+    segments = _robots(starts), _robots(ends)
+    eighth = _eighth(spacing)
+    _check_along(obstacle, segments, least, spacing)
+    contacts = jax.vmap(lambda before, after: obstacle.is_hit(before, after, _RADIUS))(*segments)
+    _check_contacts("is_hit", contacts, least - _RADIUS, spacing + eighth)
+    hidden = jax.vmap(obstacle.hides)(*segments)
+    _check_contacts("hides", hidden, least, spacing + eighth + _ROUGH)
+    _check_outline(obstacle)
+
+
+def _check_form(obstacle: AbstractObstacle) -> None:
+    """Refuse an obstacle without numbers, and one whose clearance at a point is no number."""
+    numbers = jax.tree.leaves(obstacle)
+    bound = "a class whose numbers are fields, without static"
+    require(numbers, type(obstacle).__name__, "without numbers", bound)
+    center = jnp.zeros(())
+    form = jax.eval_shape(obstacle.clearance, center, center)
+    is_number = form.shape == () and form.dtype == jnp.float32
+    shown_form = f"{form.dtype} {list(form.shape)}"
+    require(is_number, "clearance", shown_form, "float32 []: one number for one point")
+
+
+def _check_clearances(
+    obstacle: AbstractObstacle, points: Float[np.ndarray, "samples segments 2"], spacing: Segments
+) -> Segments:
+    """Refuse clearances that are no distances; return the least of each segment [m].
+
+    Args:
+        obstacle: the obstacle.
+        points: points along segments [m].
+        spacing: distances between two points of each segment [m].
+    """
     clearance = jax.jit(jax.vmap(jax.vmap(obstacle.clearance)))
     clearances = np.asarray(clearance(*_coordinates(points)), float)
     require(np.isfinite(clearances).all(), "clearance", "NaN or infinite", "finite everywhere")
-    spacing = np.hypot(*(ends - starts).T) / (_SAMPLES - 1)
     steepness = (np.abs(np.diff(clearances, axis=0)) / np.maximum(spacing, 1e-3)).max()
     bound = (
         f"a distance in metres, which changes by 1 m at most: {type(obstacle).__name__}.clearance"
     )
-    require(
-        steepness <= _STEEP, "clearance", f"one that changes by {steepness:.3g} m in a metre", bound
-    )
+    change = f"one that changes by {steepness:.3g} m in a metre"
+    require(steepness <= _STEEP, "clearance", change, bound)
+    return clearances.min(axis=0)
 
-    rows = _robots(starts), _robots(ends)
-    least = clearances.min(axis=0)
-    along = np.asarray(require_rows(obstacle.clearance_along, rows, _EXACT), float)
+
+def _eighth(spacing: Segments) -> Segments:
+    """Return an eighth of segments' lengths, what `AbstractObstacle.clearance_along` allows
+    itself.
+    """
+    return spacing * (_SAMPLES - 1) / 8
+
+
+def _check_along(
+    obstacle: AbstractObstacle,
+    segments: tuple[RobotState, RobotState],
+    least: Segments,
+    spacing: Segments,
+) -> None:
+    """Refuse clearances along segments that disagree with the least ones of their points [m].
+
+    Args:
+        obstacle: the obstacle.
+        segments: robots at both ends.
+        least: the least clearances [m].
+        spacing: distances between two of the points of each segment [m].
+    """
+    along = np.asarray(require_rows(obstacle.clearance_along, segments, _EXACT), float)
     outside = np.maximum(least, 0)  # inside, any negative number will do
     longer = (along - outside).max()
     bound = "at most the least clearance of its points: a quick robot would pass through"
     require(longer <= _EXACT, "clearance_along", f"{longer:.3g} m more than that", bound)
-    eighth = spacing * (_SAMPLES - 1) / 8  # what AbstractObstacle.clearance_along allows itself
-    shorter = (outside - along - spacing - eighth)[least > 0].max(initial=0)
+    shorter = (outside - along - spacing - _eighth(spacing))[least > 0].max(initial=0)
     bound = "the least clearance of a segment's points, as near as it can be"
     require(shorter <= _ROUGH, "clearance_along", f"{shorter:.3g} m less than that", bound)
-    contacts = jax.vmap(lambda before, after: obstacle.is_hit(before, after, _RADIUS))(*rows)
-    _check_contacts("is_hit", contacts, least - _RADIUS, spacing + eighth)
-    _check_contacts("hides", jax.vmap(obstacle.hides)(*rows), least, spacing + eighth + _ROUGH)
-    if corners := obstacle.outline():
-        away = np.abs(
-            np.asarray(jax.vmap(obstacle.clearance)(*_coordinates(np.asarray(corners, float))))
-        ).max()
+
+
+def _check_outline(obstacle: AbstractObstacle) -> None:
+    """Refuse an outline with a corner that is not on the obstacle's edge."""
+    corners = obstacle.outline()
+    if corners:
+        coordinates = _coordinates(np.asarray(corners, float))
+        away = np.abs(np.asarray(jax.vmap(obstacle.clearance)(*coordinates))).max()
         bound = f"within {_ON_EDGE} m of its edge, where its clearance is 0"
         require(away <= _ON_EDGE, "outline", f"a corner {away:.3g} m away", bound)
 
@@ -146,7 +189,9 @@ def _check_obstacle(obstacle: AbstractObstacle, arena: Arena) -> None:
 def _check_contacts(
     name: str, contacts: Bool[Array, " segments"], least: Segments, slack: Segments
 ) -> None:
-    """Refuse contacts that disagree with the least clearances of segments [m] by more than some slack [m]."""
+    """Refuse contacts that disagree with the least clearances of segments [m] by more than some
+    slack [m].
+    """
     missed = (~np.asarray(contacts) & (least < -_ROUGH)).sum()
     bound = "true wherever a segment comes nearer than the radius: look at the whole segment"
     require(not missed, name, f"false on {missed} of {_SEGMENTS} segments that touch it", bound)

@@ -28,14 +28,18 @@ _CASES = 200
 """States of games against a random opponent, in which a policy is asked."""
 _ROUNDING = 1e-3
 _NEAR = 0.1
-"""How far the numbers of a mirror image may be from those that the mirror says: cells of a chart are not symmetric."""
+"""How far the numbers of a mirror image may be from those that the mirror says: cells of a chart
+are not symmetric.
+"""
 
 
 def check_policy(policy: AbstractPolicy | str, role: Role, game: Game | str = "paper") -> None:
-    """Check that a policy, or the player of a name, can be played, evaluated, shielded and exported.
+    """Check that a policy, or the player of a name, can be played, evaluated, shielded and
+    exported.
 
-    It must answer one view by an action of one shape and a memory of one shape, be pure, compile, give the same in a
-    batch as alone, and be the same in C; its observation must have the size and the mirror that it says.
+    It must answer one view by an action of one shape and a memory of one shape, be pure, compile,
+    give the same in a batch as alone, and be the same in C; its observation must have the size and
+    the mirror that it says.
 
     Args:
         policy: an instance, or a player's name.
@@ -68,7 +72,9 @@ class _Checks:
     """The properties of a player, each a method that raises InvalidInput where it does not hold."""
 
     def __init__(self, player: Player) -> None:
-        self.player, self.policy, self.game = player, player.package, player.game
+        self.player = player
+        self.policy = player.package
+        self.game = player.game
         self.example = player.arguments[2:]
 
     def see(self, state: Array, active: Array | None, memory: Any) -> tuple[Any, Any]:
@@ -171,7 +177,9 @@ class _Checks:
         )
 
     def _plain(self, is_image: bool) -> Game:
-        """Return the game among its discs and polygons alone, or its mirror image from bottom to top."""
+        """Return the game among its discs and polygons alone, or its mirror image from bottom to
+        top.
+        """
         arena, height = self.game.arena, self.game.arena.y_min + self.game.arena.y_max
         discs, polygons = arena.discs, arena.polygons
         if is_image:

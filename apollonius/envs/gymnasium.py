@@ -1,4 +1,6 @@
-"""Gymnasium's interface: one robot acts from outside, a player of the package plays the other side."""
+"""Gymnasium's interface: one robot acts from outside, a player of the package plays the other
+side.
+"""
 
 from typing import Any
 
@@ -31,7 +33,8 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
     `gymnasium.vector.AsyncVectorEnv` has those unless it is given `context="spawn"`.
     """
 
-    metadata: dict[str, Any] = {"render_modes": RENDER_MODES, "render_fps": 10}  # noqa: RUF012 (as Gymnasium declares it)
+    # as Gymnasium declares it
+    metadata: dict[str, Any] = {"render_modes": RENDER_MODES, "render_fps": 10}  # noqa: RUF012
 
     def __init__(
         self,

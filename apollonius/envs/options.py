@@ -135,7 +135,9 @@ def make_contest(
 
 
 def _observation(game: Game, option: object, role: Role) -> AbstractObservation:
-    """Return an observation; one by a function has the size of what that makes of a view of the game."""
+    """Return an observation; one by a function has the size of what that makes of a view of the
+    game.
+    """
     if isinstance(option, str | AbstractObservation):
         return find_observation(option)
     bound = (

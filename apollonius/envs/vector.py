@@ -8,6 +8,7 @@ from typing import Any
 import gymnasium
 import jax
 import numpy as np
+from gymnasium import Space
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
@@ -65,7 +66,10 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     given, a game is truncated.
     """
 
-    metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}  # noqa: RUF012
+    metadata: dict[str, Any] = {  # noqa: RUF012
+        "autoreset_mode": AutoresetMode.SAME_STEP,
+        "render_modes": [],
+    }
 
     def __init__(
         self,
@@ -95,13 +99,9 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.metadata = type(self).metadata | {"autoreset_mode": mode}
         self.num_envs = num_envs
         robots = len(game.bodies[role])
-        spaces = observation_space(contest.reads), action_space(actions)
-        several = spaces if robots == 1 else (batch_space(space, robots) for space in spaces)
-        self.single_observation_space, self.single_action_space = several
+        self._set_spaces(observation_space(contest.reads), action_space(actions), robots)
         self._kind = actions
         self._acting = (num_envs,) if robots == 1 else (num_envs, robots)
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self.action_space = batch_space(self.single_action_space, num_envs)
         self._next_step = mode == AutoresetMode.NEXT_STEP
         # The game is a constant of what is compiled.
         batch = GameBatch(game, role, contest.players, num_envs, self._next_step, contest.reward)
@@ -110,6 +110,15 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._now: RunningGames | None = None
         self._left = 0
         """Sampled starts that have not been used."""
+
+    def _set_spaces(self, observation: Space[Any], action: Space[Any], robots: int) -> None:
+        """Set the spaces of one game and of all by those of one robot."""
+        if robots > 1:
+            observation, action = batch_space(observation, robots), batch_space(action, robots)
+        self.single_observation_space = observation
+        self.single_action_space = action
+        self.observation_space = batch_space(observation, self.num_envs)
+        self.action_space = batch_space(action, self.num_envs)
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
@@ -175,7 +184,9 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return values | {f"_{name}": np.ones(self.num_envs, bool) for name in values}
 
     def _provide(self) -> None:
-        """Sample new starts if the last ones might not suffice; each is used once, in their order."""
+        """Sample new starts if the last ones might not suffice; each is used once, in their
+        order.
+        """
         if self._left < self.num_envs:
             self._starts = self._draw(random_bits(self.np_random))
             self._left = SPARE * self.num_envs

@@ -63,8 +63,8 @@ def _describe_reach(solution: Solution, game: Game, role: Role) -> dict[str, Any
 
 
 def _describe_game(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
-    """Return the value that the table promises the side at the game's starts, most of which are between
-    nodes.
+    """Return the value that the table promises the side at the game's starts, most of which are
+    between nodes.
     """
     player = SaddlePolicy(zero_sum_game_of(solution.problem, game), solution.table)
     starts = sample_starts(game, jax.random.key(0), STARTS)

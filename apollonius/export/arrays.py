@@ -130,7 +130,8 @@ def _cumulative(operation: str) -> Rule:
                 position = f"({length - 1} - {step})" if params["reverse"] else step
                 element_index = _inserted(index, [axis], [position])
                 block.put(
-                    f"{total} = {apply_operation(operation, kind, kind, total, value.read(element_index))};"
+                    f"{total} = "
+                    f"{apply_operation(operation, kind, kind, total, value.read(element_index))};"
                 )
                 block.put(f"{target.read(element_index)} = {total};")
         return target
@@ -275,7 +276,9 @@ def cond(run: ControlRule, block: Block, operands: list[Value], params: Any) -> 
 
 
 def _assign(block: Block, values: Sequence[Value], variables: Sequence[Value]) -> None:
-    """Assign values to variables at once: a value that may read another variable is copied first."""
+    """Assign values to variables at once: a value that may read another variable is copied
+    first.
+    """
     changing = {"", *map(buffer_of, variables)}
     ready = [
         value if value is variable or buffer_of(value) not in changing else block.copy_of(value)

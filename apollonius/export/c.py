@@ -27,9 +27,12 @@ FLAGS = ("-std=c99", "-O2")
 """Flags of the C compiler for a source."""
 _LONGEST = 600.0
 """Seconds of a compilation, after which the compiler is taken to hang."""
-_EXACT = """#if defined __FAST_MATH__ || (defined __FINITE_MATH_ONLY__ && __FINITE_MATH_ONLY__)
-#error "compile without -Ofast, -ffast-math and -ffinite-math-only, which take NaN and infinity for impossible"
-#endif"""
+_EXACT = (
+    "#if defined __FAST_MATH__ || (defined __FINITE_MATH_ONLY__ && __FINITE_MATH_ONLY__)\n"
+    '#error "compile without -Ofast, -ffast-math and -ffinite-math-only, '
+    'which take NaN and infinity for impossible"\n'
+    "#endif"
+)
 _PER_LINE = 8
 _WORD = re.compile(r"\b[A-Za-z_]\w*(?:->\w+)?")
 

@@ -113,7 +113,9 @@ def _gather(block: Block, operands: list[Value], params: Params, out: Any) -> Va
 
 
 def _scatter(operation: str | None) -> Rule:
-    """Return the rule of a scatter, where updates replace elements, or an operation combines both."""
+    """Return the rule of a scatter, where updates replace elements, or an operation combines
+    both.
+    """
 
     def rule(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
         value = operands[0]

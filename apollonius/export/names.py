@@ -32,9 +32,11 @@ NDEBUG NULL OVERFLOW PLOSS SING TLOSS UNDERFLOW WEOF
 _FAMILIES = """
 op_\\w*
 u?int(\\w*\\d|max|ptr)_t
-(char8|char16|char32|clock|div|double|fenv|fexcept|float|fpos|imaxdiv|ldiv|lldiv|max_align|mbstate)_t
+(char8|char16|char32|clock|div|double|fenv|fexcept|float|fpos|imaxdiv|ldiv|lldiv)_t
+(max_align|mbstate)_t
 (off|ptrdiff|sig_atomic|size|ssize|time|wchar|wctrans|wctype|wint)_t
-((U|S)?(CHAR|INT|LONG|LLONG|SHRT)|U?INT\\w*|FILENAME|FOPEN|MB_\\w+|NAME|PATH|PTRDIFF|RAND|S?SIZE|SIG_ATOMIC)_(C|MAX|MIN)
+((U|S)?(CHAR|INT|LONG|LLONG|SHRT)|U?INT\\w*|FILENAME|FOPEN|MB_\\w+|NAME|PATH)_(C|MAX|MIN)
+(PTRDIFF|RAND|S?SIZE|SIG_ATOMIC)_(C|MAX|MIN)
 (TMP|WCHAR|WINT)_(MAX|MIN)
 ((DBL|EXIT|FE|FLT|FP|LC|LDBL|M|MATH|SEEK|SIG)_\\w+|(PRI|SCN)[a-zX]\\w+|SIG[A-Z0-9]+|HUGE_VAL[FL]?)
 """
@@ -55,5 +57,8 @@ def require_name(kind: str, word: str, is_public: bool = False) -> None:
     """
     free = _PLAIN.fullmatch(word) and not is_taken(word)
     free = free and not (is_public and hasattr(ctypes.CDLL(None), word))
-    bound = "letters, digits and _ that begin with a letter, not with op_, and mean nothing in C and C++"
+    bound = (
+        "letters, digits and _ that begin with a letter, not with op_, and mean nothing in C "
+        "and C++"
+    )
     require(free, kind, repr(word), f"{bound}: choose another")

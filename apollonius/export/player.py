@@ -191,7 +191,9 @@ def tracked_state(
 
 
 def exported_side(name: str, side: str | None = None) -> Role:
-    """Return the side that a player plays, or the given one of a player of either; raises InvalidInput otherwise."""
+    """Return the side that a player plays, or the given one of a player of either; raises
+    InvalidInput otherwise.
+    """
     bare = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
     sides = _sides_of_rule(bare) or (Role[find_trained(bare)[0].header.role.upper()],)
     named = [side.name.lower() for side in sides]
@@ -208,7 +210,9 @@ def exported_side(name: str, side: str | None = None) -> Role:
 
 
 def _sides_of_rule(name: str) -> tuple[Role, ...]:
-    """Return the sides that a player which was not trained can play, either for one of another package; else none."""
+    """Return the sides that a player which was not trained can play, either for one of another
+    package; else none.
+    """
     if name in PLAYERS:
         return PLAYERS[name][1]
     return (
@@ -219,7 +223,9 @@ def _sides_of_rule(name: str) -> tuple[Role, ...]:
 
 
 def training_game(name: str) -> Game:
-    """Return the game that a player was made for, `paper` for none; raises InvalidInput for one of any arena."""
+    """Return the game that a player was made for, `paper` for none; raises InvalidInput for one of
+    any arena.
+    """
     bare = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
     if _sides_of_rule(bare):
         return make_game("paper")

@@ -38,10 +38,19 @@ HELPERS = {
 {
     return b == 0 ? a : b == -1 ? 0 : a % b;
 }""",
-    "uquotient": "static inline uint32_t op_uquotient(uint32_t a, uint32_t b) { return b ? a / b : UINT32_MAX; }",
-    "uremainder": "static inline uint32_t op_uremainder(uint32_t a, uint32_t b) { return b ? a % b : a; }",
-    "left": "static inline uint32_t op_left(uint32_t x, uint32_t by) { return by < 32 ? x << by : 0; }",
-    "right": "static inline uint32_t op_right(uint32_t x, uint32_t by) { return by < 32 ? x >> by : 0; }",
+    "uquotient": (
+        "static inline uint32_t op_uquotient(uint32_t a, uint32_t b) "
+        "{ return b ? a / b : UINT32_MAX; }"
+    ),
+    "uremainder": (
+        "static inline uint32_t op_uremainder(uint32_t a, uint32_t b) { return b ? a % b : a; }"
+    ),
+    "left": (
+        "static inline uint32_t op_left(uint32_t x, uint32_t by) { return by < 32 ? x << by : 0; }"
+    ),
+    "right": (
+        "static inline uint32_t op_right(uint32_t x, uint32_t by) { return by < 32 ? x >> by : 0; }"
+    ),
     "arithmetic": """static inline int32_t op_arithmetic(int32_t x, uint32_t by)
 {
     uint32_t most = by < 31 ? by : 31;
@@ -51,7 +60,8 @@ HELPERS = {
     "logistic": "static inline float op_logistic(float x) { return 1 / (1 + expf(-x)); }",
     "to_int32": """static inline int32_t op_to_int32(float x)
 {
-    return x != x ? 0 : x >= 2147483648.0f ? INT32_MAX : x <= -2147483648.0f ? INT32_MIN : (int32_t)x;
+    return x != x ? 0 : x >= 2147483648.0f ? INT32_MAX : \
+x <= -2147483648.0f ? INT32_MIN : (int32_t)x;
 }""",
     "to_uint32": """static inline uint32_t op_to_uint32(float x)
 {

@@ -86,7 +86,10 @@ def write_onnx(player: Player, out: Path) -> Written:
     unless it decides as the package's player does; raises InvalidInput there, for a player behind a
     shield or that jax2onnx cannot take, and where the libraries are not installed.
     """
-    bound = "one without a shield: jax2onnx takes a remainder of known numbers for 0, and braking turns; C takes it"
+    bound = (
+        "one without a shield: jax2onnx takes a remainder of known numbers for 0, and braking "
+        "turns; C takes it"
+    )
     require(not player.name.startswith(SHIELDED), "player", player.name, bound)
     require_extra("export", "writing ONNX")
     from apollonius.export.onnx import load, model_of
@@ -127,11 +130,13 @@ def check(decide: Decide, player: Player, states: int) -> list[str]:
     parity = compare_decisions(decide, player, cases_of(player, states))
     if parity.errors:
         raise InvalidInput(
-            f"{parity.errors:,} of {states:,} decisions differ from the package's: report this as an error."
+            f"{parity.errors:,} of {states:,} decisions differ from the package's: "
+            "report this as an error."
         )
     ties = f", {parity.ties} of them within rounding of another" if parity.ties else ""
     return [
-        f"checked in {states:,} states of games: the package's decisions{ties}; controls within {parity.away:.0e}"
+        f"checked in {states:,} states of games: the package's decisions{ties}; "
+        f"controls within {parity.away:.0e}"
     ]
 
 
@@ -196,12 +201,17 @@ def _about(program: Program, player: Player) -> list[str]:
     nine = "3 * (level of u1) + (level of u2), a level being 0, 1, 2 for -max, 0, +max"
     field_notes = {
         files: "the structs below as a little-endian machine has them: read them into memory",
-        "state": f"x [m], y [m], speed [m/s], heading [rad] of {player.robots} robots: its own, then {opponents_text}",
+        "state": (
+            f"x [m], y [m], speed [m/s], heading [rad] of {player.robots} robots: its own, "
+            f"then {opponents_text}"
+        ),
         "active": "of the same robots, whether each is in play",
         "memory": "where a game begins that of the file, later what the last call returned",
         "bits": "32 random bits, fresh for every call",
         "action": levels if player.policy.continuous else nine,
-        "controls": f"acceleration u1 [m/s^2] and turn rate u2 [rad/s], to be held for {game.dt:g} s",
+        "controls": (
+            f"acceleration u1 [m/s^2] and turn rate u2 [rad/s], to be held for {game.dt:g} s"
+        ),
     }
     speeds = f"v from {body.v_min:g} to {body.v_max:g} m/s"
     limits = f"{speeds}, |u1| to {body.u1_max:g} m/s^2, |u2| to {body.u2_max:g} rad/s"
@@ -215,7 +225,8 @@ def _about(program: Program, player: Player) -> list[str]:
             if name == files != "" or name in names
         ),
         "",
-        f"A state with a NaN, an infinity or a number beyond {LARGEST:,.0f} gets full braking, straight ahead"
+        f"A state with a NaN, an infinity or a number beyond {LARGEST:,.0f} gets full braking, "
+        "straight ahead"
         + (", but for an opponent's: that is not seen now." if game.sensors else "."),
         "Nothing is allocated, and nothing is kept between calls.",
     ]

@@ -65,7 +65,8 @@ class Arena(Walls):
     Attributes:
         map: cells that are obstacles, or None.
         territory: where the evader wins and does not start, or None.
-        chart: distances that players for any arena read (`apollonius.arenas.charting`), or None; never in a file.
+        chart: distances that players for any arena read (`apollonius.arenas.charting`), or None;
+            never in a file.
         extra: obstacles of other kinds, each in a file's table of its kind (`register_obstacle`).
     """
 
@@ -78,7 +79,9 @@ class Arena(Walls):
 
     @property
     def named_obstacles(self) -> dict[str, AbstractObstacle]:
-        """All obstacles by their names in a game's file: discs, polygons, the map, and those of other kinds."""
+        """All obstacles by their names in a game's file: discs, polygons, the map, and those of
+        other kinds.
+        """
         obstacles: dict[str, AbstractObstacle] = {
             f"arena.discs[{index}]": obstacle for index, obstacle in enumerate(self.discs)
         }
@@ -194,7 +197,8 @@ _KIND = "a class of obstacles, an AbstractObstacle"
 
 
 def register_obstacle(table: str, kind: type[AbstractObstacle]) -> None:
-    """Make a kind of obstacles known to game files, by the name of its table: `capsules` for `[[arena.capsules]]`.
+    """Make a kind of obstacles known to game files, by the name of its table: `capsules` for
+    `[[arena.capsules]]`.
 
     Raises InvalidInput if an arena has a field of this name, or another kind has it.
     """
@@ -209,7 +213,8 @@ def register_obstacle(table: str, kind: type[AbstractObstacle]) -> None:
 
 
 def find_obstacle_kind(table: str) -> type[AbstractObstacle] | None:
-    """Return the kind of obstacles of a table, registered or of an entry point `apollonius.obstacles`, or None.
+    """Return the kind of obstacles of a table, registered or of an entry point
+    `apollonius.obstacles`, or None.
 
     Raises InvalidInput for a broken one of another package.
     """

@@ -1,4 +1,6 @@
-"""The interface of obstacles (clearance, contact along a straight step), the walls, and interpolation on grids."""
+"""The interface of obstacles (clearance, contact along a straight step), the walls, and
+interpolation on grids.
+"""
 
 from abc import abstractmethod
 from collections.abc import Callable
@@ -15,7 +17,9 @@ _PARTS = 4
 
 
 def closest_approach_squared(px: Scalar, py: Scalar, dx: Real, dy: Real) -> Scalar:
-    """Return the squared distance [m^2] from the origin to the segment from (px, py) to (px + dx, py + dy)."""
+    """Return the squared distance [m^2] from the origin to the segment from (px, py) to (px + dx,
+    py + dy).
+    """
     length_squared = dx * dx + dy * dy
     fraction = jnp.clip(-(px * dx + py * dy) / jnp.maximum(length_squared, 1e-12), 0.0, 1.0)
     nearest_x = px + fraction * dx
@@ -66,7 +70,9 @@ Corners = tuple[tuple[Real, Real], ...]
 
 
 class AbstractObstacle(eqx.Module):
-    """Something that no robot may touch. Its numbers are data; only the shapes of its arrays are static."""
+    """Something that no robot may touch. Its numbers are data; only the shapes of its arrays are
+    static.
+    """
 
     @abstractmethod
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
@@ -75,9 +81,9 @@ class AbstractObstacle(eqx.Module):
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
         """Return a lower bound of the clearance [m] on the segment between two states.
 
-        The clearance is taken at five points. Between two neighbours a distance is less than at both by at most half
-        their own distance, so the result is too short by at most an eighth of the step. Kinds with a formula for it
-        have their own.
+        The clearance is taken at five points. Between two neighbours a distance is less than at
+        both by at most half their own distance, so the result is too short by at most an eighth of
+        the step. Kinds with a formula for it have their own.
         """
         shares = jnp.arange(_PARTS + 1) / _PARTS
         x, y = before.x + shares * (after.x - before.x), before.y + shares * (after.y - before.y)
@@ -88,7 +94,9 @@ class AbstractObstacle(eqx.Module):
         )
 
     def is_hit(self, before: RobotState, after: RobotState, radius: Real) -> Flag:
-        """Check whether a body of this radius [m] touches it anywhere along the segment between two states."""
+        """Check whether a body of this radius [m] touches it anywhere along the segment between two
+        states.
+        """
         return self.clearance_along(before, after) < radius
 
     def hides(self, observer: RobotState, target: RobotState) -> Flag:
@@ -96,7 +104,9 @@ class AbstractObstacle(eqx.Module):
         return self.is_hit(observer, target, 0.0)
 
     def outline(self) -> Corners:
-        """Return its shape for pictures, unless it is a disc or a map; without corners it is not drawn."""
+        """Return its shape for pictures, unless it is a disc or a map; without corners it is not
+        drawn.
+        """
         return ()
 
     def check(self, name: str, walls: Walls) -> None:

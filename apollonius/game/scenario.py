@@ -140,8 +140,8 @@ class Scenario(eqx.Module):
         return jax.random.randint(key, (), 0, self.size)
 
     def variant_of(self, index: Any) -> Any:
-        """Return the variant of a match's game of this index: all arenas take turns, and all kinds of
-        robots.
+        """Return the variant of a match's game of this index: all arenas take turns, and all kinds
+        of robots.
         """
         arena, turn = index % self.count, index // self.count
         if self.kinds is None:
@@ -149,8 +149,8 @@ class Scenario(eqx.Module):
         return arena + self.count * ((turn + _STRIDE * arena) % len(self.kinds))
 
     def arena(self, variant: Int[Array, ""]) -> Arena:
-        """Return the arena of a variant. A map's field and a chart stay with all others: they are too
-        large to copy.
+        """Return the arena of a variant. A map's field and a chart stay with all others: they are
+        too large to copy.
         """
         number = variant % self.count
         cells = self.arenas.map

@@ -182,10 +182,10 @@ DriveStates = tuple[DriveState, ...]
 class GameState(eqx.Module):
     """The robots of both sides, and the number of control steps played since the start.
 
-    `variant` is the number of the game's arena and robots in its scenario, None where there is no scenario.
-    `sight` is what else a side knows whose sensors have seen this state, and `drives` are those of
-    its robots; None in the state itself. `status` is a `RobotStatus` for each robot; None in a game
-    of two, which is over when one robot is out.
+    `variant` is the number of the game's arena and robots in its scenario, None where there is no
+    scenario. `sight` is what else a side knows whose sensors have seen this state, and `drives` are
+    those of its robots; None in the state itself. `status` is a `RobotStatus` for each robot; None
+    in a game of two, which is over when one robot is out.
     """
 
     robots: BySide[tuple[RobotState, ...]]

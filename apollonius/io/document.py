@@ -80,7 +80,9 @@ def write_atomically(path: Path, content: bytes, synced: bool = True) -> None:
 
 @contextmanager
 def whole_folder(folder: Path) -> Generator[Path, None, None]:
-    """Yield a temporary folder to write to, which is renamed to this new or empty one at the end."""
+    """Yield a temporary folder to write to, which is renamed to this new or empty one at the
+    end.
+    """
     folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(
         prefix=f".{folder.name}.", suffix=".tmp", dir=folder.parent

@@ -1,4 +1,6 @@
-"""Parts of other packages, by their entry points: read only for a name that is not known, and where all are listed."""
+"""Parts of other packages, by their entry points: read only for a name that is not known, and where
+all are listed.
+"""
 
 from typing import TYPE_CHECKING, Any
 
@@ -23,8 +25,8 @@ def extension_names(group: str) -> list[str]:
 def load_extension(group: str, name: str, kind: str) -> Any:
     """Import the part of this name, None if no package has it.
 
-    Raises InvalidInput, which names the package and says of what `kind` the part must be, for one that cannot be
-    imported, and where two packages have the name.
+    Raises InvalidInput, which names the package and says of what `kind` the part must be, for one
+    that cannot be imported, and where two packages have the name.
     """
     entries = [entry for entry in _entries(group) if _name(entry) == name]
     if not entries:
@@ -41,7 +43,9 @@ def load_extension(group: str, name: str, kind: str) -> Any:
 
 
 def unfit_extension(group: str, name: str, kind: str, reason: object) -> InvalidInput:
-    """Return the refusal of a part of another package: what it is instead of its kind, or why it cannot be imported."""
+    """Return the refusal of a part of another package: what it is instead of its kind, or why it
+    cannot be imported.
+    """
     entry = next(entry for entry in _entries(group) if _name(entry) == name)
     line = f"{format_value(entry.name)} = {format_value(entry.value)}"
     return InvalidInput(

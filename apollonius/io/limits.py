@@ -36,7 +36,9 @@ def available_memory() -> int:
 
 @dataclass(frozen=True)
 class CountLimit:
-    """The bounds of a count: by the memory for one [bytes], and `least` and `most` for any memory."""
+    """The bounds of a count: by the memory for one [bytes], and `least` and `most` for any
+    memory.
+    """
 
     bytes_each: int
     most: int = MOST_COUNTED
@@ -75,7 +77,8 @@ def require_memory(name: str, value: object, needed_bytes: int, remedy: str) -> 
     available = available_memory()
     if needed_bytes > available:
         raise InvalidInput(
-            f"{name} = {value} needs {needed_bytes / 2**30:,.1f} GiB of memory and this machine has "
+            f"{name} = {value} needs {needed_bytes / 2**30:,.1f} GiB of memory "
+            "and this machine has "
             f"{available / 2**30:,.1f} GiB: {remedy}."
         )
 

@@ -95,7 +95,11 @@ class _Static(pickle.Pickler):
         return NotImplemented
 
 
-class _ExecutablePickler(getattr(stored, "_JaxPjrtPickler", pickle.Pickler)):  # pyright: ignore[reportGeneralTypeIssues, reportUntypedBaseClass]
+_ExecutablePicklerBase: Any = getattr(stored, "_JaxPjrtPickler", pickle.Pickler)
+_ExecutableUnpicklerBase: Any = getattr(stored, "_JaxPjrtUnpickler", pickle.Unpickler)
+
+
+class _ExecutablePickler(_ExecutablePicklerBase):
     """Writes the name of a compilation that JAX has stored instead of its content."""
 
     entry: str
@@ -105,7 +109,7 @@ class _ExecutablePickler(getattr(stored, "_JaxPjrtPickler", pickle.Pickler)):  #
         return ("exec", self.entry) if is_compilation else super().persistent_id(obj)
 
 
-class _ExecutableUnpickler(getattr(stored, "_JaxPjrtUnpickler", pickle.Unpickler)):  # pyright: ignore[reportGeneralTypeIssues, reportUntypedBaseClass]
+class _ExecutableUnpickler(_ExecutableUnpicklerBase):
     """Reads the compilation that is named."""
 
     entries: Entries

@@ -188,23 +188,6 @@ def on_slurm(jobs: Sequence[Job], logs: Path | None) -> Iterator[tuple[Job, Endi
     require_extra("slurm", "slurm")
     import submitit  # pyright: ignore[reportMissingImports]
 
-    class Call(submitit.helpers.Checkpointable):  # pyright: ignore[reportUntypedBaseClass]
-        """Checkpointable call of a job for submitit."""
-
-        def __call__(self, job: Job) -> Ending:
-            with stopping_on_signals(again=False):  # by scancel, a preemption or a requeue
-                return job.run()
-
-    refusals = submitit.core.utils.FailedSubmissionError, submitit.core.utils.FailedJobError
-    unfinished = {job.name: job for job in jobs}
-    copies = dict[str, list[Any]]()
-    absences = Counter[str]()
-    losses = Counter[str]()
-    cancelled = False
-
-    def cancel(names: Iterable[str]) -> None:
-        _ask_slurm("scancel", *(copy.job_id for name in names for copy in copies[name]))
-
     # where other machines find it, too
     passing = TemporaryDirectory(prefix=".apollonius-", dir=Path.cwd())
     with nullcontext(logs) if logs else passing as folder:
@@ -212,47 +195,104 @@ def on_slurm(jobs: Sequence[Job], logs: Path | None) -> Iterator[tuple[Job, Endi
         executor.update_parameters(
             job_name="apollonius", time=_SLURM_MINUTES, array_parallelism=len(jobs)
         )
-        try:
-            for array in _arrays(jobs):
-                submitted = zip(array, executor.map_array(Call(), array), strict=True)
-                copies |= {job.name: [copy] for job, copy in submitted}
-        except refusals as error:
-            cancel(copies)
-            remedy = "correct the SBATCH_... and go on"
-            raise InvalidInput(f"sbatch refuses the jobs ({error}): {remedy}.") from error
-        while unfinished:
-            if should_stop() and not cancelled:
-                cancelled = True
-                cancel(unfinished)
+        slurm_jobs = _SlurmJobs(executor, jobs)
+        slurm_jobs.submit_all()
+        while slurm_jobs.unfinished:
+            slurm_jobs.cancel_if_asked()
             queue = _ask_slurm("squeue", "-h", "-r", "-o", "%i", "-u", str(os.getuid()))
-            for name in list(unfinished) if queue is not None or cancelled else ():
-                absent = [copy for copy in copies[name] if copy.job_id not in (queue or "").split()]
-                finished = [copy for copy in absent if copy.paths.result_pickle.exists()]
-                endings = [_slurm_ending(copy) for copy in finished]
-                ending = min(endings, key=lambda ending: ending[0] != DONE, default=(STOPPED, None))
-                absences[name] = absences[name] + 1 if len(absent) == len(copies[name]) else 0
-                # what stops may be requeued
-                most_absences = 1 if cancelled or ending[0] != STOPPED else _LOOKS_WHEN_LOST
-                if ending[0] != DONE and absences[name] < most_absences:
-                    continue
-                if losses[name] == _RESTARTS and not endings and not cancelled:
-                    ending = (
-                        f"it was lost {_RESTARTS + 1} times, see {copies[name][-1].paths.stderr}",
-                        None,
-                    )
-                elif not endings and not cancelled:
-                    absences[name] = 0
-                    losses[name] += 1
-                    with suppress(*refusals):  # it may be taken next time
-                        copies[name].append(executor.submit(Call(), unfinished[name]))
-                    continue
-                if losses[name]:
-                    cancel([name])
-                yield unfinished.pop(name), ending
+            if queue is not None or slurm_jobs.are_cancelled:
+                running = (queue or "").split()
+                for name in list(slurm_jobs.unfinished):
+                    ending = slurm_jobs.look(name, running)
+                    if ending is not None:
+                        yield slurm_jobs.unfinished.pop(name), ending
             for _ in range(_POLLS_PER_LOOK):
-                if should_stop() and not cancelled:
+                if should_stop() and not slurm_jobs.are_cancelled:
                     break
                 time.sleep(POLL_SECONDS)
+
+
+class _SlurmJobs:
+    """Jobs that have been submitted to Slurm.
+
+    Attributes:
+        unfinished: the jobs that have not ended, by name.
+        are_cancelled: whether they have been asked to stop.
+    """
+
+    def __init__(self, executor: Any, jobs: Sequence[Job]) -> None:
+        import submitit  # pyright: ignore[reportMissingImports]
+
+        class Call(submitit.helpers.Checkpointable):  # pyright: ignore[reportUntypedBaseClass]
+            """Checkpointable call of a job for submitit."""
+
+            def __call__(self, job: Job) -> Ending:
+                with stopping_on_signals(again=False):  # by scancel, a preemption or a requeue
+                    return job.run()
+
+        errors = submitit.core.utils
+        self._refusals = errors.FailedSubmissionError, errors.FailedJobError
+        self._executor = executor
+        self._call = Call()
+        self.unfinished = {job.name: job for job in jobs}
+        self.are_cancelled = False
+        self._copies = dict[str, list[Any]]()
+        self._absences = Counter[str]()
+        self._losses = Counter[str]()
+
+    def submit_all(self) -> None:
+        """Submit all jobs; raises InvalidInput if Slurm refuses any, and then cancels the
+        others.
+        """
+        try:
+            for array in _arrays(list(self.unfinished.values())):
+                submitted = zip(array, self._executor.map_array(self._call, array), strict=True)
+                self._copies |= {job.name: [copy] for job, copy in submitted}
+        except self._refusals as error:
+            self._cancel(self._copies)
+            remedy = "correct the SBATCH_... and go on"
+            raise InvalidInput(f"sbatch refuses the jobs ({error}): {remedy}.") from error
+
+    def cancel_if_asked(self) -> None:
+        """Cancel the unfinished jobs, once, if this process is to stop."""
+        if should_stop() and not self.are_cancelled:
+            self.are_cancelled = True
+            self._cancel(self.unfinished)
+
+    def look(self, name: str, running: Sequence[str]) -> Ending | None:
+        """Look for a job's copies among these in the queue; return its ending, or None before it.
+
+        A lost job is submitted again, up to `_RESTARTS` times.
+        """
+        copies = self._copies[name]
+        absent = [copy for copy in copies if copy.job_id not in running]
+        finished = [copy for copy in absent if copy.paths.result_pickle.exists()]
+        endings = [_slurm_ending(copy) for copy in finished]
+        ending = min(endings, key=lambda ending: ending[0] != DONE, default=(STOPPED, None))
+        self._absences[name] = self._absences[name] + 1 if len(absent) == len(copies) else 0
+        # what stops may be requeued
+        is_final = self.are_cancelled or ending[0] != STOPPED
+        most_absences = 1 if is_final else _LOOKS_WHEN_LOST
+        if ending[0] != DONE and self._absences[name] < most_absences:
+            return None
+        is_lost = not endings and not self.are_cancelled
+        if is_lost and self._losses[name] < _RESTARTS:
+            self._submit_again(name)
+            return None
+        if is_lost:
+            ending = f"it was lost {_RESTARTS + 1} times, see {copies[-1].paths.stderr}", None
+        if self._losses[name]:
+            self._cancel([name])
+        return ending
+
+    def _submit_again(self, name: str) -> None:
+        self._absences[name] = 0
+        self._losses[name] += 1
+        with suppress(*self._refusals):  # it may be taken next time
+            self._copies[name].append(self._executor.submit(self._call, self.unfinished[name]))
+
+    def _cancel(self, names: Iterable[str]) -> None:
+        _ask_slurm("scancel", *(copy.job_id for name in names for copy in self._copies[name]))
 
 
 def _slurm_ending(copy: Any) -> Ending:

@@ -51,8 +51,8 @@ class Belief(eqx.Module):
     """The cells where hidden opponents can be, and the time since each cell was last seen.
 
     Attributes:
-        travel_budget: for each cell the distance [m] that an opponent can have moved since it came in,
-            `_most` at most; negative where none can be.
+        travel_budget: for each cell the distance [m] that an opponent can have moved since it came
+            in, `_most` at most; negative where none can be.
         unseen: times since each cell was last seen [s], `NEVER` at most.
     """
 

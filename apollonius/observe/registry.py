@@ -12,7 +12,9 @@ OWN = PAPER, ENCODED, EGOCENTRIC, TEAM
 OBSERVATIONS: dict[str, AbstractObservation] = {
     observation.name: observation for observation in OWN
 }
-"""By their names in files and configurations; those of other packages from when their names are first looked up."""
+"""By their names in files and configurations; those of other packages from when their names are
+first looked up.
+"""
 _KIND = "an AbstractObservation of the same name"
 
 
@@ -24,7 +26,9 @@ def observation_names() -> list[str]:
 
 
 def has_observation(name: str) -> bool:
-    """Check whether an observation has the name; raises InvalidInput for a broken one of another package."""
+    """Check whether an observation has the name; raises InvalidInput for a broken one of another
+    package.
+    """
     if name not in OBSERVATIONS:
         part = extensions.load_extension(extensions.OBSERVATIONS, name, _KIND)
         if part is None:
@@ -36,7 +40,9 @@ def has_observation(name: str) -> bool:
 
 
 def find_observation(name_or_observation: str | AbstractObservation) -> AbstractObservation:
-    """Return the observation of a name, or the one that is given; raises InvalidInput for anything else."""
+    """Return the observation of a name, or the one that is given; raises InvalidInput for anything
+    else.
+    """
     if isinstance(name_or_observation, AbstractObservation):
         return name_or_observation
     name = str(name_or_observation)

@@ -9,7 +9,7 @@ import time
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -70,6 +70,31 @@ class Results(eqx.Module):
     watched: Any = None
     status: BySide[tuple[Int[Array, " games"], ...]] | None = None
     sightings: BySide[Sightings | None] | None = None
+
+
+class _Play(eqx.Module):
+    """The rules, players, key and watcher, as in `play_out`; the same for all games."""
+
+    game: Game
+    players: BySide[Pool]
+    key: PRNGKeyArray
+    watcher: AbstractWatcher | None
+
+
+class _Queue(eqx.Module):
+    """Games that wait for an empty slot.
+
+    Attributes:
+        starts: their initial states, leaves `[rows]`.
+        first: index of the first one.
+        count: their number; rows beyond it are not played.
+        more: whether others will wait when these have begun.
+    """
+
+    starts: GameState
+    first: Int[Array, ""] | np.int32
+    count: Int[Array, ""] | np.int32
+    more: Flag | np.bool_
 
 
 class _Slots(eqx.Module):
@@ -141,25 +166,29 @@ def play_out(
     cores = len(available_cores()) if on_cpu else 1
     default_slots = 64 if on_cpu else 512
     width = 2 ** ((slots or default_slots) - 1).bit_length()
-    under_way = _zeros(
-        jax.eval_shape(jax.jit(_empty), game, players, key, watcher, _cut(rows, 0, width))
-    )
+    play = _Play(game, players, key, watcher)
+    under_way = _zeros(jax.eval_shape(jax.jit(_empty), play, _cut(rows, 0, width)))
     under_way.index[:] = _NOBODY
     results = _zeros(jax.eval_shape(lambda: _no_results(watcher, total, under_way.games)))
-    advance = partial(_advance, game, players, key, watcher)
     shares = max(1, min(cores, total // width))
     ends = [total * share // shares for share in range(shares + 1)]
     plays = [
-        _play_share(advance, rows, begin_row, end_row, first, under_way, results)
+        _play_share(play, rows, begin_row, end_row, first, under_way, results)
         for begin_row, end_row in pairwise(ends)
     ]
+    _play_shares(plays, total, report)
+    return jax.device_put(results)
+
+
+def _play_shares(plays: list[Iterator[int]], total: int, report: Report) -> None:
+    """Run all shares, a thread each, and report the numbers of games ended and of all."""
     ended_games = sum(next(play) for play in plays)  # which traces the function, once
 
     def next_count(play: Iterator[int]) -> int | None:
         return next(play, None)
 
     # a call of a compiled function keeps its thread busy
-    with ThreadPoolExecutor(shares) as threads:
+    with ThreadPoolExecutor(len(plays)) as threads:
         while True:
             counts = list(threads.map(next_count, plays))
             new_counts = [count for count in counts if count is not None]
@@ -167,11 +196,10 @@ def play_out(
                 break
             ended_games += sum(new_counts)
             report(ended_games, total)
-    return jax.device_put(results)
 
 
 def _play_share(
-    advance: Callable[..., tuple[_Slots, Array, _Ended]],
+    play: _Play,
     rows: GameState,
     start: int,
     end: int,
@@ -182,7 +210,7 @@ def _play_share(
     """Play a share of the starts; yield how many games have ended since the last time.
 
     Args:
-        advance: `_advance` with its first arguments.
+        play: the rules, players, key and watcher.
         rows: all starts, leaves `[games]`.
         start, end: the rows of this share.
         first: index of the game of row 0.
@@ -196,14 +224,13 @@ def _play_share(
     while ended_games < end:
         call_time = time.perf_counter()
         count = min(window, end - start)
-        under_way, begun_games, ended = advance(
-            under_way,
+        queue = _Queue(
             _cut(rows, start, window),
-            np.int32(first + start),
-            np.int32(count),
-            np.int32(steps),
-            np.bool_(start + count < end),
+            first=np.int32(first + start),
+            count=np.int32(count),
+            more=np.bool_(start + count < end),
         )
+        under_way, begun_games, ended = _advance(play, under_way, queue, np.int32(steps))
         yield new_ended
         start += int(begun_games)
         new_ended = int(ended.count)
@@ -219,17 +246,12 @@ def _play_share(
     yield new_ended
 
 
-def _empty(
-    game: Game,
-    players: BySide[Pool],
-    key: PRNGKeyArray,
-    watcher: AbstractWatcher | None,
-    starts: GameState,
-) -> _Slots:
+def _empty(play: _Play, starts: GameState) -> _Slots:
     """Return empty slots, one for each of some starts."""
     no_index = jnp.full(starts.steps.shape, _NOBODY, jnp.int32)
-    games = init_games(game, starts, players, random_bits_of(key, no_index, no_index))
-    return _Slots(games, _no_results(watcher, len(no_index), games).watched, no_index)
+    bits = random_bits_of(play.key, no_index, no_index)
+    games = init_games(play.game, starts, play.players, bits)
+    return _Slots(games, _no_results(play.watcher, len(no_index), games).watched, no_index)
 
 
 def _no_results(watcher: AbstractWatcher | None, count: int, games: Games) -> Results:
@@ -244,81 +266,92 @@ def _no_results(watcher: AbstractWatcher | None, count: int, games: Games) -> Re
 
 @PersistentJit
 def _advance(
-    game: Game,
-    players: BySide[Pool],
-    key: PRNGKeyArray,
-    watcher: AbstractWatcher | None,
-    under_way: _Slots,
-    starts: GameState,
-    first: Int[Array, ""],
-    count: Int[Array, ""],
-    steps: Int[Array, ""],
-    more: Flag,
+    play: _Play, under_way: _Slots, queue: _Queue, steps: Int[Array, ""]
 ) -> tuple[_Slots, Int[Array, ""], _Ended]:
     """Play some steps of the games under way; waiting games begin in empty slots.
 
+    If more games wait than those of the queue, play ends when none of these is left for an empty
+    slot.
+
     Args:
-        game, players, key, watcher: as in `play_out`.
+        play: the rules, players, key and watcher.
         under_way: the slots.
-        starts: the waiting games' initial states, leaves `[rows]`.
-        first: index of the first waiting game.
-        count: number of waiting games.
+        queue: the waiting games.
         steps: most steps.
-        more: whether others will wait when these have begun. If so, play ends when none of these
-            is left for an empty slot.
 
     Returns the games under way, the number of games that have begun, and the games that ended.
     """
-    rows = len(under_way.index) + len(starts.steps)  # no more games than these can end
-    unwatched = watcher and watcher.init()
-    no_results = _Ended(
-        jnp.zeros(rows, jnp.int32), _no_results(watcher, rows, under_way.games), jnp.asarray(0)
-    )
+    rows = len(under_way.index) + len(queue.starts.steps)  # no more games than these can end
+    no_index = jnp.zeros(rows, jnp.int32)
+    no_results = _no_results(play.watcher, rows, under_way.games)
 
     def should_continue(progress: _Progress) -> Array:
         is_playing = progress.under_way.index != _NOBODY
-        some_wait = progress.num_started < count
-        some_play = jnp.where(more, jnp.all(is_playing), jnp.any(is_playing))
+        some_wait = progress.num_started < queue.count
+        some_play = jnp.where(queue.more, jnp.all(is_playing), jnp.any(is_playing))
         return (progress.step < steps) & (some_wait | some_play)
 
-    def refill(under_way: _Slots, first_waiting: Int[Array, ""]) -> tuple[_Slots, _Mask, _Mask]:
-        """Begin waiting games in empty slots; return which began, and which slots stay idle."""
-        is_empty = under_way.index == _NOBODY
-        upcoming = first_waiting + jnp.cumsum(is_empty.astype(jnp.int32)) - 1
-        is_new = is_empty & (upcoming < count)
-        index = jnp.where(is_new, first + upcoming, under_way.index)
-        state = jax.tree.map(
-            lambda leaf: leaf[jnp.minimum(upcoming, len(starts.steps) - 1)], starts
-        )
-        bits = random_bits_of(key, index, jnp.full(index.shape, -1))
-        new_games = init_games(game, state, players, bits)
-        # An empty slot stays at the first step of a game: there few players search or plan.
-        is_idle = is_empty & ~is_new & (under_way.games.state.steps == 1)
-        games = jax.vmap(tree_where)(is_empty & ~is_idle, new_games, under_way.games)
-        watched = jax.vmap(tree_where, in_axes=(0, None, 0))(is_new, unwatched, under_way.watched)
-        return _Slots(games, watched, index), is_new, is_idle
-
     def one_step(progress: _Progress) -> _Progress:
-        slots, is_new, is_idle = refill(progress.under_way, progress.num_started)
-        index = slots.index
-        bits = random_bits_of(key, index, slots.games.state.steps)
-        after, transition = step_games(game, players, slots.games, bits, with_obs=False)
-        games = jax.vmap(tree_where)(is_idle, slots.games, after)
-        watched = jax.vmap(watcher.update)(slots.watched, transition) if watcher else None
-        has_ended = (index != _NOBODY) & (transition.terminated | transition.truncated)
-        results = Results(
-            transition.outcome, games.state.steps, watched, games.state.status, games.sightings
-        )
+        slots, is_new, is_idle = _refill(play, progress.under_way, queue, progress.num_started)
+        slots, results, has_ended = _step_slots(play, slots, is_idle)
         return _Progress(
-            under_way=_Slots(games, watched, jnp.where(has_ended, _NOBODY, index)),
-            ended=progress.ended.append(has_ended, index, results),
+            under_way=replace(slots, index=jnp.where(has_ended, _NOBODY, slots.index)),
+            ended=progress.ended.append(has_ended, slots.index, results),
             num_started=progress.num_started + jnp.sum(is_new, dtype=jnp.int32),
             step=progress.step + 1,
         )
 
-    start = _Progress(under_way, jnp.asarray(0), no_results, jnp.asarray(0))
+    start = _Progress(
+        under_way=under_way,
+        num_started=jnp.asarray(0),
+        ended=_Ended(no_index, no_results, jnp.asarray(0)),
+        step=jnp.asarray(0),
+    )
     end = jax.lax.while_loop(should_continue, one_step, start)
     return end.under_way, end.num_started, end.ended
+
+
+def _refill(
+    play: _Play, slots: _Slots, queue: _Queue, num_started: Int[Array, ""]
+) -> tuple[_Slots, _Mask, _Mask]:
+    """Begin waiting games in empty slots; return which began, and which slots stay idle.
+
+    Args:
+        play: the rules, players, key and watcher.
+        slots: the games under way.
+        queue: the waiting games.
+        num_started: number of games of the queue that have begun already.
+    """
+    is_empty = slots.index == _NOBODY
+    upcoming = num_started + jnp.cumsum(is_empty.astype(jnp.int32)) - 1
+    is_new = is_empty & (upcoming < queue.count)
+    index = jnp.where(is_new, queue.first + upcoming, slots.index)
+    last = len(queue.starts.steps) - 1
+    state = jax.tree.map(lambda leaf: leaf[jnp.minimum(upcoming, last)], queue.starts)
+    bits = random_bits_of(play.key, index, jnp.full(index.shape, -1))
+    new_games = init_games(play.game, state, play.players, bits)
+    # An empty slot stays at the first step of a game: there few players search or plan.
+    is_idle = is_empty & ~is_new & (slots.games.state.steps == 1)
+    games = jax.vmap(tree_where)(is_empty & ~is_idle, new_games, slots.games)
+    unwatched = play.watcher and play.watcher.init()
+    watched = jax.vmap(tree_where, in_axes=(0, None, 0))(is_new, unwatched, slots.watched)
+    return _Slots(games, watched, index), is_new, is_idle
+
+
+def _step_slots(play: _Play, slots: _Slots, is_idle: _Mask) -> tuple[_Slots, Results, _Mask]:
+    """Play one step in all slots but the idle ones.
+
+    Returns the slots, their results so far, and which games have ended.
+    """
+    bits = random_bits_of(play.key, slots.index, slots.games.state.steps)
+    after, transition = step_games(play.game, play.players, slots.games, bits, with_obs=False)
+    games = jax.vmap(tree_where)(is_idle, slots.games, after)
+    watched = jax.vmap(play.watcher.update)(slots.watched, transition) if play.watcher else None
+    has_ended = (slots.index != _NOBODY) & transition.ended
+    results = Results(
+        transition.outcome, games.state.steps, watched, games.state.status, games.sightings
+    )
+    return _Slots(games, watched, slots.index), results, has_ended
 
 
 def _zeros(shapes: Any) -> Any:

@@ -142,7 +142,8 @@ def stack_robots(values: Sequence[Array]) -> Array:
 def observe_both(
     game: Game, players: BySide[AbstractPlayers], games: Games, bits: UInt32[Array, "2 games"]
 ) -> tuple[BySide[Track | None], BySide[tuple[ObservationReader, Any]]]:
-    """Let both sides sense; return their tracks, and their perceptions as `perceive` gives them.
+    """Let both sides sense; return their tracks, and their perceptions as `observation_rows` gives
+    them.
 
     Args:
         game: the rules.
@@ -184,23 +185,21 @@ def step_games(
         players: the players of both sides.
         games: the games under way.
         bits: fresh random bits of each side.
-        observes: False leaves the transitions' observations empty, which saves tracing time.
-        foresees: False leaves their next observations empty.
+        with_obs: False leaves the transitions' observations empty, which saves tracing time.
+        with_next_obs: False leaves their next observations empty.
         pay: the rewards, if not those of the game.
     """
+    with_next_obs = with_obs and with_next_obs
     tracks, perceptions = observe_both(game, players, games, bits)
-
-    def choice(role: Role) -> tuple[tuple[Actions, ...], Memory]:
-        return decide_actions(players[role], games.sides[role], perceptions[role], bits[role])
-
-    choices = ROLES.map(choice)
-    actions = choices.map(lambda side: side[0])
-    drives = games.sides.map(lambda side: side.drives)
-    step_all = jax.vmap(step_driven, in_axes=(None, 0, 0, 0))
-    after, drives = step_all(game, games.state, drives, actions)
-    rewards = (after.rewards if pay is None else jax.vmap(pay)(games.state, after)).map(
-        stack_robots
+    choices = ROLES.map(
+        lambda role: decide_actions(players[role], games.sides[role], perceptions[role], bits[role])
     )
+    actions = choices.map(lambda side: side[0])
+    drives_before = games.sides.map(lambda side: side.drives)
+    step_all = jax.vmap(step_driven, in_axes=(None, 0, 0, 0))
+    after, drives = step_all(game, games.state, drives_before, actions)
+    paid = after.rewards if pay is None else jax.vmap(pay)(games.state, after)
+    rewards = paid.map(stack_robots)
 
     def side_after(role: Role) -> SideState:
         before = games.sides[role]
@@ -209,37 +208,73 @@ def step_games(
 
     games_after = Games(after.state, ROLES.map(side_after))
     next_perceptions = perceptions
-    if with_obs and with_next_obs:
+    if with_next_obs:
         _, next_perceptions = observe_both(game, players, games_after, ~bits)
 
-    def numbers(role: Role, perceptions: Any, is_used: bool) -> Float[Array, "games *robots _"]:
-        robots = len(actions[role])
-        blank = [jnp.zeros((bits.shape[1], 0))] * robots
-        reads_view = players[role].observation == RAW_VIEW
-        return stack_robots(
-            blank if reads_view or not is_used else jnp.split(perceptions[1], robots)
-        )
-
     def experience(role: Role) -> Experience:
-        observation = numbers(role, perceptions[role], with_obs)
-        next_observation = numbers(role, next_perceptions[role], with_obs and with_next_obs)
-        active = lost = None
-        if games.state.status is not None:
-            active = stack_robots(games.state.active[role])
-            lost = active & ~stack_robots(after.state.active[role])
-        return Experience(
-            observation=observation,
-            action=stack_robots(actions[role]),
-            reward=rewards[role],
-            next_observation=next_observation,
-            episode_return=games_after.sides[role].episode_return,
-            member=games.sides[role].member,
-            active=active,
-            lost=lost,
-        )
+        numbers = partial(_numbers, players[role], (bits.shape[1], len(actions[role])))
+        observation = numbers(perceptions[role], with_obs)
+        next_observation = numbers(next_perceptions[role], with_next_obs)
+        observations = observation, next_observation
+        return _experience(role, games, games_after, actions[role], rewards[role], observations)
 
     transition = Transition(ROLES.map(experience), after.outcome, after.terminated, after.truncated)
     return games_after, transition
+
+
+def _numbers(
+    players: AbstractPlayers,
+    shape: tuple[int, int],
+    perception: tuple[ObservationReader, Any],
+    is_stored: bool,
+) -> Float[Array, "games *robots numbers"]:
+    """Return the observations of a side's robots as a transition stores them.
+
+    Args:
+        players: the side's players; those that read the view itself have no numbers.
+        shape: the numbers of games and of robots.
+        perception: the side's own, as `observe_both` gives it.
+        is_stored: False leaves the observations empty.
+    """
+    games, robots = shape
+    if players.observation == RAW_VIEW or not is_stored:
+        return stack_robots([jnp.zeros((games, 0))] * robots)
+    _, rows = perception
+    return stack_robots(jnp.split(rows, robots))
+
+
+def _experience(
+    role: Role,
+    before: Games,
+    after: Games,
+    actions: tuple[Actions, ...],
+    rewards: Float[Array, "games *robots"],
+    observations: tuple[Array, Array],
+) -> Experience:
+    """Return one side's part of a batch of transitions.
+
+    Args:
+        role: the side.
+        before, after: the games before and after the step.
+        actions: the actions of each robot.
+        rewards: the rewards of the step.
+        observations: the observations before and after the step.
+    """
+    active = lost = None
+    if before.state.status is not None:
+        active = stack_robots(before.state.active[role])
+        lost = active & ~stack_robots(after.state.active[role])
+    observation, next_observation = observations
+    return Experience(
+        observation=observation,
+        action=stack_robots(actions),
+        reward=rewards,
+        next_observation=next_observation,
+        episode_return=after.sides[role].episode_return,
+        member=before.sides[role].member,
+        active=active,
+        lost=lost,
+    )
 
 
 def step_driven(
@@ -279,7 +314,7 @@ def decide_actions(
     Args:
         players: the side's players.
         side: the side's state, leaves `[games, ...]`.
-        seen: what `perceive` returned.
+        observed: the side's perception, as `observe_both` gives it.
         bits: random bits of each game.
     """
     read, rows = observed
@@ -332,7 +367,7 @@ def collect(
             column of row `t % rows`, as in `apollonius.play.autoreset`.
         key: draws all random bits; it is consumed.
         steps: number of steps.
-        foresees: as in `step_games`.
+        with_next_obs: as in `step_games`.
     """
     batch = len(games.state.steps)
     # Pools of one member draw none, so that no bits are needed besides those of the actions.

@@ -86,7 +86,9 @@ def differences(first: Rates, second: Rates) -> Rates:
 
 
 def outcome_shares(matches: Matches) -> Shares:
-    """Return the share of each outcome with each training of the pursuer, over those of the evader."""
+    """Return the share of each outcome with each training of the pursuer, over those of the
+    evader.
+    """
     return {
         outcome: [
             float(np.mean([match.outcomes[outcome] / match.games for match in row]))
@@ -134,9 +136,11 @@ def write_report(study: Study, findings: Sequence[Finding]) -> None:
     }
     sections = [
         "# The paper's evaluation, again",
-        f"Budget `{study.budget}`, seeds {', '.join(map(str, study.seeds))}, {study.games:,} games in a match, all on "
-        "the same starts, every training of the pursuer against every one of the evader. Intervals are 95 % prediction "
-        "intervals of another pair of trainings, the chance that of its reaching the bound (Student's t). A verdict "
+        f"Budget `{study.budget}`, seeds {', '.join(map(str, study.seeds))}, "
+        f"{study.games:,} games in a match, all on the same starts, every training of the "
+        "pursuer against every one of the evader. Intervals are 95 % prediction intervals of "
+        "another pair of trainings, the chance that of its reaching the bound (Student's t). A "
+        "verdict "
         f"takes {FEWEST_SEEDS} seeds of the budget `{FULL_BUDGET}`.",
         claim_table(claims, is_full),
     ]

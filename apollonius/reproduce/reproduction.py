@@ -68,7 +68,10 @@ def figure_4(study: Study) -> Finding:
         reward_axes.set(title="average reward of an episode", xlabel="episodes", ylabel="reward")
         reward_axes.legend(loc="lower right")
     episodes = ", ".join(f"{x[-1]:,}" for x, _ in successes)
-    text = f"Left: greedy games from fixed starts. Right: the games of training. Episodes in all, by seed: {episodes}."
+    text = (
+        "Left: greedy games from fixed starts. Right: the games of training. "
+        f"Episodes in all, by seed: {episodes}."
+    )
     matches = study.matches("P_stage1", "still")
     data = {"success": successes} | results_data({"matches": matches})
     return Finding("Fig. 4: stage 1", text, ("figure4.png",), (stage_1(matches),), data)
@@ -142,8 +145,9 @@ def figure_6(study: Study) -> Finding:
         {"P_curriculum v E_scratch": chasing, "P_scratch v E_curriculum": fleeing}, paper={}
     )
     text += (
-        "\n\nEach coloured line is one training of the curriculum, from its worst to its best against the trainings "
-        "from scratch, with a dot at its mean. The black line is where another pair would lie with 95 %."
+        "\n\nEach coloured line is one training of the curriculum, from its worst to its best "
+        "against the trainings from scratch, with a dot at its mean. The black line is where "
+        "another pair would lie with 95 %."
     )
     data = results_data({"chasing": chasing, "fleeing": fleeing})
     return Finding("Fig. 6: curriculum against scratch", text, ("figure6.png",), claims, data)
@@ -165,9 +169,10 @@ def figure_7(study: Study) -> Finding:
         )
         axes.legend()
     text = (
-        "Exploring players, as in training. Self-play weighs progress with another c than stage 1 and than training "
-        "on a random evader, so the level changes where it begins. It begins after different numbers of episodes with "
-        "different seeds, and there their band is widest."
+        "Exploring players, as in training. Self-play weighs progress with another c than "
+        "stage 1 and than training on a random evader, so the level changes where it begins. It "
+        "begins after different numbers of episodes with different seeds, and there their band "
+        "is widest."
     )
     return Finding("Fig. 7: average reward", text, ("figure7.png",))
 
@@ -216,13 +221,19 @@ def table_2(study: Study) -> Finding:
         for name in pair
     ]
     claims = (
-        Claim("P_curriculum beats random", "Table II", 0.93, 0.93, rates(results["P_curriculum"], won)),
+        Claim(
+            "P_curriculum beats random", "Table II", 0.93, 0.93, rates(results["P_curriculum"], won)
+        ),
         Claim("P_random beats random", "Table II", 0.91, 0.91, rates(results["P_random"], won)),
         Claim(
-            "direct captures of random: P_random minus P_curriculum", "Table II", (336 - 62) / 500, 0.2,
-            differences(*captures), least=-1.0,
+            "direct captures of random: P_random minus P_curriculum",
+            "Table II",
+            (336 - 62) / 500,
+            0.2,
+            differences(*captures),
+            least=-1.0,
         ),
-    )  # fmt: skip
+    )
     text = beside_the_paper(results, TABLE_2)
     return Finding(
         "Table II: against the random evader", text, claims=claims, data=results_data(results)
@@ -234,9 +245,13 @@ def table_3(study: Study) -> Finding:
     results = {name: study.matches(name, "E_scratch") for name in TABLE_3}
     wins = [rates(results[name], won) for name in ("P_curriculum", "P_random")]
     claim = Claim(
-        "wins against E_scratch: P_curriculum minus P_random", "Table III", 0.706 - 0.434, 0.1,
-        differences(*wins), least=-1.0,
-    )  # fmt: skip
+        "wins against E_scratch: P_curriculum minus P_random",
+        "Table III",
+        0.706 - 0.434,
+        0.1,
+        differences(*wins),
+        least=-1.0,
+    )
     text = beside_the_paper(results, TABLE_3)
     return Finding(
         "Table III: against E_scratch", text, claims=(claim,), data=results_data(results)

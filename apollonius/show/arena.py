@@ -116,10 +116,8 @@ def save_plan(name: str, game: Game, survey: Survey, path: Path) -> None:
             bbox_to_anchor=(0, -0.1 * _LONGER / (inches * height)),
             ncols=2,
         )
-        count = len(survey.wrong)
-        verdict = (
-            f"{count} {'thing is' if count == 1 else 'things are'} wrong"
-            if count
-            else "nothing is wrong"
-        )
+        verdict = "nothing is wrong"
+        if survey.wrong:
+            count = len(survey.wrong)
+            verdict = f"{count} {'thing is' if count == 1 else 'things are'} wrong"
         axes.set_title(f"{name}, {width:g} x {height:g} m: {verdict}")

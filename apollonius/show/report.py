@@ -138,7 +138,10 @@ def report_of(folder: Path) -> dict[str, Any]:
             warnings.append(f"Not finished: {share}. Go on with: apollonius resume {folder}")
     if not matches:
         warnings += [
-            "Not judged: the run has no evaluation.json, which apollonius train writes when it has finished."
+            (
+                "Not judged: the run has no evaluation.json, which apollonius train writes "
+                "when it has finished."
+            )
         ]
     if not games:
         warnings += ["No games to show: no stage has ended, so there are no agents yet."]

@@ -119,9 +119,11 @@ def save_slice(
         )
     place = (float(opponent.x), float(opponent.y))
     require(
-        game.arena.clearance(opponent.x, opponent.y) > game.body(role.other).radius, "opponent", place,
+        game.arena.clearance(opponent.x, opponent.y) > game.body(role.other).radius,
+        "opponent",
+        place,
         "a place [m] inside the walls and outside the discs",
-    )  # fmt: skip
+    )
     values = slice_values(player, game, role, own, opponent, CELLS)
     with style.picture(path, columns=2, width=4.6, height=5.0) as (values_axes, actions_axes):
         _draw_values(values_axes, values, solved=isinstance(player, SaddlePolicy))

@@ -13,11 +13,22 @@ from apollonius.io.document import parse_toml, read_bytes
 from apollonius.io.errors import require, require_within
 
 _BOUNDS = {
-    "mass": (0.01, 10_000), "wheel_mass": (0.001, 1_000), "wheel_radius": (0.005, 2), "track": (0.01, 10),
-    "caster": (0.005, 10), "mass_behind": (0, 10), "chassis_radius": (0.005, 10), "friction": (0.0001, 10),
-    "inertia": (0, 1_000), "resistance": (0, 10_000), "torque": (0.001, 100_000), "stiffness": (0.001, 100_000),
-    "lag": (0, 10), "latency": (0, 10), "turn_acceleration": (0.001, 1_000_000),
-}  # fmt: skip
+    "mass": (0.01, 10_000),
+    "wheel_mass": (0.001, 1_000),
+    "wheel_radius": (0.005, 2),
+    "track": (0.01, 10),
+    "caster": (0.005, 10),
+    "mass_behind": (0, 10),
+    "chassis_radius": (0.005, 10),
+    "friction": (0.0001, 10),
+    "inertia": (0, 1_000),
+    "resistance": (0, 10_000),
+    "torque": (0.001, 100_000),
+    "stiffness": (0.001, 100_000),
+    "lag": (0, 10),
+    "latency": (0, 10),
+    "turn_acceleration": (0.001, 1_000_000),
+}
 """The least and the largest number of each field: of a toy and of a lorry."""
 
 
@@ -47,7 +58,9 @@ class RobotHardware:
     friction: float = 0.8
     """Coulomb coefficient between tyre and floor."""
     inertia: float = 0.01
-    """Of a motor's rotor at the wheel, behind the gearbox [kg m^2]; without it a stiff controller rings."""
+    """Of a motor's rotor at the wheel, behind the gearbox [kg m^2]; without it a stiff controller
+    rings.
+    """
     resistance: float = 0.05
     """Torque that turning a wheel takes at any speed: rolling resistance and gearbox [N m]."""
     torque: float = 3.0
@@ -57,7 +70,9 @@ class RobotHardware:
     lag: float = 0.05
     """Time constant with which the wheel-speed controller takes up a reference [s]."""
     latency: float = 0.05
-    """From the measurement of a state until the controls chosen in it take effect [s]; at most one step of the game."""
+    """From the measurement of a state until the controls chosen in it take effect [s]; at most one
+    step of the game.
+    """
     turn_acceleration: float = 1.745
     """The drive changes its turn rate no faster than this [rad/s^2]."""
 

@@ -155,48 +155,84 @@ def _add_robot(
     body = SubElement(world, "body", name=side, pos=_numbers(0, 0, drive.wheel_radius))
     SubElement(body, "freejoint", name=side)
     _geom(
-        body, f"{side} chassis", "cylinder", size=(drive.chassis_radius, 0.1), pos=(-drive.mass_behind, 0, _ABOVE),
-        mass=drive.mass - 2 * drive.wheel_mass, rgba=_COLOURS[side.split()[0]],
-    )  # fmt: skip
+        body,
+        f"{side} chassis",
+        "cylinder",
+        size=(drive.chassis_radius, 0.1),
+        pos=(-drive.mass_behind, 0, _ABOVE),
+        mass=drive.mass - 2 * drive.wheel_mass,
+        rgba=_COLOURS[side.split()[0]],
+    )
     if radius > 2 * SHELL:
-        size = (radius - SHELL, 0.1)
-        _geom(
-            body,
-            f"{side} shell",
-            "cylinder",
-            meets=_OBSTACLE,
-            size=size,
-            pos=(0, 0, _ABOVE),
-            mass=0,
-            group=3,
-        )
-    ball = 0.4 * drive.wheel_radius
-    # it rolls freely in every direction: next to no friction, and its own counts, not the floor's
-    _geom(
-        body, f"{side} caster", "sphere", meets=_FLOOR, size=(ball,), pos=(-drive.caster, 0, ball - drive.wheel_radius),
-        mass=0, friction=(0.01, 0, 0), priority=1,
-    )  # fmt: skip
+        _add_shell(body, side, radius)
+    _add_caster(body, side, drive)
     for wheel, place in zip(WHEELS, (1, -1), strict=True):
-        name = f"{side} {wheel}"
-        part = SubElement(body, "body", name=name, pos=_numbers(0, place * drive.track / 2, 0))
-        joint = {"frictionloss": _numbers(drive.resistance), "armature": _numbers(drive.inertia)}
-        SubElement(part, "joint", name=name, axis="0 1 0", attrib=joint)
+        _add_wheel(body, f"{side} {wheel}", place, drive)
+        _add_motor(actuators, f"{side} {wheel}", drive)
+
+
+def _add_shell(body: Element, side: str, radius: float) -> None:
+    """Add the part of a robot that obstacles push, which weighs nothing."""
+    _geom(
+        body,
+        f"{side} shell",
+        "cylinder",
+        meets=_OBSTACLE,
+        size=(radius - SHELL, 0.1),
+        pos=(0, 0, _ABOVE),
+        mass=0,
+        group=3,
+    )
+
+
+def _add_caster(body: Element, side: str, drive: RobotHardware) -> None:
+    """Add a ball that rolls freely in every direction: next to no friction, and its own counts,
+    not the floor's.
+    """
+    ball = 0.4 * drive.wheel_radius
+    _geom(
+        body,
+        f"{side} caster",
+        "sphere",
+        meets=_FLOOR,
+        size=(ball,),
+        pos=(-drive.caster, 0, ball - drive.wheel_radius),
+        mass=0,
+        friction=(0.01, 0, 0),
+        priority=1,
+    )
+
+
+def _add_wheel(body: Element, name: str, place: int, drive: RobotHardware) -> None:
+    """Add a wheel on the left, `place` 1, or on the right, -1."""
+    part = SubElement(body, "body", name=name, pos=_numbers(0, place * drive.track / 2, 0))
+    joint = {"frictionloss": _numbers(drive.resistance), "armature": _numbers(drive.inertia)}
+    SubElement(part, "joint", name=name, axis="0 1 0", attrib=joint)
+    _geom(
+        part,
+        name,
+        "ellipsoid",
+        meets=_FLOOR,
         # crowned, so that it touches the floor in one point
-        size = (drive.wheel_radius, 0.02, drive.wheel_radius)
-        friction = (drive.friction, 0.005, 0.0001)
-        _geom(
-            part, name, "ellipsoid", meets=_FLOOR, size=size, mass=drive.wheel_mass, friction=friction, condim=4,
-            priority=1,
-        )  # fmt: skip
-        motor = {
-            "joint": name,
-            "gainprm": _numbers(drive.stiffness),
-            "biastype": "affine",
-            "biasprm": _numbers(0, 0, -drive.stiffness),
-            "forcerange": _numbers(-drive.torque, drive.torque),
-        }
-        lag = {"dyntype": "filterexact", "dynprm": _numbers(drive.lag)} if drive.lag else {}
-        SubElement(actuators, "general", name=name, attrib=motor | lag)
+        size=(drive.wheel_radius, 0.02, drive.wheel_radius),
+        mass=drive.wheel_mass,
+        friction=(drive.friction, 0.005, 0.0001),
+        condim=4,
+        priority=1,
+    )
+
+
+def _add_motor(actuators: Element, name: str, drive: RobotHardware) -> None:
+    """Add the motor of a wheel, which holds a speed as far as its torque allows."""
+    motor = {
+        "joint": name,
+        "gainprm": _numbers(drive.stiffness),
+        "biastype": "affine",
+        "biasprm": _numbers(0, 0, -drive.stiffness),
+        "forcerange": _numbers(-drive.torque, drive.torque),
+    }
+    lag = {"dyntype": "filterexact", "dynprm": _numbers(drive.lag)} if drive.lag else {}
+    SubElement(actuators, "general", name=name, attrib=motor | lag)
 
 
 LONGEST_STEP = 0.005
@@ -231,7 +267,9 @@ class Physics:
     def set_poses(
         self, rows: Float[np.ndarray, "games columns"]
     ) -> Float64[np.ndarray, "games numbers"]:
-        """Return states in which the robots stand, or roll, where rows of x, y, v and heading say."""
+        """Return states in which the robots stand, or roll, where rows of x, y, v and heading
+        say.
+        """
         data, kind = self._data, self._mujoco.mjtState.mjSTATE_FULLPHYSICS
         states = np.empty((len(rows), self._mujoco.mj_stateSize(self.model, kind)))
         for row, state in zip(rows.astype(float).reshape(len(rows), -1, 4), states, strict=True):
@@ -276,8 +314,8 @@ class Physics:
             self._mujoco.set_mju_user_warning(None)
         if warnings:
             raise InvalidInput(
-                f"MuJoCo cannot simulate these robots ({warnings[0]}): make masses, inertia, torque and stiffness of "
-                "the drive more like a real robot's."
+                f"MuJoCo cannot simulate these robots ({warnings[0]}): make masses, inertia, "
+                "torque and stiffness of the drive more like a real robot's."
             )
         return trajectories[:, -1]
 

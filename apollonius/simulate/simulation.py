@@ -81,12 +81,7 @@ def simulate(
         InvalidInput: As `Physics`.
     """
     physics = Physics(game, drive)
-    bodies_of = [body for side in game.bodies for body in side]
-    strongest = np.array([body.u1_max for body in bodies_of], float)
-    limits = np.array([[body.v_min, body.v_max] for body in bodies_of], float)
-    turning = np.array(
-        [_turn_acceleration(game, drive, role) for role in Role for _ in game.bodies[role]]
-    )
+    limits = _body_limits(game, drive)
     rows = as_rows(starts)
     known_game = _with_drive(game, drive)
     bodies = physics.set_poses(rows)
@@ -100,12 +95,11 @@ def simulate(
     while alive.size:
         games = _with_turn_rates(games, physics.turn_rates(bodies))
         actions, controls, sides = _select_actions(known_game, game.drives, players, games, key)
+        braking = _braking_controls(references.v, limits, float(game.dt))
         is_out = ~np.stack([active for side in games.state.active for active in side], axis=1)
-        braking = np.clip(-references.v / float(game.dt), -strongest, strongest)
-        halted = np.stack([braking, np.zeros_like(braking)], axis=-1)
-        body_controls = np.where(is_out[..., None], halted, np.asarray(controls, float))
+        body_controls = np.where(is_out[..., None], braking, np.asarray(controls, float))
         wheel_speeds = references.follow(
-            drive, body_controls, limits, physics.steps, physics.step, turning
+            drive, body_controls, limits.speeds, physics.steps, physics.step, limits.turning
         )
         bodies[alive] = physics.advance(bodies[alive], wheel_speeds[alive])
         before, rows = rows, rows.copy()
@@ -115,12 +109,40 @@ def simulate(
         log.append((alive, *(part[alive] for part in (before, np.asarray(actions), rows))))
         alive = alive[outcome[alive] == Outcome.ONGOING]
         report(count - alive.size, count)
-    index, states, actions, after = (np.concatenate(parts) for parts in zip(*log, strict=True))
-    state = games.state
-    results = Results(
-        jnp.asarray(outcome), state.steps, status=state.status, sightings=games.sightings
+    status, sightings = games.state.status, games.sightings
+    results = Results(jnp.asarray(outcome), games.state.steps, status=status, sightings=sightings)
+    return SimulatedGames(results, *(np.concatenate(parts) for parts in zip(*log, strict=True)))
+
+
+@dataclass(frozen=True)
+class _BodyLimits:
+    """Greatest accelerations [m/s^2], least and greatest speeds [m/s], and greatest turn
+    accelerations [rad/s^2] of pursuers, then evaders.
+    """
+
+    accelerations: Float[np.ndarray, " robots"]
+    speeds: Float[np.ndarray, "robots 2"]
+    turning: Float[np.ndarray, " robots"]
+
+
+def _body_limits(game: Game, drive: RobotHardware) -> _BodyLimits:
+    bodies = [body for side in game.bodies for body in side]
+    turning = [_turn_acceleration(game, drive, role) for role in Role for _ in game.bodies[role]]
+    return _BodyLimits(
+        accelerations=np.array([body.u1_max for body in bodies], float),
+        speeds=np.array([[body.v_min, body.v_max] for body in bodies], float),
+        turning=np.array(turning),
     )
-    return SimulatedGames(results, index, states, actions, after)
+
+
+def _braking_controls(
+    speeds: Float[np.ndarray, "games robots"], limits: _BodyLimits, dt: float
+) -> Float[np.ndarray, "games robots 2"]:
+    """Return the controls by which robots of these speeds [m/s] come to rest as soon as they
+    can.
+    """
+    braking = np.clip(-speeds / dt, -limits.accelerations, limits.accelerations)
+    return np.stack([braking, np.zeros_like(braking)], axis=-1)
 
 
 def _turn_acceleration(game: Game, drive: RobotHardware, role: Role) -> float:
@@ -227,7 +249,9 @@ def _judge_steps(
     rows: Float32[Array, "games columns"],
     alive: Bool[Array, " games"],
 ) -> tuple[Games, Int[Array, " games"]]:
-    """Return the games that are not over after a step that led to these rows, and how each ended."""
+    """Return the games that are not over after a step that led to these rows, and how each
+    ended.
+    """
 
     def judge_game(
         state: GameState, row: Float32[Array, " columns"]

@@ -12,6 +12,7 @@ import itertools
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -40,8 +41,8 @@ Nodes = Bool[np.ndarray, " nodes"]
 
 
 def find_search_number(game: Game, space: FreeSpace, report: Callable[[float], None]) -> CopNumber:
-    """Judge a game's arena as `apollonius.solve.cop_number.how_many`, by the pursuers' line of sight
-    and range.
+    """Judge a game's arena as `apollonius.solve.cop_number.how_many`, by the pursuers' line of
+    sight and range.
 
     Errors, delays and fields of view do not count; without sensors the pursuers have a line of
     sight.
@@ -109,52 +110,82 @@ def clearing_strategy(
     near = adjacency | np.eye(len(adjacency), dtype=bool)
     spreads = near.astype(np.float32)
     around = [np.flatnonzero(row).tolist() for row in near]
-    least: dict[Team, list[Nodes]] = {}
-    paths: list[tuple[Team, int]] = []
-    waiting: list[tuple[int, int, Nodes]] = []
-
-    def add(team: Team, contaminated: Nodes, before: int) -> None:
-        smaller = least.get(team, [])
-        if any(np.all(contaminated | ~other) for other in smaller):
-            return
-        larger = [other for other in smaller if np.any(other & ~contaminated)]
-        least[team] = [*larger, contaminated]
-        heapq.heappush(waiting, (int(contaminated.sum()), len(paths), contaminated))
-        paths.append((team, before))
-
-    def is_outdated(number: int, contaminated: Nodes) -> bool:
-        """Check whether a state was replaced by one with fewer contaminated nodes."""
-        team, _ = paths[number]
-        return not any(contaminated is state for state in least[team])
-
-    def path_to(number: int) -> list[Team]:
-        path: list[Team] = []
-        while number >= 0:
-            team, number = paths[number]
-            path.append(team)
-        return path[::-1]
-
-    def moves_from(team: Team) -> list[Team]:
-        choices = itertools.product(*(around[node] for node in team))
-        return sorted({tuple(sorted(nodes)) for nodes in choices})
-
+    states = _SearchStates()
     for node in range(len(near)):
-        add((node,) * pursuers, ~in_sight[node], -1)
+        states.add((node,) * pursuers, ~in_sight[node], -1)
     examined_all = True
     for _ in range(most_states):
-        while waiting and is_outdated(*waiting[0][1:]):
-            heapq.heappop(waiting)
-        if not waiting:
+        state = states.pop()
+        if state is None:
             return [], examined_all
-        count_left, number, contaminated = heapq.heappop(waiting)
-        if not count_left:
-            return path_to(number), False
-        after = spreads @ contaminated.astype(np.float32) > 0
-        teams = moves_from(paths[number][0])
+        if not state.num_contaminated:
+            return states.path_to(state.number), False
+        after = spreads @ state.contaminated.astype(np.float32) > 0
+        teams = _moves_from(states.paths[state.number][0], around)
         remaining = after & ~np.any(in_sight[np.array(teams)], axis=1)
         most = len(teams) if pursuers == 1 else branches
         best = np.argsort(remaining.sum(axis=1), kind="stable")[:most]
         examined_all = examined_all and len(best) == len(teams)
         for move in best.tolist():
-            add(teams[move], remaining[move], number)
+            states.add(teams[move], remaining[move], state.number)
     return [], False
+
+
+def _moves_from(team: Team, around: list[list[int]]) -> list[Team]:
+    """Return where a team can be after a move, by the nodes that each node leads to."""
+    choices = itertools.product(*(around[node] for node in team))
+    return sorted({tuple(sorted(nodes)) for nodes in choices})
+
+
+class _WaitingState(NamedTuple):
+    """A state that is to be examined; those with the fewest contaminated nodes come first, and of
+    these the oldest.
+    """
+
+    num_contaminated: int
+    number: int
+    """Number of the state, in the order in which they were added."""
+    contaminated: Nodes
+
+
+class _SearchStates:
+    """The states of a search.
+
+    Attributes:
+        paths: the nodes of each state's team, and the number of the state before, or -1.
+        waiting: a heap of states that are to be examined, and of others since replaced.
+        least: the contaminated nodes of each team's states, of which none contains another's.
+    """
+
+    def __init__(self) -> None:
+        self.paths: list[tuple[Team, int]] = []
+        self.waiting: list[_WaitingState] = []
+        self.least: dict[Team, list[Nodes]] = {}
+
+    def add(self, team: Team, contaminated: Nodes, before: int) -> None:
+        """Add a state that follows another, unless one of the team has no node besides its own."""
+        smaller = self.least.get(team, [])
+        if any(np.all(contaminated | ~other) for other in smaller):
+            return
+        larger = [other for other in smaller if np.any(other & ~contaminated)]
+        self.least[team] = [*larger, contaminated]
+        state = _WaitingState(int(contaminated.sum()), len(self.paths), contaminated)
+        heapq.heappush(self.waiting, state)
+        self.paths.append((team, before))
+
+    def pop(self) -> _WaitingState | None:
+        """Remove and return the next state that was not replaced, or None."""
+        while self.waiting:
+            state = heapq.heappop(self.waiting)
+            team, _ = self.paths[state.number]
+            if any(state.contaminated is nodes for nodes in self.least[team]):
+                return state
+        return None
+
+    def path_to(self, number: int) -> list[Team]:
+        """Return the teams' nodes from a first state to this one."""
+        path: list[Team] = []
+        while number >= 0:
+            team, number = self.paths[number]
+            path.append(team)
+        return path[::-1]

@@ -56,7 +56,9 @@ _RULES: dict[str, AbstractClassical] = {
 
 
 def _make_program(function: Callable[..., Any], name: str | None = None, **shapes: Any) -> Program:
-    """Return a function's program, for arguments of the page's shapes, by their names, or of these."""
+    """Return a function's program, for arguments of the page's shapes, by their names, or of
+    these.
+    """
     shapes = jax.eval_shape(_examples) | shapes
     arguments = (shapes[parameter] for parameter in inspect.signature(function).parameters)
     with jax.numpy_dtype_promotion("standard"):  # numbers that are Python's elsewhere are data here

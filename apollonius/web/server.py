@@ -49,7 +49,10 @@ class FolderHandler(SimpleHTTPRequestHandler):
 
     def end_headers(self) -> None:
         """Forbid scripts of other hosts, guessed types and caching."""
-        policy = "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; frame-ancestors 'none'; base-uri 'none'"
+        policy = (
+            "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; frame-ancestors 'none'; "
+            "base-uri 'none'"
+        )
         self.send_header("Content-Security-Policy", policy)
         self.send_header("X-Content-Type-Options", "nosniff")
         self.send_header("Cache-Control", "no-store")

@@ -79,45 +79,54 @@ def choose_match(person: Role, against: str | None, game: str, seed: int) -> Fir
     team, game_name = split_team(game)
     games = {} if game_name in game_names() else {Path(game_name).stem: find_game(game_name)}
     side = person.other
+    opponent = against or SHIELDED + ANY[side]
+    bare = opponent.removeprefix(SHIELDED)
+    name, agents = _page_agent(bare, side, rules, opponent)
+    players = BySide.of(side, opponent.removesuffix(bare) + name, YOU)
     is_first = against is None and person == Role.EVADER and (game, seed) == ("paper", 0)
-    name = against or SHIELDED + ANY[side]
-    bare = name.removeprefix(SHIELDED)
-    agents: dict[str, Path] = {}
-    header = None if bare.endswith(OWN) else find_player(name, side, rules).header
+    arena = Path(game_name).stem if games else game_name
+    return FirstMatch(
+        pursuer=players.pursuer,
+        evader=players.evader,
+        game=f"{team}/{arena}" if team else arena,
+        difficulty="fair" if against is None else "sharp",
+        seed=seed,
+        level=1 if is_first else None,
+        agents=agents,
+        games=games,
+    )
+
+
+def _page_agent(bare: str, side: Role, rules: Game, opponent: str) -> tuple[str, dict[str, Path]]:
+    """Return a player's name in the page, and its file by this name if it does not ship with it.
+
+    Args:
+        bare: name or file of the player, without a shield.
+        side: the player's side.
+        rules: the game.
+        opponent: the player as a person named it.
+    """
     if bare.endswith(OWN):
         path = Path(bare)
         is_there = path.is_file() and path.read_bytes()[:4] == b"\0asm"
-        require(
-            is_there,
-            "opponent",
-            bare,
-            "a file that apollonius.web.programs.write_player has written",
-        )
-        name, agents = name.removesuffix(bare) + path.stem, {path.stem: path}
-    elif header is None or bare.startswith(SEARCHING):
+        bound = "a file that apollonius.web.programs.write_player has written"
+        require(is_there, "opponent", bare, bound)
+        return path.stem, {path.stem: path}
+    header = find_player(opponent, side, rules).header
+    if header is None or bare.startswith(SEARCHING):
         rule_names = [
             rule for rule in PLAYERS if rule not in BY_CHART and BuiltIn().fits(rule, side, rules)
         ]
-        require(
-            bare in rule_names,
-            "opponent",
-            name,
-            f"a trained agent, a {OWN} file, or one of {', '.join(rule_names)}",
-        )
-    else:
-        require(header.observation in READS, "observation", header.observation, _MADE)
-        path = find_trained(bare)[1].resolve()
-        # Two runs give their agents the same names, and those of the zoo.
-        agents = (
-            {} if path.parent == ZOO.resolve() else {f"{path.stem} of {path.parents[1].name}": path}
-        )
-        name = name.removesuffix(bare) + next(iter(agents), path.stem)
-    players, difficulty = BySide.of(side, name, YOU), "fair" if against is None else "sharp"
-    arena, level = Path(game_name).stem if games else game_name, 1 if is_first else None
-    game_name = f"{team}/{arena}" if team else arena
-    return FirstMatch(
-        players.pursuer, players.evader, game_name, difficulty, seed, level, agents, games
-    )
+        bound = f"a trained agent, a {OWN} file, or one of {', '.join(rule_names)}"
+        require(bare in rule_names, "opponent", opponent, bound)
+        return bare, {}
+    require(header.observation in READS, "observation", header.observation, _MADE)
+    path = find_trained(bare)[1].resolve()
+    if path.parent == ZOO.resolve():
+        return path.stem, {}
+    # Two runs give their agents the same names, and those of the zoo.
+    name = f"{path.stem} of {path.parents[1].name}"
+    return name, {name: path}
 
 
 def _require_playable(rules: Game, name: str) -> None:
@@ -153,25 +162,11 @@ def write_site(folder: Path, choice: FirstMatch | None = None) -> None:
     """
     first_choice = choice or FirstMatch()
     shutil.copytree(PAGE, folder, dirs_exist_ok=True)
-    (folder / "agents").mkdir(exist_ok=True)
-    names: dict[str, list[str]] = {role.name.lower(): [] for role in Role}
-    published, anywhere = {}, []
-    paths = {name: ZOO / f"{name}.safetensors" for name in zoo_names()}
-    paths |= {
-        path.stem: path for path in sorted(LEARNERS.glob("*.safetensors"), key=_by_number)
-    } | first_choice.agents
-    for number, (name, path) in enumerate(paths.items()):
-        header = None if path.suffix == OWN else load_header(path)
-        if header is None or header.observation in READS:
-            published[name] = f"agents/{number}{path.suffix}"
-            shutil.copyfile(path, folder / published[name])
-            for side in [header.role] if header else names:
-                names[side].append(name)
-            anywhere += [name] if header is None or header.observation in ANY_ARENA else []
-    all_games = {name: find_game(name) for name in game_names()}
+    agents = _write_agents(first_choice, folder)
+    named_games = {name: find_game(name) for name in game_names()}
     games = {
         name: game
-        for name, game in all_games.items()
+        for name, game in named_games.items()
         if game.sensors is None and game.drives is None
     } | first_choice.games
     catalogue = {
@@ -181,9 +176,9 @@ def write_site(folder: Path, choice: FirstMatch | None = None) -> None:
             for name, game in games.items()
             if game.arena.map
         },
-        "agents": names,
-        "anywhere": anywhere,
-        "files": published,
+        "agents": agents.names,
+        "anywhere": agents.anywhere,
+        "files": agents.files,
         "learning": parse_json(LEARNING.read_bytes(), str(LEARNING)),
         "chosen": {
             name: value
@@ -192,6 +187,36 @@ def write_site(folder: Path, choice: FirstMatch | None = None) -> None:
         },
     }
     (folder / "catalogue.json").write_text(to_json(catalogue), encoding="utf-8")
+
+
+@dataclass(frozen=True)
+class _PageAgents:
+    """Trained agents of the page: their names by side, those that play in any arena, and the
+    files' places by name.
+    """
+
+    names: dict[str, list[str]]
+    anywhere: list[str]
+    files: dict[str, str]
+
+
+def _write_agents(choice: FirstMatch, folder: Path) -> _PageAgents:
+    """Copy the agents that the page can play, those of its first match too."""
+    (folder / "agents").mkdir(exist_ok=True)
+    agents = _PageAgents({role.name.lower(): [] for role in Role}, [], {})
+    paths = {name: ZOO / f"{name}.safetensors" for name in zoo_names()}
+    learners = sorted(LEARNERS.glob("*.safetensors"), key=_by_number)
+    paths |= {path.stem: path for path in learners} | choice.agents
+    for number, (name, path) in enumerate(paths.items()):
+        header = None if path.suffix == OWN else load_header(path)
+        if header is None or header.observation in READS:
+            agents.files[name] = f"agents/{number}{path.suffix}"
+            shutil.copyfile(path, folder / agents.files[name])
+            for side in [header.role] if header else agents.names:
+                agents.names[side].append(name)
+            if header is None or header.observation in ANY_ARENA:
+                agents.anywhere.append(name)
+    return agents
 
 
 def _by_number(path: Path) -> tuple[int, str]:

@@ -105,7 +105,8 @@ def discs(layout: Layout, rng: np.random.Generator) -> Arena:
     placed: list[Circle] = []
     for index in range(count):
         for _ in range(TRIES):
-            if circle := _try_circle(layout, rng, least, most, placed):
+            circle = _try_circle(layout, rng, least, most, placed)
+            if circle:
                 placed.append(circle)
                 break
         else:
@@ -142,7 +143,8 @@ def blocks(layout: Layout, rng: np.random.Generator) -> Arena:
     for _ in range(TRIES):
         if covered >= wanted:
             break
-        if circle := _try_circle(layout, rng, _BLOCK_RADIUS[0], most, placed):
+        circle = _try_circle(layout, rng, _BLOCK_RADIUS[0], most, placed)
+        if circle:
             placed.append(circle)
             covered += np.pi * circle[2] ** 2
     return layout.arena([_block(place, rng) for place in placed])

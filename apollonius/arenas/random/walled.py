@@ -15,7 +15,9 @@ _FEW_OPENED = 0.04
 
 
 def labyrinth(layout: Layout, rng: np.random.Generator) -> Arena:
-    """Build a maze of long ways and dead ends, with few loops; raises InvalidInput as `maze` does."""
+    """Build a maze of long ways and dead ends, with few loops; raises InvalidInput as `maze`
+    does.
+    """
     return maze(layout, rng, _FEW_OPENED)
 
 

@@ -1,4 +1,6 @@
-"""ROS 2 nodes: one drives a robot of a pursuit-evasion game by an exported player, one places it on a map."""
+"""ROS 2 nodes: one drives a robot of a pursuit-evasion game by an exported player, one places it on
+a map.
+"""
 
 import sys
 

@@ -1,10 +1,12 @@
-"""The bridge: a robot's odometry, in the frame of the map on which Nav2's AMCL, or another localiser, places it.
+"""The bridge: a robot's odometry, in the frame of the map on which Nav2's AMCL, or another
+localiser, places it.
 
     python3 -m apollonius_ros.bridge --ros-args -r __ns:=/robot1 -r /tf:=tf -r /tf_static:=tf_static
 
-Each message of `odom` is published again as `map_odom`: its pose moved by the latest transform from the map to the
-odometry's frame, its twist and its stamp unchanged. While that transform is missing, or its stamp older than the
-odometry's by more than `patience`, nothing is published, so that the node of `node.py` brakes.
+Each message of `odom` is published again as `map_odom`: its pose moved by the latest transform from
+the map to the odometry's frame, its twist and its stamp unchanged. While that transform is missing,
+or its stamp older than the odometry's by more than `patience`, nothing is published, so that the
+node of `node.py` brakes.
 
 Parameters: `map`, the map's frame ("map"), and `patience` (1.0 s).
 """
@@ -48,14 +50,16 @@ class Bridge(Node):
             found = self.transforms.lookup_transform(frame, header.frame_id, Time())
         except TransformException as error:
             self.warn(
-                f"no transform from '{frame}' to '{header.frame_id}': {error}; does the localiser run?"
+                f"no transform from '{frame}' to '{header.frame_id}': {error}; does the "
+                "localiser run?"
             )
             return
         since = seconds(found.header.stamp)
         age = seconds(header.stamp) - since
         if since > 0 and age > self.given["patience"]:  # a static transform's stamp is 0
             self.warn(
-                f"the transform from '{frame}' is {age:.1f} s older than the odometry; does the localiser run?"
+                f"the transform from '{frame}' is {age:.1f} s older than the odometry; does "
+                "the localiser run?"
             )
             return
         move(message.pose.pose, found.transform)
@@ -71,7 +75,9 @@ def seconds(stamp):
 
 
 def move(pose, transform):
-    """Move a pose by a transform that turns about the vertical only, as those of localisers on flat floors do."""
+    """Move a pose by a transform that turns about the vertical only, as those of localisers on flat
+    floors do.
+    """
     shift, turn = transform.translation, transform.rotation
     place, facing = pose.position, pose.orientation
     yaw, x, y = 2 * math.atan2(turn.z, turn.w), place.x, place.y

@@ -1,4 +1,6 @@
-"""A player that `apollonius export --to c` wrote, compiled to a shared library. Plain Python: no ROS, no Apollonius."""
+"""A player that `apollonius export --to c` wrote, compiled to a shared library. Plain Python: no
+ROS, no Apollonius.
+"""
 
 import ctypes
 import json
@@ -67,10 +69,12 @@ class Export:
     def decide(
         self, states: Sequence[Sequence[float]], active: Sequence[bool], bits: int
     ) -> tuple[list[float], list[float]]:
-        """Return the action, a number from 0 to 8 or two shares, and the controls u1 [m/s^2] and u2 [rad/s].
+        """Return the action, a number from 0 to 8 or two shares, and the controls u1 [m/s^2] and u2
+        [rad/s].
 
         Args:
-            states: x [m], y [m], v [m/s] and heading [rad] of its own robot, its mates and its opponents.
+            states: x [m], y [m], v [m/s] and heading [rad] of its own robot, its mates and its
+                opponents.
             active: whether each is in play.
             bits: 32 random bits.
         """

@@ -160,7 +160,9 @@ class PursuitNode(Node):
         self.publish(self.drive, self.velocity, message)
 
     def diagnose(self):
-        """Publish the state, the slowest decision of the last second, and the age of each robot's odometry."""
+        """Publish the state, the slowest decision of the last second, and the age of each robot's
+        odometry.
+        """
         slowest, self.latencies = max(self.latencies), [0.0]
         trouble = self.last.trouble if self.last else "not begun"
         late = slowest > self.pilot.player.facts["dt"] / 2
@@ -204,10 +206,11 @@ class PursuitNode(Node):
 
 
 def state_of(message):
-    """Return x, y [m], v [m/s], heading [rad] of an odometry in the arena's frame; its twist is the robot's own.
+    """Return x, y [m], v [m/s], heading [rad] of an odometry in the arena's frame; its twist is the
+    robot's own.
 
-    The heading is NaN unless the quaternion's squared length is within 1 % of 1, and its robot upright within 30
-    degrees.
+    The heading is NaN unless the quaternion's squared length is within 1 % of 1, and its robot
+    upright within 30 degrees.
     """
     pose, turn = message.pose.pose.position, message.pose.pose.orientation
     x, y, z, w = (part * part for part in (turn.x, turn.y, turn.z, turn.w))

@@ -1,6 +1,7 @@
 """The command of one robot, from what is known of all. Plain Python: no ROS, no Apollonius.
 
-A `Pilot` never raises and always has a command. While it cannot trust what it knows, it brakes, and says why.
+A `Pilot` never raises and always has a command. While it cannot trust what it knows, it brakes, and
+says why.
 """
 
 import cmath
@@ -25,8 +26,8 @@ DRIFT_TIME = 2.0
 class Decision:
     """The command of one step of the game, and all that it came from.
 
-    Speed and turn rate are in m/s and rad/s. `trouble` says why it brakes; it is empty where the player decided, and
-    what that was asked and answered, as `Export.decide`, comes after it.
+    Speed and turn rate are in m/s and rad/s. `trouble` says why it brakes; it is empty where the
+    player decided, and what that was asked and answered, as `Export.decide`, comes after it.
     """
 
     step: int = 0
@@ -42,7 +43,8 @@ class Decision:
 
 @dataclass
 class Robot:
-    """What is known of a robot: its last state and whether it is in play, with the times [s] when they were so.
+    """What is known of a robot: its last state and whether it is in play, with the times [s] when
+    they were so.
 
     Attributes:
         trusted: the time [s] and the state that the pilot believed last.
@@ -58,7 +60,9 @@ class Robot:
     drift: complex = 0j
 
     def see(self, state: Sequence[float], stamp: float, now: float) -> None:
-        """Take a state of a time [s], unless a newer one has come that is not ahead of the clock."""
+        """Take a state of a time [s], unless a newer one has come that is not ahead of the
+        clock.
+        """
         if not stamp < self.seen < now + 1.0:
             self.state, self.seen = state, stamp
 
@@ -88,8 +92,8 @@ class Pilot:
         player: an `Export`.
         robots: its own, its mates, its opponents, in the order of the export.
         patience: how old a state, and a referee's word, may be [s].
-        lead: how far the commanded speed may be ahead of the measured one [m/s], so that a robot that is held does not
-            jump when it is let go.
+        lead: how far the commanded speed may be ahead of the measured one [m/s], so that a robot
+            that is held does not jump when it is let go.
         refereed: whether a referee says who is in play.
         stopped: set at the end; the robot brakes from then on.
     """
@@ -161,7 +165,9 @@ class Pilot:
         return robot.in_play
 
     def _state(self, robot: Robot, active: bool, now: float) -> Sequence[float]:
-        """Return a robot's last state, if it is to be trusted or does not matter; raises otherwise."""
+        """Return a robot's last state, if it is to be trusted or does not matter; raises
+        otherwise.
+        """
         facts, age = self.player.facts, now - robot.seen
         if not active:
             return (0.0,) * 4
