@@ -252,7 +252,7 @@ def _train(config: "RunConfig", folder: Path, options: argparse.Namespace) -> No
 def _send(
     line: "MetricsLine", trackers: "list[Tracker]", folder: Path, options: argparse.Namespace
 ) -> None:
-    """Send metrics to the trackers; one that fails gets no more of them."""
+    """Send metrics to the trackers, except to one that has failed."""
     for track in trackers:
         try:
             track(line)

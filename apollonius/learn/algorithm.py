@@ -1,4 +1,4 @@
-"""The interface of the algorithms: the numbers that they share, and what a stage asks of them.
+"""The interface of the algorithms: their common numbers, and the functions that a stage calls.
 
 An algorithm is its config, a frozen dataclass, so it is static under `jit`. Its learner is a pytree with a `network`,
 which plays while it learns, an `average`, which plays in evaluations, and `updates`, their number so far.
@@ -219,11 +219,11 @@ class ReplayConfig(LearnerConfig):
         """Return the learner after one update from a batch, and the loss before it. The key is consumed."""
 
     def end_iteration(self, learner: Any, env_steps: Int[Array, ""]) -> Any:
-        """Return the learner after the updates of an iteration, at whose end so many env steps were made."""
+        """Return the learner at the end of an iteration; `env_steps` have been made in the stage."""
         return learner
 
     def exploration(self, first: float, stage: int, env_steps: Int[Array, ""]) -> Scalar:
-        """Return how much the acting network explores, from 0 to 1.
+        """Return the amount of exploration of the acting network, from 0 to 1.
 
         Args:
             first: amount at the beginning of the stage.

@@ -132,7 +132,7 @@ def clearing_strategy(
 
 
 def _moves_from(team: Team, around: list[list[int]]) -> list[Team]:
-    """Return where a team can be after a move, by the nodes that each node leads to."""
+    """Return the nodes of a team after each of its moves, by the nodes that each node leads to."""
     choices = itertools.product(*(around[node] for node in team))
     return sorted({tuple(sorted(nodes)) for nodes in choices})
 
