@@ -89,7 +89,21 @@ class RunConfig:
             self.game.require_two("soft actor-critic")
         for role in (Role.PURSUER,) if self.stages == FIXED_TARGET else Role:
             require_pay_in_play(self.game, role)
-        past, games = self.self_play.opponents, (self.sac or self.dqn).games
+        self._check_past_opponents()
+        self._check_first_networks()
+        if self.one_side is not None:
+            bound = f"left out for a {self.stages}, whose actions are the nine"
+            require(self.sac is None, "sac", "given", bound)
+        if self.stages == RESPONSE:
+            self._check_response()
+        if self.stages == DISTILLATION:
+            self._check_distillation()
+
+    def _check_past_opponents(self) -> None:
+        """Refuse earlier versions that games, memory or the time between two draws do not suffice for."""
+        past = self.self_play.opponents
+        learner = self.sac or self.dqn
+        games = learner.games
         fits = past.share == 0 or past.slot_games(games) > 0
         require(
             fits,
@@ -98,44 +112,32 @@ class RunConfig:
             f"more, so that {past.scheme} has one for each of 2 x {past.slots} slots",
         )
         copies = 2 * past.versions * (past.share > 0)
-        needed = copies * 4 * (self.sac or self.dqn).depth * (self.sac or self.dqn).width ** 2
+        needed = copies * 4 * learner.depth * learner.width**2
         require_memory("versions", past.versions, needed, "keep fewer, or train a smaller network")
         longest = games * self.game.max_steps
         bound = f"at least games x max_steps = {longest:,}, so that games that {past.scheme} judges by can end"
         require(past.renewal >= longest or past.share == 0, "renewal", past.renewal, bound)
 
+    def _check_first_networks(self) -> None:
+        """Refuse agents to start from, and evaders, that the stages do not use."""
         used = {FIXED_TARGET: ("pursuer", "evaders"), "both": ()}.get(
             self.stages, ("pursuer", "evader")
         )
         for name, default in (("pursuer", None), ("evader", None), ("evaders", ("still",))):
-            value, bound = (
-                getattr(self, name),
-                f"left out where stages is '{self.stages}', which begins without it",
-            )
+            value = getattr(self, name)
+            bound = f"left out where stages is '{self.stages}', which begins without it"
             shown = ", ".join(value) if name == "evaders" else value
             require(value == default or name in used, name, shown, bound)
-        if self.stages == RESPONSE:
-            games, bound = self.ppo.games, "as many at least as opponents, so that each has one"
-            require(games >= len(self.response.opponents), "ppo.games", games, bound)
-            first, bound = (
-                BySide(self.pursuer, self.evader)[self.response.side],
-                "0 for an agent from random weights",
-            )
-            require(
-                first or self.response.initial_weight_share == 0,
-                "response.initial_weight_share",
-                self.response.initial_weight_share,
-                bound,
-            )
-        if self.one_side is not None:
-            require(
-                self.sac is None,
-                "sac",
-                "given",
-                f"left out for a {self.stages}, whose actions are the nine",
-            )
-        if self.stages != DISTILLATION:
-            return
+
+    def _check_response(self) -> None:
+        games, bound = self.ppo.games, "as many at least as opponents, so that each has one"
+        require(games >= len(self.response.opponents), "ppo.games", games, bound)
+        first = BySide(self.pursuer, self.evader)[self.response.side]
+        share = self.response.initial_weight_share
+        bound = "0 for an agent from random weights"
+        require(first or share == 0, "response.initial_weight_share", share, bound)
+
+    def _check_distillation(self) -> None:
         stage, games = self.distillation, self.dqn.games
         if stage.solves:
             self.game.require_two("a distillation by tables")

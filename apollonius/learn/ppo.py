@@ -223,12 +223,7 @@ def _learn(
     )
     keys = jax.random.split(key, config.epochs)
     order = jnp.concatenate([jax.random.permutation(key, len(values)) for key in keys])
-    rate = interpolate_linearly(
-        config.learning_rate, config.final_learning_rate, stage.env_steps, env_steps
-    )
-    rates = jnp.where(iterations < config.critic_first, 0.0, rate), interpolate_linearly(
-        config.critic_learning_rate, config.final_learning_rate, stage.env_steps, env_steps
-    )  # fmt: skip
+    rates = _learning_rates(plan, iterations, env_steps)
 
     def update(learner: PPOLearner, rows: Int[Array, " batch"]) -> tuple[PPOLearner, Scalar]:
         parts = learner.network, learner.critic
@@ -246,6 +241,17 @@ def _learn(
 
     learner, errors = jax.lax.scan(update, learner, order.reshape(-1, config.batch))
     return learner, jnp.sum(errors)
+
+
+def _learning_rates(
+    plan: Plan, iterations: Int[Array, ""], env_steps: Int[Array, ""]
+) -> tuple[Scalar, Scalar]:
+    """Return the learning rates of the network, which waits for the critic at first, and of the critic."""
+    config, stage = _configs(plan)
+    last, over = config.final_learning_rate, stage.env_steps
+    rate = interpolate_linearly(config.learning_rate, last, over, env_steps)
+    critic_rate = interpolate_linearly(config.critic_learning_rate, last, over, env_steps)
+    return jnp.where(iterations < config.critic_first, 0.0, rate), critic_rate
 
 
 def _loss(

@@ -5,7 +5,7 @@ so they follow the clock: a run that is killed and resumed ends with the same bi
 """
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -155,19 +155,9 @@ class TrainingRun:
         best = saved.best
         stage = meta.stage
         plan = self.plans[stage]
-        if self.config.one_side is not None:
-            play = (
-                distillation.train_distillation_chunk
-                if stage == DISTILLATION
-                else ppo.train_response_chunk
-            )
-            chunks = loop.train_round_robin(play, plan, train, self.tasks, meta.chunks)
-        else:
-            game, fixed = plan.stage.trained_in(self.game), self.fixed.get(stage, {})
-            chunks = loop.chunks(plan, game, train, fixed, meta.chunks)
-        began, last_save = time.monotonic() - meta.seconds, time.monotonic()
-        chunk_began = time.monotonic()
-        for train, metrics in chunks:
+        began = time.monotonic() - meta.seconds
+        last_save = chunk_began = time.monotonic()
+        for train, metrics in self._chunks(stage, train, meta.chunks):
             jax.block_until_ready(metrics)  # a chunk is handed out before it is computed
             speed = plan.env_steps_per_chunk / (time.monotonic() - chunk_began)
             before, meta = meta.chunks, replace(meta, chunks=meta.chunks + 1)
@@ -192,6 +182,20 @@ class TrainingRun:
         if best is not None and meta.best is not None:
             self._save_agent(best, Role.PURSUER, self.config.stage1_name, asdict(meta.best), stage)
         return CheckpointContent(train, best), True
+
+    def _chunks(
+        self, stage: str, train: TrainState, done: int
+    ) -> Iterator[tuple[TrainState, loop.Metrics]]:
+        """Train a stage chunk by chunk, of which some are done."""
+        plan = self.plans[stage]
+        if stage == DISTILLATION:
+            step = distillation.train_distillation_chunk
+            return loop.train_round_robin(step, plan, train, self.tasks, done)
+        if stage == RESPONSE:
+            step = ppo.train_response_chunk
+            return loop.train_round_robin(step, plan, train, self.tasks, done)
+        game = plan.stage.trained_in(self.game)
+        return loop.chunks(plan, game, train, self.fixed.get(stage, {}), done)
 
     def _evaluate(self, stage: str, train: TrainState) -> Evaluation:
         """Play greedily from fixed starts, with fixed players for a side that does not learn."""

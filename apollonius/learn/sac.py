@@ -101,6 +101,11 @@ def actor_loss(
     return jnp.mean(temperature * log_density - values), jnp.mean(log_density)
 
 
+def _move_towards(old: Any, new: Any, share: float) -> Any:
+    """Move weights a share of the distance towards others."""
+    return jax.tree.map(lambda leaf, new_leaf: leaf + share * (new_leaf - leaf), old, new)
+
+
 @dataclass(frozen=True)
 class SACConfig(ReplayConfig):
     """Soft actor-critic (Haarnoja et al., "Soft actor-critic algorithms and applications", 2018), for pairs of action
@@ -203,12 +208,8 @@ class SACConfig(ReplayConfig):
         critics = eqx.apply_updates(
             learner.critics, jax.tree.map(lambda step: -learning_rate * step, of_critics)
         )
-        average = jax.tree.map(
-            lambda old, new: old + self.averaging * (new - old), learner.average, network
-        )
-        target = jax.tree.map(
-            lambda old, new: old + self.target_averaging * (new - old), learner.target, critics
-        )
+        average = _move_towards(learner.average, network, self.averaging)
+        target = _move_towards(learner.target, critics, self.target_averaging)
         log_temperature = learner.log_temperature - acts * learning_rate * of_temperature
         return SACLearner(
             network, average, critics, target, log_temperature, optimiser, learner.updates + 1
