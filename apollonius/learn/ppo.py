@@ -210,7 +210,8 @@ def _learn(
     key: PRNGKeyArray,
 ) -> tuple[PPOLearner, Scalar]:
     """Learn from a round; return the learner after it and the critic's errors, added up over its updates."""
-    (config, stage), shape = _configs(plan), row.reward.shape
+    config, _ = _configs(plan)
+    shape = row.reward.shape
     flat = jax.tree.map(lambda leaf: leaf.reshape(row.reward.size, *leaf.shape[2:]), row)
     values = apply_to_batch(learner.critic, flat.observation)[:, 0]
     gained = advantages(config, row, values.reshape(shape)).ravel()

@@ -157,7 +157,8 @@ class TrainingRun:
         plan = self.plans[stage]
         began = time.monotonic() - meta.seconds
         last_save = chunk_began = time.monotonic()
-        for train, metrics in self._chunks(stage, train, meta.chunks):
+        chunks = self._chunks(stage, train, meta.chunks)
+        for train, metrics in chunks:
             jax.block_until_ready(metrics)  # a chunk is handed out before it is computed
             speed = plan.env_steps_per_chunk / (time.monotonic() - chunk_began)
             before, meta = meta.chunks, replace(meta, chunks=meta.chunks + 1)
