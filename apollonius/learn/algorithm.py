@@ -1,7 +1,8 @@
 """The interface of the algorithms: their common numbers, and the functions that a stage calls.
 
-An algorithm is its config, a frozen dataclass, so it is static under `jit`. Its learner is a pytree with a `network`,
-which plays while it learns, an `average`, which plays in evaluations, and `updates`, their number so far.
+An algorithm is its config, a frozen dataclass, so it is static under `jit`. Its learner is a pytree
+with a `network`, which plays while it learns, an `average`, which plays in evaluations, and
+`updates`, their number so far.
 """
 
 from abc import abstractmethod
@@ -26,7 +27,9 @@ from apollonius.learn.replay_buffer import TransitionBatch
 from apollonius.observe.registry import find_observation
 
 _CHUNK_ENV_STEPS = 8192
-"""Env steps between two looks from outside (progress, checkpoints, Ctrl-C), where iterations are small enough."""
+"""Env steps between two looks from outside (progress, checkpoints, Ctrl-C), where iterations are
+small enough.
+"""
 
 
 def interpolate_linearly(start: Real, end: Real, over: Real, env_steps: Int[Array, ""]) -> Scalar:
@@ -38,7 +41,9 @@ def interpolate_linearly(start: Real, end: Real, over: Real, env_steps: Int[Arra
 
 @runtime_checkable
 class Learner(Protocol):
-    """One side's networks and optimisers: `network` plays while it learns, `average` in evaluations."""
+    """One side's networks and optimisers: `network` plays while it learns, `average` in
+    evaluations.
+    """
 
     @property
     def network(self) -> Any: ...
@@ -50,7 +55,9 @@ class Learner(Protocol):
 
 @dataclass(frozen=True)
 class LearnerConfig:
-    """The numbers that all algorithms share. Intervals are in environment steps: one step of one game."""
+    """The numbers that all algorithms share. Intervals are in environment steps: one step of one
+    game.
+    """
 
     network: ClassVar[type[QNetwork] | type[GaussianActor]]
     """Class of the networks that it trains."""
@@ -63,7 +70,9 @@ class LearnerConfig:
     depth: int = 4
     """Number of hidden layers (Fig. 3)."""
     symmetric: bool = False
-    """True to train a network that treats left and right alike; needs action values and `egocentric` or `team`."""
+    """True to train a network that treats left and right alike; needs action values and
+    `egocentric` or `team`.
+    """
     gamma: float = 0.99
     """Discount of a step (section IV)."""
     learning_rate: float = 5e-4
@@ -120,13 +129,19 @@ class LearnerConfig:
         return 0
 
     def fit_network(self, network: Network, name: str, value: object) -> Network:
-        """Return a network to go on from; one that reads a part of the observation has weights of 0 for the rest, and a
-        symmetric one stays so.
+        """Return a network to go on from; one that reads a part of the observation has weights of 0
+        for the rest, and a symmetric one stays so.
 
         Raises InvalidInput when it does not fit, by the name and value that the user gave.
         """
-        wanted = f"{self.network.__name__} of {self.depth} layers of {self.width} that reads '{self.observation}'"
-        bound = f"a {wanted}, as this config trains, not one that reads '{network.observation.name}' or of another size"
+        wanted = (
+            f"{self.network.__name__} of {self.depth} layers of {self.width} "
+            f"that reads '{self.observation}'"
+        )
+        bound = (
+            f"a {wanted}, as this config trains, not one that reads "
+            f"'{network.observation.name}' or of another size"
+        )
         reads, size = (
             find_observation(self.observation),
             (len(network.layers) - 1, int(network.layers[0].out_features)),
@@ -149,12 +164,18 @@ class ReplayConfig(LearnerConfig):
     """The numbers of the algorithms that learn from a replay buffer."""
 
     n_step: int = 16
-    """Rewards summed before a value is bootstrapped, at the start of a stage: far-reaching, but of high variance."""
+    """Rewards summed before a value is bootstrapped, at the start of a stage: far-reaching, but of
+    high variance.
+    """
     final_n_step: int = 4
-    """Rewards summed at the end of a stage, reached in a straight line: less noise, and closer to the value of the best
-    action than of the explored one (annealed as in Schwarzer et al., "Bigger, Better, Faster", 2023)."""
+    """Rewards summed at the end of a stage, reached in a straight line: less noise, and closer to
+    the value of the best action than of the explored one (annealed as in Schwarzer et al., "Bigger,
+    Better, Faster", 2023).
+    """
     averaging: float = 3e-4
-    """Part of the way that the averaged weights go towards the network at each update; 1 plays the network itself."""
+    """Part of the way that the averaged weights go towards the network at each update; 1 plays the
+    network itself.
+    """
     env_steps_per_update: int = 512
     """Env steps between two updates of each learner."""
     replay_capacity: int = 524_288
@@ -210,16 +231,20 @@ class ReplayConfig(LearnerConfig):
 
     @abstractmethod
     def init_learner(self, key: PRNGKeyArray, network: Network | None = None) -> Any:
-        """Return a learner that starts from a copy of a network, or from random weights. The key is consumed."""
+        """Return a learner that starts from a copy of a network, or from random weights. The key is
+        consumed.
+        """
 
     @abstractmethod
     def update(
         self, learner: Any, batch: TransitionBatch, learning_rate: Scalar, key: PRNGKeyArray
     ) -> tuple[Any, Scalar]:
-        """Return the learner after one update from a batch, and the loss before it. The key is consumed."""
+        """Return the learner after one update from a batch, and the loss before it. The key is
+        consumed.
+        """
 
     def end_iteration(self, learner: Any, env_steps: Int[Array, ""]) -> Any:
-        """Return the learner at the end of an iteration; `env_steps` have been made in the stage."""
+        """Return the learner at the end of an iteration, after `env_steps` of the stage."""
         return learner
 
     def exploration(self, first: float, stage: int, env_steps: Int[Array, ""]) -> Scalar:
@@ -233,5 +258,7 @@ class ReplayConfig(LearnerConfig):
         return jnp.ones(())
 
     def noise_block(self, iterations: Int[Array, ""]) -> Int[Array, ""] | None:
-        """Return the number of the iterations that share their random bits; None where each step has its own."""
+        """Return the number of the iterations that share their random bits; None where each step
+        has its own.
+        """
         return None

@@ -1,9 +1,10 @@
 """Distillation: one side learns a teacher's action values, in the states of its own games (DAgger).
 
-The student plays, greedy but for some random actions, against several opponents; among them some that know it and
-search (`solve.players`). The teacher labels these states and others, and the network is fitted to the labels
-(Ross, Gordon, Bagnell, "A reduction of imitation learning and structured prediction to no-regret online learning",
-2011; Rusu et al., "Policy distillation", 2016).
+The student plays, greedy but for some random actions, against several opponents; among them some
+that know it and search (`solve.players`). The teacher labels these states and others, and the
+network is fitted to the labels (Ross, Gordon, Bagnell, "A reduction of imitation learning and
+structured prediction to no-regret online learning", 2011; Rusu et al., "Policy distillation",
+2016).
 """
 
 import functools
@@ -35,20 +36,27 @@ from apollonius.play.rollout import Games, collect, init_games
 from apollonius.solve.players import RolloutSearch
 
 ORDER = 10.0
-"""Weight of the differences between a state's actions, relative to their mean: the choice depends on them alone."""
+"""Weight of the differences between a state's actions, relative to their mean: the choice depends
+on them alone.
+"""
 _PLANS = ((10, 1, NUM_ACTIONS), (10, 2, 3))
-"""Plans of near-sighted and far-sighted attackers: steps of a hold, holds, and plans that are followed further; one
-and two seconds, in a game with steps of 0.1 s."""
+"""Plans of near-sighted and far-sighted attackers: steps of a hold, holds, and plans that are
+followed further; one and two seconds, in a game with steps of 0.1 s.
+"""
 
 
 Labels = tuple[Float[Array, "rows size"], Float[Array, "rows 9"]]
-"""Observations and the teacher's values of the nine actions there, NaN where there is nothing to learn."""
+"""Observations and the teacher's values of the nine actions there, NaN where there is nothing to
+learn.
+"""
 
 
 def start_distillation(
     plan: Plan, tasks: Sequence[DistillationTask], key: PRNGKeyArray, network: Network | None = None
 ) -> TrainState:
-    """Return the state before the first step, from random weights where there is no network. The key is consumed."""
+    """Return the state before the first step, from random weights where there is no network. The
+    key is consumed.
+    """
     network_key, start_key, train_key = jax.random.split(key, 3)
     config = plan.learner
     assert isinstance(config, DQNConfig)
@@ -120,7 +128,9 @@ def _iterate(plan: Plan, state: TrainState, task: DistillationTask) -> tuple[Tra
 def _players(
     plan: Plan, network: QNetwork, task: DistillationTask, key: PRNGKeyArray
 ) -> BySide[AbstractPlayers]:
-    """Return the student, whose random actions last for a round, and its opponents, each in games of its own."""
+    """Return the student, whose random actions last for a round, and its opponents, each in games
+    of its own.
+    """
     config = _config(plan)
     table = task.table
     games = plan.learner.games
@@ -167,7 +177,9 @@ def _fit(
 
 
 def _error(network: QNetwork, labels: Labels) -> Scalar:
-    """Return the mean squared error of the differences between a state's actions, and of their mean."""
+    """Return the mean squared error of the differences between a state's actions, and of their
+    mean.
+    """
     observation, values = labels
     wrong = jnp.where(jnp.isnan(values), 0.0, network.batch(observation) - values)
     mean = jnp.mean(wrong, axis=1)

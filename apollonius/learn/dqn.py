@@ -19,7 +19,8 @@ from apollonius.learn.replay_buffer import TransitionBatch
 class DQNLearner(eqx.Module):
     """One side's networks and optimiser. `updates` counts the updates so far.
 
-    `average` is the running average of the network's weights (Polyak averaging), which plays in evaluations.
+    `average` is the running average of the network's weights (Polyak averaging), which plays in
+    evaluations.
     """
 
     network: QNetwork
@@ -35,9 +36,11 @@ _adam = optax.scale_by_adam()
 def q_target(
     reward: Scalar, discount: Scalar, next_values: Float[Array, "9"], next_choice: Float[Array, "9"]
 ) -> Scalar:
-    """Return `reward + discount * Q_target(s', a*)` (Eq. 3); the discount is 0 where the game ended by its rules.
+    """Return `reward + discount * Q_target(s', a*)` (Eq. 3); the discount is 0 where the game ended
+    by its rules.
 
-    `a*` is the best action by `next_choice`, the target network's values (Eq. 3) or the online network's (double).
+    `a*` is the best action by `next_choice`, the target network's values (Eq. 3) or the online
+    network's (double).
     """
     return reward + discount * next_values[jnp.argmax(next_choice)]
 
@@ -58,7 +61,9 @@ def loss(network: QNetwork, target: QNetwork, batch: TransitionBatch, double: bo
 def adam_step(
     learner: DQNLearner, gradient: Any, learning_rate: Scalar, averaging: float
 ) -> DQNLearner:
-    """Return the learner after one step of Adam along a gradient; the averaged weights go towards the network."""
+    """Return the learner after one step of Adam along a gradient; the averaged weights go towards
+    the network.
+    """
     direction, optimiser = _adam.update(gradient, learner.optimiser)
     network = eqx.apply_updates(
         learner.network, jax.tree.map(lambda step: -learning_rate * step, direction)
@@ -77,9 +82,12 @@ class DQNConfig(ReplayConfig):
 
     network = QNetwork
     double: bool = True
-    """Let the online network choose and the target network value the next action (double Q-learning)."""
+    """Let the online network choose and the target network value the next action (double
+    Q-learning).
+    """
     target_period: int = 128_000
-    """Env steps between two copies of the network to the target network (C in Algorithms 1 and 2)."""
+    """Env steps between two copies of the network to the target network (C in Algorithms 1 and 2).
+    """
     final_epsilon: float = 0.02
     """Share of random actions once exploration has settled."""
     exploration_fraction: float = 0.2
@@ -95,7 +103,9 @@ class DQNConfig(ReplayConfig):
             require_positive(self, "exploration_steps")
 
     def exploration(self, first: float, stage: int, env_steps: Int[Array, ""]) -> Scalar:
-        """Return the share of random actions, from `first` at the beginning of a stage of this many env steps."""
+        """Return the share of random actions, from `first` at the beginning of a stage of this many
+        env steps.
+        """
         over = self.exploration_steps or self.exploration_fraction * stage
         return interpolate_linearly(first, self.final_epsilon, over, env_steps)
 
@@ -111,7 +121,9 @@ class DQNConfig(ReplayConfig):
     def update(
         self, learner: DQNLearner, batch: TransitionBatch, learning_rate: Scalar, key: PRNGKeyArray
     ) -> tuple[DQNLearner, Scalar]:
-        """Return the learner after one step of Adam on a batch, and the loss before it; no key is needed."""
+        """Return the learner after one step of Adam on a batch, and the loss before it; no key is
+        needed.
+        """
         value, gradient = eqx.filter_value_and_grad(loss)(
             learner.network, learner.target, batch, self.double
         )
@@ -147,7 +159,7 @@ PROFILES: dict[str, DQNConfig] = {
 }
 """`fast`: the default. `paper`: plain DQN as printed (Eq. 3, section IV, Algorithms 1 and 2).
 
-Where the paper is silent, replay, first update and last exploration are those of the work that it cites for DQN (Mnih
-et al., "Human-level control through deep reinforcement learning", 2015). The target is copied every 30,000 updates,
-there every 10,000.
+Where the paper is silent, replay, first update and last exploration are those of the work that it
+cites for DQN (Mnih et al., "Human-level control through deep reinforcement learning", 2015). The
+target is copied every 30,000 updates, there every 10,000.
 """

@@ -1,7 +1,9 @@
-"""A best response by proximal policy optimisation (Schulman et al., 2017): one side against others that do not learn.
+"""A best response by proximal policy optimisation (Schulman et al., 2017): one side against others
+that do not learn.
 
-The network's values of the nine actions, taken as logits, are a policy that draws its actions; where it counts, the
-best one is played. In an update no action becomes much more or less likely than in the games that it is learned from.
+The network's values of the nine actions, taken as logits, are a policy that draws its actions;
+where it counts, the best one is played. In an update no action becomes much more or less likely
+than in the games that it is learned from.
 """
 
 import functools
@@ -44,7 +46,9 @@ _HIDDEN = 256, 256
 _STARTS = 8
 """Starts of each column of games in a round; shorter games begin from some again."""
 _ROUNDS_SEEN = 16
-"""Rounds of which some observations are kept, to find the units that a network has little use for in all its games."""
+"""Rounds of which some observations are kept, to find the units that a network has little use for
+in all its games.
+"""
 _adam = tuple(
     optax.chain(optax.clip_by_global_norm(most), optax.scale_by_adam()) for most in (0.5, 1.0)
 )
@@ -53,7 +57,9 @@ _adam = tuple(
 def first_network(
     network: Network, learner: PPOConfig, name: str, role: Role, game: Game
 ) -> Network:
-    """Return an agent's network as the first one of a response: without caution, its values as logits."""
+    """Return an agent's network as the first one of a response: without caution, its values as
+    logits.
+    """
     price = loss_value(find_player(name, role, game), game)
     return scale_outputs(without_clearance_penalty(network), learner.loss_value / price)
 
@@ -61,8 +67,8 @@ def first_network(
 def start_response(
     plan: Plan, tasks: Sequence[TrainingTask], key: PRNGKeyArray, network: Network | None = None
 ) -> TrainState:
-    """Return the state before the first step, from random weights where there is no network, whose values are logits.
-    The key is consumed.
+    """Return the state before the first step, from random weights where there is no network, whose
+    values are logits. The key is consumed.
     """
     (config, stage), (network_key, critic_key, start_key, train_key) = (
         _configs(plan),
@@ -171,9 +177,11 @@ def _in_units(game: Game, row: Row) -> Row:
 def advantages(
     config: PPOConfig, row: Row, values: Float[Array, "steps games"]
 ) -> Float[Array, "steps games"]:
-    """Estimate the advantages of actions by generalised advantage estimation (Schulman et al., 2016).
+    """Estimate the advantages of actions by generalised advantage estimation (Schulman et al.,
+    2016).
 
-    A game that is truncated, and one that the last step leaves under way, is worth what it was before that step.
+    A game that is truncated, and one that the last step leaves under way, is worth what it was
+    before that step.
     """
     following = jnp.concatenate([values[1:], values[-1:]])
     following = jnp.where(row.terminated, 0.0, jnp.where(row.truncated, values, following))
@@ -189,8 +197,8 @@ def advantages(
 
 
 class _LearnBatch(eqx.Module):
-    """The rows that updates learn from: observations and actions, their logarithmic probabilities in the games, their
-    advantages, the critic's targets, and whether they count.
+    """The rows that updates learn from: observations and actions, their logarithmic probabilities
+    in the games, their advantages, the critic's targets, and whether they count.
     """
 
     observation: Float[Array, "rows size"]
@@ -209,7 +217,9 @@ def _learn(
     env_steps: Int[Array, ""],
     key: PRNGKeyArray,
 ) -> tuple[PPOLearner, Scalar]:
-    """Learn from a round; return the learner after it and the critic's errors, added up over its updates."""
+    """Learn from a round; return the learner after it and the critic's errors, added up over its
+    updates.
+    """
     config, _ = _configs(plan)
     shape = row.reward.shape
     flat = jax.tree.map(lambda leaf: leaf.reshape(row.reward.size, *leaf.shape[2:]), row)
@@ -247,7 +257,9 @@ def _learn(
 def _learning_rates(
     plan: Plan, iterations: Int[Array, ""], env_steps: Int[Array, ""]
 ) -> tuple[Scalar, Scalar]:
-    """Return the learning rates of the network, which waits for the critic at first, and of the critic."""
+    """Return the learning rates of the network, which waits for the critic at first, and of the
+    critic.
+    """
     config, stage = _configs(plan)
     last, over = config.final_learning_rate, stage.env_steps
     rate = interpolate_linearly(config.learning_rate, last, over, env_steps)

@@ -32,8 +32,9 @@ class PPOConfig(LearnerConfig):
     hold: float = 1.0
     """Steps for which the random number that chooses an action is held, on average."""
     temperature: float = 3e-3
-    """Difference between two actions of the first network [lost games] that makes one e times as likely: for one whose
-    values lie closer together, a lower one."""
+    """Difference between two actions of the first network [lost games] that makes one e times as
+    likely: for one whose values lie closer together, a lower one.
+    """
     critic_learning_rate: float = 5e-4
     """Adam's step size for the critic, at the start of a stage."""
     critic_first: int = 15

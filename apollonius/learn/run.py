@@ -1,7 +1,9 @@
-"""A training run in a folder: the stages in their order, metrics, agents, checkpoints, exact resume.
+"""A training run in a folder: the stages in their order, metrics, agents, checkpoints, exact
+resume.
 
-All that decides the final weights is in the config and the checkpoint. When checkpoints are written does not matter,
-so they follow the clock: a run that is killed and resumed ends with the same bits as one that is not.
+All that decides the final weights is in the config and the checkpoint. When checkpoints are written
+does not matter, so they follow the clock: a run that is killed and resumed ends with the same bits
+as one that is not.
 """
 
 import time
@@ -63,7 +65,9 @@ _EVALUATION_SEED = 20_200
 
 
 class CheckpointContent(eqx.Module):
-    """Content of a checkpoint: the training state and, in stage 1, the best pursuer so far by a fixed evaluation."""
+    """Content of a checkpoint: the training state and, in stage 1, the best pursuer so far by a
+    fixed evaluation.
+    """
 
     train: TrainState
     best: Network | None
@@ -71,10 +75,11 @@ class CheckpointContent(eqx.Module):
 
 @dataclass(eq=False)
 class TrainingRun:
-    """One training run, in a folder that `create_run` made. `execute` begins it or resumes it from its checkpoint.
+    """One training run, in a folder that `create_run` made. `execute` begins it or resumes it from
+    its checkpoint.
 
-    After every chunk `report` is called with its metrics and the share of the training that is done, and then
-    `should_stop`: True saves a checkpoint and ends `execute` early.
+    After every chunk `report` is called with its metrics and the share of the training that is
+    done, and then `should_stop`: True saves a checkpoint and ends `execute` early.
     """
 
     config: RunConfig
@@ -95,14 +100,17 @@ class TrainingRun:
 
     @cached_property
     def tasks(self) -> Sequence[Any]:
-        """Games and opponents of a side that learns alone; in a distillation lessons, for which games are solved."""
+        """Games and opponents of a side that learns alone; in a distillation lessons, for which
+        games are solved.
+        """
         if self.config.stages == DISTILLATION:
             return distillation_tasks(self.config, self.game, self.folder / TABLES)
         return training_tasks(self.config.response, self.config.ppo, self.game)
 
     def execute(self) -> bool:
-        """Train to the end of the last stage; return False if stopped early. Raises InvalidInput for a checkpoint that
-        this run cannot go on from, and while another process trains in the folder.
+        """Train to the end of the last stage; return False if stopped early. Raises InvalidInput
+        for a checkpoint that this run cannot go on from, and while another process trains in the
+        folder.
         """
         return record_status(self.folder, self._execute)
 
@@ -220,8 +228,8 @@ class TrainingRun:
     def _is_best(self, evaluation: Evaluation, meta: CheckpointMeta) -> bool:
         """Check whether a pursuer of stage 1 is the best so far.
 
-        Against an evader that stays that is the one with most captures (section IV), otherwise the latest: the one with
-        most wins would be one that waits until a random evader has failed.
+        Against an evader that stays that is the one with most captures (section IV), otherwise the
+        latest: the one with most wins would be one that waits until a random evader has failed.
         """
         if meta.stage != FIXED_TARGET:
             return False
@@ -230,7 +238,9 @@ class TrainingRun:
         return evaluation.outcomes["captured"] > meta.best.outcomes["captured"]
 
     def _save_agents(self, train: TrainState, before: int, meta: CheckpointMeta) -> None:
-        """Save the agents at the snapshots of self-play, and that of a side that learns alone at its end."""
+        """Save the agents at the snapshots of self-play, and that of a side that learns alone at
+        its end.
+        """
         plan, stage = self.plans[meta.stage], meta.stage
         times = {SELF_PLAY: self.config.self_play.snapshots, FIXED_TARGET: 0}.get(stage, 1)
         record: dict[str, object] = {
@@ -252,7 +262,9 @@ class TrainingRun:
                     )
 
     def _finish_stage(self, side: LearnerState) -> Network:
-        """Return the network of the agent: the averaged one, of a response mixed with its first; with its penalty."""
+        """Return the network of the agent: the averaged one, of a response mixed with its first;
+        with its penalty.
+        """
         network = side.learner.average
         one_side = self.config.one_side
         initial_share = self.config.response.initial_weight_share
@@ -293,12 +305,14 @@ class TrainingRun:
 
 
 def train(folder: Path) -> bool:
-    """Train the run of a folder, from its checkpoint if it has one; return False if it was stopped."""
+    """Train the run of a folder, from its checkpoint if any; return False if stopped."""
     return TrainingRun(load_config(folder / "config.toml"), folder).execute()
 
 
 def load_first_networks(config: RunConfig, role: Role) -> Network | None:
-    """Return the network that a side starts from, if the config names one; raises InvalidInput if it does not fit."""
+    """Return the network that a side starts from, if the config names one; raises InvalidInput if
+    it does not fit.
+    """
     name = BySide(config.pursuer, config.evader)[role]
     if name is None:
         return None

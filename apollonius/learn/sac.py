@@ -1,6 +1,7 @@
 """Soft actor-critic with twin critics and a temperature of its own: targets, losses, one update.
 
-Haarnoja et al., "Soft actor-critic algorithms and applications" (2018); equation numbers are that paper's.
+Haarnoja et al., "Soft actor-critic algorithms and applications" (2018); equation numbers are that
+paper's.
 """
 
 from dataclasses import dataclass
@@ -49,8 +50,8 @@ class Critics(eqx.Module):
 class SACLearner(eqx.Module):
     """One side's networks and optimisers. `updates` counts the updates so far.
 
-    `average` is the running average of the actor's weights: which plays in evaluations. `target` is that of the
-    critics. `log_temperature` is the logarithm of alpha.
+    `average` is the running average of the actor's weights: which plays in evaluations. `target` is
+    that of the critics. `log_temperature` is the logarithm of alpha.
     """
 
     network: GaussianActor
@@ -68,10 +69,12 @@ _adam = optax.scale_by_adam()
 def sample_actions(
     actor: GaussianActor, observations: Float[Array, "batch size"], noise: Actions
 ) -> tuple[Actions, Float[Array, " batch"]]:
-    """Return actions drawn by the actor with standard normal noise, by its weights, and their log densities (Eq. 20).
+    """Return actions drawn by the actor with standard normal noise, by its weights, and their log
+    densities (Eq. 20).
 
-    With u normal and a = tanh(u), the density of a is that of u over 1 - tanh(u)^2, whose logarithm is written as
-    2 (log 2 - u - softplus(-2 u)), which neither overflows nor loses its digits far out.
+    With u normal and a = tanh(u), the density of a is that of u over 1 - tanh(u)^2, whose logarithm
+    is written as 2 (log 2 - u - softplus(-2 u)), which neither overflows nor loses its digits far
+    out.
     """
     mean, deviation = actor.batch(observations)
     before = mean + deviation * noise
@@ -95,7 +98,9 @@ def actor_loss(
     batch: TransitionBatch,
     noise: Actions,
 ) -> tuple[Scalar, Scalar]:
-    """Return the mean of `alpha log pi(a | s) - min(Q_1, Q_2)(s, a)` (Eq. 7), and the mean log density of actions."""
+    """Return the mean of `alpha log pi(a | s) - min(Q_1, Q_2)(s, a)` (Eq. 7), and the mean log
+    density of actions.
+    """
     actions, log_density = sample_actions(actor, batch.observation, noise)
     values = jnp.min(critics.batch(batch.observation, actions), axis=0)
     return jnp.mean(temperature * log_density - values), jnp.mean(log_density)
@@ -108,8 +113,8 @@ def _move_towards(old: Any, new: Any, share: float) -> Any:
 
 @dataclass(frozen=True)
 class SACConfig(ReplayConfig):
-    """Soft actor-critic (Haarnoja et al., "Soft actor-critic algorithms and applications", 2018), for pairs of action
-    levels; n-step returns as in deep Q-learning.
+    """Soft actor-critic (Haarnoja et al., "Soft actor-critic algorithms and applications", 2018),
+    for pairs of action levels; n-step returns as in deep Q-learning.
     """
 
     network = GaussianActor
@@ -123,16 +128,21 @@ class SACConfig(ReplayConfig):
     target_averaging: float = 2e-2
     """Part of the way that the target critics go towards the critics at each update (tau)."""
     target_entropy: float = -1.0
-    """Mean entropy of a state's actions that the temperature is tuned to [nats, of action levels in [-1, 1]]; uniformly
-    random ones have 1.39. The paper's rule, minus the number of controls, would be -2: too sure too early of the side
-    on which to pass a disc."""
+    """Mean entropy of a state's actions that the temperature is tuned to [nats, of action levels in
+    [-1, 1]]; uniformly random ones have 1.39. The paper's rule, minus the number of controls, would
+    be -2: too sure too early of the side on which to pass a disc.
+    """
     first_temperature: float = 0.1
     """The temperature before the first update."""
     noise_steps: int = 16
-    """Steps for which a game holds the noise of its actions (as in gSDE: Raffin et al., "Smooth exploration for robotic
-    reinforcement learning", 2021): a robot of bounded acceleration averages away what is new every 0.1 s."""
+    """Steps for which a game holds the noise of its actions (as in gSDE: Raffin et al., "Smooth
+    exploration for robotic reinforcement learning", 2021): a robot of bounded acceleration averages
+    away what is new every 0.1 s.
+    """
     critics_first: int = 500
-    """Updates of the critics alone before the actor learns: they begin from random weights even where it does not."""
+    """Updates of the critics alone before the actor learns: they begin from random weights even
+    where it does not.
+    """
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -152,8 +162,8 @@ class SACConfig(ReplayConfig):
         return iterations // (self.noise_steps // self.steps_per_iteration)
 
     def init_learner(self, key: PRNGKeyArray, network: Network | None = None) -> SACLearner:
-        """Return a learner that starts from a copy of an actor, or from random weights; its critics begin from random
-        weights. The key is consumed.
+        """Return a learner that starts from a copy of an actor, or from random weights; its critics
+        begin from random weights. The key is consumed.
         """
         actor = network
         if actor is None:
@@ -174,10 +184,11 @@ class SACConfig(ReplayConfig):
     def update(
         self, learner: SACLearner, batch: TransitionBatch, learning_rate: Scalar, key: PRNGKeyArray
     ) -> tuple[SACLearner, Scalar]:
-        """Return the learner after one step of Adam on a batch, and the critics' loss before it. The key is consumed.
+        """Return the learner after one step of Adam on a batch, and the critics' loss before it.
+        The key is consumed.
 
-        Targets are `reward + discount * (min(Q_1, Q_2)(s', a') - alpha log pi(a' | s'))` (Eq. 3 and 5). Over several
-        steps the entropy on the way is left out.
+        Targets are `reward + discount * (min(Q_1, Q_2)(s', a') - alpha log pi(a' | s'))` (Eq. 3 and
+        5). Over several steps the entropy on the way is left out.
         """
         noise_key = jax.random.fold_in(key, 2)
         noise, next_noise = jax.random.normal(noise_key, (2, *batch.action.shape))

@@ -1,4 +1,6 @@
-"""The state of a stage of training, and its first one (Algorithm 1, lines 1 to 3; Algorithm 2, lines 1 to 4)."""
+"""The state of a stage of training, and its first one (Algorithm 1, lines 1 to 3; Algorithm 2,
+lines 1 to 4).
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -23,7 +25,8 @@ from apollonius.play.rollout import init_games
 
 
 class PPOLearner(eqx.Module):
-    """One side's network, whose values are logits, the critic of its observations, and the optimisers of both.
+    """One side's network, whose values are logits, the critic of its observations, and the
+    optimisers of both.
 
     `updates` counts the updates so far.
     """
@@ -53,9 +56,9 @@ class LearnerState(eqx.Module):
 class TrainState(eqx.Module):
     """Everything that changes while a stage is trained.
 
-    `key` is folded with the number of iterations, never replaced. `env_steps` counts steps of single games. `archives`
-    hold the earlier versions of both sides; None where the scheme has none. A side that learns alone has games in each
-    setting.
+    `key` is folded with the number of iterations, never replaced. `env_steps` counts steps of
+    single games. `archives` hold the earlier versions of both sides; None where the scheme has
+    none. A side that learns alone has games in each setting.
     """
 
     games: Any
@@ -74,9 +77,11 @@ def start(
     fixed: Mapping[Role, Pool],
     networks: BySide[Network | None] = NO_NETWORKS,
 ) -> TrainState:
-    """Return the state before the first step: empty replay buffers and first networks. The key is consumed.
+    """Return the state before the first step: empty replay buffers and first networks. The key is
+    consumed.
 
-    A `fixed` side does not learn; sides that do go on from their networks, or start from random weights.
+    A `fixed` side does not learn; sides that do go on from their networks, or start from random
+    weights.
     """
     config, learning = plan.learner, [role for role in Role if role not in fixed]
     assert isinstance(config, ReplayConfig)
@@ -111,8 +116,8 @@ def start(
 def players(
     plan: Plan, state: TrainState, fixed: Mapping[Role, Pool]
 ) -> BySide[Pool | LearnerAndPast]:
-    """Return the players of both sides: fixed ones, or a learner that explores, by soft actor-critic with noise that
-    lasts, and in the slots its earlier versions.
+    """Return the players of both sides: fixed ones, or a learner that explores, by soft
+    actor-critic with noise that lasts, and in the slots its earlier versions.
     """
     config, past = plan.learner, plan.opponents
     assert isinstance(config, ReplayConfig)
