@@ -28,7 +28,7 @@ from apollonius.cli.values import nodes
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.presets import make_game
 from apollonius.game.types import NUM_ACTIONS, BySide, GameState, Role, Timestep, tree_where
-from apollonius.learn.learner_config import PROFILES, DQNConfig
+from apollonius.learn.dqn import PROFILES, DQNConfig
 from apollonius.learn.loop import train_chunk
 from apollonius.learn.stage_config import Plan, SelfPlayConfig, StageConfig
 from apollonius.learn.train_state import start

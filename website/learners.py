@@ -20,7 +20,7 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import BySide, Outcome, Role
 from apollonius.io.document import to_json
 from apollonius.learn import loop, train_state
-from apollonius.learn.learner_config import DQNConfig
+from apollonius.learn.dqn import DQNConfig
 from apollonius.learn.stage_config import Plan, StageConfig
 from apollonius.learn.train_state import TrainState
 from apollonius.web.site import LEARNERS, LEARNING

@@ -108,10 +108,12 @@ def run_replay(options: argparse.Namespace) -> int:
         f"a run of {format_value(bag.player)}",
         f"  acts otherwise in {len(differences):,}; {braked:,} more steps braked",
     ]
-    rows = [("  time", "step", "u1, u2 then", "u1, u2 now")]
+    rows = [("  time", "step", "u1, u2 recorded", "u1, u2 now")]
     for difference in differences[:SHOWN]:
-        then, now = ("{:+.2f}, {:+.2f}".format(*difference[when]) for when in ("then", "now"))
-        rows.append((f"  {difference['time']:.2f} s", str(difference["step"]), then, now))
+        recorded = "{:+.2f}, {:+.2f}".format(*difference["recorded"])
+        recomputed = "{:+.2f}, {:+.2f}".format(*difference["recomputed"])
+        time = f"  {difference['time']:.2f} s"
+        rows.append((time, str(difference["step"]), recorded, recomputed))
     facts = {
         "player": name,
         "decisions": num_decisions,

@@ -179,7 +179,7 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
     from apollonius.arenas.file import find_game
     from apollonius.learn.config import PRESETS, with_profile
     from apollonius.learn.folder import load_config
-    from apollonius.learn.learner_config import SACConfig
+    from apollonius.learn.sac import SACConfig
 
     config = load_config(options.config) if options.config else PRESETS[options.preset]
     algorithm = options.algorithm or ("sac" if config.sac else "dqn")
@@ -252,7 +252,7 @@ def _train(config: "RunConfig", folder: Path, options: argparse.Namespace) -> No
 def _send(
     line: "MetricsLine", trackers: "list[Tracker]", folder: Path, options: argparse.Namespace
 ) -> None:
-    """Send metrics to the trackers; none gets any more after one has failed."""
+    """Send metrics to the trackers, except to one that has failed."""
     for track in trackers:
         try:
             track(line)

@@ -140,7 +140,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._now = now = jax.tree.map(lambda leaf: leaf[: self.num_envs], self._starts)
         self._left -= self.num_envs
         self._ended = np.zeros(self.num_envs, bool)
-        return np.array(now.seen), {}
+        return np.array(now.observation), {}
 
     def step(
         self, actions: np.ndarray
@@ -156,7 +156,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         bits = random_bits(self.np_random)
         games, result = self._step(self._now, self._ended, self._starts, num_used, actions, bits)
         self._now = games
-        observations = np.array(games.seen)
+        observations = np.array(games.observation)
         reward = np.array(result.reward)
         terminated = np.array(result.terminated)
         truncated = np.array(result.truncated)
@@ -169,7 +169,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         else:
             self._left -= int(is_over.sum())
             final = {
-                "final_obs": np.array(result.seen),
+                "final_obs": np.array(result.observation),
                 "final_info": {"outcome": outcome, "_outcome": is_over},
             }
             infos = final | {"_final_obs": is_over, "_final_info": is_over} if is_over.any() else {}

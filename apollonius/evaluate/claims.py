@@ -75,8 +75,8 @@ class Claim:
         return predict(np.array(self.values), self.least, 1.0)
 
     def verdict(self, is_full: bool = True) -> str:
-        """Return `holds` or `does not hold` where the whole prediction interval says so, else `a
-        draw among draws`.
+        """Return `holds` or `does not hold` where the whole prediction interval says so, else
+        `undecided`.
 
         `not enough` is said of fewer than three trainings, and of shorter ones than the paper's
         (`is_full` is False).
@@ -86,7 +86,7 @@ class Claim:
         low, high = self.prediction.interval
         if low >= self.bound:
             return "holds"
-        return "does not hold" if high < self.bound else "a draw among draws"
+        return "does not hold" if high < self.bound else "undecided"
 
     def to_dict(self, is_full: bool = True) -> dict[str, Any]:
         """Return the claim with its mean, prediction, chance to reach the bound and verdict, as

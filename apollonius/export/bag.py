@@ -125,8 +125,8 @@ def recompute_decisions(bag: Bag, name: str, game: Game) -> list[dict[str, Any]]
     """Compare an agent's decisions, with its memory since the game began, with the recorded ones.
 
     Returns:
-        Each difference: the `time` since the first step [s], the `step`, and the controls `then`
-        and `now`, u1 [m/s^2] and u2 [rad/s].
+        Each difference: the `time` since the first step [s], the `step`, and the `recorded` and the
+        `recomputed` controls, u1 [m/s^2] and u2 [rad/s].
 
     Raises:
         InvalidInput: As `find_exportable`, and for a game of other numbers of robots.
@@ -157,8 +157,8 @@ def recompute_decisions(bag: Bag, name: str, game: Game) -> list[dict[str, Any]]
                 {
                     "time": since,
                     "step": decision.step,
-                    "then": list(decision.controls),
-                    "now": controls.tolist(),
+                    "recorded": list(decision.controls),
+                    "recomputed": controls.tolist(),
                 }
             )
     return differences

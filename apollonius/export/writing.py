@@ -204,7 +204,7 @@ def _about(program: Program, player: Player) -> list[str]:
         *(
             f"{name}: {words}."
             for name, words in notes.items()
-            if name == files != "" or name in names
+            if name in names or (files and name == files)
         ),
         "",
         f"A state with a NaN, an infinity or a number beyond {LARGEST:,.0f} gets full braking, "

@@ -98,8 +98,8 @@ class OccupancyMap(AbstractObstacle):
         along_x, along_y = (target.x - observer.x) / self.cell, (target.y - observer.y) / self.cell
 
         def axis(start: Scalar, along: Scalar) -> tuple[Scalar, Scalar, Scalar]:
-            """Return the first cell, the share of the segment up to its end, and what of it one
-            more cell takes.
+            """Return the first cell, the share of the segment that lies in it, and the share that
+            each further cell takes.
             """
             first, slope = jnp.floor(start), 1 / jnp.maximum(jnp.abs(along), 1e-9)
             return first, jnp.where(along > 0, first + 1 - start, start - first) * slope, slope

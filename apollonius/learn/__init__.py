@@ -1,1 +1,1 @@
-"""DQN and soft actor-critic, the stages of training, checkpoints. Never judges."""
+"""DQN, soft actor-critic and PPO, the stages of training, checkpoints. Never judges."""

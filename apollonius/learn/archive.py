@@ -1,7 +1,8 @@
 """Archives of earlier versions of a side, and the slots in which some play.
 
-Some games of a batch belong to slots: there an earlier version of one side, frozen and greedy, plays the other side's
-learner. The versions in the slots are drawn again at intervals, by the scheme.
+Some games of a batch belong to slots: there an earlier version of one side, frozen and greedy,
+plays the other side's learner. The versions in the slots are drawn again at intervals, by the
+scheme.
 """
 
 from dataclasses import replace
@@ -17,11 +18,13 @@ from apollonius.game.types import Flag, Role
 from apollonius.learn.opponents import SCHEMES, OpponentConfig
 
 FORGETTING = 0.5
-"""Weight that games keep at a renewal: versions are judged by their games against recent learners."""
+"""Weight that games keep at a renewal: versions are judged by their games against recent learners.
+"""
 
 
 class Archive(eqx.Module):
-    """Earlier versions of one side, of which the first `count` are filled, and the version in each slot.
+    """Earlier versions of one side, of which the first `count` are filled, and the version in each
+    slot.
 
     The `games` are recent ones of each version that count (`counted`), and those that it `lost`.
     """
@@ -67,7 +70,9 @@ def add_version(archive: Archive, network: Network, due: Flag) -> Archive:
 
 
 def resample_opponents(archive: Archive, config: OpponentConfig, key: PRNGKeyArray) -> Archive:
-    """Return the archive with its slots drawn again and its records discounted. The key is consumed."""
+    """Return the archive with its slots drawn again and its records discounted. The key is
+    consumed.
+    """
     versions, weigh = archive.games.shape[0], SCHEMES[config.scheme]
     assert weigh is not None
     weights = jnp.where(
@@ -92,11 +97,12 @@ def unbiased_endings(
     duration: int,
     longest: Int[Array, ""] | int,
 ) -> Bool[Array, "steps games"]:
-    """Mask the endings of games that started early enough to finish before the next draw of opponents.
+    """Mask the endings of games that started early enough to finish before the next draw of
+    opponents.
 
-    Of games that start later the short ones would be counted and the long ones broken off, and the winner depends on
-    the length. All games that start before a fixed step are counted, so that the win rate is unbiased (Wald's
-    identity).
+    Of games that start later the short ones would be counted and the long ones broken off, and the
+    winner depends on the length. All games that start before a fixed step are counted, so that the
+    win rate is unbiased (Wald's identity).
 
     Args:
         over: whether a game ends, in each of the steps of an iteration.

@@ -1,8 +1,9 @@
 """A clearance penalty in nine rarely used units of a trained network.
 
-What a network learns of walls and bodies is blurred, and teaching it the sharp edge of what a shield forbids costs it
-the differences between good actions. So the edge is not learned: nine units of each layer carry what each action lacks
-of a wanted clearance after braking (`apollonius.observe.braking`).
+What a network learns of walls and bodies is blurred, and teaching it the sharp edge of what a
+shield forbids costs it the differences between good actions. So the edge is not learned: nine units
+of each layer carry what each action lacks of a wanted clearance after braking
+(`apollonius.observe.braking`).
 """
 
 from dataclasses import replace
@@ -20,7 +21,9 @@ from apollonius.learn.replay_buffer import ReplayBuffer
 from apollonius.observe.egocentric import BRAKING, ROOM
 
 COST = 30.0
-"""Cost of a metre of missing clearance, in lost games, on the scale of the paper's robots: of 3 cm, most of one."""
+"""Cost of a metre of missing clearance, in lost games, on the scale of the paper's robots: of 3 cm,
+most of one.
+"""
 _ROWS = 20_000
 
 
@@ -43,10 +46,12 @@ def with_clearance_penalty(
 ) -> QNetwork:
     """Encode a `clearance_penalty` in a network of action values.
 
-    The units that are given up are the nine of each layer that vary least in the observations: their means go into the
-    next layer's biases, so that units that are never active change nothing.
+    The units that are given up are the nine of each layer that vary least in the observations:
+    their means go into the next layer's biases, so that units that are never active change nothing.
     """
-    actions, layers, hidden = jnp.arange(NUM_ACTIONS), list[Linear](), observations
+    actions = jnp.arange(NUM_ACTIONS)
+    layers = list[Linear]()
+    hidden = observations
     carried, means = BRAKING + actions, jnp.zeros(NUM_ACTIONS)
     for number, layer in enumerate(network.layers):
         weight, bias = layer.weight, layer.bias
@@ -75,8 +80,8 @@ def sample_observations(buffer: ReplayBuffer[Labels]) -> Float[Array, "rows size
 def without_clearance_penalty(network: Network) -> Network:
     """Remove the clearance penalty from a network; one without it is returned as it is.
 
-    In a training that moves all weights the units that carry them would drift, and what drifts by a hundredth costs
-    several lost games.
+    In a training that moves all weights the units that carry them would drift, and what drifts by a
+    hundredth costs several lost games.
     """
     actions, carried = jnp.arange(NUM_ACTIONS), BRAKING + jnp.arange(NUM_ACTIONS)
     if not isinstance(network, QNetwork) or network.observation.size <= BRAKING:

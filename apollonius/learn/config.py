@@ -1,4 +1,6 @@
-"""The configuration of a training run, saved as `config.toml` and read back strictly; presets and sweeps."""
+"""The configuration of a training run, saved as `config.toml` and read back strictly; presets and
+sweeps.
+"""
 
 import difflib
 import itertools
@@ -14,8 +16,10 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import BySide, Role
 from apollonius.io.errors import InvalidInput, require
 from apollonius.io.limits import SEED, TRAININGS, require_memory
-from apollonius.learn.learner_config import PROFILES, DQNConfig, LearnerConfig, SACConfig
+from apollonius.learn.algorithm import LearnerConfig
+from apollonius.learn.dqn import PROFILES, DQNConfig
 from apollonius.learn.ppo_config import PPOConfig
+from apollonius.learn.sac import SACConfig
 from apollonius.learn.stage_config import (
     DistillationConfig,
     OneSideConfig,
@@ -25,19 +29,19 @@ from apollonius.learn.stage_config import (
     StageConfig,
 )
 
-FIXED_TARGET, SELF_PLAY, DISTILLATION, RESPONSE = STAGES = (
-    "fixed-target",
-    "self-play",
-    "distillation",
-    "response",
-)
+FIXED_TARGET = "fixed-target"
+SELF_PLAY = "self-play"
+DISTILLATION = "distillation"
+RESPONSE = "response"
+STAGES = (FIXED_TARGET, SELF_PLAY, DISTILLATION, RESPONSE)
 
 
 def require_pay_in_play(game: Game, role: Role) -> None:
-    """Refuse to train a team by a reward that comes after its robots can be out of play: in the zero-sum profile.
+    """Refuse to train a team by a reward that comes after its robots can be out of play: in the
+    zero-sum profile.
 
-    A robot learns until it is out of play. By that profile it would not learn that its side lost or won after that,
-    and leaving early would cost nothing.
+    A robot learns until it is out of play. By that profile it would not learn that its side lost or
+    won after that, and leaving early would cost nothing.
     """
     paid = len(game.bodies[role]) == 1 or game.reward.profile != "zero-sum"
     require(
@@ -55,14 +59,17 @@ class RunConfig:
     seed: int = 0
     """Seed of everything random in the run."""
     stages: Literal["fixed-target", "self-play", "both", "distillation", "response"] = "both"
-    """Algorithm 1, Algorithm 2 with both sides from scratch, or the curriculum of both; or one side from a teacher, or
-    against opponents that do not learn."""
+    """Algorithm 1, Algorithm 2 with both sides from scratch, or the curriculum of both; or one side
+    from a teacher, or against opponents that do not learn.
+    """
     game: Game = field(default_factory=lambda: make_game("paper"))
     """The game, number by number."""
     dqn: DQNConfig = field(default_factory=DQNConfig)
     """How each side learns, by deep Q-learning, unless `sac` is given."""
     sac: SACConfig | None = None
-    """How each side learns by soft actor-critic, so that its actions are continuous; None where it does not."""
+    """How each side learns by soft actor-critic, so that its actions are continuous; None where it
+    does not.
+    """
     ppo: PPOConfig = field(default_factory=PPOConfig)
     """The algorithm by which the side of a response learns, proximal policy optimisation."""
     fixed_target: StageConfig = field(default_factory=StageConfig)
@@ -74,8 +81,9 @@ class RunConfig:
     response: ResponseConfig = field(default_factory=ResponseConfig)
     """One side against opponents that do not learn."""
     evaders: tuple[str, ...] = ("still",)
-    """Players that the pursuer of stage 1 learns to catch: `still`, as in Algorithm 1, or others, of whom each game
-    meets one."""
+    """Players that the pursuer of stage 1 learns to catch: `still`, as in Algorithm 1, or others,
+    of whom each game meets one.
+    """
     pursuer: str | None = None
     """Agent that the pursuer of a lone stage starts from; None is from scratch. Where `team` is
     trained, one that reads `egocentric` is extended by weights of 0 for what is new."""
@@ -88,7 +96,23 @@ class RunConfig:
             self.game.require_two("soft actor-critic")
         for role in (Role.PURSUER,) if self.stages == FIXED_TARGET else Role:
             require_pay_in_play(self.game, role)
-        past, games = self.self_play.opponents, (self.sac or self.dqn).games
+        self._check_past_opponents()
+        self._check_first_networks()
+        if self.one_side is not None:
+            bound = f"left out for a {self.stages}, whose actions are the nine"
+            require(self.sac is None, "sac", "given", bound)
+        if self.stages == RESPONSE:
+            self._check_response()
+        if self.stages == DISTILLATION:
+            self._check_distillation()
+
+    def _check_past_opponents(self) -> None:
+        """Refuse earlier versions that games, memory or the time between two draws do not suffice
+        for.
+        """
+        past = self.self_play.opponents
+        learner = self.sac or self.dqn
+        games = learner.games
         fits = past.share == 0 or past.slot_games(games) > 0
         require(
             fits,
@@ -97,44 +121,35 @@ class RunConfig:
             f"more, so that {past.scheme} has one for each of 2 x {past.slots} slots",
         )
         copies = 2 * past.versions * (past.share > 0)
-        needed = copies * 4 * (self.sac or self.dqn).depth * (self.sac or self.dqn).width ** 2
+        needed = copies * 4 * learner.depth * learner.width**2
         require_memory("versions", past.versions, needed, "keep fewer, or train a smaller network")
         longest = games * self.game.max_steps
-        bound = f"at least games x max_steps = {longest:,}, so that games that {past.scheme} judges by can end"
+        bound = (
+            f"at least games x max_steps = {longest:,}, so that games that {past.scheme} "
+            "judges by can end"
+        )
         require(past.renewal >= longest or past.share == 0, "renewal", past.renewal, bound)
 
+    def _check_first_networks(self) -> None:
+        """Refuse agents to start from, and evaders, that the stages do not use."""
         used = {FIXED_TARGET: ("pursuer", "evaders"), "both": ()}.get(
             self.stages, ("pursuer", "evader")
         )
         for name, default in (("pursuer", None), ("evader", None), ("evaders", ("still",))):
-            value, bound = (
-                getattr(self, name),
-                f"left out where stages is '{self.stages}', which begins without it",
-            )
+            value = getattr(self, name)
+            bound = f"left out where stages is '{self.stages}', which begins without it"
             shown = ", ".join(value) if name == "evaders" else value
             require(value == default or name in used, name, shown, bound)
-        if self.stages == RESPONSE:
-            games, bound = self.ppo.games, "as many at least as opponents, so that each has one"
-            require(games >= len(self.response.opponents), "ppo.games", games, bound)
-            first, bound = (
-                BySide(self.pursuer, self.evader)[self.response.side],
-                "0 for an agent from random weights",
-            )
-            require(
-                first or self.response.initial_weight_share == 0,
-                "response.initial_weight_share",
-                self.response.initial_weight_share,
-                bound,
-            )
-        if self.one_side is not None:
-            require(
-                self.sac is None,
-                "sac",
-                "given",
-                f"left out for a {self.stages}, whose actions are the nine",
-            )
-        if self.stages != DISTILLATION:
-            return
+
+    def _check_response(self) -> None:
+        games, bound = self.ppo.games, "as many at least as opponents, so that each has one"
+        require(games >= len(self.response.opponents), "ppo.games", games, bound)
+        first = BySide(self.pursuer, self.evader)[self.response.side]
+        share = self.response.initial_weight_share
+        bound = "0 for an agent from random weights"
+        require(first or share == 0, "response.initial_weight_share", share, bound)
+
+    def _check_distillation(self) -> None:
         stage, games = self.distillation, self.dqn.games
         if stage.solves:
             self.game.require_two("a distillation by tables")
@@ -151,7 +166,7 @@ class RunConfig:
 
     @property
     def kind(self) -> str:
-        """The name of agents of the last stage after their side, as in P_curriculum and E_response."""
+        """The name of agents of the last stage after their side, as in P_curriculum."""
         if self.one_side is not None:
             return {DISTILLATION: "distilled", RESPONSE: "response"}[self.stages]
         return "scratch" if self.stages == SELF_PLAY and self.pursuer is None else "curriculum"
@@ -168,7 +183,9 @@ class RunConfig:
 
     @property
     def plans(self) -> dict[str, Plan]:
-        """The plans of the stages in their order, by name; the tasks of a response are in its settings."""
+        """The plans of the stages in their order, by name; the tasks of a response are in its
+        settings.
+        """
         of_one_side = self.distillation, replace(self.response, tasks=())
         stages = (self.fixed_target, self.self_play, *of_one_side)
         selected = STAGES[:2] if self.stages == "both" else [self.stages]
@@ -179,8 +196,9 @@ class RunConfig:
         }
 
     def share(self, stage: str, env_steps: int) -> float:
-        """Return the share of the whole training that is done after some env steps of a stage; raises InvalidInput for
-        a stage of another training. The work of a stage is its env steps, once for each side that learns.
+        """Return the share of the whole training that is done after some env steps of a stage;
+        raises InvalidInput for a stage of another training. The work of a stage is its env steps,
+        once for each side that learns.
         """
         plans = self.plans
         require(stage in plans, "stage", stage, f"one of this training, {', '.join(plans)}")
@@ -203,15 +221,17 @@ PRESETS: dict[str, RunConfig] = {
         self_play=SelfPlayConfig(env_steps=6_000_000, evaluations=8, evaluation_games=500),
     ),
 }
-"""`quick`: a small network, two minutes of a core. `standard`: some three times that. `paper`: about the paper's
-200,000 + 300,000 episodes."""
+"""`quick`: a small network, two minutes of a core. `standard`: some three times that. `paper`:
+about the paper's 200,000 + 300,000 episodes.
+"""
 
 
 def with_profile(config: RunConfig, profile: str) -> RunConfig:
-    """Set how DQN learns by the name of a profile; `paper` also sets c and T of stage 1, which the paper leaves open.
+    """Set how DQN learns by the name of a profile; `paper` also sets c and T of stage 1, which the
+    paper leaves open.
 
-    With c = 3 and games of 1,000 steps whose last state is bootstrapped, the values of standing still grow beyond all
-    returns.
+    With c = 3 and games of 1,000 steps whose last state is bootstrapped, the values of standing
+    still grow beyond all returns.
     """
     changed = replace(config, dqn=PROFILES[profile])
     if profile != "paper":
@@ -221,8 +241,9 @@ def with_profile(config: RunConfig, profile: str) -> RunConfig:
 
 
 def sweep(config: RunConfig, values: Mapping[str, Sequence[Any]]) -> dict[str, RunConfig]:
-    """Return the trainings of a sweep by name, as `dqn.batch=64,seed=3`: all combinations of the values of fields, by
-    their dotted paths; raises InvalidInput for an unknown field, an impossible value, and too many trainings.
+    """Return the trainings of a sweep by name, as `dqn.batch=64,seed=3`: all combinations of the
+    values of fields, by their dotted paths; raises InvalidInput for an unknown field, an impossible
+    value, and too many trainings.
     """
     TRAININGS.require("trainings", math.prod(map(len, values.values())))
     combinations = list(itertools.product(*values.values()))

@@ -1,5 +1,6 @@
-"""Deep Q-learning (Eq. 3): targets, loss, one update."""
+"""Deep Q-learning (section II-B): its numbers, targets, loss (Eq. 3), one update."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import equinox as eqx
@@ -10,14 +11,16 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from apollonius.agents.network import Network, QNetwork, make_network
 from apollonius.game.types import Scalar, tree_where
-from apollonius.learn.learner_config import DQNConfig
+from apollonius.io.errors import require_positive, require_within
+from apollonius.learn.algorithm import ReplayConfig, interpolate_linearly
 from apollonius.learn.replay_buffer import TransitionBatch
 
 
 class DQNLearner(eqx.Module):
     """One side's networks and optimiser. `updates` counts the updates so far.
 
-    `average` is the running average of the network's weights (Polyak averaging), which plays in evaluations.
+    `average` is the running average of the network's weights (Polyak averaging), which plays in
+    evaluations.
     """
 
     network: QNetwork
@@ -30,26 +33,14 @@ class DQNLearner(eqx.Module):
 _adam = optax.scale_by_adam()
 
 
-def init_learner(
-    config: DQNConfig, key: PRNGKeyArray, network: Network | None = None
-) -> DQNLearner:
-    """Return a learner that starts from a copy of a network, or from random weights. The key is consumed."""
-    first = network or make_network(
-        config.observation, config.width, config.depth, key, config.symmetric
-    )
-    assert isinstance(first, QNetwork)
-    own, target, average = (jax.tree.map(jnp.copy, first) for _ in range(3))
-    return DQNLearner(
-        own, target, average, _adam.init(eqx.filter(own, eqx.is_array)), jnp.zeros((), jnp.int32)
-    )
-
-
 def q_target(
     reward: Scalar, discount: Scalar, next_values: Float[Array, "9"], next_choice: Float[Array, "9"]
 ) -> Scalar:
-    """Return `reward + discount * Q_target(s', a*)` (Eq. 3); the discount is 0 where the game ended by its rules.
+    """Return `reward + discount * Q_target(s', a*)` (Eq. 3); the discount is 0 where the game ended
+    by its rules.
 
-    `a*` is the best action by `next_choice`, the target network's values (Eq. 3) or the online network's (double).
+    `a*` is the best action by `next_choice`, the target network's values (Eq. 3) or the online
+    network's (double).
     """
     return reward + discount * next_values[jnp.argmax(next_choice)]
 
@@ -67,33 +58,108 @@ def loss(network: QNetwork, target: QNetwork, batch: TransitionBatch, double: bo
     )
 
 
-def update(
-    learner: DQNLearner, batch: TransitionBatch, learning_rate: Scalar, config: DQNConfig
-) -> tuple[DQNLearner, Scalar]:
-    """Return the learner after one step of Adam on a batch, and the loss before it."""
-    value, gradient = eqx.filter_value_and_grad(loss)(
-        learner.network, learner.target, batch, config.double
-    )
-    return adam_step(learner, gradient, learning_rate, config), value
-
-
 def adam_step(
-    learner: DQNLearner, gradient: Any, learning_rate: Scalar, config: DQNConfig
+    learner: DQNLearner, gradient: Any, learning_rate: Scalar, averaging: float
 ) -> DQNLearner:
-    """Return the learner after one step of Adam along a gradient; the averaged weights go towards the network."""
+    """Return the learner after one step of Adam along a gradient; the averaged weights go towards
+    the network.
+    """
     direction, optimiser = _adam.update(gradient, learner.optimiser)
     network = eqx.apply_updates(
         learner.network, jax.tree.map(lambda step: -learning_rate * step, direction)
     )
     average = network
-    if config.averaging < 1:
+    if averaging < 1:
         average = jax.tree.map(
-            lambda old, new: old + config.averaging * (new - old), learner.average, network
+            lambda old, new: old + averaging * (new - old), learner.average, network
         )
     return DQNLearner(network, learner.target, average, optimiser, learner.updates + 1)
 
 
-def copy_to_target(learner: DQNLearner, due: Array) -> DQNLearner:
-    """Return the learner with its target network set to its network, where that is due (Algorithm 1, line 11)."""
-    target = tree_where(due, learner.network, learner.target)
-    return eqx.tree_at(lambda this: this.target, learner, target)
+@dataclass(frozen=True)
+class DQNConfig(ReplayConfig):
+    """Deep Q-learning (section II-B), for the nine discrete actions."""
+
+    network = QNetwork
+    double: bool = True
+    """Let the online network choose and the target network value the next action (double
+    Q-learning).
+    """
+    target_period: int = 128_000
+    """Env steps between two copies of the network to the target network (C in Algorithms 1 and 2).
+    """
+    final_epsilon: float = 0.02
+    """Share of random actions once exploration has settled."""
+    exploration_fraction: float = 0.2
+    """Part of a stage over which the share of random actions falls to its final value."""
+    exploration_steps: int | None = None
+    """Env steps over which it falls, in place of a part of the stage."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "target_period")
+        require_within(self, 0, 1, "final_epsilon", "exploration_fraction")
+        if self.exploration_steps is not None:
+            require_positive(self, "exploration_steps")
+
+    def exploration(self, first: float, stage: int, env_steps: Int[Array, ""]) -> Scalar:
+        """Return the share of random actions, from `first` at the beginning of a stage of this many
+        env steps.
+        """
+        over = self.exploration_steps or self.exploration_fraction * stage
+        return interpolate_linearly(first, self.final_epsilon, over, env_steps)
+
+    def init_learner(self, key: PRNGKeyArray, network: Network | None = None) -> DQNLearner:
+        first = network or make_network(
+            self.observation, self.width, self.depth, key, self.symmetric
+        )
+        assert isinstance(first, QNetwork)
+        own, target, average = (jax.tree.map(jnp.copy, first) for _ in range(3))
+        optimiser = _adam.init(eqx.filter(own, eqx.is_array))
+        return DQNLearner(own, target, average, optimiser, jnp.zeros((), jnp.int32))
+
+    def update(
+        self, learner: DQNLearner, batch: TransitionBatch, learning_rate: Scalar, key: PRNGKeyArray
+    ) -> tuple[DQNLearner, Scalar]:
+        """Return the learner after one step of Adam on a batch, and the loss before it; no key is
+        needed.
+        """
+        value, gradient = eqx.filter_value_and_grad(loss)(
+            learner.network, learner.target, batch, self.double
+        )
+        return adam_step(learner, gradient, learning_rate, self.averaging), value
+
+    def end_iteration(self, learner: DQNLearner, env_steps: Int[Array, ""]) -> DQNLearner:
+        """Copy the network to the target network where that is due (Algorithm 1, line 11)."""
+        before = env_steps - self.env_steps_per_iteration
+        due = env_steps // self.target_period > before // self.target_period
+        target = tree_where(due, learner.network, learner.target)
+        return eqx.tree_at(lambda changed: changed.target, learner, target)
+
+
+PROFILES: dict[str, DQNConfig] = {
+    "fast": DQNConfig(),
+    "paper": DQNConfig(
+        observation="paper",
+        double=False,
+        n_step=1,
+        final_n_step=1,
+        learning_rate=1e-4,
+        final_learning_rate=1e-4,
+        batch=32,
+        env_steps_per_update=1,
+        averaging=1.0,
+        target_period=30_000,
+        games=1,
+        replay_capacity=1_000_000,
+        learning_starts=50_000,
+        final_epsilon=0.1,
+        exploration_steps=500_000,
+    ),
+}
+"""`fast`: the default. `paper`: plain DQN as printed (Eq. 3, section IV, Algorithms 1 and 2).
+
+Where the paper is silent, replay, first update and last exploration are those of the work that it
+cites for DQN (Mnih et al., "Human-level control through deep reinforcement learning", 2015). The
+target is copied every 30,000 updates, there every 10,000.
+"""

@@ -1,4 +1,6 @@
-"""The folder of a training run: its configuration, its lock, and its checkpoint, read back to the last bit."""
+"""The folder of a training run: its configuration, its lock, and its checkpoint, read back to the
+last bit.
+"""
 
 import fcntl
 import os
@@ -24,18 +26,27 @@ from apollonius.learn.config import RunConfig
 
 FORMAT = "apollonius-checkpoint-2"
 METRICS = "metrics.jsonl"
-"""Name of the file in a run's folder with its metrics, which is never replaced while it is trained."""
+"""Name of the file in a run's folder with its metrics, which is never replaced while it is trained.
+"""
 _OWN = (
-    "agents/*.safetensors", "tables/*.safetensors", "checkpoint.safetensors", "*.jsonl", "evaluation.json",
-    "state.json", "report.html", "config.toml",
-)  # fmt: skip
-"""A run's own files. The config is the last: until it goes a half-removed folder is still known as a run's."""
+    "agents/*.safetensors",
+    "tables/*.safetensors",
+    "checkpoint.safetensors",
+    "*.jsonl",
+    "evaluation.json",
+    "state.json",
+    "report.html",
+    "config.toml",
+)
+"""A run's own files. The config is the last: until it goes a half-removed folder is still known as
+a run's.
+"""
 T = TypeVar("T")
 
 
 def create_run(config: RunConfig, folder: Path, force: bool = False) -> None:
-    """Make the folder of a new run, with its config; raises InvalidInput for one that holds something, but for a run
-    whose own files `force` removes.
+    """Make the folder of a new run, with its config; raises InvalidInput for one that holds
+    something, but for a run whose own files `force` removes.
     """
     if folder.exists():
         require(folder.is_dir(), "folder", folder, "a folder; choose another")
@@ -63,10 +74,11 @@ def create_run(config: RunConfig, folder: Path, force: bool = False) -> None:
 
 @contextmanager
 def lock_run(folder: Path) -> Generator[None, None, None]:
-    """Keep other processes from training in a run's folder, if it has locks; raises InvalidInput while one does.
+    """Keep other processes from training in a run's folder, if it has locks; raises InvalidInput
+    while one does.
 
-    Other machines see a lock on NFS if it is that of a file open for writing, but not that of a folder. A link is no
-    such file: what it leads to may be somebody's own.
+    Other machines see a lock on NFS if it is that of a file open for writing, but not that of a
+    folder. A link is no such file: what it leads to may be somebody's own.
     """
 
     def opener(path: str, flags: int) -> int:
@@ -89,13 +101,16 @@ def lock_run(folder: Path) -> Generator[None, None, None]:
 
 
 def agent_file(run: Path, name: str, percent: int = 100) -> Path:
-    """Return the file of an agent: the one at the end of a run, or that at an earlier percentage of self-play."""
+    """Return the file of an agent: the one at the end of a run, or that at an earlier percentage of
+    self-play.
+    """
     return run / "agents" / f"{name}{'' if percent == 100 else f'-{percent}'}.safetensors"
 
 
 def load_config(path: Path, within: Path | None = None) -> RunConfig:
-    """Return the config of a file as `create_run` writes it; what it leaves out has its default. Raises InvalidInput
-    for a bad one, and for one that is not `within` a folder, wherever links lead.
+    """Return the config of a file as `create_run` writes it; what it leaves out has its default.
+    Raises InvalidInput for a bad one, and for one that is not `within` a folder, wherever links
+    lead.
     """
     content = read_bytes(path, "a training's config.toml", "check the path", within=within)
     return from_dict(RunConfig, parse_toml(content, path), str(path))
@@ -144,7 +159,9 @@ class CheckpointMeta:
 
 
 def save_checkpoint(path: Path, state: Any, meta: CheckpointMeta) -> None:
-    """Write a pytree of arrays and keys, and how far the run is, so that a crash leaves the old file or the new one."""
+    """Write a pytree of arrays and keys, and how far the run is, so that a crash leaves the old
+    file or the new one.
+    """
     arrays = {
         name: np.asarray(_without_key_type(leaf)) for name, leaf in named_leaves(state).items()
     }
@@ -152,7 +169,7 @@ def save_checkpoint(path: Path, state: Any, meta: CheckpointMeta) -> None:
 
 
 def end_checkpoint(path: Path, config: RunConfig) -> None:
-    """Replace the checkpoint of a run by a mark that the run has ended, as nothing resumes from it."""
+    """Replace the checkpoint of a run that has ended by a mark: nothing resumes from it."""
     save_checkpoint(path, (), replace(load_checkpoint_meta(path), ended=_digest(config)))
 
 
@@ -163,8 +180,8 @@ def _digest(config: RunConfig) -> str:
 def load_checkpoint_meta(path: Path, config: RunConfig | None = None) -> CheckpointMeta:
     """Read the metadata of a checkpoint: the progress of its run.
 
-    Raises InvalidInput for a missing, damaged or foreign file, and for a checkpoint of another training than that of
-    the config.
+    Raises InvalidInput for a missing, damaged or foreign file, and for a checkpoint of another
+    training than that of the config.
     """
     with open_arrays(path, "train again", "checkpoint") as file:
         metadata = file.metadata() or {}
@@ -178,7 +195,9 @@ def load_checkpoint_meta(path: Path, config: RunConfig | None = None) -> Checkpo
 
 
 def load_checkpoint(path: Path, template: T) -> T:
-    """Return the saved pytree; raises InvalidInput unless its arrays are finite, of the template's shapes and types."""
+    """Return the saved pytree; raises InvalidInput unless its arrays are finite, of the template's
+    shapes and types.
+    """
     misfit = f"'{path}' holds another training state than its config.toml describes: train again."
     with open_arrays(path, "train again", "checkpoint") as file:
         saved = read_tree(

@@ -1,7 +1,8 @@
-"""Algorithms 1 and 2: every game is played on, each learning side stores its transitions and updates its network.
+"""Algorithms 1 and 2: every game is played on, each learning side stores its transitions and
+updates its network.
 
-In Algorithm 1 the other side is fixed; in Algorithm 2 both sides learn, against each other and, by a scheme, against
-earlier versions (`apollonius.learn.archive`), which are drawn again at intervals.
+In Algorithm 1 the other side is fixed; in Algorithm 2 both sides learn, against each other and, by
+a scheme, against earlier versions (`apollonius.learn.archive`), which are drawn again at intervals.
 """
 
 import functools
@@ -17,21 +18,24 @@ from jaxtyping import Array, Int, PRNGKeyArray
 from apollonius.agents.pool import Pool
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import ROLES, BySide, GameState, Outcome, Role, Scalar, tree_where
-from apollonius.learn import archive, dqn, replay_buffer, sac
-from apollonius.learn.learner_config import DQNConfig, ReplayConfig, SACConfig, interpolate_linearly
+from apollonius.learn import archive, replay_buffer
+from apollonius.learn.algorithm import Learner, ReplayConfig, interpolate_linearly
 from apollonius.learn.stage_config import Plan
-from apollonius.learn.train_state import Learner, LearnerState, TrainState, players
+from apollonius.learn.train_state import LearnerState, TrainState, players
 from apollonius.play.autoreset import row_at_turn
 from apollonius.play.rollout import Transition, collect, init_games
 
 _STARTS_PER_CHUNK = 4096
 """Initial states drawn before each chunk; a game that ends takes one."""
 _STARTS_IN_ARENAS = 1024
-"""Initial states drawn in games of several arenas, where each takes as long to draw as some ten steps to play."""
+"""Initial states drawn in games of several arenas, where each takes as long to draw as some ten
+steps to play.
+"""
 
 
 class Metrics(eqx.Module):
-    """Sums over a chunk: finished games by outcome, their returns, and each learner's losses and number of updates.
+    """Sums over a chunk: finished games by outcome, their returns, and each learner's losses and
+    number of updates.
 
     The return of a team is the mean of its robots'.
     """
@@ -45,7 +49,9 @@ class Metrics(eqx.Module):
 def chunks(
     plan: Plan, game: Game, state: TrainState, fixed: Mapping[Role, Pool], done: int = 0
 ) -> Iterator[tuple[TrainState, Metrics]]:
-    """Train a stage chunk by chunk, in the game with its rewards; each state is consumed by the next one."""
+    """Train a stage chunk by chunk, in the game with its rewards; each state is consumed by the
+    next one.
+    """
     for chunk in range(done, plan.chunks):
         if plan.resamples_after(chunk):
             state = resample_all_opponents(plan, game, state)
@@ -60,8 +66,8 @@ def train_round_robin(
     settings: Sequence[Any],
     done: int = 0,
 ) -> Iterator[tuple[TrainState, Metrics]]:
-    """Train a stage of one side chunk by chunk, in settings that take turns, each with games of its own; each state is
-    consumed by the next one.
+    """Train a stage of one side chunk by chunk, in settings that take turns, each with games of its
+    own; each state is consumed by the next one.
     """
     for chunk in range(done, plan.chunks):
         number, games = chunk % len(settings), list(state.games)
@@ -75,7 +81,9 @@ def train_round_robin(
 def train_chunk(
     plan: Plan, game: Game, state: TrainState, fixed: Mapping[Role, Pool]
 ) -> tuple[TrainState, Metrics]:
-    """Return the state after a chunk and its metrics. The state is consumed: replay buffers are updated in place."""
+    """Return the state after a chunk and its metrics. The state is consumed: replay buffers are
+    updated in place.
+    """
     steps, games = plan.learner.steps_per_iteration, plan.learner.games
     drawn_at_once = _STARTS_PER_CHUNK if game.scenario is None else _STARTS_IN_ARENAS
     rows = max(1, drawn_at_once // (games * steps))
@@ -94,7 +102,7 @@ def train_chunk(
 def _iterate(
     plan: Plan, game: Game, state: TrainState, fixed: Mapping[Role, Pool], starts: GameState
 ) -> tuple[TrainState, Metrics]:
-    """Play some steps of every game, store the transitions, make the updates of each learning side."""
+    """Play some steps of every game, store the transitions, update each learning side."""
     config, (play_key, *learn_keys) = plan.learner, jax.random.split(_key(state, 1), 3)
     playing = players(plan, state, fixed)
     games, played = collect(
@@ -118,7 +126,9 @@ def after_iteration(
     learned: Mapping[Role, tuple[LearnerState, Scalar]],
     archives: BySide[archive.Archive] | None = None,
 ) -> tuple[TrainState, Metrics]:
-    """Return the state after an iteration, and its metrics; `learned` has the losses of the updates of each side."""
+    """Return the state after an iteration, and its metrics; `learned` has the losses of the updates
+    of each side.
+    """
     ended, first = played.ended, min(learned)
     learners = {role: side for role, (side, _) in learned.items()}
     episodes = state.episodes + jnp.sum(ended.astype(jnp.int32))
@@ -163,11 +173,7 @@ def _learn(
         batch = replay_buffer.sample_batch(
             buffer, key, config.batch, config.n_step, n_step, config.gamma
         )
-        if isinstance(learner, dqn.DQNLearner) and isinstance(config, DQNConfig):
-            return dqn.update(learner, batch, rate, config)
-        assert isinstance(learner, sac.SACLearner)
-        assert isinstance(config, SACConfig)
-        return sac.update_actor_critic(learner, batch, jax.random.fold_in(key, 2), rate, config)
+        return config.update(learner, batch, rate, key)
 
     def updates(learner: Learner) -> tuple[Learner, Scalar]:
         learner, losses = jax.lax.scan(
@@ -179,16 +185,13 @@ def _learn(
     learner, loss = jax.lax.cond(
         is_ready, updates, lambda learner: (learner, jnp.zeros(())), side.learner
     )
-    if isinstance(config, DQNConfig) and isinstance(learner, dqn.DQNLearner):
-        before = env_steps - config.env_steps_per_iteration
-        learner = dqn.copy_to_target(
-            learner, env_steps // config.target_period > before // config.target_period
-        )
-    return LearnerState(learner, buffer), loss
+    return LearnerState(config.end_iteration(learner, env_steps), buffer), loss
 
 
 def row_of(plan: Plan, played: Transition, role: Role) -> replay_buffer.Row:
-    """Return one side's transitions, of a team those of each robot, whose game is over when it is out of play."""
+    """Return one side's transitions, of a team those of each robot, whose game is over when it is
+    out of play.
+    """
     side, flags = played.sides[role], (played.terminated, played.truncated)
     if plan.stage.limit_terminates:
         flags = played.ended, jnp.zeros_like(played.ended)
@@ -208,7 +211,8 @@ def _record_results(
     plan: Plan, game: Game, state: TrainState, played: Transition
 ) -> BySide[archive.Archive] | None:
     """Return the archives with the games counted that say how good their versions are."""
-    if (old := state.archives) is None:
+    old = state.archives
+    if old is None:
         return None
     before = state.iterations * plan.learner.steps_per_iteration % plan.steps_per_assignment
     over = archive.unbiased_endings(
@@ -221,12 +225,15 @@ def _record_results(
 
 @functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
 def resample_all_opponents(plan: Plan, game: Game, state: TrainState) -> TrainState:
-    """Add both learners to their archives where that is due, and draw the opponents in the slots again.
+    """Add both learners to their archives where that is due, and draw the opponents in the slots
+    again.
 
-    The games of slots are broken off and begin again, so that an opponent never changes within a game. The state is
-    consumed.
+    The games of slots are broken off and begin again, so that an opponent never changes within a
+    game. The state is consumed.
     """
-    old, config, games = state.archives, plan.opponents, plan.learner.games
+    old = state.archives
+    config = plan.opponents
+    games = plan.learner.games
     assert old is not None
     interval = max(1, plan.stage.env_steps // config.versions)
     due = (

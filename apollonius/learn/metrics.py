@@ -1,6 +1,8 @@
-"""Metrics of a training run, the source of every curve: a line of `metrics.jsonl` for each chunk, and trackers.
+"""Metrics of a training run, the source of every curve: a line of `metrics.jsonl` for each chunk,
+and trackers.
 
-The libraries of TensorBoard, Weights & Biases, MLflow and trackio are the user's, imported when one is asked for.
+The libraries of TensorBoard, Weights & Biases, MLflow and trackio are the user's, imported when one
+is asked for.
 """
 
 import os
@@ -74,8 +76,9 @@ def metrics_line(
     seconds: float,
     speed: float,
 ) -> MetricsLine:
-    """Return the line of a chunk, after some seconds of the stage, at a speed in env steps per second; raises
-    InvalidInput when the losses are beyond all bounds, so that the weights are no good.
+    """Return the line of a chunk, after some seconds of the stage, at a speed in env steps per
+    second; raises InvalidInput when the losses are beyond all bounds, so that the weights are no
+    good.
     """
     outcomes, updates = counts_by_name(np.asarray(metrics.outcomes)), int(metrics.updates)
     games = max(1, sum(outcomes.values()))
@@ -105,7 +108,8 @@ def metrics_line(
 def begin_metrics(path: Path, meta: CheckpointMeta | None = None) -> None:
     """Make an empty `metrics.jsonl`, or cut off what was written after a checkpoint.
 
-    Raises InvalidInput when the checkpoint does not say where the line of its last chunk ends; nothing is cut off.
+    Raises InvalidInput when the checkpoint does not say where the line of its last chunk ends;
+    nothing is cut off.
     """
     if meta is not None:
         chunks = [line.stage for line in load_metrics(path, meta.metrics_bytes)].count(meta.stage)
@@ -129,8 +133,9 @@ def append_metrics(path: Path, line: MetricsLine) -> int:
 def load_metrics(
     path: Path, size: int | None = None, within: Path | None = None
 ) -> list[MetricsLine]:
-    """Return the lines of the first `size` bytes of a `metrics.jsonl`, or of all; none where there is no file. Raises
-    InvalidInput for a bad one or a shorter one, and for one that is not `within` a folder, wherever links lead.
+    """Return the lines of the first `size` bytes of a `metrics.jsonl`, or of all; none where there
+    is no file. Raises InvalidInput for a bad one or a shorter one, and for one that is not `within`
+    a folder, wherever links lead.
     """
     whole = (
         read_bytes(path, "a run's metrics", "train again", _MOST_BYTES, within)
@@ -144,7 +149,9 @@ def load_metrics(
 
 
 def last_lines(path: Path) -> tuple[MetricsLine | None, Evaluation | None]:
-    """Return the last line of a `metrics.jsonl` that may be written to, and the last evaluation in it, if any."""
+    """Return the last line of a `metrics.jsonl` that may be written to, and the last evaluation in
+    it, if any.
+    """
     content = (
         read_bytes(path, "a run's metrics", "train again", _MOST_BYTES) if path.exists() else b""
     )
@@ -165,7 +172,9 @@ def _read_line(line: bytes, source: str) -> MetricsLine:
 def _open_tracker(
     to: str, folder: Path, config: dict[str, Any]
 ) -> tuple[Callable[..., object], Callable[[], object]]:
-    """Begin a run of a tracker; return what takes values by name and their step, and what is called at the end."""
+    """Begin a run of a tracker; return what takes values by name and their step, and what is called
+    at the end.
+    """
     tracker: Any = import_module(TRACKERS[to])
     if to == "tensorboard":
         writer = tracker.SummaryWriter(
@@ -189,17 +198,19 @@ def _open_tracker(
 
 
 class Tracker:
-    """A run of tensorboard, wandb, mlflow or trackio, to be called with each record of a training."""
+    """A run of tensorboard, wandb, mlflow or trackio, called with each record of a training."""
 
     def __init__(self, to: str, folder: Path, config: RunConfig) -> None:
-        self._before, self._stage, self._steps = 0, "", 0
+        self._before = 0
+        self._stage = ""
+        self._steps = 0
         try:
             self._log, self.close = _open_tracker(to, folder.resolve(), to_dict(config))
         except Exception as error:  # of any kind: each library has its own
             raise InvalidInput(f"{to} refuses the run ({error}): see its own settings.") from error
 
     def __call__(self, line: MetricsLine) -> None:
-        """Send a record, at the env steps of all stages together; outcomes as shares of the games."""
+        """Send a record at the env steps of all stages together; outcomes are shares of games."""
         if line.stage != self._stage:
             self._before, self._stage = self._before + self._steps, line.stage
         self._steps = line.env_steps

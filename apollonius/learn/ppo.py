@@ -1,7 +1,9 @@
-"""A best response by proximal policy optimisation (Schulman et al., 2017): one side against others that do not learn.
+"""A best response by proximal policy optimisation (Schulman et al., 2017): one side against others
+that do not learn.
 
-The network's values of the nine actions, taken as logits, are a policy that draws its actions; where it counts, the
-best one is played. In an update no action becomes much more or less likely than in the games that it is learned from.
+The network's values of the nine actions, taken as logits, are a policy that draws its actions;
+where it counts, the best one is played. In an update no action becomes much more or less likely
+than in the games that it is learned from.
 """
 
 import functools
@@ -27,8 +29,8 @@ from apollonius.agents.pool import AbstractPlayers, PartitionedPlayers, single_p
 from apollonius.catalogue import find_player, loss_value
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import BySide, Role, Scalar
+from apollonius.learn.algorithm import interpolate_linearly
 from apollonius.learn.clearance_penalty import without_clearance_penalty
-from apollonius.learn.learner_config import interpolate_linearly
 from apollonius.learn.loop import Metrics, after_iteration, row_of
 from apollonius.learn.ppo_config import PPOConfig
 from apollonius.learn.replay_buffer import ReplayBuffer, Row, add
@@ -44,7 +46,9 @@ _HIDDEN = 256, 256
 _STARTS = 8
 """Starts of each column of games in a round; shorter games begin from some again."""
 _ROUNDS_SEEN = 16
-"""Rounds of which some observations are kept, to find the units that a network has little use for in all its games."""
+"""Rounds of which some observations are kept, to find the units that a network has little use for
+in all its games.
+"""
 _adam = tuple(
     optax.chain(optax.clip_by_global_norm(most), optax.scale_by_adam()) for most in (0.5, 1.0)
 )
@@ -53,7 +57,9 @@ _adam = tuple(
 def first_network(
     network: Network, learner: PPOConfig, name: str, role: Role, game: Game
 ) -> Network:
-    """Return an agent's network as the first one of a response: without caution, its values as logits."""
+    """Return an agent's network as the first one of a response: without caution, its values as
+    logits.
+    """
     price = loss_value(find_player(name, role, game), game)
     return scale_outputs(without_clearance_penalty(network), learner.loss_value / price)
 
@@ -61,8 +67,8 @@ def first_network(
 def start_response(
     plan: Plan, tasks: Sequence[TrainingTask], key: PRNGKeyArray, network: Network | None = None
 ) -> TrainState:
-    """Return the state before the first step, from random weights where there is no network, whose values are logits.
-    The key is consumed.
+    """Return the state before the first step, from random weights where there is no network, whose
+    values are logits. The key is consumed.
     """
     (config, stage), (network_key, critic_key, start_key, train_key) = (
         _configs(plan),
@@ -129,7 +135,7 @@ def train_response_chunk(
     drawn = mix_in_restarts(
         stage.restart_fraction,
         reset_batch(game, start_key, _STARTS * config.games),
-        before.lost,
+        before.lost_states,
         retry_key,
     )
     starts = jax.tree.map(lambda leaf: leaf.reshape(_STARTS, config.games, *leaf.shape[1:]), drawn)
@@ -150,7 +156,7 @@ def train_response_chunk(
         state.learners[stage.side].buffer,
         (observations[:: len(observations) // num_kept][:num_kept],),
     )
-    lost = add_losses(before.lost, game, before.games.state, played.outcome, stage.side)
+    lost = add_losses(before.lost_states, game, before.games.state, played.outcome, stage.side)
     restart_buffer = RestartBuffer(games, lost)
     return after_iteration(
         state, restart_buffer, played, env_steps, {stage.side: (LearnerState(after, buffer), error)}
@@ -171,9 +177,11 @@ def _in_units(game: Game, row: Row) -> Row:
 def advantages(
     config: PPOConfig, row: Row, values: Float[Array, "steps games"]
 ) -> Float[Array, "steps games"]:
-    """Estimate the advantages of actions by generalised advantage estimation (Schulman et al., 2016).
+    """Estimate the advantages of actions by generalised advantage estimation (Schulman et al.,
+    2016).
 
-    A game that is truncated, and one that the last step leaves under way, is worth what it was before that step.
+    A game that is truncated, and one that the last step leaves under way, is worth what it was
+    before that step.
     """
     following = jnp.concatenate([values[1:], values[-1:]])
     following = jnp.where(row.terminated, 0.0, jnp.where(row.truncated, values, following))
@@ -189,8 +197,8 @@ def advantages(
 
 
 class _LearnBatch(eqx.Module):
-    """The rows that updates learn from: observations and actions, their logarithmic probabilities in the games, their
-    advantages, the critic's targets, and whether they count.
+    """The rows that updates learn from: observations and actions, their logarithmic probabilities
+    in the games, their advantages, the critic's targets, and whether they count.
     """
 
     observation: Float[Array, "rows size"]
@@ -209,8 +217,11 @@ def _learn(
     env_steps: Int[Array, ""],
     key: PRNGKeyArray,
 ) -> tuple[PPOLearner, Scalar]:
-    """Learn from a round; return the learner after it and the critic's errors, added up over its updates."""
-    (config, stage), shape = _configs(plan), row.reward.shape
+    """Learn from a round; return the learner after it and the critic's errors, added up over its
+    updates.
+    """
+    config, _ = _configs(plan)
+    shape = row.reward.shape
     flat = jax.tree.map(lambda leaf: leaf.reshape(row.reward.size, *leaf.shape[2:]), row)
     values = apply_to_batch(learner.critic, flat.observation)[:, 0]
     gained = advantages(config, row, values.reshape(shape)).ravel()
@@ -223,12 +234,7 @@ def _learn(
     )
     keys = jax.random.split(key, config.epochs)
     order = jnp.concatenate([jax.random.permutation(key, len(values)) for key in keys])
-    rate = interpolate_linearly(
-        config.learning_rate, config.final_learning_rate, stage.env_steps, env_steps
-    )
-    rates = jnp.where(iterations < config.critic_first, 0.0, rate), interpolate_linearly(
-        config.critic_learning_rate, config.final_learning_rate, stage.env_steps, env_steps
-    )  # fmt: skip
+    rates = _learning_rates(plan, iterations, env_steps)
 
     def update(learner: PPOLearner, rows: Int[Array, " batch"]) -> tuple[PPOLearner, Scalar]:
         parts = learner.network, learner.critic
@@ -246,6 +252,19 @@ def _learn(
 
     learner, errors = jax.lax.scan(update, learner, order.reshape(-1, config.batch))
     return learner, jnp.sum(errors)
+
+
+def _learning_rates(
+    plan: Plan, iterations: Int[Array, ""], env_steps: Int[Array, ""]
+) -> tuple[Scalar, Scalar]:
+    """Return the learning rates of the network, which waits for the critic at first, and of the
+    critic.
+    """
+    config, stage = _configs(plan)
+    last, over = config.final_learning_rate, stage.env_steps
+    rate = interpolate_linearly(config.learning_rate, last, over, env_steps)
+    critic_rate = interpolate_linearly(config.critic_learning_rate, last, over, env_steps)
+    return jnp.where(iterations < config.critic_first, 0.0, rate), critic_rate
 
 
 def _loss(

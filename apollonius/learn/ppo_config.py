@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from apollonius.agents.network import QNetwork
 from apollonius.io.errors import require, require_positive, require_within
 from apollonius.io.limits import TRANSITIONS
-from apollonius.learn.learner_config import LearnerConfig
+from apollonius.learn.algorithm import LearnerConfig
 
 
 @dataclass(frozen=True)
@@ -32,8 +32,9 @@ class PPOConfig(LearnerConfig):
     hold: float = 1.0
     """Steps for which the random number that chooses an action is held, on average."""
     temperature: float = 3e-3
-    """Difference between two actions of the first network [lost games] that makes one e times as likely: for one whose
-    values lie closer together, a lower one."""
+    """Difference between two actions of the first network [lost games] that makes one e times as
+    likely: for one whose values lie closer together, a lower one.
+    """
     critic_learning_rate: float = 5e-4
     """Adam's step size for the critic, at the start of a stage."""
     critic_first: int = 15

@@ -1,4 +1,6 @@
-"""The progress of a training run: its last process, the share of the training that is done, its last evaluation."""
+"""The progress of a training run: its last process, the share of the training that is done, its
+last evaluation.
+"""
 
 import os
 import platform
@@ -22,7 +24,8 @@ STATE = "state.json"
 
 @dataclass(frozen=True)
 class ProcessStatus:
-    """The last process that trained a run: its number on its machine and in Slurm, and why it failed if it did.
+    """The last process that trained a run: its number on its machine and in Slurm, and why it
+    failed if it did.
 
     A run that was stopped or killed can be resumed.
     """
@@ -50,7 +53,9 @@ def load_status(path: Path) -> ProcessStatus:
 
 
 def record_status(folder: Path, train: Callable[[], bool]) -> bool:
-    """Hold a run's folder (`held`) while it is trained, keep its `State` on file, and return if it finished."""
+    """Hold a run's folder (`held`) while it is trained, keep its `State` on file, and return if it
+    finished.
+    """
 
     def write(state: ProcessStatus) -> None:
         write_atomically(folder / STATE, to_json(asdict(state)).encode())
@@ -72,7 +77,9 @@ def record_status(folder: Path, train: Callable[[], bool]) -> bool:
 
 
 def _was_killed(state: ProcessStatus) -> bool:
-    """Check whether a process that runs by its record is not there any more, as far as this machine knows."""
+    """Check whether a process that runs by its record is not there any more, as far as this machine
+    knows.
+    """
     try:
         if state.machine == platform.node():
             os.kill(state.process, 0)
@@ -85,7 +92,8 @@ def _was_killed(state: ProcessStatus) -> bool:
 
 @dataclass(frozen=True)
 class Progress:
-    """The progress of a run: the share of the training that is done, its last chunk and its last greedy evaluation.
+    """The progress of a run: the share of the training that is done, its last chunk and its last
+    greedy evaluation.
 
     `age` is the time since its last process was heard of [s].
     """

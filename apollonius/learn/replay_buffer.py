@@ -1,8 +1,9 @@
 """Experience replay: the latest transitions of one side, in the order they were played.
 
-The ring is time-major, `[rows, games]`, so a game's next transition is one row below and n-step returns are read
-off at sampling time. Adding is one contiguous slice, written in place where the ring is donated. Robots of a team, who
-learn as one, have columns of their own, next to each other for every game.
+The ring is time-major, `[rows, games]`, so a game's next transition is one row below and n-step
+returns are read off at sampling time. Adding is one contiguous slice, written in place where the
+ring is donated. Robots of a team, who learn as one, have columns of their own, next to each other
+for every game.
 """
 
 from typing import Any, Generic, TypeVar
@@ -40,9 +41,9 @@ class ReplayBuffer(eqx.Module, Generic[Rows]):
 class TransitionBatch(eqx.Module):
     """n-step transitions.
 
-    `reward` is the discounted sum up to the end of the window or of the game, and `discount` the weight of the value of
-    `next_observation`: gamma to the number of steps taken, or 0 where the rules ended the game. `active` says of teams
-    which transitions count.
+    `reward` is the discounted sum up to the end of the window or of the game, and `discount` the
+    weight of the value of `next_observation`: gamma to the number of steps taken, or 0 where the
+    rules ended the game. `active` says of teams which transitions count.
     """
 
     observation: Float[Array, "batch size"]
@@ -56,7 +57,9 @@ class TransitionBatch(eqx.Module):
 def init_buffer(
     rows: int, games: int, size: int, continuous: bool = False, of_teams: bool = False
 ) -> ReplayBuffer[Row]:
-    """Return an empty ring for `rows` steps of `games` games, by the size of observations and the kind of actions."""
+    """Return an empty ring for `rows` steps of `games` games, by the size of observations and the
+    kind of actions.
+    """
 
     def zeros(shape: tuple[int, ...] = (), dtype: Any = jnp.float32) -> Array:
         return jnp.zeros((rows, games, *shape), dtype)
@@ -87,7 +90,9 @@ def add(buffer: ReplayBuffer[Rows], new: Rows) -> ReplayBuffer[Rows]:
 
 
 def truncate_latest(buffer: ReplayBuffer[Row], games: Bool[Array, " games"]) -> ReplayBuffer[Row]:
-    """Return the ring after some games were broken off: their latest transitions are truncated, unless terminated."""
+    """Return the ring after some games were broken off: their latest transitions are truncated,
+    unless terminated.
+    """
     rows, columns = buffer.rows.reward.shape
     latest, broken_off = (buffer.head - 1) % rows, jnp.repeat(games, columns // games.shape[0])
     truncated = buffer.rows.truncated[latest] | (broken_off & ~buffer.rows.terminated[latest])
@@ -104,10 +109,12 @@ def sample_batch(
     n_step: Int[Array, ""] | int,
     gamma: float,
 ) -> TransitionBatch:
-    """Draw transitions uniformly, each with the return of up to `n_step` steps. The key is consumed.
+    """Draw transitions uniformly, each with the return of up to `n_step` steps. The key is
+    consumed.
 
-    At least `max_n_step` rows must be filled, and `n_step` be from 1 to `max_n_step`. A window that meets the end of
-    its game stops there: beyond it a terminated game has no value, a truncated one that of its final observation.
+    At least `max_n_step` rows must be filled, and `n_step` be from 1 to `max_n_step`. A window that
+    meets the end of its game stops there: beyond it a terminated game has no value, a truncated one
+    that of its final observation.
     """
     rows, games = buffer.rows.reward.shape
     age_key, game_key = jax.random.split(key)

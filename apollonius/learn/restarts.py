@@ -18,7 +18,7 @@ _TOO_LATE = 1.5
 
 
 class RestartBuffer(eqx.Module):
-    """The games of a setting under way, and states of games that the learner lost within a round."""
+    """The running games of a task, and states from which the learner lost within a round."""
 
     games: Games
     lost_states: ReplayBuffer[GameState]
@@ -37,8 +37,8 @@ def add_losses(
     outcome: Int[Array, "steps games"],
     role: Role,
 ) -> ReplayBuffer[GameState]:
-    """Return the ring with those of some states, leaves `[games]`, from which one side lost in the steps that followed,
-    but not at once.
+    """Return the ring with those of some states, leaves `[games]`, from which one side lost in the
+    steps that followed, but not at once.
     """
     end, rows = jnp.argmax(outcome != Outcome.ONGOING, axis=0), len(lost.rows.steps)
     first = jnp.take_along_axis(outcome, end[None], axis=0)[0]
@@ -63,8 +63,11 @@ def add_losses(
 def mix_in_restarts(
     share: float, drawn: GameState, lost: ReplayBuffer[GameState], key: PRNGKeyArray
 ) -> GameState:
-    """Return starts, a share of which are states of lost games as soon as there are some. The key is consumed."""
-    which, row, count = *jax.random.split(key), len(drawn.steps)
+    """Return starts, a share of which are states of lost games as soon as there are some. The key
+    is consumed.
+    """
+    which, row = jax.random.split(key)
+    count = len(drawn.steps)
     again = jax.random.bernoulli(which, share, (count,)) & (lost.filled > 0)
     index = jax.random.randint(row, (count,), 0, jnp.maximum(lost.filled, 1))
     return jax.vmap(tree_where)(again, jax.tree.map(lambda leaf: leaf[index], lost.rows), drawn)

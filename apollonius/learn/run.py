@@ -1,11 +1,13 @@
-"""A training run in a folder: the stages in their order, metrics, agents, checkpoints, exact resume.
+"""A training run in a folder: the stages in their order, metrics, agents, checkpoints, exact
+resume.
 
-All that decides the final weights is in the config and the checkpoint. When checkpoints are written does not matter,
-so they follow the clock: a run that is killed and resumed ends with the same bits as one that is not.
+All that decides the final weights is in the config and the checkpoint. When checkpoints are written
+does not matter, so they follow the clock: a run that is killed and resumed ends with the same bits
+as one that is not.
 """
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -63,7 +65,9 @@ _EVALUATION_SEED = 20_200
 
 
 class CheckpointContent(eqx.Module):
-    """Content of a checkpoint: the training state and, in stage 1, the best pursuer so far by a fixed evaluation."""
+    """Content of a checkpoint: the training state and, in stage 1, the best pursuer so far by a
+    fixed evaluation.
+    """
 
     train: TrainState
     best: Network | None
@@ -71,10 +75,11 @@ class CheckpointContent(eqx.Module):
 
 @dataclass(eq=False)
 class TrainingRun:
-    """One training run, in a folder that `create_run` made. `execute` begins it or resumes it from its checkpoint.
+    """One training run, in a folder that `create_run` made. `execute` begins it or resumes it from
+    its checkpoint.
 
-    After every chunk `report` is called with its metrics and the share of the training that is done, and then
-    `should_stop`: True saves a checkpoint and ends `execute` early.
+    After every chunk `report` is called with its metrics and the share of the training that is
+    done, and then `should_stop`: True saves a checkpoint and ends `execute` early.
     """
 
     config: RunConfig
@@ -95,14 +100,17 @@ class TrainingRun:
 
     @cached_property
     def tasks(self) -> Sequence[Any]:
-        """Games and opponents of a side that learns alone; in a distillation lessons, for which games are solved."""
+        """Games and opponents of a side that learns alone; in a distillation lessons, for which
+        games are solved.
+        """
         if self.config.stages == DISTILLATION:
             return distillation_tasks(self.config, self.game, self.folder / TABLES)
         return training_tasks(self.config.response, self.config.ppo, self.game)
 
     def execute(self) -> bool:
-        """Train to the end of the last stage; return False if stopped early. Raises InvalidInput for a checkpoint that
-        this run cannot go on from, and while another process trains in the folder.
+        """Train to the end of the last stage; return False if stopped early. Raises InvalidInput
+        for a checkpoint that this run cannot go on from, and while another process trains in the
+        folder.
         """
         return record_status(self.folder, self._execute)
 
@@ -138,7 +146,8 @@ class TrainingRun:
             self.plans[stage],
             jax.random.fold_in(jax.random.key(self.config.seed), STAGES.index(stage)),
         )
-        if (one_side := self.config.one_side) is not None:
+        one_side = self.config.one_side
+        if one_side is not None:
             begin = distillation.start_distillation if stage == DISTILLATION else ppo.start_response
             return CheckpointContent(begin(plan, self.tasks, key, networks[one_side.side]), None)
         train = train_state.start(
@@ -150,20 +159,13 @@ class TrainingRun:
         self, saved: CheckpointContent, meta: CheckpointMeta
     ) -> tuple[CheckpointContent, bool]:
         """Train one stage from here. Returns its last state, and whether it ended by itself."""
-        train, best, stage = saved.train, saved.best, meta.stage
+        train = saved.train
+        best = saved.best
+        stage = meta.stage
         plan = self.plans[stage]
-        if self.config.one_side is not None:
-            play = (
-                distillation.train_distillation_chunk
-                if stage == DISTILLATION
-                else ppo.train_response_chunk
-            )
-            chunks = loop.train_round_robin(play, plan, train, self.tasks, meta.chunks)
-        else:
-            game, fixed = plan.stage.trained_in(self.game), self.fixed.get(stage, {})
-            chunks = loop.chunks(plan, game, train, fixed, meta.chunks)
-        began, last_save = time.monotonic() - meta.seconds, time.monotonic()
-        chunk_began = time.monotonic()
+        began = time.monotonic() - meta.seconds
+        last_save = chunk_began = time.monotonic()
+        chunks = self._chunks(stage, train, meta.chunks)
         for train, metrics in chunks:
             jax.block_until_ready(metrics)  # a chunk is handed out before it is computed
             speed = plan.env_steps_per_chunk / (time.monotonic() - chunk_began)
@@ -190,6 +192,20 @@ class TrainingRun:
             self._save_agent(best, Role.PURSUER, self.config.stage1_name, asdict(meta.best), stage)
         return CheckpointContent(train, best), True
 
+    def _chunks(
+        self, stage: str, train: TrainState, done: int
+    ) -> Iterator[tuple[TrainState, loop.Metrics]]:
+        """Train a stage chunk by chunk, of which some are done."""
+        plan = self.plans[stage]
+        if stage == DISTILLATION:
+            step = distillation.train_distillation_chunk
+            return loop.train_round_robin(step, plan, train, self.tasks, done)
+        if stage == RESPONSE:
+            step = ppo.train_response_chunk
+            return loop.train_round_robin(step, plan, train, self.tasks, done)
+        game = plan.stage.trained_in(self.game)
+        return loop.chunks(plan, game, train, self.fixed.get(stage, {}), done)
+
     def _evaluate(self, stage: str, train: TrainState) -> Evaluation:
         """Play greedily from fixed starts, with fixed players for a side that does not learn."""
         game, fixed = self.game, self.evaders
@@ -212,8 +228,8 @@ class TrainingRun:
     def _is_best(self, evaluation: Evaluation, meta: CheckpointMeta) -> bool:
         """Check whether a pursuer of stage 1 is the best so far.
 
-        Against an evader that stays that is the one with most captures (section IV), otherwise the latest: the one with
-        most wins would be one that waits until a random evader has failed.
+        Against an evader that stays that is the one with most captures (section IV), otherwise the
+        latest: the one with most wins would be one that waits until a random evader has failed.
         """
         if meta.stage != FIXED_TARGET:
             return False
@@ -222,7 +238,9 @@ class TrainingRun:
         return evaluation.outcomes["captured"] > meta.best.outcomes["captured"]
 
     def _save_agents(self, train: TrainState, before: int, meta: CheckpointMeta) -> None:
-        """Save the agents at the snapshots of self-play, and that of a side that learns alone at its end."""
+        """Save the agents at the snapshots of self-play, and that of a side that learns alone at
+        its end.
+        """
         plan, stage = self.plans[meta.stage], meta.stage
         times = {SELF_PLAY: self.config.self_play.snapshots, FIXED_TARGET: 0}.get(stage, 1)
         record: dict[str, object] = {
@@ -244,18 +262,16 @@ class TrainingRun:
                     )
 
     def _finish_stage(self, side: LearnerState) -> Network:
-        """Return the network that plays when it counts: averaged, or a response between it and the first; cautious."""
-        network, one_side, initial_share = (
-            side.learner.average,
-            self.config.one_side,
-            self.config.response.initial_weight_share,
-        )
-        if (
-            self.config.stages == RESPONSE
-            and initial_share
-            and (first := load_first_networks(self.config, self.config.response.side))
-        ):
-            network = interpolate_networks(network, first, initial_share)
+        """Return the network of the agent: the averaged one, of a response mixed with its first;
+        with its penalty.
+        """
+        network = side.learner.average
+        one_side = self.config.one_side
+        initial_share = self.config.response.initial_weight_share
+        if self.config.stages == RESPONSE and initial_share:
+            first = load_first_networks(self.config, self.config.response.side)
+            if first is not None:
+                network = interpolate_networks(network, first, initial_share)
         if one_side is None or one_side.clearance_margin == 0:
             return network
         assert isinstance(network, QNetwork)
@@ -289,12 +305,14 @@ class TrainingRun:
 
 
 def train(folder: Path) -> bool:
-    """Train the run of a folder, from its checkpoint if it has one; return False if it was stopped."""
+    """Train the run of a folder, from its checkpoint if any; return False if stopped."""
     return TrainingRun(load_config(folder / "config.toml"), folder).execute()
 
 
 def load_first_networks(config: RunConfig, role: Role) -> Network | None:
-    """Return the network that a side starts from, if the config names one; raises InvalidInput if it does not fit."""
+    """Return the network that a side starts from, if the config names one; raises InvalidInput if
+    it does not fit.
+    """
     name = BySide(config.pursuer, config.evader)[role]
     if name is None:
         return None

@@ -14,8 +14,9 @@ from apollonius.learn.clearance_penalty import clearance_penalty
 class SamplingPolicy(AbstractByNetwork):
     """The action drawn by a network's values as logits, less the costs of missing clearance.
 
-    The random number that chooses it is held for some steps: each action keeps its probability, and what is tried lasts
-    long enough to lead somewhere (Hollenstein, Martius and Piater, "Colored noise in PPO", 2024).
+    The random number that chooses it is held for some steps: each action keeps its probability, and
+    what is tried lasts long enough to lead somewhere (Hollenstein, Martius and Piater, "Colored
+    noise in PPO", 2024).
 
     Attributes:
         wanted: clearance after braking [m], or 0.

@@ -1,4 +1,6 @@
-"""The stages of a training in numbers: the two of the curriculum, those of one side, and the plan of a stage."""
+"""The stages of a training in numbers: the two of the curriculum, those of one side, and the plan
+of a stage.
+"""
 
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -10,13 +12,13 @@ from apollonius.game.scenario import Spread
 from apollonius.game.types import BySide, Role
 from apollonius.io.errors import require, require_positive, require_within
 from apollonius.io.limits import GAMES
-from apollonius.learn.learner_config import LearnerConfig
+from apollonius.learn.algorithm import LearnerConfig
 from apollonius.learn.opponents import OpponentConfig
 
 
 @dataclass(frozen=True)
 class StageConfig:
-    """Length, exploration, rewards and evaluations of a stage. The defaults are those of stage 1."""
+    """Length, exploration, rewards and evaluations of a stage; by default of stage 1."""
 
     env_steps: int = 19_000_000
     """Length of the stage."""
@@ -33,9 +35,13 @@ class StageConfig:
     evaluation_games: int = 1000
     """Games in each evaluation, always from the same starts."""
     time_limit: int | None = None
-    """Time limit of games of training [steps]; None for that of the game. Evaluations keep the game's."""
+    """Time limit of games of training [steps]; None for that of the game. Evaluations keep the
+    game's.
+    """
     limit_terminates: bool = False
-    """True for games of training that end with the time limit: no value is bootstrapped from their last state."""
+    """True for games of training that end with the time limit: no value is bootstrapped from their
+    last state.
+    """
     randomise: tuple[Spread, ...] = ()
     """Numbers of the robots, their sensors and drives that each game draws while training."""
 
@@ -54,7 +60,9 @@ class StageConfig:
         return BySide(self.pursuer_epsilon, self.evader_epsilon)
 
     def trained_in(self, game: Game) -> Game:
-        """Return the game of this stage's training: with its reward weights and time limit, and the robots it draws."""
+        """Return the game of this stage's training: with its reward weights and time limit, and the
+        robots it draws.
+        """
         reward = replace(game.reward, progress=self.progress, failure=self.failure)
         max_steps = game.max_steps if self.time_limit is None else self.time_limit
         trained = replace(game, reward=reward, max_steps=max_steps)
@@ -65,7 +73,8 @@ class StageConfig:
 class SelfPlayConfig(StageConfig):
     """Stage 2. Its pursuer has learned already and explores little; progress weighs little.
 
-    With c = 3 an evader that gains three metres on its way into a wall is paid more than it loses there.
+    With c = 3 an evader that gains three metres on its way into a wall is paid more than it loses
+    there.
     """
 
     env_steps: int = 90_000_000
@@ -100,7 +109,9 @@ class OneSideConfig(StageConfig):
     opponents: tuple[str, ...] = ("pursuer",)
     """Its opponents, each in an equal part of the games."""
     clearance_margin: float = 0.0
-    """Clearance after braking [m] that the agent wants (`apollonius.learn.clearance_penalty`); 0 for none."""
+    """Clearance [m] that an action should leave after braking
+    (`apollonius.learn.clearance_penalty`); 0 for none.
+    """
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -112,7 +123,9 @@ class OneSideConfig(StageConfig):
         return Role[self.role.upper()]
 
     def line_ups(self, game: Game) -> list[tuple[Game, dict[Role, tuple[str, ...]]]]:
-        """Return the games of a run in this one, each with the names of its players by side."""
+        """List the games that a run in this game is trained in, each with the names of its players
+        by side.
+        """
         return [(game, {self.side.other: self.opponents})]
 
 
@@ -126,12 +139,14 @@ class ResponseConfig(OneSideConfig):
     tasks: tuple[Task, ...] = ()
     """Further games, which take turns with the run's own."""
     restart_fraction: float = 0.0
-    """Share of games that begin in a state of one that was lost within the next round (Florensa et al., "Reverse
-    curriculum generation for reinforcement learning", 2017, begin near the goal): where few games are lost, most of
-    what is played teaches nothing."""
+    """Share of games that begin in a state from which a game was lost within a round. Where few
+    games are lost, most games teach nothing (Florensa et al., "Reverse curriculum generation for
+    reinforcement learning", 2017, begin near the goal).
+    """
     initial_weight_share: float = 0.0
-    """Share of its first network in the weights of the agent, which then forgets less (Wortsman et al., "Robust
-    fine-tuning of zero-shot models", 2022)."""
+    """Share of its first network in the weights of the agent, which then forgets less (Wortsman et
+    al., "Robust fine-tuning of zero-shot models", 2022).
+    """
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -144,7 +159,7 @@ class ResponseConfig(OneSideConfig):
             f"{len(self.opponents)} names, as those of the stage, or left out",
         )
 
-    def casts(self, game: Game) -> list[tuple[Game, dict[Role, tuple[str, ...]]]]:
+    def line_ups(self, game: Game) -> list[tuple[Game, dict[Role, tuple[str, ...]]]]:
         tasks = Task(game), *self.tasks
         return [(task.game, {self.side.other: task.opponents or self.opponents}) for task in tasks]
 
@@ -159,21 +174,30 @@ class DistillationConfig(OneSideConfig):
     evader_epsilon: float = 0.04
     """Share of random actions of a learning evader, each held for a round; constant."""
     teacher: str = TABLE
-    """Source of the action values: `table`, the player by the game solved for that side, or an agent trained by DQN."""
+    """Source of the action values: `table`, the player by the game solved for that side, or an
+    agent trained by DQN.
+    """
     opponents: tuple[str, ...] = (TABLE, "random", "pursuer", "P_curriculum", "intercept")
-    """Its opponents, each in an equal part of the games that attackers leave: `table` is the other side's."""
+    """Its opponents, each in an equal part of the games that attackers leave: `table` is the other
+    side's.
+    """
     near_sighted: int = 192
     """Games against an attacker that knows the student and looks one hold of ten steps ahead."""
     far_sighted: int = 64
     """Games against one that looks two holds ahead, at four times the cost."""
     grid: tuple[int, ...] | None = None
-    """Nodes along x, y, v and heading on which the game is solved; None for those of `apollonius solve game`."""
+    """Nodes along x, y, v and heading on which the game is solved; None for those of `apollonius
+    solve game`.
+    """
     clearance: float = 0.05
-    """Clearance [m] below which labels weigh it against the teacher's values; 0 ignores clearance."""
+    """Clearance [m] below which labels weigh it against the teacher's values; 0 ignores clearance.
+    """
     updates: int = 8
     """Updates in a round."""
     informed: float = 3.0
-    """Time since a side with sensors saw an opponent [s] up to which it learns what its teacher, who sees it, does."""
+    """Time since a side with sensors saw an opponent [s] up to which it learns what its teacher,
+    who sees it, does.
+    """
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -188,7 +212,7 @@ class DistillationConfig(OneSideConfig):
             "four numbers of nodes, or left out",
         )
 
-    def casts(self, game: Game) -> list[tuple[Game, dict[Role, tuple[str, ...]]]]:
+    def line_ups(self, game: Game) -> list[tuple[Game, dict[Role, tuple[str, ...]]]]:
         return [
             (task_game, names | {self.side: (self.teacher,)})
             for task_game, names in super().line_ups(game)
@@ -203,7 +227,9 @@ class DistillationConfig(OneSideConfig):
 
 @dataclass(frozen=True)
 class Plan:
-    """The fixed part of a stage: how to learn and for how long. Hashable, so it is static under `jit`."""
+    """The fixed part of a stage: how to learn and for how long. Hashable, so it is static under
+    `jit`.
+    """
 
     learner: LearnerConfig
     stage: StageConfig
@@ -229,8 +255,9 @@ class Plan:
         return after * times // self.chunks > before * times // self.chunks
 
     def share(self, env_steps: int) -> float:
-        """Return the share of the stage's work that is done after some env steps: of those that updates go with."""
-        total, idle = self.chunks * self.env_steps_per_chunk, self.learner.steps_before_learning
+        """Return the share of the stage's updates that is made after some env steps."""
+        total = self.chunks * self.env_steps_per_chunk
+        idle = self.learner.steps_before_learning
         idle = idle if idle < total else 0
         return max(0, env_steps - idle) / (total - idle)
 

@@ -29,15 +29,18 @@ _EDGE = 0.02
 def states_to_label(
     config: DistillationConfig, task: DistillationTask, games: Games, key: PRNGKeyArray
 ) -> tuple[GameState, GameState, Bool[Array, " rows"]]:
-    """Return states to learn from, as the student knows them and as they are, and which of its robots learn there.
+    """Return states to learn from, as the student knows them and as they are, and which of its
+    robots learn there.
 
     A robot of a team learns while it is in play. Rows are those of `perceive`.
 
-    The teacher sees everything (Chen et al., "Learning by cheating", 2019), which says nothing to a student that has
-    not seen an opponent for long. In games with tables whose robots see everything the states are those of
-    `query_states`, else those visited.
+    The teacher sees everything (Chen et al., "Learning by cheating", 2019), which says nothing to a
+    student that has not seen an opponent for long. In games with tables whose robots see everything
+    the states are those of `query_states`, else those visited.
     """
-    game, role, track = task.game, config.side, games.sides[config.side].track
+    game = task.game
+    role = config.side
+    track = games.sides[config.side].track
     if task.table is not None and track is None:
         states = states_near(game, games.state, key)
         return states, states, jnp.ones(states.steps.shape, bool)
@@ -60,7 +63,9 @@ def states_to_label(
 
 
 def starts_of(task: DistillationTask, games: int, key: PRNGKeyArray) -> GameState:
-    """Return starts of games: with tables `fresh_starts`, else as the game draws them. The key is consumed."""
+    """Return starts of games: with tables `fresh_starts`, else as the game draws them. The key is
+    consumed.
+    """
     return (
         reset_batch(task.game, key, games)
         if task.table is None
@@ -69,10 +74,11 @@ def starts_of(task: DistillationTask, games: int, key: PRNGKeyArray) -> GameStat
 
 
 def states_near(game: Game, visited: GameState, key: PRNGKeyArray) -> GameState:
-    """Return states to learn from: those visited, as many around them, and a quarter as many each with the robots close
-    together and anywhere, leaves `[games]`.
+    """Return states to learn from: those visited, as many around them, and a quarter as many each
+    with the robots close together and anywhere, leaves `[games]`.
 
-    An opponent that knows the student forces it into states that its own games do not visit. The key is consumed.
+    An opponent that knows the student forces it into states that its own games do not visit. The
+    key is consumed.
     """
     around_key, close_key, anywhere_key = jax.random.split(key, 3)
     games, some = len(visited.steps), len(visited.steps) // 4
@@ -86,7 +92,7 @@ def states_near(game: Game, visited: GameState, key: PRNGKeyArray) -> GameState:
 
 
 def fresh_starts(game: Game, games: int, key: PRNGKeyArray) -> GameState:
-    """Return starts of games: every other one as the game draws it, the rest moving and anywhere."""
+    """Return starts of games: every second one as the game draws it, the rest anywhere."""
     rest_key, moving_key = jax.random.split(key)
     starts, moving = reset_batch(game, rest_key, games), _anywhere(game, games, moving_key)
     even = jnp.arange(games) % 2 == 0

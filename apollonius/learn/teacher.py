@@ -36,8 +36,9 @@ TABLES = "tables"
 _AHEAD = 2
 """Steps of an action, of about 0.1 s, after which the clearance is looked up."""
 DEEPEST = 0.3
-"""Largest difference to the best action, before clearance counts: capacity spent on how bad a bad action is would be
-lost to the choice between good ones."""
+"""Largest difference to the best action, before clearance counts: capacity spent on how bad a bad
+action is would be lost to the choice between good ones.
+"""
 STEEPNESS = 10.0
 """Cost of a missing metre of clearance, on the scale of the paper's robots."""
 COSTLIEST = 0.8
@@ -45,7 +46,9 @@ COSTLIEST = 0.8
 
 
 class Clearance(eqx.Module):
-    """The cost of missing clearance, of what is `wanted` [m] after `_AHEAD` steps, by the table of `solve_safety`."""
+    """The cost of missing clearance, of what is `wanted` [m] after `_AHEAD` steps, by the table of
+    `solve_safety`.
+    """
 
     motion: Motion
     grid: Grid
@@ -66,8 +69,8 @@ class Clearance(eqx.Module):
     def weigh_against(self, behind: Float[Array, "9"], robot: RobotState) -> Float[Array, "9"]:
         """Return the differences to the best action, less the cost of missing clearance.
 
-        As clearance runs out, the given differences fade, and clearance alone decides in the end: a wall is reached by
-        many steps, none of which leaves much less clearance than another would.
+        As clearance runs out, the given differences fade, and clearance alone decides in the end: a
+        wall is reached by many steps, none of which leaves much less clearance than another would.
         """
         left = jnp.minimum(self.after(robot, jnp.arange(NUM_ACTIONS)), self.margin)
         most = jnp.max(left)
@@ -76,10 +79,11 @@ class Clearance(eqx.Module):
 
 
 class DistillationTask(TrainingTask):
-    """A setting with a teacher, which values all nine actions, and the clearance that they leave, or None.
+    """A setting with a teacher, which values all nine actions, and the clearance that they leave,
+    or None.
 
-    Some games are those of attackers, who look ahead by a table, the other side's player by the game solved in this one
-    arena; None without any.
+    Some games are those of attackers, who look ahead by a table, the other side's player by the
+    game solved in this one arena; None without any.
     """
 
     teacher: AbstractActionValuePolicy
@@ -87,7 +91,9 @@ class DistillationTask(TrainingTask):
     table: SaddlePolicy | None
 
     def values(self, states: GameState, role: Role) -> Float[Array, "games 9"]:
-        """Return one side's values of the nine actions in states, leaves `[games]`; the best has the teacher's own."""
+        """Return one side's values of the nine actions in states, leaves `[games]`; the best has
+        the teacher's own.
+        """
         read, rows = observation_rows(self.teacher.observation, self.game, states, role)
         bits = jnp.zeros((), jnp.uint32)
         values = jax.vmap(lambda row: self.teacher.score(read(row), self.teacher.memory, bits)[0])(
@@ -105,11 +111,13 @@ def distillation_tasks(
 ) -> list[DistillationTask]:
     """Return the lessons of a run: one, or where tables are needed one in each arena.
 
-    Games are solved whose tables do not lie in the folder. The lessons in all arenas have one shape, so that one
-    compilation serves all. Raises InvalidInput when a player cannot be teacher, the teacher does not value the nine
-    actions, or robots of a solved game are of several kinds.
+    Games are solved whose tables do not lie in the folder. The lessons in all arenas have one
+    shape, so that one compilation serves all. Raises InvalidInput when a player cannot be teacher,
+    the teacher does not value the nine actions, or robots of a solved game are of several kinds.
     """
-    stage, role, scenario = config.distillation, config.distillation.side, game.scenario
+    stage = config.distillation
+    role = config.distillation.side
+    scenario = game.scenario
     require_room_to_brake(stage, config.learner)
     ((_, names),) = stage.line_ups(game)
     if not stage.solves:

@@ -1,4 +1,6 @@
-"""The state of a stage of training, and its first one (Algorithm 1, lines 1 to 3; Algorithm 2, lines 1 to 4)."""
+"""The state of a stage of training, and its first one (Algorithm 1, lines 1 to 3; Algorithm 2,
+lines 1 to 4).
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -15,15 +17,16 @@ from apollonius.agents.pool import LearnerAndPast, Pool, single_player
 from apollonius.agents.trained import exploring_policy, greedy_policy
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import ROLES, BySide, Role
-from apollonius.learn import archive, dqn, replay_buffer, sac
-from apollonius.learn.learner_config import DQNConfig, ReplayConfig, SACConfig
+from apollonius.learn import archive, replay_buffer
+from apollonius.learn.algorithm import Learner, ReplayConfig
 from apollonius.learn.stage_config import Plan
 from apollonius.observe.registry import find_observation
 from apollonius.play.rollout import init_games
 
 
 class PPOLearner(eqx.Module):
-    """One side's network, whose values are logits, the critic of its observations, and the optimisers of both.
+    """One side's network, whose values are logits, the critic of its observations, and the
+    optimisers of both.
 
     `updates` counts the updates so far.
     """
@@ -39,8 +42,6 @@ class PPOLearner(eqx.Module):
         return self.network
 
 
-Learner = dqn.DQNLearner | sac.SACLearner | PPOLearner
-"""One side's networks and optimisers: `network` plays while it learns, `average` in evaluations."""
 NO_NETWORKS: BySide[Network | None] = BySide(None, None)
 """Both sides start from random weights."""
 
@@ -55,9 +56,9 @@ class LearnerState(eqx.Module):
 class TrainState(eqx.Module):
     """Everything that changes while a stage is trained.
 
-    `key` is folded with the number of iterations, never replaced. `env_steps` counts steps of single games. `archives`
-    hold the earlier versions of both sides; None where the scheme has none. A side that learns alone has games in each
-    setting.
+    `key` is folded with the number of iterations, never replaced. `env_steps` counts steps of
+    single games. `archives` hold the earlier versions of both sides; None where the scheme has
+    none. A side that learns alone has games in each setting.
     """
 
     games: Any
@@ -76,9 +77,11 @@ def start(
     fixed: Mapping[Role, Pool],
     networks: BySide[Network | None] = NO_NETWORKS,
 ) -> TrainState:
-    """Return the state before the first step: empty replay buffers and first networks. The key is consumed.
+    """Return the state before the first step: empty replay buffers and first networks. The key is
+    consumed.
 
-    A `fixed` side does not learn; sides that do go on from their networks, or start from random weights.
+    A `fixed` side does not learn; sides that do go on from their networks, or start from random
+    weights.
     """
     config, learning = plan.learner, [role for role in Role if role not in fixed]
     assert isinstance(config, ReplayConfig)
@@ -89,9 +92,9 @@ def start(
             config.games * len(game.bodies[role]),
             find_observation(config.observation).size,
         )
-        continuous, of_teams = isinstance(config, SACConfig), game.teams is not None
-        buffer = replay_buffer.init_buffer(config.rows, columns, size, continuous, of_teams)
-        return LearnerState(first_learner(plan, key, networks[role]), buffer)
+        of_teams = game.teams is not None
+        buffer = replay_buffer.init_buffer(config.rows, columns, size, config.continuous, of_teams)
+        return LearnerState(config.init_learner(key, networks[role]), buffer)
 
     learners = {role: first(role, key) for role, key in zip(learning, network_keys, strict=True)}
     archives = None
@@ -110,30 +113,23 @@ def start(
     return replace(state, games=jax.tree.map(jnp.array, first_games))
 
 
-def first_learner(plan: Plan, key: PRNGKeyArray, network: Network | None) -> Learner:
-    """Return a learner that starts from a copy of a network, or from random weights. The key is consumed."""
-    if isinstance(plan.learner, SACConfig):
-        return sac.init_actor_critic(plan.learner, key, network)
-    assert isinstance(plan.learner, DQNConfig)
-    return dqn.init_learner(plan.learner, key, network)
-
-
 def players(
     plan: Plan, state: TrainState, fixed: Mapping[Role, Pool]
 ) -> BySide[Pool | LearnerAndPast]:
-    """Return the players of both sides: fixed ones, or a learner that explores, by soft actor-critic with noise that
-    lasts, and in the slots its earlier versions.
+    """Return the players of both sides: fixed ones, or a learner that explores, by soft
+    actor-critic with noise that lasts, and in the slots its earlier versions.
     """
     config, past = plan.learner, plan.opponents
+    assert isinstance(config, ReplayConfig)
 
     def of_side(role: Role) -> Pool | LearnerAndPast:
         if role in fixed:
             return fixed[role]
-        amount, bits = jnp.ones(()), None
-        if isinstance(config, DQNConfig):
-            amount = config.epsilon(plan.stage.epsilon[role], plan.stage.env_steps, state.env_steps)
-        if isinstance(config, SACConfig) and config.noise_steps > config.steps_per_iteration:
-            noise_block = state.iterations // (config.noise_steps // config.steps_per_iteration)
+        stage = plan.stage
+        amount = config.exploration(stage.epsilon[role], stage.env_steps, state.env_steps)
+        noise_block = config.noise_block(state.iterations)
+        bits = None
+        if noise_block is not None:
             key = jax.random.fold_in(jax.random.fold_in(state.key, 4 + role), noise_block)
             bits = jax.random.bits(key, (config.games,), jnp.uint32)
         learner = exploring_policy(state.learners[role].learner.network, amount)

@@ -12,7 +12,7 @@ from apollonius.catalogue import TABLE, find_player
 from apollonius.game.game import Game
 from apollonius.game.types import Real, Role
 from apollonius.io.errors import require
-from apollonius.learn.learner_config import LearnerConfig
+from apollonius.learn.algorithm import LearnerConfig
 from apollonius.learn.ppo_config import PPOConfig
 from apollonius.learn.stage_config import OneSideConfig, ResponseConfig
 from apollonius.observe.registry import find_observation
@@ -22,8 +22,8 @@ Players = dict[tuple[str, Role], NamedPlayer]
 
 
 class TrainingTask(eqx.Module):
-    """A game, the learner's opponents in it, each in an equal part of the games, and what a lost game costs in the
-    learner's values.
+    """A game, the learner's opponents in it, each in an equal part of the games, and what a lost
+    game costs in the learner's values.
     """
 
     game: Game
@@ -32,20 +32,20 @@ class TrainingTask(eqx.Module):
 
 
 def equal_parts(games: int, kinds: int) -> list[int]:
-    """Divide games between kinds of opponents: equally, with one more for each of the first if need be."""
+    """Divide games between kinds of opponents: equally, with one more for each of the first if need
+    be.
+    """
     return [games // kinds + (number < games % kinds) for number in range(kinds)]
 
 
 def training_tasks(stage: ResponseConfig, learner: PPOConfig, game: Game) -> list[TrainingTask]:
-    """Return the run's own game and the further tasks; raises InvalidInput when an opponent cannot be found, and where
-    caution is wanted of a network that knows no room to brake.
+    """Return the run's own game and the further tasks; raises InvalidInput when an opponent cannot
+    be found, and where caution is wanted of a network that knows no room to brake.
     """
     require_room_to_brake(stage, learner)
-    reads, charted_games, tasks = (
-        find_observation(learner.observation).needs_chart,
-        list[Game](),
-        list[TrainingTask](),
-    )
+    reads = find_observation(learner.observation).needs_chart
+    charted_games = list[Game]()
+    tasks = list[TrainingTask]()
     other = stage.side.other
     for game_of_task, names in stage.line_ups(game):
         charted_games.append(_with_chart_like(game_of_task, charted_games, reads))
@@ -75,7 +75,9 @@ def require_room_to_brake(stage: OneSideConfig, learner: LearnerConfig) -> None:
 
 
 def _with_chart_like(game: Game, references: Sequence[Game], are_read: bool) -> Game:
-    """Return a game with the charts of another one in the same arenas and with as large robots, or with its own."""
+    """Return a game with the charts of another one in the same arenas and with as large robots, or
+    with its own.
+    """
     for other in references:
         own_scenario, other_scenario = game.scenario, other.scenario
         if (
@@ -90,7 +92,9 @@ def _with_chart_like(game: Game, references: Sequence[Game], are_read: bool) -> 
 
 
 def resolve_players(game: Game, names: Mapping[Role, Sequence[str]]) -> tuple[Game, Players]:
-    """Return a game, with charts where its players of these names read them, and these; `TABLE` is nobody here."""
+    """Return a game, with charts where its players of these names read them, and these; `TABLE` is
+    nobody here.
+    """
     players = _find(game, names)
     return with_chart(game, any(player.policy.needs_chart for player in players.values())), players
 

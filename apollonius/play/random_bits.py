@@ -1,8 +1,7 @@
 """Random bits, the same as those of `jax.random`, in one pass.
 
-On the CPU, JAX's hash is a loop of five turns: each goes through memory, and, for a single key,
-spends its time on the loop. Here the turns stand one after the other, and all happen where a number
-is made.
+On the CPU, JAX computes its hash by a loop of five groups of rounds, each of which reads and writes
+memory. Here they are unrolled, so that each number is computed in one pass.
 """
 
 import functools
@@ -16,7 +15,7 @@ from apollonius.game.fusion_barrier import fusion_barrier
 
 _PARITY = 0x1BD11BDA
 _ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
-_TURNS = 5
+_GROUPS = 5
 
 
 def threefry_bits(key: PRNGKeyArray, shape: tuple[int, ...]) -> UInt32[Array, "..."]:
@@ -55,12 +54,12 @@ def _hash(
     """Return two words of each counter: Threefry-2x32 with 20 rounds (Salmon et al., 2011)."""
     keys = (key[0], key[1], key[0] ^ key[1] ^ jnp.uint32(_PARITY))
     high, low = jnp.full_like(counter, keys[0]), counter + keys[1]
-    for turn in range(_TURNS):
-        for rotation in _ROTATIONS[turn % 2]:
+    for group in range(_GROUPS):
+        for rotation in _ROTATIONS[group % 2]:
             high = high + low
             low = high ^ ((low << rotation) | (low >> (32 - rotation)))
-        high = high + keys[(turn + 1) % 3]
-        low = low + keys[(turn + 2) % 3] + jnp.uint32(turn + 1)
+        high = high + keys[(group + 1) % 3]
+        low = low + keys[(group + 2) % 3] + jnp.uint32(group + 1)
     return high, low
 
 

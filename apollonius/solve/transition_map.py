@@ -36,8 +36,8 @@ class TransitionMap(eqx.Module):
     Attributes:
         course: the states along each hold that begins at the origin, leaves `[slices 9 steps+1]`.
         source, weight: the slices between whose speeds and headings it ends, and their shares.
-        cells, rest: how far it goes along x and y, in whole cells and the fraction of one; None
-            without fractions.
+        cells, fraction: the move along x and y, in whole cells and the fraction of one that is
+            left; None where moves are whole.
         margin: cells by which a hold can leave the grid.
     """
 
@@ -83,13 +83,11 @@ class TransitionMap(eqx.Module):
         index: Int[Array, ""],
         action: int,
     ) -> Array:
-        """Return the interpolated values where an action takes the nodes of a slice: `[x y
-        *others]`.
-        """
+        """Interpolate the values after an action from each node of a slice: `[x y *others]`."""
         across, along = (count - 2 * self.margin for count in wide_slices.shape[1:3])
         values = jnp.zeros((), jnp.float32)
         for term in range(self.source.shape[2]):
-            for offset, share in self._beside(index, action):
+            for offset, share in self._corners(index, action):
                 corner = self.cells[index, action] + jnp.array(offset) + self.margin
                 start = (self.source[index, action, term], *corner, *(0,) * (wide_slices.ndim - 3))
                 values_there = jax.lax.dynamic_slice(
@@ -98,9 +96,9 @@ class TransitionMap(eqx.Module):
                 values = values + self.weight[index, action, term] * share * values_there
         return values
 
-    def _beside(self, index: Int[Array, ""], action: int) -> list[tuple[tuple[int, int], Real]]:
-        """Return the places beside that where an action leads, counted from the nearest below, and
-        their shares.
+    def _corners(self, index: Int[Array, ""], action: int) -> list[tuple[tuple[int, int], Real]]:
+        """Return the corners of the cell in which an action ends, as offsets along x and y from the
+        lower left one, with their bilinear weights.
         """
         if self.fraction is None:
             return [((0, 0), 1.0)]
@@ -170,12 +168,12 @@ def _bytes_of_hold(motion: Motion, grid: Grid) -> int:
 @eqx.filter_jit
 def _courses(motion: Motion, grid: Grid) -> RobotState:
     """Return the states along every hold from the origin."""
-    nothing = jnp.zeros((), jnp.int32)
+    first = jnp.zeros((), jnp.int32)
+    origin = jnp.zeros((), jnp.float32)
 
     def course(index: Int[Array, ""], action: Int[Array, ""]) -> RobotState:
-        start = grid.node(index // grid.shape[1], index % grid.shape[1], nothing, nothing)
-        nowhere = jnp.zeros((), jnp.float32)
-        return motion.hold(RobotState(nowhere, nowhere, start.v, start.heading), action)
+        start = grid.node(index // grid.shape[1], index % grid.shape[1], first, first)
+        return motion.hold(RobotState(origin, origin, start.v, start.heading), action)
 
     actions, slices = jnp.arange(NUM_ACTIONS), jnp.arange(grid.shape[0] * grid.shape[1])
     return jax.vmap(lambda index: jax.vmap(lambda action: course(index, action))(actions))(slices)
@@ -189,21 +187,21 @@ def _cells_and_fraction(cells: np.ndarray, slack: float = 0.0) -> tuple[np.ndarr
 
 @eqx.filter_jit
 def over_courses(
-    of: Callable[[RobotState], Array], grid: Grid, transitions: TransitionMap
+    function: Callable[[RobotState], Array], grid: Grid, transitions: TransitionMap
 ) -> Array:
-    """Return a function's value of each action's course from each node: `[slices 9 x y]`."""
+    """Apply a function of a course to each action's course from each node: `[slices 9 x y]`."""
     x, y = grid.node_positions()
 
-    def everywhere(course: RobotState) -> Array:
-        def at(x: Scalar, y: Scalar) -> Array:
+    def at_all_nodes(course: RobotState) -> Array:
+        def at_node(x: Scalar, y: Scalar) -> Array:
             def move(robot: RobotState) -> RobotState:
                 return RobotState(robot.x + x, robot.y + y, robot.v, robot.heading)
 
-            return of(jax.vmap(move)(course))
+            return function(jax.vmap(move)(course))
 
-        return jax.vmap(lambda row: jax.vmap(lambda column: at(row, column))(y))(x)
+        return jax.vmap(lambda row: jax.vmap(lambda column: at_node(row, column))(y))(x)
 
-    return jax.lax.map(lambda courses: jax.lax.map(everywhere, courses), transitions.course)
+    return jax.lax.map(lambda courses: jax.lax.map(at_all_nodes, courses), transitions.course)
 
 
 class Side(eqx.Module):

@@ -402,14 +402,14 @@ def test_train_makes_a_run_and_judges_it_and_force_replaces_it(tiny, capsys, mon
 
     Path("run/notes.txt").write_text("mine", encoding="utf-8")
     Path("run/report.html").write_text("of the run before", encoding="utf-8")
-    monkeypatch.setattr("apollonius.learn.run.Run.execute", lambda run: False)
+    monkeypatch.setattr("apollonius.learn.run.TrainingRun.execute", lambda run: False)
     assert run_main(*arguments, "--force") == 130
     left = {str(path.relative_to("run")) for path in Path("run").rglob("*") if path.is_file()}
     assert left == {"config.toml", "notes.txt"}
 
 
 def test_seed_0_is_a_seed_and_a_run_that_is_stopped_says_how_to_go_on(tiny, capsys, monkeypatch):
-    monkeypatch.setattr("apollonius.learn.run.Run.execute", lambda run: False)
+    monkeypatch.setattr("apollonius.learn.run.TrainingRun.execute", lambda run: False)
     for asked, seed in (([], 5), (["--seed", "0"], 0)):
         assert main(["train", "--config", tiny, *asked, "--out", f"run-{seed}"]) == 130
         assert f"\nseed = {seed}\n" in "\n" + Path(f"run-{seed}/config.toml").read_text(encoding="utf-8")

@@ -136,7 +136,7 @@ def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
     from apollonius.exploit import attackers
     from apollonius.game import names as games
     from apollonius.game import presets
-    from apollonius.learn import config, learner_config
+    from apollonius.learn import config, dqn
     from apollonius.show import animation
 
     assert set(judge.TRACKS) == set(benchmark.PANELS)
@@ -144,7 +144,7 @@ def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
     assert [*exploit.ATTACKERS] == ["table", "zoo", *attackers.SEARCHES, attackers.PLANNER, attackers.LEARNED]
     assert list(built_in.PLAYERS) == list(names.BUILT_IN)
     assert tuple(presets.PRESETS) == games.PRESETS
-    assert set(train.PROFILES) == set(learner_config.PROFILES)
+    assert set(train.PROFILES) == set(dqn.PROFILES)
     assert show.MOVING == animation.MOVING
 
 
@@ -243,7 +243,8 @@ def test_in_a_terminal_the_bar_is_gone_at_the_end_and_the_results_stay():
     script = (
         "import time\nfrom apollonius.cli.display import Display\n"
         "with Display('evaluate') as display:\n"
-        "    display.begin('playing 8 games')\n    display.report(3, 8)\n    display.note({'loss': 'pursuer 0.5'})\n"
+        "    display.begin_task('playing 8 games')\n    display.report(3, 8)\n"
+        "    display.note({'loss': 'pursuer 0.5'})\n"
         "    time.sleep(0.6)\n    print('a result, below the bar')\n"
         "print('the last result')\n"
     )

@@ -127,7 +127,7 @@ def lie_well(data):
 @pytest.mark.parametrize(
     ("change", "naming"),
     [
-        (lambda data: data["score"].update(worth=0.99), "score"),
+        (lambda data: data["score"].update(net_win_rate=0.99), "score"),
         *[(lambda data, bad=bad: first(data)["outcomes"].__setitem__(0, bad), "outcomes") for bad in (99, -1, 10**30)],
         *[(lambda data, bad=bad: first(data)["steps"].__setitem__(0, bad), "steps") for bad in (0, -5, 61, 10**9)],
         *[(lambda data, bad=bad: first(data)["crashed"].__setitem__(0, bad), "crashed") for bad in (-1, 2, 10**9)],

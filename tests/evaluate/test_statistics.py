@@ -106,11 +106,11 @@ def test_the_interval_of_a_paired_difference_is_bonett_and_prices_formula():
     ("values", "is_full", "verdict"),
     [
         (((0.99,), (0.985,), (0.98,)), True, "holds"),
-        (((0.97,), (0.96,), (0.95,)), True, "a draw among draws"),
+        (((0.97,), (0.96,), (0.95,)), True, "undecided"),
         (((0.90,), (0.895,), (0.905,)), True, "does not hold"),
         (((0.99,), (0.985,), (0.98,)), False, "not enough"),
         (((0.99,), (0.985,)), True, "not enough"),
-        (((0.9, 0.5, 0.99), (0.95, 0.4, 0.99), (0.92, 0.45, 0.99)), True, "a draw among draws"),
+        (((0.9, 0.5, 0.99), (0.95, 0.4, 0.99), (0.92, 0.45, 0.99)), True, "undecided"),
     ],
 )
 def test_the_whole_prediction_of_three_whole_trainings_must_agree(values, is_full, verdict):

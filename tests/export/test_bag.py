@@ -75,8 +75,8 @@ def test_only_what_was_changed_differs_and_a_game_of_other_robots_is_refused(nam
     bag = bag_of(texts(export, *decisions), "a bag")
     assert len(bag.player_decisions) == 15
     (one,) = recompute_decisions(bag, name, bag.game)
-    assert (one["time"], one["step"], one["then"]) == (pytest.approx(1.2), 2, then)
-    assert one["now"][1] == pytest.approx(then[1] - 0.1)
+    assert (one["time"], one["step"], one["recorded"]) == (pytest.approx(1.2), 2, then)
+    assert one["recomputed"][1] == pytest.approx(then[1] - 0.1)
     with pytest.raises(InvalidInput, match=f"robots in the bag = {refused}"):
         recompute_decisions(bag, name, find_game(other))
 

@@ -356,7 +356,7 @@ import hashlib
 from apollonius.io import interrupts
 interrupts.PATIENCE = 0.3
 interrupts.listen()
-interrupts.go_on("go on with: patience")
+interrupts.set_resume_hint("go on with: patience")
 print("begun", flush=True)
 hashlib.pbkdf2_hmac("sha256", b"", b"", 10**9)
 """
@@ -373,9 +373,9 @@ signal.signal(signal.SIGINT, lambda *_: heard.append(True))
 print("begun", flush=True)
 while not heard:
     time.sleep(0.01)
-interrupts._answered.set()
+interrupts._has_answered.set()
 time.sleep(interrupts.PATIENCE + 0.5)
 print("saved")
-sys.exit(interrupts.status())
+sys.exit(interrupts.interrupt_status())
 """
     assert interrupted(saving, after=0.2) == (130, "saved\n", "")

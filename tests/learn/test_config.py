@@ -17,12 +17,14 @@ from apollonius.game.presets import in_teams, make_game
 from apollonius.game.scenario import Spread
 from apollonius.io.document import to_json
 from apollonius.io.errors import InvalidInput
+from apollonius.learn.algorithm import interpolate_linearly
 from apollonius.learn.config import PRESETS, RunConfig, sweep, with_profile
+from apollonius.learn.dqn import PROFILES, DQNConfig
 from apollonius.learn.folder import create_run, load_config
-from apollonius.learn.learner_config import PROFILES, DQNConfig, SACConfig, interpolate_linearly
 from apollonius.learn.opponents import OpponentConfig
 from apollonius.learn.ppo_config import PPOConfig
 from apollonius.learn.progress import STATE, ProcessStatus, progress_of, record_status
+from apollonius.learn.sac import SACConfig
 from apollonius.learn.stage_config import DistillationConfig, ResponseConfig, SelfPlayConfig, StageConfig, Task
 from tests.documents import REPOSITORY
 from tests.learn.tiny import RUN
@@ -129,7 +131,7 @@ def test_the_profile_paper_sets_c_and_the_length_of_games_of_stage_1_only():
 
 def test_exploration_may_last_for_a_number_of_env_steps_whatever_the_length_of_the_stage():
     config = DQNConfig(exploration_steps=1000, final_epsilon=0.1)
-    shares = [float(config.epsilon(1.0, stage, jnp.array(500))) for stage in (2000, 10**7)]
+    shares = [float(config.exploration(1.0, stage, jnp.array(500))) for stage in (2000, 10**7)]
     np.testing.assert_allclose(shares, 0.55, rtol=1e-6)
 
 

@@ -21,7 +21,7 @@ from apollonius.io.errors import InvalidInput
 from apollonius.learn import distillation
 from apollonius.learn.clearance_penalty import COST, with_clearance_penalty, without_clearance_penalty
 from apollonius.learn.config import RunConfig
-from apollonius.learn.learner_config import DQNConfig
+from apollonius.learn.dqn import DQNConfig
 from apollonius.learn.run import TrainingRun
 from apollonius.learn.stage_config import DistillationConfig
 from apollonius.learn.states_to_label import fresh_starts, starts_of, states_near, states_to_label
@@ -60,7 +60,9 @@ def visited():
 def test_games_that_opponents_cannot_share_evenly_are_all_played(monkeypatch):
     """109 for two, and those of both attackers."""
     for part in ("joint", "safety"):  # the tables' values do not matter here
-        monkeypatch.setattr(f"apollonius.solve.{part}.iterate", lambda sweep, table, *rest: Solved(table, 1, 0.0))
+        monkeypatch.setattr(
+            f"apollonius.solve.{part}.iterate_values", lambda sweep, table, *rest: Solved(table, 1, 0.0)
+        )
     (setting,) = distillation_tasks(RUN, GAME, None)
     plan = replace(RUN, distillation=replace(STAGE, near_sighted=15)).plans["distillation"]
     network = make_network("encoded", 32, 1, jax.random.key(0))
@@ -174,7 +176,7 @@ def test_each_of_several_arenas_has_a_teacher_that_says_what_it_would_alone(sett
     """All have one shape, so that compiled steps serve all; what is taught is the arena's own."""
     arenas = [GAME.arena, Arena(x_min=-1.0, x_max=2.0, y_max=4.0)]
     monkeypatch.setattr(
-        "apollonius.learn.teacher.each_alone", lambda game: [replace(GAME, arena=one) for one in arenas]
+        "apollonius.learn.teacher.single_arena_games", lambda game: [replace(GAME, arena=one) for one in arenas]
     )
     settings = distillation_tasks(RUN, in_arenas(GAME, arenas), None)
     assert len(settings) == 2

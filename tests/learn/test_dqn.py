@@ -15,8 +15,9 @@ from apollonius.agents.network import make_actor, make_layers, make_network
 from apollonius.agents.pool import single_player
 from apollonius.game.types import Role
 from apollonius.learn import dqn, replay_buffer, sac
-from apollonius.learn.learner_config import DQNConfig, SACConfig
+from apollonius.learn.dqn import DQNConfig
 from apollonius.learn.loop import train_chunk
+from apollonius.learn.sac import SACConfig
 from apollonius.learn.stage_config import Plan, SelfPlayConfig, StageConfig
 from apollonius.learn.train_state import LearnerState, TrainState, players
 from tests.acting import identical
@@ -91,7 +92,10 @@ def test_a_game_that_is_over_is_not_cut():
     assert cut.rows.truncated[memory.head - 1].tolist() == [False, False, True]
 
 
-loss, update = (jax.jit(one, static_argnums=3) for one in (jax.value_and_grad(dqn.loss), dqn.update))
+loss = jax.jit(jax.value_and_grad(dqn.loss), static_argnums=3)
+update = jax.jit(DQNConfig.update, static_argnums=0)
+KEY = jax.random.key(0)
+"""Of an update that draws nothing."""
 PLAIN = DQNConfig(double=False, averaging=0.25)
 
 
@@ -131,25 +135,27 @@ def test_the_loss_is_the_mean_squared_error_of_the_chosen_actions_and_moves_them
 
 def test_an_update_is_one_step_of_adam():
     """Adam's first step is the step size against the gradient's sign, whatever the gradient's size."""
-    learner = dqn.init_learner(PLAIN, jax.random.key(0), table({(3, 0): 2.0}))
+    learner = PLAIN.init_learner(jax.random.key(0), table({(3, 0): 2.0}))
     batch = replay_buffer.TransitionBatch(
         one_hot([0]), jnp.array([3]), jnp.array([100.0]), one_hot([1]), jnp.array([0.0])
     )
-    after, error = update(learner, batch, jnp.asarray(0.01), PLAIN)
+    after, error = update(PLAIN, learner, batch, jnp.asarray(0.01), KEY)
     assert error == pytest.approx(98.0**2)
     assert after.network(one_hot(0))[3] == pytest.approx(2.0 + 2 * 0.01, abs=1e-5)  # its weight and its bias
     assert after.average(one_hot(0))[3] == pytest.approx(2.0 + 0.25 * 2 * 0.01, abs=1e-5)
     assert after.updates == 1
     assert eqx.tree_equal(after.target, learner.target)
-    assert eqx.tree_equal(dqn.copy_to_target(after, jnp.asarray(False)).target, learner.target)
-    assert eqx.tree_equal(dqn.copy_to_target(after, jnp.asarray(True)).target, after.network)
+    period, iteration = PLAIN.target_period, PLAIN.env_steps_per_iteration
+    early, due = (PLAIN.end_iteration(after, jnp.asarray(period + past)) for past in (iteration, 0))
+    assert eqx.tree_equal(early.target, learner.target)
+    assert eqx.tree_equal(due.target, after.network)
 
 
 CONFIG = SACConfig(observation="paper", width=16, depth=1, critics_first=0, averaging=0.25, target_averaging=0.5)
 RATE = jnp.asarray(1e-2)
 
 
-sac_update, init = (jax.jit(one, static_argnames="config") for one in (sac.update_actor_critic, sac.init_actor_critic))
+sac_update, init = (jax.jit(one, static_argnums=0) for one in (SACConfig.update, SACConfig.init_learner))
 
 
 def random_batch(seed, size=32):
@@ -219,24 +225,24 @@ def test_an_update_reports_the_critics_loss_against_soft_targets():
     """NumPy again, from the noise that the key gives to next actions; targets by the target critics."""
     learner, batch, key = init(CONFIG, jax.random.key(1)), random_batch(2), jax.random.key(7)
     learner = eqx.tree_at(lambda this: this.target, learner, make_critics(8))
-    _, next_noise = jax.random.normal(key, (2, 32, 2))
+    _, next_noise = jax.random.normal(jax.random.fold_in(key, 2), (2, 32, 2))
     actions, density = numpy_draw(learner.network, batch.next_observation, next_noise)
     lower = numpy_values(learner.target, batch.next_observation, actions).min(axis=0)
     targets = np.asarray(batch.reward) + np.asarray(batch.discount) * (lower - CONFIG.first_temperature * density)
     values = numpy_values(learner.critics, batch.observation, np.asarray(batch.action))
-    _, loss = sac_update(learner, batch, key, RATE, config=CONFIG)
+    _, loss = sac_update(CONFIG, learner, batch, RATE, key)
     assert loss == pytest.approx(((values - targets) ** 2).mean(axis=1).sum(), rel=1e-4)
 
 
 def test_averages_follow_and_the_actor_waits_for_its_critics():
     learner, batch = init(CONFIG, jax.random.key(1)), random_batch(2)
-    after, _ = sac_update(learner, batch, jax.random.key(3), RATE, config=CONFIG)
+    after, _ = sac_update(CONFIG, learner, batch, RATE, jax.random.key(3))
     assert not identical(after.network, learner.network)
     for part, followed, share in (("network", "average", 0.25), ("critics", "target", 0.5)):
         trees = getattr(learner, part), getattr(after, part), getattr(after, followed)
         for old, new, follower in zip(*map(jax.tree.leaves, trees), strict=True):
             np.testing.assert_allclose(follower, old + share * (new - old), atol=1e-6)
-    waiting, _ = sac_update(learner, batch, jax.random.key(3), RATE, config=replace(CONFIG, critics_first=1))
+    waiting, _ = sac_update(replace(CONFIG, critics_first=1), learner, batch, RATE, jax.random.key(3))
     assert identical(waiting.network, learner.network)
     assert waiting.log_temperature == learner.log_temperature
     assert identical(waiting.critics, after.critics)
@@ -249,7 +255,7 @@ def test_actor_and_temperature_take_steps_of_adam():
     @jax.jit
     def stepped(now, state, key):
         """Return the actor and temperature after a step, and the state of Adam."""
-        noise, _ = jax.random.normal(key, (2, 32, 2))
+        noise, _ = jax.random.normal(jax.random.fold_in(key, 2), (2, 32, 2))
         given = now.network, now.critics, jnp.exp(now.log_temperature), batch, noise
         (_, density), gradient = eqx.filter_value_and_grad(sac.actor_loss, has_aux=True)(*given)
         direction, state = adam.update((gradient, -(density + CONFIG.target_entropy)), state)
@@ -258,7 +264,7 @@ def test_actor_and_temperature_take_steps_of_adam():
 
     state = adam.init((now.network, now.log_temperature))
     for seed in range(2):
-        after, _ = sac_update(now, batch, jax.random.key(seed), RATE, config=CONFIG)
+        after, _ = sac_update(CONFIG, now, batch, RATE, jax.random.key(seed))
         expected, state = stepped(now, state, jax.random.key(seed))
         for one, other in zip(*map(jax.tree.leaves, ((after.network, after.log_temperature), expected)), strict=True):
             np.testing.assert_allclose(one, other, atol=1e-6)

@@ -199,7 +199,8 @@ def test_games_begin_again_where_others_were_lost():
     state = ppo.start_response(plan, [setting], jax.random.key(1))
     begun = np.asarray(state.games[0].games.state.evader.x)
     after, _ = ppo.train_response_chunk(plan, replace(state, games=state.games[0]), setting)
-    lost = jax.tree.map(lambda leaf: np.asarray(leaf)[: int(after.games.lost.filled)], after.games.lost.rows)
+    ring = after.games.lost_states
+    lost = jax.tree.map(lambda leaf: np.asarray(leaf)[: int(ring.filled)], ring.rows)
     assert 0 < len(lost.steps) < 32
     assert np.isin(lost.evader.x, begun).all(), "as they were before the round"
     under_way = np.asarray(after.games.games.state.steps)

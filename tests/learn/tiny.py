@@ -10,7 +10,7 @@ from apollonius.game.presets import make_game
 from apollonius.game.starts import Starts
 from apollonius.learn import train_state
 from apollonius.learn.config import RunConfig
-from apollonius.learn.learner_config import DQNConfig
+from apollonius.learn.dqn import DQNConfig
 from apollonius.learn.stage_config import Plan, SelfPlayConfig, StageConfig
 
 CHUNK = 8192

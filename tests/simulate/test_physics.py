@@ -92,12 +92,12 @@ def test_impossible_drives_are_refused():
 def test_the_documents_list_every_key_of_a_drives_file():
     """With its unit, default, bounds and docstring, in the order of the fields."""
     source = Path(drive_module.__file__).read_text(encoding="utf-8")
-    abouts = re.findall(r'^    (\w+): float = .*\n    """(.*)\."""$', source, re.MULTILINE)
+    abouts = re.findall(r'^    (\w+): float = .*\n    """([^"]*)\.\s*"""$', source, re.MULTILINE)
     rows = []
     for field, (name, about) in zip(fields(RobotHardware), abouts, strict=True):
         assert field.name == name
         unit, (low, high) = re.search(r" \[(.*?)\]|$", about), drive_module._BOUNDS[name]
-        meaning = about.replace(unit[0], "")
+        meaning = " ".join(about.replace(unit[0], "").split())
         rows.append(f"| `{name}` | {unit[1] or ''} | {field.default:g} | {low:g} | {high:.7g} | {meaning} |")
     document = (REPOSITORY / "docs" / "reference" / "game_files.md").read_text(encoding="utf-8")
     assert [line for line in document.splitlines() if line in rows] == rows, "\n".join(rows)

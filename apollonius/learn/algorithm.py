@@ -1,11 +1,16 @@
-"""Learning in numbers: what all algorithms share, deep Q-learning, soft actor-critic."""
+"""The interface of the algorithms: their common numbers, and the functions that a stage calls.
+
+An algorithm is its config, a frozen dataclass, so it is static under `jit`. Its learner is a pytree
+with a `network`, which plays while it learns, an `average`, which plays in evaluations, and
+`updates`, their number so far.
+"""
 
 from abc import abstractmethod
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import jax.numpy as jnp
-from jaxtyping import Array, Int
+from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.agents.network import (
     MOST_LAYERS,
@@ -18,10 +23,13 @@ from apollonius.agents.network import (
 from apollonius.game.types import Real, Scalar
 from apollonius.io.errors import require, require_positive, require_within
 from apollonius.io.limits import PARALLEL_GAMES, TRANSITIONS
+from apollonius.learn.replay_buffer import TransitionBatch
 from apollonius.observe.registry import find_observation
 
 _CHUNK_ENV_STEPS = 8192
-"""Env steps between two looks from outside (progress, checkpoints, Ctrl-C), where iterations are small enough."""
+"""Env steps between two looks from outside (progress, checkpoints, Ctrl-C), where iterations are
+small enough.
+"""
 
 
 def interpolate_linearly(start: Real, end: Real, over: Real, env_steps: Int[Array, ""]) -> Scalar:
@@ -31,12 +39,30 @@ def interpolate_linearly(start: Real, end: Real, over: Real, env_steps: Int[Arra
     return value
 
 
+@runtime_checkable
+class Learner(Protocol):
+    """One side's networks and optimisers: `network` plays while it learns, `average` in
+    evaluations.
+    """
+
+    @property
+    def network(self) -> Any: ...
+    @property
+    def average(self) -> Any: ...
+    @property
+    def updates(self) -> Int[Array, ""]: ...
+
+
 @dataclass(frozen=True)
 class LearnerConfig:
-    """The numbers that all algorithms share. Intervals are in environment steps: one step of one game."""
+    """The numbers that all algorithms share. Intervals are in environment steps: one step of one
+    game.
+    """
 
     network: ClassVar[type[QNetwork] | type[GaussianActor]]
     """Class of the networks that it trains."""
+    continuous: ClassVar[bool] = False
+    """True for actions that are pairs of levels, False for the nine."""
     observation: str = "encoded"
     """Name of the observation that the network reads (`apollonius.observe`)."""
     width: int = 256
@@ -44,7 +70,9 @@ class LearnerConfig:
     depth: int = 4
     """Number of hidden layers (Fig. 3)."""
     symmetric: bool = False
-    """True to train a network that treats left and right alike; needs action values and `egocentric` or `team`."""
+    """True to train a network that treats left and right alike; needs action values and
+    `egocentric` or `team`.
+    """
     gamma: float = 0.99
     """Discount of a step (section IV)."""
     learning_rate: float = 5e-4
@@ -101,13 +129,19 @@ class LearnerConfig:
         return 0
 
     def fit_network(self, network: Network, name: str, value: object) -> Network:
-        """Return a network to go on from; one that reads a part of the observation has weights of 0 for the rest, and a
-        symmetric one stays so.
+        """Return a network to go on from; one that reads a part of the observation has weights of 0
+        for the rest, and a symmetric one stays so.
 
         Raises InvalidInput when it does not fit, by the name and value that the user gave.
         """
-        wanted = f"{self.network.__name__} of {self.depth} layers of {self.width} that reads '{self.observation}'"
-        bound = f"a {wanted}, as this config trains, not one that reads '{network.observation.name}' or of another size"
+        wanted = (
+            f"{self.network.__name__} of {self.depth} layers of {self.width} "
+            f"that reads '{self.observation}'"
+        )
+        bound = (
+            f"a {wanted}, as this config trains, not one that reads "
+            f"'{network.observation.name}' or of another size"
+        )
         reads, size = (
             find_observation(self.observation),
             (len(network.layers) - 1, int(network.layers[0].out_features)),
@@ -130,12 +164,18 @@ class ReplayConfig(LearnerConfig):
     """The numbers of the algorithms that learn from a replay buffer."""
 
     n_step: int = 16
-    """Rewards summed before a value is bootstrapped, at the start of a stage: far-reaching, but of high variance."""
+    """Rewards summed before a value is bootstrapped, at the start of a stage: far-reaching, but of
+    high variance.
+    """
     final_n_step: int = 4
-    """Rewards summed at the end of a stage, reached in a straight line: less noise, and closer to the value of the best
-    action than of the explored one (annealed as in Schwarzer et al., "Bigger, Better, Faster", 2023)."""
+    """Rewards summed at the end of a stage, reached in a straight line: less noise, and closer to
+    the value of the best action than of the explored one (annealed as in Schwarzer et al., "Bigger,
+    Better, Faster", 2023).
+    """
     averaging: float = 3e-4
-    """Part of the way that the averaged weights go towards the network at each update; 1 plays the network itself."""
+    """Part of the way that the averaged weights go towards the network at each update; 1 plays the
+    network itself.
+    """
     env_steps_per_update: int = 512
     """Env steps between two updates of each learner."""
     replay_capacity: int = 524_288
@@ -189,99 +229,36 @@ class ReplayConfig(LearnerConfig):
     def steps_before_learning(self) -> int:
         return self.learning_starts
 
+    @abstractmethod
+    def init_learner(self, key: PRNGKeyArray, network: Network | None = None) -> Any:
+        """Return a learner that starts from a copy of a network, or from random weights. The key is
+        consumed.
+        """
 
-@dataclass(frozen=True)
-class DQNConfig(ReplayConfig):
-    """Deep Q-learning (section II-B), for the nine discrete actions."""
+    @abstractmethod
+    def update(
+        self, learner: Any, batch: TransitionBatch, learning_rate: Scalar, key: PRNGKeyArray
+    ) -> tuple[Any, Scalar]:
+        """Return the learner after one update from a batch, and the loss before it. The key is
+        consumed.
+        """
 
-    network = QNetwork
-    double: bool = True
-    """Let the online network choose and the target network value the next action (double Q-learning)."""
-    target_period: int = 128_000
-    """Env steps between two copies of the network to the target network (C in Algorithms 1 and 2)."""
-    final_epsilon: float = 0.02
-    """Share of random actions once exploration has settled."""
-    exploration_fraction: float = 0.2
-    """Part of a stage over which the share of random actions falls to its final value."""
-    exploration_steps: int | None = None
-    """Env steps over which it falls, in place of a part of the stage."""
+    def end_iteration(self, learner: Any, env_steps: Int[Array, ""]) -> Any:
+        """Return the learner at the end of an iteration, after `env_steps` of the stage."""
+        return learner
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_positive(self, "target_period")
-        require_within(self, 0, 1, "final_epsilon", "exploration_fraction")
-        if self.exploration_steps is not None:
-            require_positive(self, "exploration_steps")
+    def exploration(self, first: float, stage: int, env_steps: Int[Array, ""]) -> Scalar:
+        """Return the amount of exploration of the acting network, from 0 to 1.
 
-    def epsilon(self, first: float, stage: int, env_steps: Int[Array, ""]) -> Scalar:
-        """Return the share of random actions, from `first` at the beginning of a stage of this many env steps."""
-        over = self.exploration_steps or self.exploration_fraction * stage
-        return interpolate_linearly(first, self.final_epsilon, over, env_steps)
+        Args:
+            first: amount at the beginning of the stage.
+            stage: length of the stage [env steps].
+            env_steps: env steps that were made in it.
+        """
+        return jnp.ones(())
 
-
-@dataclass(frozen=True)
-class SACConfig(ReplayConfig):
-    """Soft actor-critic (Haarnoja et al., "Soft actor-critic algorithms and applications", 2018), for pairs of action
-    levels; n-step returns as in deep Q-learning.
-    """
-
-    network = GaussianActor
-    depth: int = 3
-    final_n_step: int = 8
-    learning_rate: float = 1e-3
-    final_learning_rate: float = 1e-4
-    averaging: float = 1e-3
-    env_steps_per_update: int = 256
-    target_averaging: float = 2e-2
-    """Part of the way that the target critics go towards the critics at each update (tau)."""
-    target_entropy: float = -1.0
-    """Mean entropy of a state's actions that the temperature is tuned to [nats, of action levels in [-1, 1]]; uniformly
-    random ones have 1.39. The paper's rule, minus the number of controls, would be -2: too sure too early of the side
-    on which to pass a disc."""
-    first_temperature: float = 0.1
-    """The temperature before the first update."""
-    noise_steps: int = 16
-    """Steps for which a game holds the noise of its actions (as in gSDE: Raffin et al., "Smooth exploration for robotic
-    reinforcement learning", 2021): a robot of bounded acceleration averages away what is new every 0.1 s."""
-    critics_first: int = 500
-    """Updates of the critics alone before the actor learns: they begin from random weights even where it does not."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_positive(self, "target_averaging", "first_temperature")
-        require_within(self, 0, 1, "target_averaging")
-        require_within(
-            self, -1_000, 1.38, "target_entropy"
-        )  # of uniformly random actions it is 2 log(2) = 1.386
-        require_within(self, 0, 2**31, "critics_first")
-        whole = self.noise_steps >= 1 and self.noise_steps % self.steps_per_iteration == 0
-        bound = f"a multiple of env_steps_per_update / games = {self.steps_per_iteration}"
-        require(whole, "noise_steps", self.noise_steps, bound)
-
-
-PROFILES: dict[str, DQNConfig] = {
-    "fast": DQNConfig(),
-    "paper": DQNConfig(
-        observation="paper",
-        double=False,
-        n_step=1,
-        final_n_step=1,
-        learning_rate=1e-4,
-        final_learning_rate=1e-4,
-        batch=32,
-        env_steps_per_update=1,
-        averaging=1.0,
-        target_period=30_000,
-        games=1,
-        replay_capacity=1_000_000,
-        learning_starts=50_000,
-        final_epsilon=0.1,
-        exploration_steps=500_000,
-    ),
-}
-"""`fast`: the default. `paper`: plain DQN as printed (Eq. 3, section IV, Algorithms 1 and 2).
-
-Where the paper is silent, replay, first update and last exploration are those of the work that it cites for DQN (Mnih
-et al., "Human-level control through deep reinforcement learning", 2015). The target is copied every 30,000 updates,
-there every 10,000.
-"""
+    def noise_block(self, iterations: Int[Array, ""]) -> Int[Array, ""] | None:
+        """Return the number of the iterations that share their random bits; None where each step
+        has its own.
+        """
+        return None
