@@ -113,7 +113,7 @@ def floor(width, radius=0.2, second=0.0):
     return Game(pursuer=body, evader=body, capture_distance=0.6, arena=Arena(x_max=20.0, y_max=14.0, polygons=wall))
 
 
-def test_missed_passage_reports_a_door_narrower_than_the_chart_and_the_detour():
+def test_missed_passage_reports_an_unresolved_door_and_its_detour():
     (alone,), (beside,) = missed_passage(floor(0.55)), missed_passage(floor(0.55, second=1.5))
     for found in (alone, beside):
         x, y, resolves = map(float, re.search(r"at \((.*), (.*)\) is .* chart resolves (.*) m, so", found).groups())

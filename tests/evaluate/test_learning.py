@@ -21,7 +21,7 @@ def run(demo, tmp_path, monkeypatch):
     return folder
 
 
-def test_learning_curves_match_evaluations_and_matches_with_fixed_opponents(run):
+def test_learning_curves_match_evaluations_and_fixed_opponent_matches(run):
     config = load_config(run / "config.toml")
     stage1, pursuer, evader = learning.learning_curves(run, config)
     lines = [json.loads(line) for line in (run / "metrics.jsonl").read_text().splitlines()]

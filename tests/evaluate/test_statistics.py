@@ -137,7 +137,7 @@ def test_leaderboard_cards_load_and_are_small():
         load_card(path)
 
 
-def test_pairings_match_pursuers_with_random_and_evaders_and_stage_1_with_still(tmp_path):
+def test_pairings_give_each_pursuer_all_evaders_and_stage_1_a_still_one(tmp_path):
     """Whatever they are called: their files say which side they play."""
     sides = {"foe": Role.EVADER, "chaser": Role.PURSUER, "P_stage1": Role.PURSUER}
     for name, role in sides.items():

@@ -45,7 +45,7 @@ def test_decide_matches_the_oracle_for_all_combinations_of_events():
         assert Outcome(int(outcome)).name == expected, flags
 
 
-def test_sides_win_by_opponent_failure_and_the_evader_by_a_winning_time_limit():
+def test_sides_win_by_opponent_failure_and_the_evader_by_the_time_limit():
     evaders = {Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE, Outcome.TERRITORY_REACHED}
     for wins, outcomes in (
         (pursuer_wins, {Outcome.CAPTURED, Outcome.EVADER_HIT_OBSTACLE, Outcome.EVADER_OUT_OF_RANGE}),

@@ -277,7 +277,7 @@ def test_given_pursuer_trains_against_several_evaders(uninterrupted, scripted, t
     assert seen == [2, 2, 2], "the same evaders in training and in both evaluations"
 
 
-def test_self_play_starts_from_given_agents_and_resumes_without_their_files(uninterrupted, self_play_starts, tmp_path):
+def test_self_play_starts_from_given_agents_and_resumes_without_files(uninterrupted, self_play_starts, tmp_path):
     first = tmp_path / "P.safetensors", tmp_path / "E.safetensors"
     for path, name in zip(first, ("P_stage1", "E_curriculum"), strict=True):
         path.write_bytes(agents(uninterrupted)[name])

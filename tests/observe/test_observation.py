@@ -39,7 +39,7 @@ PURSUER, EVADER = (2.0, 1.0, 1.0, math.pi / 2), (4.0, 0.0, 1.0, 0.0)
 
 
 @pytest.mark.parametrize(("role", "order"), [(Role.PURSUER, 1), (Role.EVADER, -1)])
-def test_paper_scales_positions_and_speeds_to_their_limits_and_headings_by_pi(role, order):
+def test_paper_scales_positions_and_speeds_by_limits_and_headings_by_pi(role, order):
     pursuer, evader = [-0.5, 0.5, 0.5, 0.5], [0.0, 0.0, 0.0, 0.0]
     expected = np.concatenate([pursuer, evader][::order])
     np.testing.assert_allclose(observe(OPEN, state(PURSUER, EVADER), role, "paper"), expected, atol=1e-6)
@@ -172,7 +172,7 @@ def test_braking_clearance_accounts_for_the_drive_and_pending_commands():
     assert np.quantile(np.abs(np.asarray(unknown - expected)), 0.97) > 0.1, "of a robot that does at once as it is told"
 
 
-def test_braking_clearances_differ_by_action_while_pending_commands_pass_a_wall():
+def test_actions_differ_in_clearance_while_pending_commands_pass_a_wall():
     """No action can change what happens before it takes effect."""
     game = divided(drives=Drives(pursuer=Drive(lag=2)))
     along = replace(
