@@ -42,12 +42,12 @@ def violations(module, source):
     return found
 
 
-def test_the_house_is_in_order():
+def test_package_has_no_architecture_violations():
     assert {"apollonius", "apollonius.play.rollout", "apollonius.game.arena"} <= set(FILES)
     assert [found for module, source in FILES.items() for found in violations(module, source)] == []
 
 
-def test_the_document_has_the_rooms_and_the_arrows_that_there_are():
+def test_document_has_the_actual_rooms_and_imports():
     assert table(rooms(FILES)) in HOUSE, "python -m website.house draws the table"
     assert sum(count > 1 for count in Counter(map(room_of, FILES)).values()) <= 18
 
@@ -61,7 +61,7 @@ def test_the_document_has_the_rooms_and_the_arrows_that_there_are():
         "if TYPE_CHECKING:\n    import apollonius.agents",
     ],
 )
-def test_arrows_in_a_circle_are_refused_wherever_the_import_stands(statement):
+def test_circular_imports_between_rooms_are_refused_in_any_position(statement):
     with pytest.raises(graphlib.CycleError):
         rooms({"apollonius.game.arena": statement, "apollonius.agents.policy": "from apollonius.game import arena"})
 
@@ -77,13 +77,13 @@ def at_once(source, modules):
     return imported(tree, modules)
 
 
-def test_no_file_is_in_a_circle():
+def test_files_have_no_circular_imports_at_load_time():
     needs = {module: at_once(source, set(FILES)) & set(FILES) - {module} for module, source in FILES.items()}
     graphlib.TopologicalSorter(needs).prepare()
 
 
 @pytest.mark.parametrize("room", ["game", "arenas"])
-def test_no_file_of_a_room_is_in_a_circle_wherever_its_imports_stand(room):
+def test_files_of_a_room_have_no_circular_imports_in_any_position(room):
     files = {module: source for module, source in FILES.items() if room_of(module) == room}
     needs = {module: imported(ast.parse(text), files) & set(files) - {module} for module, text in files.items()}
     graphlib.TopologicalSorter(needs).prepare()

@@ -113,7 +113,7 @@ ON_A_ROBOT = ("concepts/simulation", "how-to/ros2", "how-to/export", "how-to/lid
 """Documents that say what the one on the shield says of robots."""
 
 
-def test_all_documents_give_the_same_advice_on_shields():
+def test_documents_give_the_same_advice_on_shields():
     """And the one on the shield has the numbers of the benchmark."""
     text = (DOCS / "concepts/shield.md").read_text()
     (advice,) = re.findall(r"^\*\*On a robot: .*?\*\*", text, re.MULTILINE)
@@ -130,7 +130,7 @@ def test_all_documents_give_the_same_advice_on_shields():
         assert re.search(rf"\b{fails} (of|\|) {games:,}\b", text), (fails, games)
 
 
-def test_a_page_cites_what_the_citation_file_does():
+def test_start_page_cites_what_the_citation_file_does():
     cited = yaml.safe_load((REPOSITORY / "CITATION.cff").read_text())
     (paper,) = cited["references"]
     (text,) = (block.code for block in blocks(DOCS / "start.md") if block.code.startswith("@software"))
@@ -141,12 +141,12 @@ def test_a_page_cites_what_the_citation_file_does():
     assert [one for one in (*ours, *theirs) if f"{{{one}" not in text] == []
 
 
-def test_every_block_says_what_it_is():
+def test_every_code_block_names_a_known_language():
     assert {block.language for block in ALL} <= set(LANGUAGES)
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=name_of)
-def test_every_command_can_be_given(document):
+def test_every_command_of_a_document_is_accepted(document):
     for words in asides(document):
         check_command(words, document)
     for block in blocks(document):
@@ -155,7 +155,7 @@ def test_every_command_can_be_given(document):
 
 
 @pytest.mark.parametrize("block", [block for block in ALL if block.language == "toml"], ids=str)
-def test_every_game_and_config_in_the_documents_is_one(block, tmp_path):
+def test_every_toml_block_is_a_game_or_config(block, tmp_path):
     path = tmp_path / "game.toml"
     path.write_text(re.sub(r"(suite-v\d)/(train|held-out)", r"\1/maze-00,maze-01", block.code))  # all take their time
     if "[self_play" in block.code or "[game." in block.code:
@@ -168,14 +168,14 @@ def test_every_game_and_config_in_the_documents_is_one(block, tmp_path):
 
 
 @pytest.mark.parametrize("document", [one for one in DOCUMENTS if name_of(one) not in LONGER], ids=name_of)
-def test_a_page_is_short(document):
+def test_page_stays_within_its_word_limit(document):
     """Words as `wc -w` counts them, code and tables included."""
     most = WORDS_OF_README if document == REPOSITORY / "README.md" else WORDS
     words = len(document.read_text().split())
     assert words <= most
 
 
-def test_the_glossary_names_what_is_in_the_code():
+def test_glossary_names_exist_in_the_code():
     homes = {}
     for path in (REPOSITORY / "apollonius").rglob("*.py"):
         module = ".".join(path.relative_to(REPOSITORY).with_suffix("").parts)
@@ -198,7 +198,7 @@ def anchors(document):
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=name_of)
-def test_every_link_leads_somewhere(document):
+def test_every_local_link_has_a_target(document):
     for link in re.findall(r"\]\(([^)\s]+)\)", document.read_text()):
         if not link.startswith("http"):
             file, _, anchor = link.partition("#")
@@ -272,7 +272,7 @@ LESS = {"512, 32, 600": "64, 32, 40", "learn(200_000)": "learn(6_000)", "10_500"
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", WALKED)
-def test_a_reader_who_follows_a_document_gets_to_its_end(name, tmp_path, monkeypatch):
+def test_code_and_commands_of_a_document_run_to_its_end(name, tmp_path, monkeypatch):
     """All its commands with less training, fewer games and coarser grids, its Python as it stands, in one folder."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)  # what is exported to it is imported

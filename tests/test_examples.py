@@ -34,7 +34,7 @@ EXTRAS = {"own_reward": "gymnasium"}
 
 
 @pytest.mark.parametrize("name", SCRIPTS)
-def test_an_example_runs_and_prints_and_is_listed(name, tmp_path, monkeypatch, capsys):
+def test_example_runs_prints_and_is_listed(name, tmp_path, monkeypatch, capsys):
     if name in EXTRAS:
         pytest.importorskip(EXTRAS[name])
     monkeypatch.chdir(tmp_path)

@@ -61,11 +61,11 @@ STEERED = {"pursuer": {"wheelbase": 0.5, "steer_max": 0.4}, "arena": {"discs": [
 WALL = Capsule(3.0, 5.0, 7.0, 6.0, 0.3)
 
 
-def test_the_document_names_the_files_here():
+def test_document_names_the_example_files():
     assert all(f"tests/{name}.py" in DOCUMENT for name in ("capsule", "car"))
 
 
-def test_a_new_obstacle_is_as_far_away_as_its_points():
+def test_new_obstacle_is_as_far_away_as_its_points():
     arena = Arena(-90.0, 90.0, -90.0, 90.0, extra=(WALL,))
     line = np.linspace([WALL.x, WALL.y], [WALL.to_x, WALL.to_y], 2000)
     rng = np.random.default_rng(0)
@@ -77,7 +77,7 @@ def test_a_new_obstacle_is_as_far_away_as_its_points():
 
 
 @pytest.mark.slow
-def test_a_new_obstacle_is_one_for_games_players_surveys_and_pictures():
+def test_new_obstacle_works_in_games_players_surveys_and_pictures():
     game = Game(arena=Arena(extra=(WALL,)), max_steps=60)
     assert game.arena.hits_obstacle(robot(5.0, 5.0), robot(5.0, 6.0), 0.0)
     assert not game.arena.hits_obstacle(robot(5.0, 4.0), robot(5.0, 4.5), 0.3)
@@ -96,7 +96,7 @@ def test_a_new_obstacle_is_one_for_games_players_surveys_and_pictures():
     assert int(act(player, blocked, jnp.uint32(0))) in (0, 1, 2)  # it brakes
 
 
-def test_a_new_obstacle_is_read_from_files_and_refused_by_whoever_does_not_know_it(monkeypatch):
+def test_new_obstacle_is_read_from_files_once_registered(monkeypatch):
     table = {"capsules": [{"x": 3.0, "y": 5.0, "to_x": 7.0, "to_y": 6.0, "radius": 0.3}]}
     monkeypatch.setattr("apollonius.game.arena._KINDS", {})
     with pytest.raises(InvalidInput, match="unknown key 'capsules'"):
@@ -122,7 +122,7 @@ def test_a_new_obstacle_is_read_from_files_and_refused_by_whoever_does_not_know_
 
 
 @pytest.mark.slow
-def test_a_new_observation_is_read_by_networks_in_games_and_from_files(tmp_path, monkeypatch):
+def test_new_observation_works_in_networks_games_and_files(tmp_path, monkeypatch):
     monkeypatch.setitem(registry.OBSERVATIONS, BEARING.name, BEARING)  # so that it is gone after the test
     del registry.OBSERVATIONS[BEARING.name]
     register_observation(BEARING)
@@ -147,7 +147,7 @@ def test_a_new_observation_is_read_by_networks_in_games_and_from_files(tmp_path,
     assert int(results.outcome.min()) > 0
 
 
-def test_a_new_scheme_is_read_from_configs_and_draws_opponents(monkeypatch):
+def test_new_scheme_is_read_from_configs_and_draws_opponents(monkeypatch):
     line = '"recent": lambda lost: 2.0 ** jnp.arange(len(lost), dtype=jnp.float32),'
     assert line in DOCUMENT
     recent = eval(f"{{{line}}}", {"jnp": jnp})["recent"]
@@ -158,7 +158,7 @@ def test_a_new_scheme_is_read_from_configs_and_draws_opponents(monkeypatch):
     np.testing.assert_allclose(np.bincount(slots) / 7000, [1 / 7, 2 / 7, 4 / 7], atol=0.03)
 
 
-def test_a_new_robot_is_read_from_files_and_turns_as_fast_as_it_is_steered():
+def test_new_robot_is_read_from_files_and_turns_as_it_is_steered():
     game = from_dict(WithCars, STEERED, "a file")
     assert to_dict(game)["pursuer"].items() >= STEERED["pursuer"].items()
     for v, turned in ((0.0, 0.0), (0.5, 0.5 * np.tan(0.4) / 0.5), (1.2, 0.8)):
@@ -172,7 +172,7 @@ def test_a_new_robot_is_read_from_files_and_turns_as_fast_as_it_is_steered():
 
 @pytest.mark.slow
 @needs_gcc
-def test_a_new_robot_is_the_same_in_c_and_its_shield_brakes_as_it_drives():
+def test_new_robot_is_the_same_in_c_and_its_shield_prevents_crashes():
     game = from_dict(WithCars, STEERED, "a file")
     player = find_exportable("shielded:P_curriculum", Role.PURSUER, game)
     in_c, cases = CompiledProgram(translate_block(player.decide, *player.arguments, name="car")), cases_of(player, 500)
@@ -191,7 +191,7 @@ def pursuer():
     return describe(make_network("encoded", 4, 2, jax.random.key(0)), Role.PURSUER, {}, {"seed": 5})
 
 
-def test_a_file_plays_greedily_its_own_side_and_an_agent_of_a_run_is_called_after_it(pursuer, tmp_path, monkeypatch):
+def test_agent_file_plays_its_side_greedily_under_the_name_of_its_run(pursuer, tmp_path, monkeypatch):
     """Two runs give their agents the same names, and those of the zoo."""
     monkeypatch.chdir(tmp_path)
     file, alone = Path("runs/demo/agents/P_stage1.safetensors"), "chaser.safetensors"
@@ -221,7 +221,7 @@ class Echo(PlayerSource):
         return NamedPlayer(name, Still()) if name == "always:1" else None
 
 
-def test_a_new_kind_is_known_everywhere_once_it_is_registered(monkeypatch):
+def test_new_player_source_is_known_everywhere_once_registered(monkeypatch):
     with pytest.raises(InvalidInput, match="unknown agent 'always:1'"):
         find_player("always:1", Role.EVADER, PAPER)
     monkeypatch.setattr(catalogue, "SOURCES", (*catalogue.SOURCES, Echo()))
@@ -233,7 +233,7 @@ def test_a_new_kind_is_known_everywhere_once_it_is_registered(monkeypatch):
         find_player("always:2", Role.EVADER, PAPER)
 
 
-def test_a_pool_has_trained_agents_random_and_still_side_by_side(pursuer, tmp_path):
+def test_pool_combines_trained_agents_random_and_still(pursuer, tmp_path):
     other = describe(make_network("encoded", 4, 2, jax.random.key(1)), Role.PURSUER, {}, {})
     files = [str(tmp_path / f"{index}.safetensors") for index in range(2)]
     for file, agent in zip(files, (pursuer, other), strict=True):
@@ -251,7 +251,7 @@ def test_a_pool_has_trained_agents_random_and_still_side_by_side(pursuer, tmp_pa
 
 
 @pytest.mark.parametrize("names", [[], ["random", "still"], ["random", "random"]], ids=str)
-def test_players_that_do_not_go_together_make_no_pool(names):
+def test_incompatible_players_make_no_pool(names):
     with pytest.raises(InvalidInput, match="pursuers = "):
         find_pool(names, Role.PURSUER, PAPER)
 
@@ -266,7 +266,7 @@ def test_symmetric_agents_and_others_make_no_pool(tmp_path):
         find_pool(files, Role.PURSUER, PAPER)
 
 
-def test_it_is_known_who_has_learned_in_another_arena_only():
+def test_trained_elsewhere_marks_agents_of_another_arena():
     maze, charts = find_game("maze"), with_chart(PAPER)
     asked = [("P_curriculum", one) for one in (PAPER, charts, maze)] + [("pursuer", maze), ("still", maze)]
     found = [trained_elsewhere(find_player(name, Role.PURSUER, game), game) for name, game in asked]

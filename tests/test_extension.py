@@ -80,7 +80,7 @@ def mine(here):
     return here
 
 
-def test_a_package_from_an_empty_folder_plays_in_evaluate(mine):
+def test_package_in_an_empty_folder_plays_in_evaluate(mine):
     (mine / "walled.toml").write_text(WALLED)
     paths = os.pathsep.join([str(mine), str(REPOSITORY)])
     command = [sys.executable, "-m", "apollonius", "evaluate", "mine:policy", "E_scratch", "--games", "20", "--json"]
@@ -93,7 +93,7 @@ def test_a_package_from_an_empty_folder_plays_in_evaluate(mine):
         assert (result["pursuer"], result["games"]) == ("mine:policy", 20)
 
 
-def test_parts_of_a_package_are_found_by_name_in_lists_files_and_exports(mine, capsys):
+def test_parts_of_a_package_are_found_by_name(mine, capsys):
     assert "mine:policy" in player_names(Role.EVADER, PAPER)
     player = find_player("shielded:mine:policy", Role.PURSUER, PAPER)
     assert (player.name, type(player.policy.policy).__name__) == ("shielded:mine:policy", "Chaser")
@@ -124,7 +124,7 @@ BROKEN = {
 
 
 @pytest.mark.parametrize(("group", "point"), BROKEN, ids=str)
-def test_a_broken_entry_point_is_refused_in_one_line_that_names_the_package(group, point, here):
+def test_broken_entry_point_is_refused_in_one_line_naming_the_package(group, point, here):
     (here / "mine").mkdir()
     (here / "mine" / "wrong.py").write_text(
         "from apollonius.agents.policy import AbstractPolicy\nfrom apollonius.observe.paper import PAPER\n"
@@ -139,7 +139,7 @@ def test_a_broken_entry_point_is_refused_in_one_line_that_names_the_package(grou
     assert "\n" not in str(refusal.value)
 
 
-def test_two_packages_with_one_name_are_refused(here):
+def test_two_packages_with_the_same_name_of_a_part_are_refused(here):
     for package in ("mine", "yours"):
         install(here, [(extensions.OBSTACLES, {"walls": "mine.capsule:Capsule"})], package)
     with pytest.raises(InvalidInput, match="the packages 'mine' and 'yours' both have 'walls'"):
@@ -250,14 +250,14 @@ def defects(check, *arguments):
         (Printing(), "purity", "take out callbacks and prints"),
     ],
 )
-def test_check_policy_says_what_to_mend_before_it_plays(policy, name, text):
+def test_check_policy_reports_defects_before_playing(policy, name, text):
     lines = defects(apollonius.check_policy, policy, Role.PURSUER)
     assert list(lines) == [name]
     assert re.search(text, lines[name])
 
 
 @pytest.mark.slow
-def test_check_policy_says_what_to_mend_when_it_plays():
+def test_check_policy_reports_defects_found_by_playing():
     lines = defects(apollonius.check_policy, Wild(), Role.PURSUER)
     assert "from 0 to 8; clip it" in lines["batches and actions"]
     assert "an allowed action" in lines["choice"]
@@ -328,7 +328,7 @@ class Fast(Unicycle):
 
 
 @pytest.mark.slow
-def test_check_game_says_what_to_mend(here):
+def test_check_game_reports_defects(here):
     wrong = (Squared, Leaping, Timid, Blind, Seen, Beside)
     for kind in (*wrong, Pillar):
         arenas.register_obstacle(kind.__name__.lower(), kind)

@@ -346,7 +346,7 @@ def refusal_of(use, path):
 @pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")  # which rosbags leaves where it fails
 @pytest.mark.parametrize("cases", [20, pytest.param(500, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", FUZZED)
-def test_a_file_is_sound_or_refused_in_one_line(kind, cases, tmp_path):
+def test_mutated_file_is_sound_or_refused_in_one_line(kind, cases, tmp_path):
     file, form, sound, use = FUZZED[kind]
     path, rng, count = tmp_path / file, random.Random(kind), Counter()
     contents = sound(tmp_path)

@@ -67,7 +67,7 @@ def run(command, *arguments, cwd):
     return result.stdout
 
 
-def test_without_extras_it_plays_and_has_its_page_and_its_templates(built, tmp_path):
+def test_wheel_without_extras_plays_exports_and_writes_the_page(built, tmp_path):
     bin_ = environment(tmp_path / "plain", built)
     where = "import apollonius, importlib.util as u; print(apollonius.__file__, u.find_spec('matplotlib'))"
     file, matplotlib = run(bin_ / "python", "-c", where, cwd=tmp_path).split()
@@ -81,7 +81,7 @@ def test_without_extras_it_plays_and_has_its_page_and_its_templates(built, tmp_p
     assert (tmp_path / "game.gif").read_bytes().startswith(b"GIF89a")
 
 
-def test_with_its_extras_it_reports_and_is_an_environment(built, tmp_path):
+def test_wheel_with_extras_reports_and_makes_an_environment(built, tmp_path):
     bin_ = environment(tmp_path / "extras", built, "plot", "gym")
     (tmp_path / "tiny.toml").write_text(tomli_w.dumps(to_dict(RUN)))
     run(bin_ / "apollonius", "train", "--config", "tiny.toml", "--out", "run", cwd=tmp_path)
@@ -91,7 +91,7 @@ def test_with_its_extras_it_reports_and_is_an_environment(built, tmp_path):
     assert run(bin_ / "python", "-c", both, cwd=tmp_path) == "['evader_0', 'pursuer_0']\n"
 
 
-def test_both_archives_say_what_they_are(built):
+def test_wheel_and_source_archive_have_their_metadata(built):
     pytest.importorskip("twine", reason="needs twine: pip install twine")
     check = [sys.executable, "-m", "twine", "check", "--strict", *built.iterdir()]
     subprocess.run(check, check=True, capture_output=True, timeout=120)
@@ -103,12 +103,12 @@ def test_both_archives_say_what_they_are(built):
     assert {"LICENSE", "README.md", "CHANGELOG.md", "CITATION.cff", "tests/test_packaging.py"} <= inside
 
 
-def test_one_version_is_said_everywhere():
+def test_version_is_the_same_everywhere():
     assert f"\nversion: {__version__}\n" in (REPOSITORY / "CITATION.cff").read_text()
     assert re.search(rf"^## \[(Unreleased|{re.escape(__version__)})\]", (REPOSITORY / "CHANGELOG.md").read_text(), re.M)
 
 
-def test_locks_have_hashes_and_no_addresses():
+def test_lock_files_have_hashes_and_no_addresses():
     for lock in REPOSITORY.glob("requirements*.lock"):
         text = lock.read_text()
         assert "://" not in text

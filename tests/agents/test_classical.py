@@ -68,7 +68,7 @@ def towards(own, opponent):
 CHASER, LEADER = (kind.for_side(OPEN, Role.PURSUER) for kind in (PurePursuit, Intercept))
 
 
-def test_actions_bring_heading_and_speed_as_close_to_the_course_as_one_step_can():
+def test_best_action_brings_heading_and_speed_closest_to_the_course():
     own, opponent = random_pairs(0)
     found = of_views(lambda seen: (CHASER.course(seen), CHASER.values(seen)), own, opponent)
     (heading, speed), values = jax.device_get(found)
@@ -78,7 +78,7 @@ def test_actions_bring_heading_and_speed_as_close_to_the_course_as_one_step_can(
     np.testing.assert_array_equal(values.argmax(axis=1), 3 * thrust + turn)
 
 
-def test_a_chaser_is_never_too_fast_for_the_circle_through_its_target():
+def test_pure_pursuit_slows_down_to_the_turning_circle_through_its_target():
     """Where the speed is not the top one, the target lies on the circle that full turn makes of it."""
     own, opponent = random_pairs(1)
     speed = np.asarray(of_views(CHASER.course, own, opponent)[1])
@@ -112,7 +112,7 @@ def test_intercept_heads_for_the_circle_of_apollonius():
     assert difference(heading, towards(own, meeting)).max() < 1e-3
 
 
-def test_an_opponent_that_crosses_too_fast_is_led_by_a_right_angle():
+def test_intercept_leads_a_fast_crossing_opponent_by_a_right_angle():
     fast = replace(OPEN, evader=Unicycle(v_max=5.0))
     heading, _ = of_views(LEADER.course, *np.array([[5, 5, 0, 0], [10, 5, 5, pi / 2]])[..., None], fast)
     assert float(heading[0]) == pytest.approx(pi / 2, abs=1e-4)
@@ -125,7 +125,7 @@ def test_flee_aware_keeps_off_walls_and_discs():
     assert outcomes["evader_hit_obstacle"] + outcomes["evader_out_of_range"] + outcomes["both_failed"] == 0
 
 
-def test_the_way_to_a_place_behind_a_wall_leads_round_its_end():
+def test_course_to_a_place_behind_a_wall_leads_round_its_end():
     """The wall is at x from 4 to 4.2, below a door at y from 6 to 8."""
     wall = Polygon(((4.0, 0.0), (4.2, 0.0), (4.2, 6.0), (4.0, 6.0)))
     game = with_chart(Game(arena=Arena(0.0, 8.0, 0.0, 8.0, polygons=(wall,))))
@@ -137,7 +137,7 @@ def test_the_way_to_a_place_behind_a_wall_leads_round_its_end():
         assert speed > 0.5
 
 
-def test_where_flee_aware_has_no_way_left_it_values_how_late_its_clearance_runs_out():
+def test_flee_aware_values_the_time_to_contact_when_no_action_is_safe():
     """At 1.2 m/s, 2 m before the wall x = 0, it cannot stop; the more it brakes, the later."""
     seen = view(PAPER, Role.EVADER, robot(2.0, 5.0, 1.2, pi), robot(9.0, 5.0, 0.0, 0.0))
     values = np.asarray(jax.jit(FleeAware.for_side(PAPER, Role.EVADER).values)(seen))
@@ -147,14 +147,14 @@ def test_where_flee_aware_has_no_way_left_it_values_how_late_its_clearance_runs_
 
 
 @pytest.mark.parametrize(("dt", "steps"), [(0.1, 40), (0.05, 80), (0.3, 14)])
-def test_flee_aware_looks_equally_far_ahead_whatever_the_step(dt, steps):
+def test_flee_aware_looks_equally_far_ahead_at_every_time_step(dt, steps):
     """Nose to a wall no way lasts: each is valued by the steps that it fails in, of all."""
     seen = view(replace(PAPER, dt=dt), Role.EVADER, robot(0.05, 5.0, 1.2, pi), robot(9.0, 5.0, 0.0, 0.0))
     np.testing.assert_array_equal(jax.jit(FleeAware().values)(seen), -steps)
 
 
 @pytest.mark.parametrize(("name", "role"), PLAYERS)
-def test_each_is_found_by_name(name, role):
+def test_find_player_returns_each_player_by_name(name, role):
     game = {"territory": make_game("territory"), "voronoi-pursuit": TEAM, "encirclement": TEAM}.get(name, PAPER)
     player = find_player(name, role, game).policy
     assert name in player_names(role, game)
@@ -162,7 +162,7 @@ def test_each_is_found_by_name(name, role):
     assert (shielded.policy, shielded.needs_chart) == (player, player.needs_chart)
 
 
-def test_of_the_actions_that_are_allowed_a_rule_takes_the_best():
+def test_classical_player_selects_the_best_allowed_action():
     @jax.jit
     @jax.vmap
     def played(key):
@@ -177,7 +177,7 @@ def test_of_the_actions_that_are_allowed_a_rule_takes_the_best():
     np.testing.assert_array_equal(other, others.argmax(axis=1))
 
 
-def test_a_classical_player_needs_its_own_side_and_game():
+def test_find_player_refuses_a_classical_player_for_the_wrong_side_or_game():
     for name, said in (
         ("flee", r"pursuer = 'flee' .* plays the evader only"),
         ("territory", r"arena.territory = none .* to guard or to reach"),
@@ -190,7 +190,7 @@ def test_a_classical_player_needs_its_own_side_and_game():
 
 
 @pytest.mark.parametrize("ratio", [0.5, 1.0, 1.25])
-def test_it_is_the_nearest_of_all_places_that_the_evader_is_first_at(ratio):
+def test_nearest_reach_matches_a_search_over_a_fine_grid(ratio):
     """By a search over a fine grid, far beyond the robots."""
     axis = np.linspace(-20, 30, 501)
     grid = np.stack(np.meshgrid(axis, axis), axis=-1)
@@ -209,7 +209,7 @@ def test_it_is_the_nearest_of_all_places_that_the_evader_is_first_at(ratio):
     assert 1 < reached.sum() < len(reached)
 
 
-def test_who_aims_there_guards_better_than_who_heads_for_the_evader():
+def test_territory_player_guards_better_than_pure_pursuit():
     game = make_game("territory")
     lost = {}
     for name in ("territory", "pure-pursuit"):
@@ -236,7 +236,7 @@ def random_teams(seed):
     return places[apart.min(axis=(1, 2)) > 1.7]
 
 
-def test_it_heads_for_the_middle_of_the_edge_between_its_cell_and_the_evaders():
+def test_voronoi_pursuit_heads_for_the_middle_of_the_shared_cell_edge():
     """Between equally fast robots without obstacles: the theorem of Huang and others."""
     player, headings = VoronoiPursuit.for_side(OPEN_TO_TEAMS, Role.PURSUER), []
     course = jax.jit(player.course)
@@ -255,7 +255,7 @@ def test_it_heads_for_the_middle_of_the_edge_between_its_cell_and_the_evaders():
     assert max(headings) < 0.5
 
 
-def test_a_mate_that_is_out_has_no_cell_and_the_order_of_mates_is_nothing():
+def test_voronoi_cost_ignores_inactive_teammates_and_their_order():
     player = VoronoiPursuit.for_side(OPEN_TO_TEAMS, Role.PURSUER)
     first, second, third, evader = random_teams(2)[0]
     views = (
@@ -269,7 +269,7 @@ def test_a_mate_that_is_out_has_no_cell_and_the_order_of_mates_is_nothing():
     assert cost[3] > cost[0] + 1
 
 
-def test_bearings_are_even_in_their_order_and_turn_as_little_as_can_be():
+def test_even_bearings_are_evenly_spaced_with_the_least_rotation():
     rng = np.random.default_rng(0)
     for _ in range(20):
         bearings, active = rng.uniform(-pi, pi, 5), rng.random(5) < 0.7
@@ -283,7 +283,7 @@ def test_bearings_are_even_in_their_order_and_turn_as_little_as_can_be():
         assert turned[36] == pytest.approx(max(turned), abs=1e-5)
 
 
-def test_in_the_open_the_lengths_of_paths_are_nearly_distances_to_points_all_over():
+def test_path_lengths_in_the_open_are_close_to_distances():
     seen = view_of_team([(2, 3), (9, 9), (8, 1)], (6, 4))
     x, y = np.meshgrid(*[(np.arange(0, 40, 2) + 0.5) / 4] * 2)
     np.testing.assert_allclose(path_lengths_from(seen, seen.own), np.hypot(x - 2, y - 3).ravel(), rtol=0.05, atol=0.15)
@@ -302,7 +302,7 @@ def test_encirclement_closes_in_at_its_own_bearing():
 
 
 @pytest.mark.slow
-def test_behind_a_wall_ways_are_those_around_it():
+def test_path_lengths_and_voronoi_course_lead_around_a_wall():
     wall = Polygon(((4.8, 0.0), (5.2, 0.0), (5.2, 8.0), (4.8, 8.0)))
     game = in_teams(with_chart(Game(arena=Arena(polygons=(wall,)))), 2, 1)
     seen = view_of_team([(4, 2), (9, 9)], (6, 2), out=(1,), game=game)

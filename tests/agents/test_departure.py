@@ -41,7 +41,7 @@ class Undecided(AbstractActionValuePolicy):
         return values.at[jnp.where(seen.own.state.heading > 0, 0, 2)].set(1.0)
 
 
-def test_who_moves_may_do_anything_and_who_rests_in_the_open_drives_off_or_turns_to_its_way():
+def test_robot_at_rest_in_the_open_may_only_depart_or_turn_to_its_path():
     assert allowed(robot(2.0, 3.0, 0.03, 0.0)) == set(range(9))
     assert allowed(robot(2.0, 3.0, 0.0, 0.0)) == DRIVES | {2}, "the end of the wall is to its left"
     assert allowed(robot(2.0, 3.0, 0.0, np.pi)) == DRIVES | {0}
@@ -49,7 +49,7 @@ def test_who_moves_may_do_anything_and_who_rests_in_the_open_drives_off_or_turns
 
 
 @pytest.mark.parametrize("clearance", [0.01, 0.04])
-def test_who_rests_near_a_wall_turns_one_way_until_it_faces_a_free_way(clearance):
+def test_robot_at_rest_near_a_wall_turns_one_way_until_its_path_is_free(clearance):
     x, free = 4.0 - 0.2 - clearance, []
     for heading in np.arange(-1.2, 1.8, 0.08):
         actions = allowed(robot(x, 3.0, 0.0, heading))
@@ -59,13 +59,13 @@ def test_who_rests_near_a_wall_turns_one_way_until_it_faces_a_free_way(clearance
     assert 1 <= sum(free) <= 3
 
 
-def test_a_rest_is_what_a_step_of_acceleration_makes_of_none_and_a_turn_is_that_of_the_step():
+def test_speed_counted_as_rest_scales_with_the_time_step():
     slow = replace(GAME, dt=0.2)
     assert allowed(robot(2.0, 3.0, 0.04, 0.0)) == set(range(9))
     assert allowed(robot(2.0, 3.0, 0.02, 0.0), slow) == DRIVES | {2}
 
 
-def test_who_would_turn_on_the_spot_for_ever_gets_away_and_touches_nothing():
+def test_departing_frees_a_robot_that_oscillates_on_the_spot():
     @jax.jit
     def course(own):
         def step(state, _):

@@ -51,7 +51,7 @@ def network_with(values):
     return eqx.tree_at(lambda network: (network.layers[-1].weight, network.layers[-1].bias), network, last)
 
 
-def test_uniform_actions_share_the_random_words_to_within_one():
+def test_uniform_action_splits_the_random_words_evenly():
     upper_halves = jnp.arange(2**16, dtype=jnp.uint32) << 16
     counts = np.bincount(jax.vmap(uniform_action)(upper_halves))
     assert len(counts) == NUM_ACTIONS
@@ -71,7 +71,7 @@ def allowing(*actions):
     return jnp.isin(jnp.arange(NUM_ACTIONS), jnp.array(actions))
 
 
-def test_greedy_takes_the_first_of_the_best_actions_that_are_allowed():
+def test_greedy_takes_the_first_of_the_best_allowed_actions():
     unlike, every = [0, 5, 1, 9, 3, 4, 2, 8, 7], range(9)
     limited = (unlike, (3, 7), 3), (unlike, (7, 8), 7), (unlike, (0, 2, 4), 4), (unlike, (6,), 6)
     alike = (
@@ -85,7 +85,7 @@ def test_greedy_takes_the_first_of_the_best_actions_that_are_allowed():
         assert act(player, NOTHING, WORDS[0]) == np.argmax(values)
 
 
-def test_still_brakes_straight_ahead_and_random_takes_its_own_action_or_the_first_that_is_allowed():
+def test_still_brakes_and_random_falls_back_to_the_first_allowed_action():
     assert act(Still(), NOTHING, WORDS[0]) == 1
     actions = np.asarray(jax.vmap(partial(act, Uniform()))(jnp.zeros((50, 8)), WORDS[:50]))
     held = jax.vmap(lambda bits: Uniform().select(act(Uniform(), NOTHING, bits), allowing(2, 5, 6)))(WORDS[:50])
@@ -118,7 +118,7 @@ def pursuits(pursuers):
 HOLDING = ActionRepeat(Drifting(), 7)
 
 
-def test_what_was_decided_is_held_from_the_start_of_each_game():
+def test_action_repeat_restarts_with_each_game():
     """Games begin as others end; its own memory goes on as it decides."""
     moves, ended = pursuits(single_player(HOLDING))
     for actions, over in zip(np.asarray(moves.action).T, np.asarray(ended).T, strict=True):
@@ -130,7 +130,7 @@ def test_what_was_decided_is_held_from_the_start_of_each_game():
     assert ended.sum() >= 40
 
 
-def test_players_of_several_kinds_have_games_of_their_own():
+def test_partitioned_players_act_as_each_kind_alone():
     """Each plays its part of a batch as it would play all of it, with a memory of its own."""
     together, _ = pursuits(PartitionedPlayers((HOLDING, Drifting()), (8, 12)))
     assert together.member[-1].tolist() == [0] * 8 + [1] * 12
@@ -138,7 +138,7 @@ def test_players_of_several_kinds_have_games_of_their_own():
         np.testing.assert_array_equal(together.action[:, own], pursuits(single_player(one))[0].action[:, own])
 
 
-def test_a_batch_has_the_values_of_each_observation_and_their_gradients():
+def test_batched_network_has_the_values_and_gradients_of_single_calls():
     network, random = make_network("encoded", 16, 3, jax.random.key(0)), np.random.default_rng(1)
     given, wanted = (random.normal(size=(40, size)).astype(np.float32) for size in (17, 9))
 
@@ -160,7 +160,7 @@ def test_a_batch_has_the_values_of_each_observation_and_their_gradients():
 
 
 @pytest.mark.parametrize("observation", [EGOCENTRIC, TEAM])
-def test_a_symmetric_network_does_not_tell_left_from_right(observation):
+def test_symmetric_network_is_equivariant_under_reflection(observation):
     """And what it says of an action is the mean of both sides, one by one, in a batch and as a player."""
     plain = make_network(observation.name, 16, 2, jax.random.key(0))
     network = replace(plain, symmetric=True)
@@ -182,7 +182,7 @@ def test_a_symmetric_network_does_not_tell_left_from_right(observation):
     ],
     ids=["discrete", "continuous"],
 )
-def test_players_of_many_games_act_as_each_of_them_would(player):
+def test_act_in_rows_matches_act_in_each_game(player):
     """Quicker ways through the network are taken for whole blocks only."""
     seen = jax.random.normal(jax.random.key(1), (64, 17))
     bits = jax.random.bits(jax.random.key(2), (64,), jnp.uint32)
@@ -198,7 +198,7 @@ ACTOR = make_actor("paper", 8, 2, jax.random.key(1))
 ONE_SEEN = jnp.asarray(np.linspace(-1, 1, 8, dtype=np.float32))
 
 
-def test_at_its_best_it_plays_the_hyperbolic_tangent_of_its_means():
+def test_greedy_policy_plays_the_hyperbolic_tangent_of_the_mean():
     mean = np.asarray(ONE_SEEN, np.float64)
     for number, layer in enumerate(ACTOR.layers):
         mean = np.asarray(layer.weight) @ (np.maximum(mean, 0) if number else mean) + np.asarray(layer.bias)
@@ -208,7 +208,7 @@ def test_at_its_best_it_plays_the_hyperbolic_tangent_of_its_means():
     np.testing.assert_array_equal(act(exploring_policy(ACTOR, jnp.asarray(0.0)), ONE_SEEN, WORDS[0]), action)
 
 
-def test_exploring_it_draws_from_its_distributions():
+def test_exploring_policy_samples_the_squashed_normal_distribution():
     """Before the hyperbolic tangent: normal, with its own means and standard deviations, these times the spread.
 
     A word makes two independent numbers.
@@ -230,11 +230,11 @@ def test_exploring_it_draws_from_its_distributions():
     ("levels", "allowed", "action"),
     [((1.0, 1.0), range(9), 8), ((0.4, -0.6), range(9), 3), ((0.4, -0.6), (0, 1, 8), 0), ((-9.0, 0.2), (2, 4), 2)],
 )
-def test_where_only_some_actions_are_allowed_it_takes_that_with_the_nearest_levels(levels, allowed, action):
+def test_greedy_policy_selects_the_allowed_action_with_the_nearest_levels(levels, allowed, action):
     assert greedy_policy(ACTOR).select(jnp.array(levels), allowing(*allowed)) == action
 
 
-def test_who_is_given_words_of_its_own_acts_by_them_and_is_drawn_by_the_games():
+def test_pool_with_its_own_random_bits_acts_by_them():
     pool = stack(
         [exploring_policy(make_actor("paper", 8, 1, jax.random.key(seed)), jnp.asarray(1.0)) for seed in range(2)]
     )
@@ -245,7 +245,7 @@ def test_who_is_given_words_of_its_own_acts_by_them_and_is_drawn_by_the_games():
     assert (own != acts(pool, member, seen, WORDS[:4])).all()
 
 
-def test_trained_ones_go_together_but_not_with_random_and_have_no_values(tmp_path, capsys):
+def test_continuous_agents_form_a_pool_without_discrete_ones_or_values(tmp_path, capsys):
     files = []
     for seed in range(2):
         files.append(str(tmp_path / f"E_{seed}.safetensors"))
@@ -265,7 +265,7 @@ def test_trained_ones_go_together_but_not_with_random_and_have_no_values(tmp_pat
         (make_actor, "encoded", ("gaussian", 0, 2)),
     ],
 )
-def test_an_agent_comes_back_to_the_last_bit(make, observation, about, tmp_path):
+def test_saved_agent_loads_to_the_last_bit(make, observation, about, tmp_path):
     training = {"command": "apollonius train", "seed": 3, "env_steps": 1000}
     network = make(observation, 4, 2, jax.random.key(1))
     agent = describe(network, Role.PURSUER, to_dict(make_game("paper")), training)
@@ -277,7 +277,7 @@ def test_an_agent_comes_back_to_the_last_bit(make, observation, about, tmp_path)
     assert {leaf.dtype for leaf in jax.tree.leaves(loaded.network)} == {jnp.dtype("float32")}
 
 
-def test_what_is_no_whole_agent_file_is_refused(tmp_path):
+def test_load_agent_refuses_a_missing_foreign_or_truncated_file(tmp_path):
     path, weights = tmp_path / "agent.safetensors", {"weight": np.zeros((3, 3), np.float32)}
     for spoil, said in (
         (lambda: None, "there is no agent file"),
@@ -291,7 +291,7 @@ def test_what_is_no_whole_agent_file_is_refused(tmp_path):
             load_agent(path)
 
 
-def test_a_write_is_on_disk_before_it_takes_the_old_ones_place(tmp_path, monkeypatch):
+def test_write_atomically_syncs_before_it_replaces_the_old_file(tmp_path, monkeypatch):
     path = tmp_path / "file"
     path.write_bytes(b"old")
     calls = []

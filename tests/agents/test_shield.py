@@ -55,7 +55,7 @@ class Reckless(AbstractPolicy):
     ids=["paper, random", "one-large, reckless", "robot, reckless"],
 )
 @pytest.mark.parametrize("drives", [None, Drives(Drive(lag=2, turn_time=0.9), Drive(turn_time=0.9))])
-def test_behind_a_shield_neither_robot_ever_fails(name, policy, drives):
+def test_shielded_robots_never_crash_or_leave_the_arena(name, policy, drives):
     """It knows how late and how slowly its drive does what it is told."""
     game = replace(make_game(name), max_steps=150, drives=drives)
     outcomes = play_match(
@@ -64,7 +64,7 @@ def test_behind_a_shield_neither_robot_ever_fails(name, policy, drives):
     assert outcomes["captured"] + outcomes["no_result"] == 100
 
 
-def test_room_is_what_the_best_way_to_brake_leaves():
+def test_clearance_after_braking_matches_numerical_integration():
     """From 1.2 m/s it takes 4 s; against a SciPy integration of Eq. 1, turning all the while."""
     clearance_after, own = brakes(Game(), Role.PURSUER).clearance_after, Robot(Unicycle(), robot(10 - 2.0, 5.0, 1.2))
     reach = quad(lambda t: (1.2 - 0.3 * t) * np.cos(0.8 * t), 0, np.pi / 1.6)[0]
@@ -102,7 +102,7 @@ class Swerves(AbstractContinuous):
     [lambda: PAPER, yard, lambda: Game(arena=random_arena("caves", 3, gap=1.2))],
     ids=["discs", "polygons", "map"],
 )
-def test_what_surely_stops_does_and_only_polygons_within_reach_are_looked_at(make):
+def test_can_stop_straight_is_sound_and_nearby_polygons_suffice(make):
     """Mostly it is known; and the clearance is that without the index of polygons, where it is not much."""
     arena, backup = (game := make()).arena, brakes(game, Role.PURSUER)
     x, y, v, heading = jax.random.uniform(jax.random.key(0), (4, 600))
@@ -130,7 +130,7 @@ def test_what_surely_stops_does_and_only_polygons_within_reach_are_looked_at(mak
         assert (clearance >= everywhere - 2e-5).all()
 
 
-def test_a_wall_that_only_the_rim_of_a_large_body_would_touch_is_within_reach():
+def test_nearby_polygons_include_a_wall_within_reach_of_a_large_body():
     """At full speed, straight towards it and braking so, from where it just stops in time or just does not."""
     wall = Polygon(((10.0, 2.0), (11.0, 2.0), (11.0, 18.0), (10.0, 18.0)))
     game = Game(arena=Arena(0.0, 20.0, 0.0, 20.0, polygons=(wall,)), pursuer=Unicycle(radius=0.9))
@@ -155,7 +155,7 @@ def test_a_wall_that_only_the_rim_of_a_large_body_would_touch_is_within_reach():
     [(lambda: PAPER, VALUED), (lambda: PAPER, Swerves()), pytest.param(yard, Reckless(), marks=pytest.mark.slow)],
     ids=["discs, valued", "discs, continuous", "polygons, random"],
 )
-def test_games_are_guarded_together_as_by_trying_all_nine_actions_in_each(make, policy):
+def test_batched_shield_matches_trying_all_nine_actions_in_each_game(make, policy):
     """Of those that are held back there are several blocks and a part of one."""
     game, role = make(), Role.PURSUER
     player = with_shield(policy, game, role)
@@ -197,7 +197,7 @@ def test_games_are_guarded_together_as_by_trying_all_nine_actions_in_each(make, 
 @pytest.mark.parametrize(
     ("v_min", "u1_max"), [(0.2, 0.3), (-0.5, 0.3), (0.0, 0.0)], ids=["drives on", "goes backwards", "does not brake"]
 )
-def test_a_robot_that_does_not_come_to_rest_is_refused(v_min, u1_max):
+def test_shield_refuses_a_robot_that_cannot_stop(v_min, u1_max):
     with pytest.raises(InvalidInput, match=rf"v_min, u1_max = \({v_min}, {u1_max}\) .*can stop"):
         with_shield(Uniform(), Game(pursuer=Unicycle(v_min=v_min, u1_max=u1_max)), Role.PURSUER)
 
@@ -234,7 +234,7 @@ def number(x, y):
     return int(y * 4) * COARSE + int(x * 4)
 
 
-def test_a_searcher_drives_to_a_place_until_the_opponent_cannot_be_there():
+def test_search_keeps_its_target_cell_until_the_opponent_cannot_be_there():
     here = robot(2.0, 2.0, 0.5, 0.0)
     ahead, behind = (8.1, 2.1), (2.1, 8.1)
     only_ahead = view(here, robot(5.0, 5.0), unseen=cells((*ahead, 50.0)))
@@ -252,7 +252,7 @@ def test_a_searcher_drives_to_a_place_until_the_opponent_cannot_be_there():
     assert int(decision("search")(reached, jnp.int32(number(*ahead)), NO_BITS)[1]) == number(*behind)
 
 
-def test_places_are_drawn_by_what_a_look_is_worth():
+def test_search_draws_target_cells_by_their_weight():
     """Of two, the one that is worth twice as much is drawn in three games of four: of uniform numbers u and v half of
     v is the larger one in every fourth."""
     near = view(robot(5.0, 1.0), robot(5.0, 9.0), unseen=cells((1.1, 1.1, 50.0), (8.9, 1.1, 25.0)))
@@ -264,7 +264,7 @@ def test_places_are_drawn_by_what_a_look_is_worth():
     assert set(np.asarray(draw(jnp.arange(4, dtype=jnp.uint32)))) == set(drawn), "the bits decide"
 
 
-def test_a_pursuer_that_searches_hunts_at_the_place_that_it_seeks_while_it_does_not_see():
+def test_searching_pursuer_heads_for_its_target_cell_while_it_sees_nothing():
     """In a game without sensors it always sees."""
     here, there, place, unseen = (
         robot(2.0, 2.0, 0.3, 1.0),
@@ -288,7 +288,7 @@ def test_a_pursuer_that_searches_hunts_at_the_place_that_it_seeks_while_it_does_
         assert int(cell) == (number(8.1, 2.1) if opponent is place else -1)
 
 
-def test_those_who_cannot_search_are_refused():
+def test_find_player_refuses_searching_for_players_that_cannot_search():
     for name, role, words in (
         ("searching:P_smooth", Role.PURSUER, "nine actions"),
         ("searching:intercept", Role.PURSUER, "finds its way by the chart"),
@@ -299,7 +299,7 @@ def test_those_who_cannot_search_are_refused():
             find_player(name, role, game())
 
 
-def test_a_hider_leaves_the_pursuers_sight():
+def test_hide_leaves_the_line_of_sight_of_the_pursuer():
     """From beside the disc it drives behind it, and not towards a pursuer that waits there."""
     hide = find_player("hide", Role.EVADER, game()).policy
     act = jax.jit(lambda state: hide(look(game(), state, Role.EVADER), (), NO_BITS)[0])

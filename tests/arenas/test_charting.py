@@ -39,7 +39,7 @@ def points(arena, count):
 
 
 @pytest.mark.parametrize("arena", [ROOM, OPEN], ids=["room", "open"])
-def test_room_is_the_clearance_to_within_half_a_cell(arena):
+def test_chart_clearance_matches_the_arena_to_within_a_cell(arena):
     chart = chart_of(arena)
     away = np.abs(np.subtract(*(clearances(one, *points(arena, 3000)) for one in (chart, arena))))
     cell = float(chart.side[0]) / SIDE
@@ -48,14 +48,14 @@ def test_room_is_the_clearance_to_within_half_a_cell(arena):
 
 
 @pytest.mark.parametrize(("along", "known"), [(0.03, 0.03), (19.15, 19.15), (19.2, 19.2), (25.0, 19.2), (-1.0, 0.0)])
-def test_room_between_the_corners_is_linear_up_to_the_edge_and_constant_beyond(along, known):
+def test_chart_clearance_is_linear_inside_and_constant_outside_the_chart(along, known):
     rising = jnp.linspace(0, SIDE / 10, SIDE + 1)
     assert float(made(rising).clearance(jnp.float32(3 + along), jnp.float32(4.0))) == pytest.approx(known, abs=1e-4)
     upwards = made(rising[:, None])
     assert float(upwards.clearance(jnp.float32(7.0), jnp.float32(along - 2))) == pytest.approx(known, abs=1e-4)
 
 
-def test_a_ray_ends_where_the_first_thing_is():
+def test_ray_ends_at_the_first_obstacle():
     """From (0, 4) the disc is 1.3 m ahead, the walls are 1, 2 and 2 m away, and sideways past the disc 5 m."""
     rays = [(0.0, 4.0, 1.0, 0.0), (0.0, 4.0, -1.0, 0.0), (0.0, 4.0, 0.0, 1.0), (0.0, 5.4, 1.0, 0.0)]
     found = jax.jit(jax.vmap(chart_of(OPEN).range))(*jnp.asarray(rays, jnp.float32).T)
@@ -69,7 +69,7 @@ def path_length(chart, start, end):
     return chart.path_length(chart.cell_weights(*start), chart.cell_weights(*end))
 
 
-def test_ways_lead_through_the_door():
+def test_paths_lead_through_the_door():
     """Beside the wall, a metre from it on either side and 5 m below the door's middle: round the wall's end."""
     room = chart_of(ROOM)
     assert path_length(room, (1.0, 1.0), (1.0, 7.0)) == pytest.approx(6.0, rel=0.05)
@@ -85,7 +85,7 @@ def test_ways_lead_through_the_door():
     assert path_length(room, (3.9, 3.0), (4.3, 3.0)) == pytest.approx(6.3, rel=0.1), "nothing is seen through the wall"
 
 
-def test_in_an_empty_square_stops_are_as_far_apart_as_points():
+def test_coarse_cell_distances_in_an_empty_square_are_euclidean():
     """To all within two columns and rows; the lowest and leftmost stop is that of the corner."""
     chart = chart_of(Arena(0.0, 8.0, 0.0, 8.0), pursuer=Unicycle(radius=0.05), evader=Unicycle(radius=0.05))
     lengths = np.asarray(chart.lengths[0, 20 * COARSE + 20]).reshape(COARSE, COARSE)[18:23, 18:23]
@@ -94,13 +94,13 @@ def test_in_an_empty_square_stops_are_as_far_apart_as_points():
     assert int(chart.visible[0, 0, 0]) % 2**COARSE_BITS == 0
 
 
-def test_where_a_body_fits_nowhere_there_are_no_paths_and_the_first_stop_is_the_nearest():
+def test_body_that_fits_nowhere_has_no_paths_and_sees_cell_zero():
     lengths, visible = paths(jnp.full((SIDE + 1, SIDE + 1), 0.3), jnp.float32(8.0), jnp.float32(0.4))
     np.testing.assert_array_equal(lengths, np.where(np.eye(COARSE**2, dtype=bool), 0, NO_PATH))
     assert not np.any(visible)
 
 
-def test_where_a_body_just_fits_no_rounding_decides():
+def test_body_that_just_fits_has_paths_despite_rounding():
     """Stops beside the walls are 0.2 m from them, to the last bits of single precision; the chart is too coarse for
     the four in the corners."""
     body = Unicycle(radius=0.2)
@@ -108,7 +108,7 @@ def test_where_a_body_just_fits_no_rounding_decides():
     assert np.sum(np.sum(lengths < NO_PATH, axis=1) == 1) == 4
 
 
-def test_a_body_that_does_not_fit_through_has_no_way():
+def test_body_too_large_for_a_passage_has_no_path_through_it():
     door = Polygon(((4.0, 6.5), (4.2, 6.5), (4.2, 8.0), (4.0, 8.0)))
     narrow = replace(ROOM, polygons=(WALL, door))
     slim, stout = (chart_of(narrow, pursuer=Unicycle(radius=radius)) for radius in (0.1, 0.4))
@@ -116,7 +116,7 @@ def test_a_body_that_does_not_fit_through_has_no_way():
     assert path_length(stout, (3.0, 1.0), (5.2, 1.0)) == pytest.approx(NO_PATH / 100, rel=1e-3)
 
 
-def test_stops_count_as_much_as_they_are_near_and_sum_up_to_one():
+def test_cell_weights_sum_to_one_and_interpolate_the_position():
     x, y = points(OPEN, 500)
     cells, weights = map(np.asarray, jax.jit(jax.vmap(chart_of(OPEN).cell_weights))(x, y))
     np.testing.assert_allclose(np.sum(weights, axis=1), 1.0, atol=1e-5)
@@ -126,7 +126,7 @@ def test_stops_count_as_much_as_they_are_near_and_sum_up_to_one():
         np.testing.assert_allclose(np.sum(weights * middle, axis=1)[free], place[free], atol=0.02)
 
 
-def test_links_lead_between_cells_of_the_field_that_are_side_by_side():
+def test_entries_link_adjacent_free_cells():
     """The eight neighbours of each free cell, one after another; obstacles and shortest paths are drawn at random."""
     rng = np.random.default_rng(0)
     corners = np.where(rng.random((SIDE + 1, SIDE + 1)) < 0.2, 0.1, -0.1).astype(np.float32)

@@ -33,7 +33,7 @@ def written(tmp_path):
     return load
 
 
-def test_a_file_says_what_differs_from_the_defaults(written):
+def test_game_file_overrides_the_defaults(written):
     """The ring of a polygon may be closed."""
     game = written("""
 capture_distance = 0.6
@@ -58,7 +58,7 @@ vertices = [[4, 4], [6, 4], [5, 6.5], [4, 4]]
 
 @pytest.mark.parametrize("name", [*PRESETS, "team-3v1"])
 @pytest.mark.parametrize("suffix", GAME_FILES)
-def test_every_preset_is_itself_again_from_its_file(name, suffix, tmp_path):
+def test_every_preset_loads_unchanged_from_its_file(name, suffix, tmp_path):
     game = find_game(name)
     save_game(to_dict(game), tmp_path / f"game{suffix}")
     assert find_game(str(tmp_path / f"game{suffix}")) == game
@@ -96,7 +96,7 @@ def test_every_preset_is_itself_again_from_its_file(name, suffix, tmp_path):
     ],
     ids=range(26),
 )
-def test_each_error_is_one_clear_line(content, said, written, tmp_path):
+def test_each_game_file_error_is_one_line(content, said, written, tmp_path):
     write(tmp_path, room())
     with pytest.raises(InvalidInput, match=said) as refusal:
         written(content)
@@ -128,7 +128,7 @@ def room():
     return pixels
 
 
-def test_rows_run_upwards_and_the_unknown_is_occupied(tmp_path):
+def test_map_rows_run_upwards_and_unknown_cells_are_occupied(tmp_path):
     found = load_map(write(tmp_path, room()))
     assert (found.x, found.y, found.x_max, found.y_max, found.cell) == (-1, 2, 14, 12, 0.5)
     np.testing.assert_array_equal(found.occupied(), room()[::-1] != 254)
@@ -146,13 +146,13 @@ def test_rows_run_upwards_and_the_unknown_is_occupied(tmp_path):
         *[({"negate": word}, [1, 0, 0, 0]) for word in ("true", "Yes", "ON", "'y'")],
     ],
 )
-def test_thresholds_are_those_of_map_server(tmp_path, changes, free):
+def test_map_thresholds_match_map_server(tmp_path, changes, free):
     shades = np.repeat([0, 128, 205, 254], 5)[None].repeat(5, axis=0)
     found = load_map(write(tmp_path, shades, **changes))
     np.testing.assert_array_equal(~found.occupied()[2, 2::5], np.array(free, bool))
 
 
-def test_plain_and_raw_pgm_and_png_are_one_map(tmp_path):
+def test_plain_pgm_raw_pgm_and_png_load_the_same_map(tmp_path):
     raw = load_map(write(tmp_path, room()))
     plain = "P2\n# made by hand\n30 20\n255\n" + "\n".join(" ".join(map(str, row)) for row in room())
     (tmp_path / "plain.pgm").write_text(plain)
@@ -164,7 +164,7 @@ def test_plain_and_raw_pgm_and_png_are_one_map(tmp_path):
 
 
 @pytest.mark.parametrize("mode", ["1", "L", "LA", "P", "RGB", "RGBA", "tRNS"])
-def test_colours_are_averaged_and_opacity_with_them_as_nav2_does(tmp_path, mode):
+def test_colours_and_opacity_are_averaged_as_in_nav2(tmp_path, mode):
     """What it calls free, cell by cell, of all greys, some of them transparent, and a few colours."""
     cells = np.stack([np.tile(np.arange(0, 256, 5), (4, 1))] * 3 + [np.full((4, 52), 255)], axis=-1).astype(np.uint8)
     cells[1, :, 3], cells[2, :, 3], cells[3, :, 0] = 0, 128, 255
@@ -217,7 +217,7 @@ def test_colours_are_averaged_and_opacity_with_them_as_nav2_does(tmp_path, mode)
     ],
     ids=range(26),
 )
-def test_each_error_of_a_map_is_one_clear_line_before_a_picture_too_large_is_read(tmp_path, monkeypatch, changes, said):
+def test_each_map_error_is_one_line(tmp_path, monkeypatch, changes, said):
     monkeypatch.setattr(limits, "available_memory", lambda: 2**32)
     path = write(tmp_path, **{"pixels": room()} | changes)
     with pytest.raises(InvalidInput, match=said) as refusal:
@@ -232,7 +232,7 @@ def hall(tmp_path):
     return tmp_path / "hall.toml"
 
 
-def test_a_game_on_a_map_has_the_maps_walls_and_names_it_in_its_record(hall):
+def test_game_on_a_map_has_its_walls_and_records_its_digest(hall):
     game = find_game(str(hall))
     assert (game.arena.x_min, game.arena.x_max, game.arena.y_min, game.arena.y_max) == (-1, 14, 2, 12)
     record = json.loads(json.dumps(to_dict(game)))
@@ -248,7 +248,7 @@ def test_a_game_on_a_map_has_the_maps_walls_and_names_it_in_its_record(hall):
             from_dict(Game, record, "the record")
 
 
-def test_specks_are_reported_and_taken_out_where_the_map_says_so(hall, capsys):
+def test_specks_are_reported_and_removed_below_least_obstacle(hall, capsys):
     """Four cells that touch at corners, 1 m^2, are one obstacle; what touches a wall is a part of it."""
     pixels = room()
     pixels[[8, 9, 10, 11], [10, 11, 12, 13]] = pixels[15, 3] = 0
@@ -265,7 +265,7 @@ def test_specks_are_reported_and_taken_out_where_the_map_says_so(hall, capsys):
     assert "least_obstacle" not in capsys.readouterr().out
 
 
-def test_a_game_is_written_as_json_with_its_map_named_from_there(hall, tmp_path, capsys):
+def test_arena_check_writes_json_with_a_relative_map_path(hall, tmp_path, capsys):
     out = tmp_path / "json" / "hall.json"
     assert main(["arena", "check", str(hall), "--out", str(out)]) == 0
     assert f"next: apollonius play --game {out}" in capsys.readouterr().err
@@ -278,7 +278,7 @@ def test_a_game_is_written_as_json_with_its_map_named_from_there(hall, tmp_path,
     assert out.read_bytes() == said
 
 
-def test_commands_refuse_a_map_or_warn_of_it_in_a_line(hall, capsys):
+def test_commands_refuse_or_warn_of_a_map_in_one_line(hall, capsys):
     def said(*words):
         return main([*words, str(hall)]), capsys.readouterr()
 

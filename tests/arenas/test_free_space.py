@@ -32,7 +32,7 @@ from apollonius.show.arena import KINDS, kinds_of_places, save_plan
 from apollonius.solve.cop_number import core
 
 
-def test_islands_are_obstacles_with_free_space_around_them_for_the_larger_robot():
+def test_free_space_counts_islands_for_the_larger_robot():
     """A square, and discs, of which two have 0.3 m between them, and one stands against a wall."""
     square = Polygon(((1.0, 1.0), (2.0, 1.0), (2.0, 2.0), (1.0, 2.0)))
     discs = Disc(7.0, 7.0, 1.0), Disc(7.0, 4.7, 1.0), Disc(10.0, 2.0, 1.0)
@@ -42,7 +42,7 @@ def test_islands_are_obstacles_with_free_space_around_them_for_the_larger_robot(
     assert wide.area > narrow.area
 
 
-def test_only_the_largest_part_is_kept():
+def test_largest_part_keeps_only_the_largest_component():
     free = np.ones((20, 30), bool)
     free[:, 10] = False
     free[5, 20] = False
@@ -75,7 +75,7 @@ y, x = np.mgrid[:SIDE, :SIDE] - SIDE / 2
 ANNULUS = (np.hypot(x, y) < 55) & (np.hypot(x, y) > 25)
 
 
-def test_a_place_is_in_the_hexagon_whose_middle_is_nearest():
+def test_each_point_is_in_the_hexagon_with_the_nearest_centre():
     x, y = np.random.default_rng(0).uniform(0, 6, (2, 3000))
     middles = np.array([(column + row % 2 / 2, row * np.sqrt(0.75)) for row in range(9) for column in range(-1, 8)])
     nearest = np.hypot(x[:, None] - middles[:, 0], y[:, None] - middles[:, 1]).argmin(axis=1)
@@ -85,7 +85,7 @@ def test_a_place_is_in_the_hexagon_whose_middle_is_nearest():
 
 @pytest.mark.parametrize(("spacing", "angle"), [(7.0, 0.3), (25.0, 0.0), (11.0, np.pi / 6)])
 @pytest.mark.parametrize("free", [BENT, SPIRAL], ids=["bent room", "spiral"])
-def test_without_islands_one_pursuer_is_enough_whatever_the_cells(free, spacing, angle):
+def test_core_without_islands_is_one_cell_for_every_tiling(free, spacing, angle):
     tiling = tile(largest_part(free, 0.0, 0.0, 1.0), spacing, angle)
     assert tiling.holes == 0
     assert len(core(tiling.adjacency)) == 1
@@ -93,7 +93,7 @@ def test_without_islands_one_pursuer_is_enough_whatever_the_cells(free, spacing,
 
 @pytest.mark.parametrize("angle", [0.0, np.pi / 6])
 @pytest.mark.parametrize("spacing", [6.0, 12.0])
-def test_the_core_round_an_island_is_a_cycle(spacing, angle):
+def test_core_around_an_island_is_a_cycle(spacing, angle):
     tiling = tile(largest_part(ANNULUS, 0.0, 0.0, 1.0), spacing, angle)
     kept = core(tiling.adjacency)
     assert tiling.holes == 1
@@ -113,7 +113,7 @@ def floor(width, radius=0.2, second=0.0):
     return Game(pursuer=body, evader=body, capture_distance=0.6, arena=Arena(x_max=20.0, y_max=14.0, polygons=wall))
 
 
-def test_a_door_that_the_chart_does_not_have_is_found_with_the_way_round():
+def test_missed_passage_reports_an_unresolved_door_and_its_detour():
     (alone,), (beside,) = missed_passage(floor(0.55)), missed_passage(floor(0.55, second=1.5))
     for found in (alone, beside):
         x, y, resolves = map(float, re.search(r"at \((.*), (.*)\) is .* chart resolves (.*) m, so", found).groups())
@@ -126,11 +126,11 @@ def test_a_door_that_the_chart_does_not_have_is_found_with_the_way_round():
 
 
 @pytest.mark.parametrize("game", [floor(1.01), floor(0.55, radius=0.0)], ids=["wide", "thin robots"])
-def test_what_the_chart_has_is_not_found(game):
+def test_missed_passage_reports_nothing_for_resolved_passages(game):
     assert missed_passage(game) == []
 
 
-def test_the_check_of_an_arena_says_what_its_chart_resolves(tmp_path, monkeypatch, capsys):
+def test_arena_check_states_the_resolution_of_the_chart(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("floor.toml").write_text(tomli_w.dumps(to_dict(floor(0.55))), encoding="utf-8")
     assert main(["arena", "check", "floor.toml", "--json"]) == 0
@@ -144,14 +144,14 @@ def warned(game, players=(), name="floor.toml"):
     return lines
 
 
-def test_players_with_charts_are_warned_of_it_and_others_are_not():
+def test_only_players_that_read_charts_are_warned_of_a_missed_passage():
     game = floor(0.55)
     assert warned(game, [find_player("still", Role.EVADER, game)]) == []
     (line,) = warned(game, [find_player("pursuer", Role.PURSUER, game)])
     assert line.startswith("floor.toml: the passage at (9.")
 
 
-def test_arenas_that_are_wrong_and_agents_that_have_not_learned_there_are_told_of_in_a_line_each():
+def test_parted_arenas_and_agents_of_another_arena_get_one_warning_each():
     closed = floor(0.55, radius=0.3)
     agents = [find_player(name, Role.PURSUER, closed) for name in ("P_curriculum", "P_stage1", "pure-pursuit")]
     learned, *wrong = warned(closed, agents)
@@ -173,7 +173,7 @@ WARNING = {
 
 
 @pytest.mark.parametrize(("file", "words"), [(file, words) for file in WARNING for words in WARNING[file]])
-def test_every_command_about_one_arena_warns_before_it_works(file, words, tmp_path, monkeypatch):
+def test_every_command_on_one_arena_warns_before_it_works(file, words, tmp_path, monkeypatch):
     class Warned(Exception):
         pass
 
@@ -190,7 +190,7 @@ GATE = tuple(Disc(5.0, y / 2, 0.4) for y in range(21) if y != 10)
 """Discs from wall to wall with a gate of 2 (0.5 - 0.4) = 0.2 m in the middle."""
 
 
-def test_pockets_and_gates_of_polygons_are_found():
+def test_survey_finds_pockets_and_gates_between_polygons():
     """Two walls with a gate of 0.2 m between them, and a pillar across one of them."""
     lower, upper = (((4.8, low), (5.2, low), (5.2, high), (4.8, high)) for low, high in ((0.0, 4.9), (5.1, 10.0)))
     pillar = ((4.0, 2.0), (6.0, 2.0), (5.0, 4.0))
@@ -206,14 +206,14 @@ def ring(radius):
     return tuple(Disc(5 + 2 * math.cos(angle), 5 + 2 * math.sin(angle), radius) for angle in angles)
 
 
-def test_a_territory_that_cannot_be_reached_is_found():
+def test_survey_finds_an_unreachable_territory():
     for goal, lines in ((Disc(5.0, 5.0, 0.5), 1), (Disc(1.0, 1.0, 0.5), 0)):
         arena, starts = Arena(discs=ring(0.3), territory=goal), Starts(clearance=1.75, separation=1.8)
         wrong = survey(Game(arena=arena, starts=starts)).wrong
         assert sum("cannot come into arena.territory" in line for line in wrong) == lines
 
 
-def test_a_haven_of_the_evader_is_found():
+def test_survey_finds_a_haven_of_the_evader():
     """A ring with a gate for the evader alone: the pursuer never starts within, nor comes close enough."""
     pursuer, evader = Unicycle(radius=0.5), Unicycle(radius=0.02)
     game = Game(pursuer, evader, Arena(discs=ring(0.2)), capture_distance=0.52, starts=Starts(clearance=1.4))
@@ -225,7 +225,7 @@ def test_a_haven_of_the_evader_is_found():
     assert not survey(may_reach).haven.any()
 
 
-def test_bodies_that_overlap_or_nearly_touch_when_they_are_caught_are_noted():
+def test_survey_notes_bodies_that_overlap_or_nearly_touch_at_capture():
     body = Unicycle(radius=0.2)
     found = survey(Game(pursuer=body, evader=body))
     assert found.wrong == ()
@@ -235,7 +235,7 @@ def test_bodies_that_overlap_or_nearly_touch_when_they_are_caught_are_noted():
     assert survey(Game(pursuer=body, evader=body, capture_distance=0.51)).notes == survey(Game()).notes == ()
 
 
-def test_the_plan_shows_what_was_found_and_says_what_is_wrong(tmp_path, monkeypatch):
+def test_plan_shows_the_survey_and_its_title_counts_the_defects(tmp_path, monkeypatch):
     game = Game(pursuer=Unicycle(radius=0.15), arena=Arena(discs=GATE), starts=Starts(clearance=0.2))
     found = survey(game)
     kinds = kinds_of_places(found)
@@ -256,7 +256,7 @@ def test_the_plan_shows_what_was_found_and_says_what_is_wrong(tmp_path, monkeypa
         assert any(label.startswith(f"too near for {body} body (") for label in labels)
 
 
-def test_the_command_says_what_is_wrong(tmp_path, capsys):
+def test_arena_check_reports_what_is_wrong(tmp_path, capsys):
     (tmp_path / "tight.toml").write_text("[starts]\nclearance = 4.4")
     picture = tmp_path / "drawn" / "tight.png"
     assert main(["arena", "check", str(tmp_path / "tight.toml"), "--out", str(picture)]) == 1
@@ -273,14 +273,14 @@ def test_the_command_says_what_is_wrong(tmp_path, capsys):
 FILES = game_names()[len(PRESETS) :]
 
 
-def test_there_are_an_office_a_warehouse_and_a_maze_beside_the_presets():
+def test_gallery_has_an_office_a_warehouse_and_a_maze():
     assert game_names()[: len(PRESETS)] == list(PRESETS)
     assert {"office", "warehouse", "maze"} <= set(FILES) == {path.stem for path in GALLERY.iterdir()}
     assert all(20 < len(describe_game(name)) < 110 for name in game_names())
 
 
 @pytest.mark.parametrize("name", [*PRESETS, *FILES])
-def test_each_is_sound_and_its_starts_have_room(name):
+def test_every_named_arena_passes_the_survey(name):
     game = find_game(name)
     found = survey(game)
     assert (found.wrong, found.notes) == ((), ())

@@ -39,7 +39,7 @@ PARTS = {
 }
 
 
-def test_training_and_judging_have_no_kind_of_arenas_in_common():
+def test_suite_parts_have_the_published_kinds_and_counts():
     assert {part: Counter(entry.kind for entry in suite.suite_entries(*part)) for part in PARTS} == PARTS
     assert len(ENTRIES) == len(suite.suite_names(NAME)) == 256 + 125
     assert suite.suite_names(NAME, "held-out")[-5:] == GALLERY
@@ -47,7 +47,7 @@ def test_training_and_judging_have_no_kind_of_arenas_in_common():
 
 
 @pytest.mark.parametrize("name", suite.SUITES)
-def test_each_comes_out_as_it_was_published(name):
+def test_suite_arenas_match_their_published_digests(name):
     """Every fourth of a kind, but fewer caves, which take their time."""
     for kind in {entry.kind for entry in suite.suite_entries(name)}:
         entries = [entry for entry in suite.suite_entries(name) if entry.kind == kind]
@@ -55,7 +55,7 @@ def test_each_comes_out_as_it_was_published(name):
             assert suite.arena_digest(suite.suite_arena(name, entry.name)) == entry.sha256
 
 
-def test_a_digest_is_of_the_numbers_to_a_micrometre_and_of_nothing_else():
+def test_arena_digest_depends_on_numbers_to_a_micrometre():
     arena = Arena(discs=(Disc(3.0, 0.0, 0.5),))
     assert suite.arena_digest(arena) == suite.arena_digest(Arena(discs=(Disc(3.0, -1e-9, 0.5 + 1e-9),)))
     others = [
@@ -67,7 +67,7 @@ def test_a_digest_is_of_the_numbers_to_a_micrometre_and_of_nothing_else():
     assert len({suite.arena_digest(one) for one in [arena, *others]}) == 5
 
 
-def test_an_arena_that_comes_out_otherwise_is_refused(monkeypatch):
+def test_suite_arena_refuses_an_arena_with_another_digest(monkeypatch):
     entries = (replace(ENTRIES["discs-00"], sha256="0" * 64),)
     monkeypatch.setattr(suite, "_published", lambda suite: entries)
     with pytest.raises(InvalidInput, match=r"SHA-256 of suite-v1/discs-00 = b73cd2122739... .* 000000000000... as pub"):
@@ -113,7 +113,7 @@ def drawn(kind="discs", seed=0, **numbers):
     ],
     ids=range(28),
 )
-def test_what_is_not_in_a_suite_or_cannot_be_drawn_is_refused(act, said):
+def test_unknown_names_and_impossible_random_arenas_are_refused(act, said):
     with pytest.raises(InvalidInput, match=said):
         act()
 
@@ -126,7 +126,7 @@ def three():
     return find_game(THREE)
 
 
-def test_a_list_of_arenas_is_a_game_in_each_of_them(three):
+def test_list_of_arenas_makes_a_game_in_each_of_them(three):
     assert three.scenario.count == three.scenario.size == 3
     names = THREE.removeprefix("suite-v1/").split(",")
     for number, (name, alone) in enumerate(zip(names, suite.single_arena_games(three), strict=True)):
@@ -137,7 +137,7 @@ def test_a_list_of_arenas_is_a_game_in_each_of_them(three):
         assert padded.map.field is three.scenario.arenas.map.field, "no game has a copy"
 
 
-def test_a_record_names_it(three):
+def test_record_names_the_list_of_arenas(three):
     record = to_dict(three)
     assert record["scenario"] == THREE
     again = from_dict(Game, json.loads(json.dumps(record)), "a record")
@@ -148,7 +148,7 @@ def test_a_record_names_it(three):
         find_game("suite-v1/discs-01,no-such")
 
 
-def test_robots_of_many_makes_are_around_the_papers():
+def test_drawn_robot_kinds_range_around_the_robots_of_the_paper():
     found, stout = suite.draw_robot_kinds(), suite.draw_robot_kinds("suite-v2")
     own = suite.PAPER_PAIRS
     assert len(found) == own + suite.OTHER_PAIRS
@@ -164,7 +164,7 @@ def test_robots_of_many_makes_are_around_the_papers():
     assert 0.2 - 1e-5 <= gaps.min() <= gaps.max() <= 0.4 + 1e-5
 
 
-def test_each_game_has_the_robots_of_its_make():
+def test_each_game_has_the_robots_of_its_variant():
     """Two arenas, three kinds of robots: who is fast is where the state says."""
     own = suite.PAPER_PAIRS
     some = jax.tree.map(lambda leaf: leaf[own - 1 : own + 2], suite.draw_robot_kinds())
@@ -184,7 +184,7 @@ def test_each_game_has_the_robots_of_its_make():
         assert [float(body.v_max) for body in side] == [float(kind.v_max[2])] * size
 
 
-def test_matches_take_turns_between_arenas_and_makes(three):
+def test_matches_cycle_through_arenas_and_robot_kinds(three):
     starts = sample_starts(three, jax.random.key(0), 7)
     assert np.asarray(starts.variant).tolist() == [0, 1, 2, 0, 1, 2, 0]
     with_kinds = replace(three.scenario, kinds=suite.draw_robot_kinds())
@@ -192,7 +192,7 @@ def test_matches_take_turns_between_arenas_and_makes(three):
     assert sorted(places) == list(range(3 * 64)), "every arena with every make once"
 
 
-def test_wins_are_counted_by_arenas(three):
+def test_wins_are_counted_by_arena(three):
     outcome = jnp.asarray([Outcome.CAPTURED, Outcome.NO_RESULT, Outcome.EVADER_OUT_OF_RANGE] * 3 + [1])
     found = count_by_arena(three.scenario, Results(outcome, jnp.ones(10, jnp.int32)))
     assert found == ByArena((4, 0, 3), (4, 3, 3))
@@ -203,7 +203,7 @@ def test_wins_are_counted_by_arenas(three):
     assert (found.wins, found.games) == ((1, 0), (1, 1)), "an arena in which nothing was played is not counted"
 
 
-def test_a_match_in_arenas_with_charts_tells_of_long_ways():
+def test_match_in_charted_arenas_counts_wins_by_detour():
     game = with_chart(replace(find_game("suite-v2/fences-03,labyrinth-03"), max_steps=1))
     result = play_match(Match.of_names(game, "still", "still", 40))
     assert list(result.detours) == ["below 1.5", "1.5 to 2.5", "above 2.5"]
@@ -218,7 +218,7 @@ def test_a_match_in_arenas_with_charts_tells_of_long_ways():
 
 @pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (0, 2, 3))])
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_robot_just_thinner_than_the_gap_reaches_everything(kind, seed):
+def test_robot_narrower_than_the_gap_reaches_all_of_a_random_arena(kind, seed):
     width, height = ((10.0, 10.0), (14.0, 8.0), (9.0, 16.0), (6.0, 6.0))[seed]
     body, arena = Unicycle(radius=0.47), random_arena(kind, seed, gap=1.0, width=width, height=height)
     assert len(arena.obstacles) >= 1
@@ -227,7 +227,7 @@ def test_a_robot_just_thinner_than_the_gap_reaches_everything(kind, seed):
     assert found.wrong == ()
 
 
-def test_the_command_writes_a_game_that_is_sound(tmp_path, monkeypatch, capsys):
+def test_arena_random_writes_a_sound_game(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     write = ["arena", "random", "--seed", "2", "--size", "12", "7", "--game", "robot", "--out", "mine.toml"]
     assert main(write) == 0
@@ -245,7 +245,7 @@ def test_the_command_writes_a_game_that_is_sound(tmp_path, monkeypatch, capsys):
     assert load_game(tmp_path / "rooms.json").arena == random_arena("rooms", 3)
 
 
-def test_a_record_says_how_a_cave_was_drawn():
+def test_record_names_the_parameters_of_a_cave():
     game = Game(arena=random_arena("caves", 3, gap=0.9, width=9.0, height=7.5))
     record = json.loads(json.dumps(to_dict(game)))
     drawn = {"file": "caves seed=3 gap=0.9 width=9.0 height=7.5", "sha256": game.arena.map.digest}
@@ -258,7 +258,7 @@ def test_a_record_says_how_a_cave_was_drawn():
         from_dict(Game, record, "the record")
 
 
-def test_the_command_writes_the_game_and_its_map(tmp_path, monkeypatch, capsys):
+def test_arena_random_writes_the_game_and_its_map(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     name = "it's: a #1"
     write = ["arena", "random", "--kind", "caves", "--seed", "4", "--size", "9", "8", "--out", f"{name}.toml"]

@@ -81,7 +81,7 @@ def assert_refused(capsys, *arguments, naming):
     assert everything_here() == before
 
 
-def test_a_reader_that_leaves_early_is_no_error(monkeypatch):
+def test_closed_pipe_ends_the_command_without_a_message(monkeypatch):
     monkeypatch.setenv("APOLLONIUS_CACHE", "off")  # so that nothing imports JAX
     result = run_process(
         "import os, sys\nr, w = os.pipe(); os.dup2(w, 1); os.close(w); os.close(r)\n"
@@ -96,7 +96,7 @@ def test_a_reader_that_leaves_early_is_no_error(monkeypatch):
     ("encoding", "errors", "written"),
     [("latin-1", "surrogateescape", b"\xb1?\n"), ("ascii", "strict", b"??\n"), ("utf-8", "strict", "±█\n".encode())],
 )
-def test_signs_that_a_stream_does_not_have_are_replaced(monkeypatch, encoding, errors, written):
+def test_characters_outside_the_encoding_of_a_stream_are_replaced(monkeypatch, encoding, errors, written):
     for name in ("stdout", "stderr"):
         monkeypatch.setattr(sys, name, io.TextIOWrapper(io.BytesIO(), encoding, errors))
     monkeypatch.setattr("apollonius.cli.arena.run_list", lambda options: print("±█") or 0)
@@ -105,7 +105,7 @@ def test_signs_that_a_stream_does_not_have_are_replaced(monkeypatch, encoding, e
     assert sys.stdout.buffer.getvalue() == written
 
 
-def test_help_version_and_refusals_import_nothing_that_takes_time():
+def test_help_version_and_refusals_import_no_heavy_modules():
     result = run_process(
         "import sys\n"
         "from apollonius.cli.main import main\n"
@@ -122,7 +122,7 @@ def test_help_version_and_refusals_import_nothing_that_takes_time():
     assert result.stdout.splitlines()[-10:] == ["apollonius 0.1.0", "0", *["2"] * 7, "imported: []"]
 
 
-def test_evaluate_prints_one_json_object_and_records_the_games_that_the_pursuer_lost_first(capsys):
+def test_evaluate_prints_one_json_object_and_records_lost_games(capsys):
     match = ["evaluate", "random", "random", "--games", "30", "--seed", "4"]
     assert run_main(*match, "--record", "3", "--json") == 0
     printed = capsys.readouterr()
@@ -159,14 +159,14 @@ def test_evaluate_prints_one_json_object_and_records_the_games_that_the_pursuer_
         (50, "Nobody surely wins more", "50.00% of games (95 % interval 40.38% to 59.62%), loses 50.00% by"),
     ],
 )
-def test_the_first_line_says_who_wins_and_how_surely(captured, verdict, rate):
+def test_match_table_begins_with_the_verdict_and_its_interval(captured, verdict, rate):
     asked = a_match(make_game("paper"), Still(), Still(), 100)
     counts = counts_by_name([0, captured, 0, 0, 100 - captured, 0, 0, 0, 0])
     told = match_table(asked, MatchResult(counts, 9.0, None))
     assert told.startswith(f"{verdict}.\n  pursuer (pursuer) wins {rate}")
 
 
-def test_players_are_named_with_what_they_do_for_people_and_for_programs(capsys):
+def test_players_lists_the_same_players_as_text_and_as_json(capsys):
     assert run_main("players") == 0
     lines = [line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines() if line.startswith("  ")]
     assert len({about for _, about in lines}) > 20
@@ -315,14 +315,14 @@ AMONG_FILES = [
 
 @pytest.mark.usefixtures("tiny")
 @pytest.mark.parametrize(("files", "words", "naming"), AMONG_FILES)
-def test_bad_input_is_refused_and_never_costs_what_is_there(capsys, files, words, naming):
+def test_bad_input_is_refused_and_leaves_all_files_unchanged(capsys, files, words, naming):
     for name, text in files.items():
         Path(name).parent.mkdir(parents=True, exist_ok=True)
         Path(name).write_text(text, encoding="utf-8")
     assert_refused(capsys, *words.split(), naming=naming)
 
 
-def test_a_random_arena_in_place_of_several_is_the_one_that_is_played():
+def test_random_arena_replaces_a_list_of_arenas():
     assert run_main("arena", "random", "--game", SEVERAL, "--seed", "3", "--out", "a.toml") == 0
     game = load_game(Path("a.toml"))
     assert game.scenario is None
@@ -340,7 +340,7 @@ def test_a_random_arena_in_place_of_several_is_the_one_that_is_played():
     ],
 )
 @pytest.mark.slow
-def test_an_odd_environment_is_refused_or_makes_no_difference(monkeypatch, variable, value, status, line):
+def test_unusual_environment_variables_are_refused_or_make_no_difference(monkeypatch, variable, value, status, line):
     monkeypatch.setenv(variable, value)
     said = run_process(
         "import sys; from apollonius.cli.main import main; sys.exit(main())",
@@ -353,7 +353,7 @@ def test_an_odd_environment_is_refused_or_makes_no_difference(monkeypatch, varia
         assert " ? " in said.stdout  # for plus or minus
 
 
-def test_xlas_alarm_at_long_compilations_does_not_ring(monkeypatch):
+def test_xla_warnings_of_long_compilations_are_silenced(monkeypatch):
     monkeypatch.delenv("TF_CPP_MIN_LOG_LEVEL", raising=False)
     asks = "import os; from apollonius.__main__ import main; main(); print(os.environ['TF_CPP_MIN_LOG_LEVEL'])"
     assert run_process(asks).stdout.endswith("\n3\n")
@@ -370,25 +370,25 @@ def test_xlas_alarm_at_long_compilations_does_not_ring(monkeypatch):
         ("mujoco", "simulate random still", "sim"),
     ],
 )
-def test_libraries_that_are_missing_are_named_before_any_work(capsys, monkeypatch, module, words, extra):
+def test_missing_libraries_are_named_before_any_work(capsys, monkeypatch, module, words, extra):
     monkeypatch.setitem(sys.modules, module, None)
     assert_refused(capsys, *words.split(), naming=["pip install", f"the extra '{extra}'"])
 
 
-def test_the_extras_are_those_of_the_package():
+def test_extras_match_pyproject():
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
     for extra, modules in EXTRAS.items():
         wanted = [re.match(r"[\w-]+", one)[0] for one in project["optional-dependencies"][extra]]
         assert wanted == list(modules.values())
 
 
-def test_an_interface_without_its_library_names_the_extra(monkeypatch):
+def test_interface_without_its_library_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "pettingzoo", None)
     with pytest.raises(InvalidInput, match="the extra 'gym'"):
         _ = apollonius.parallel_env
 
 
-def test_train_makes_a_run_and_judges_it_and_force_replaces_it(tiny, capsys, monkeypatch):
+def test_train_makes_and_evaluates_a_run_and_force_replaces_its_files(tiny, capsys, monkeypatch):
     """Only a run's own files are replaced."""
     monkeypatch.setattr("apollonius.evaluate.pairings.JUDGED_GAMES", 200)
     arguments = ["train", "--config", tiny, "--stage", "fixed-target", "--seed", "7", "--out", "run"]
@@ -408,7 +408,7 @@ def test_train_makes_a_run_and_judges_it_and_force_replaces_it(tiny, capsys, mon
     assert left == {"config.toml", "notes.txt"}
 
 
-def test_seed_0_is_a_seed_and_a_run_that_is_stopped_says_how_to_go_on(tiny, capsys, monkeypatch):
+def test_stopped_run_prints_its_resume_command_and_seed_0_is_kept(tiny, capsys, monkeypatch):
     monkeypatch.setattr("apollonius.learn.run.TrainingRun.execute", lambda run: False)
     for asked, seed in (([], 5), (["--seed", "0"], 0)):
         assert main(["train", "--config", tiny, *asked, "--out", f"run-{seed}"]) == 130
@@ -416,7 +416,7 @@ def test_seed_0_is_a_seed_and_a_run_that_is_stopped_says_how_to_go_on(tiny, caps
         assert capsys.readouterr().err.splitlines()[-1] == f"stopped; go on with: apollonius resume run-{seed}"
 
 
-def test_of_several_runs_those_that_ended_and_were_judged_are_left_alone(tiny, capsys, monkeypatch):
+def test_resume_skips_finished_and_evaluated_runs_of_a_sweep(tiny, capsys, monkeypatch):
     asked, runs = [], [f"sweep/seed={seed}" for seed in (1, 2, 3)]
     monkeypatch.setattr("apollonius.cli.runs.run_jobs", lambda jobs, *_: asked.extend(job.name for job in jobs))
     assert main(["train", "--config", tiny, "--seeds", "1-3", "--out", "sweep"]) == 0
@@ -434,7 +434,7 @@ def test_of_several_runs_those_that_ended_and_were_judged_are_left_alone(tiny, c
     assert asked == runs[2:], "one side that learned alone is not judged"
 
 
-def test_odd_runs_of_strangers_hide_no_other_and_write_nothing_of_their_own_on_the_terminal(capsys):
+def test_runs_lists_malformed_runs_without_control_characters(capsys):
     line = {
         "stage": "response",
         "env_steps": 8,
@@ -468,7 +468,7 @@ def test_odd_runs_of_strangers_hide_no_other_and_write_nothing_of_their_own_on_t
     assert lines[7].endswith(": \\x1b[31mred run finished")
 
 
-def test_a_pipe_in_the_place_of_metrics_is_refused(capsys):
+def test_resume_refuses_a_pipe_in_place_of_metrics(capsys):
     Path("run").mkdir()
     Path("run/config.toml").write_text("seed = 3", encoding="utf-8")
     os.mkfifo("run/metrics.jsonl")
@@ -488,7 +488,7 @@ def test_simulate_prints_both_matches_and_records_games(capsys):
     assert load_replay(replay).outcome == Outcome.NO_RESULT
 
 
-def test_a_full_disk_ends_the_training_in_one_line(tiny, capsys, monkeypatch):
+def test_full_disk_ends_the_training_with_one_line(tiny, capsys, monkeypatch):
     """The config and the state still find room; the checkpoint at the end of the stage does not."""
     fsync, written = os.fsync, []
 
@@ -516,7 +516,7 @@ def run_json(capsys, *arguments):
 
 
 @pytest.mark.slow
-def test_a_card_is_measured(capsys):
+def test_regret_measures_a_card(capsys):
     for role in ("pursuer", "evader"):
         words = f"solve game --role {role} --grid 4x4x2x4 --hold 10 --out {role}.safetensors"
         assert run_main(*words.split()) == 0
@@ -530,7 +530,7 @@ def test_a_card_is_measured(capsys):
     assert "gap to what its own table promises" in capsys.readouterr().out
 
 
-def test_reach_is_solved_once_and_then_loaded(capsys, monkeypatch):
+def test_solve_reach_computes_a_table_once_and_then_loads_it(capsys, monkeypatch):
     coarse = "--grid", "9x9x3x8"
     arguments = ("solve", "reach", *coarse, "--out", "tables/six.safetensors", "--target", "6")
     monkeypatch.setattr("apollonius.evaluate.solved.STARTS", 500)
@@ -549,7 +549,7 @@ def test_reach_is_solved_once_and_then_loaded(capsys, monkeypatch):
     assert load_solution(Path("tables/six.safetensors")).problem.target == [6.0, 3.0]
 
 
-def test_one_obstacle_needs_two(capsys):
+def test_one_obstacle_needs_two_pursuers(capsys):
     facts = run_json(capsys, "pursuers", "one-large")
     assert (facts["pursuers"], facts["agree"], facts["islands"]) == (2, True, 1)
     assert [graph["islands_seen"] for graph in facts["graphs"]] == [1, 1, 1]
@@ -559,7 +559,7 @@ def test_one_obstacle_needs_two(capsys):
     assert np.shape(seen["strategy"]) == (seen["graphs"][-1]["turns"] + 1, 2, 2)
 
 
-def test_an_arena_without_obstacles_needs_one(capsys):
+def test_arena_without_obstacles_needs_one_pursuer(capsys):
     Path("empty.toml").write_text("[arena]\ndiscs = []\n", encoding="utf-8")
     assert run_main("pursuers", "empty.toml") == 0
     said = capsys.readouterr().out.splitlines()

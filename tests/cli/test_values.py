@@ -49,11 +49,11 @@ def folder(in_a_folder_of_its_own):
     Path("folder").mkdir()
 
 
-def test_a_bar_is_as_long_as_its_share_to_an_eighth_of_a_letter():
+def test_bar_has_a_length_proportional_to_its_share():
     assert [bar(share, 4) for share in (0.0, 0.001, 0.5, 0.53, 1.0)] == ["", "▏", "██", "██▏", "████"]
 
 
-def test_every_argument_that_takes_a_value_has_a_type_from_here_or_choices():
+def test_every_argument_with_a_value_has_a_checked_type_or_choices():
     for action in arguments(build_parser()):
         if action.nargs != 0 and not action.choices:
             kind = getattr(action.type, "func", action.type)
@@ -61,7 +61,7 @@ def test_every_argument_that_takes_a_value_has_a_type_from_here_or_choices():
 
 
 @pytest.mark.parametrize("parse", SENSIBLE, ids=lambda parse: getattr(parse, "func", parse).__name__)
-def test_every_odd_value_makes_sense_or_is_refused_as_it_is_read(parse):
+def test_every_odd_value_is_accepted_or_refused_by_its_parser(parse):
     for value in ODD:
         told = None
         try:
@@ -86,7 +86,7 @@ def test_counts_are_bounded_by_memory(capsys, monkeypatch):
     assert CountLimit(0, most=5, least=0).bound() == "a whole number, at least 0, at most 5"
 
 
-def test_the_memory_of_a_container_counts(tmp_path, monkeypatch):
+def test_available_memory_respects_the_limit_of_a_container(tmp_path, monkeypatch):
     whole = limits.available_memory()
     for text, found in (("1000000\n", 10**6), ("max\n", whole), (f"{2**62}\n", whole)):
         (tmp_path / "memory.max").write_text(text)
@@ -97,7 +97,7 @@ def test_the_memory_of_a_container_counts(tmp_path, monkeypatch):
     assert limits.available_memory() == 8 * 1024**3, "where nobody says"
 
 
-def test_a_place_that_cannot_be_written_to_is_refused_at_once():
+def test_unwritable_output_paths_are_refused_at_once():
     Path("file").write_text("", encoding="utf-8")
     png = values.new_file(".png")
     inside = (values.new_folder, "file"), (values.new_folder, "file/deeper"), (png, "file/a.png")
@@ -113,7 +113,7 @@ def test_a_place_that_cannot_be_written_to_is_refused_at_once():
     assert sorted(os.listdir()) == ["file", "folder", "folder.png"]
 
 
-def test_jobs_run_on_slurm_where_its_command_is(monkeypatch):
+def test_slurm_is_accepted_only_with_sbatch_on_the_path(monkeypatch):
     monkeypatch.setattr(values, "missing_extra", lambda *_: "")
     monkeypatch.setattr("shutil.which", str)
     assert values.installed_extra("slurm") == "slurm"
@@ -122,14 +122,14 @@ def test_jobs_run_on_slurm_where_its_command_is(monkeypatch):
         values.installed_extra("slurm")
 
 
-def test_a_written_grid_is_read():
+def test_nodes_parses_a_grid_and_refuses_others():
     assert values.nodes("101x51x9x47") == (101, 51, 9, 47)
     for text in ("10x10x9x", "10x-3x9x47", "10.5x10x9x47", "1x2x3x4x5", "9" * 5_000 + "x2x2x3", "٣x3x3x3"):
         with pytest.raises(argparse.ArgumentTypeError, match="101x101x9x47"):
             values.nodes(text)
 
 
-def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
+def test_choices_match_the_modules_they_stand_for():
     from apollonius.agents import built_in, names
     from apollonius.cli import exploit, judge, options, show, train
     from apollonius.evaluate import benchmark
@@ -148,14 +148,14 @@ def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
     assert show.MOVING == animation.MOVING
 
 
-def test_a_value_is_shown_on_one_short_line():
+def test_values_in_messages_are_one_short_printable_line():
     assert format_value("two\nlines\x1b[31m") == "two lines\\x1b[31m"
     assert len(format_value("x" * 10_000)) < 250
     assert format_value(16**5_000) == "a number of thousands of digits"
     assert "\n" not in str(InvalidInput("one\ntwo"))
 
 
-def test_in_a_pipe_a_piece_has_its_first_line_soon_and_then_ever_fewer(monkeypatch, capsys):
+def test_progress_in_a_pipe_is_printed_soon_and_then_ever_less_often(monkeypatch, capsys):
     monkeypatch.setattr(display, "_LOOK_SECONDS", 0.01)
     monkeypatch.setattr(display, "_FIRST_LINE_SECONDS", 1.0)
     now = [0.0]
@@ -179,7 +179,7 @@ def test_in_a_pipe_a_piece_has_its_first_line_soon_and_then_ever_fewer(monkeypat
         assert 14 <= len(lines) <= 17
 
 
-def test_the_share_that_is_done_is_asked_for_where_nobody_reports_it(monkeypatch, capsys):
+def test_display_polls_the_share_of_a_task_that_reports_none(monkeypatch, capsys):
     monkeypatch.setattr(display, "_LOOK_SECONDS", 0.01)
     monkeypatch.setattr(display, "_FIRST_LINE_SECONDS", 1.0)
     now = [0.0]
@@ -201,7 +201,7 @@ def test_the_share_that_is_done_is_asked_for_where_nobody_reports_it(monkeypatch
     ],
     ids=["one", "one unit", "fast", "slow", "begun again"],
 )
-def test_the_time_left_is_that_of_what_is_reported_and_not_of_its_compilation(seconds, shares, state):
+def test_time_left_excludes_compilation(seconds, shares, state):
     now = [100.0]
     live = Display("train", lambda: now[0])
     for what in ("another piece", "playing"):
@@ -214,7 +214,7 @@ def test_the_time_left_is_that_of_what_is_reported_and_not_of_its_compilation(se
         assert live.state() == f"{what}, {state}"
 
 
-def test_the_time_left_runs_down_and_is_not_told_in_a_silence():
+def test_time_left_counts_down_and_is_hidden_without_new_reports():
     now = [0.0]
     live = Display("arena", lambda: now[0])
     live.begin_task("playing")
@@ -228,7 +228,7 @@ def test_the_time_left_runs_down_and_is_not_told_in_a_silence():
     assert live.seconds_left() is None
 
 
-def test_a_compilation_is_told_with_its_time():
+def test_display_shows_a_compilation_with_its_duration():
     compiling.watch_compilations()
     live, lowered = Display("evaluate", lambda: 0.0), jax.jit(lambda x: x * 2.5).lower(1.0)
     compiling._begun[threading.get_ident()] -= 72
@@ -237,7 +237,7 @@ def test_a_compilation_is_told_with_its_time():
     assert live.state() == "loading, 0:00:00"
 
 
-def test_in_a_terminal_the_bar_is_gone_at_the_end_and_the_results_stay():
+def test_terminal_bar_is_erased_at_the_end_and_results_remain():
     """In a process of its own: a live bar within a second, its place given back, the results below."""
     leader, follower = pty.openpty()
     script = (

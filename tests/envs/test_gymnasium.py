@@ -46,7 +46,7 @@ PURSUIT = "apollonius.envs.gymnasium:apollonius/Pursuit-v0"
 
 
 @pytest.mark.parametrize(("name", "actions"), [("Pursuit", "discrete"), ("Evasion", "continuous")])
-def test_gymnasiums_checker_has_no_complaint(name, actions):
+def test_environments_pass_the_gymnasium_checker(name, actions):
     """Warnings are errors here. The module before the name needs no import."""
     made = f"apollonius.envs.gymnasium:apollonius/{name}-v0"
     env = gymnasium.make(made, opponent="random", observation="paper", actions=actions)
@@ -55,7 +55,7 @@ def test_gymnasiums_checker_has_no_complaint(name, actions):
     check_env(env.unwrapped)
 
 
-def test_an_observation_that_reads_a_chart_is_that_of_the_charted_game():
+def test_egocentric_observation_is_that_of_the_charted_game():
     env, game = OneSide(Role.PURSUER, opponent="still", observation="egocentric"), with_chart(make_game("paper"))
     seen, info = env.reset(seed=5)
     assert info == {"outcome": "ongoing"}
@@ -64,7 +64,7 @@ def test_an_observation_that_reads_a_chart_is_that_of_the_charted_game():
     np.testing.assert_allclose(seen, expected(jax.random.key(np.uint32(bits))), atol=1e-5)
 
 
-def test_one_robot_acts_against_a_team_and_a_team_is_for_pettingzoo():
+def test_single_robot_environment_plays_a_team_but_refuses_to_control_one():
     env = OneSide(Role.EVADER, opponent="pure-pursuit", game="team-2v1", observation="paper")
     env.reset(seed=0)
     over, total = False, 0.0
@@ -77,7 +77,7 @@ def test_one_robot_acts_against_a_team_and_a_team_is_for_pettingzoo():
         OneSide(Role.PURSUER, game="team-3v1")
 
 
-def test_the_picture_shows_the_robots_where_they_are_and_the_trail_behind_the_one_that_drives():
+def test_render_shows_the_robots_and_the_trail_of_the_moving_one():
     env = OneSide(Role.PURSUER, "still", Game(arena=Arena(-2.0, 6.0, 1.0, 5.0)), "paper", "rgb_array")
 
     def pixels_of(colour):
@@ -124,7 +124,7 @@ def thrift(before, after):
     return 10 * before.pursuer.v + after.reward.pursuer / 4
 
 
-def test_an_opponent_an_observation_and_a_reward_can_be_objects():
+def test_opponent_observation_and_reward_can_be_objects():
     """The same in one game and in many, and after pickling."""
     given = {"opponent": Accelerating(), "observation": speeds, "reward": thrift}
     env, known = gymnasium.make(PURSUIT, **given), OneSide("pursuer", Accelerating(), observation="paper")
@@ -143,14 +143,14 @@ def test_an_opponent_an_observation_and_a_reward_can_be_objects():
         assert rewards[0] > 0.3 * step - 0.1
 
 
-def test_each_robot_of_a_team_is_paid_what_a_function_says():
+def test_reward_function_pays_each_robot_of_a_team():
     env = apollonius.parallel_env("team-2v1", BEARING, reward=lambda before, after: apollonius.BySide((1, 2.5), -3))
     assert env.observation_space("evader_0").shape == (6,)
     env.reset(seed=0)
     assert env.step(dict.fromkeys(env.agents, 4))[1] == {"pursuer_0": 1, "pursuer_1": 2.5, "evader_0": -3}
 
 
-def test_a_reward_of_the_package_is_that_of_the_game():
+def test_reward_option_replaces_the_reward_of_the_game():
     env = ManyGames("evader", 1, "still", reward=Reward(profile="zero-sum"), observation="paper")
     env.reset(seed=0)
     assert env.step(np.array([4]))[1].tolist() == [0]
@@ -183,7 +183,7 @@ def test_objects_of_a_wrong_kind_are_refused_in_one_line(options, said):
     assert "\n" not in str(refusal.value)
 
 
-def test_both_sides_are_paid_by_a_reward_of_both():
+def test_parallel_env_refuses_a_reward_of_one_side():
     with pytest.raises(InvalidInput, match=r"reward = of one side, 1.0 .* of both sides, as apollonius.BySide"):
         apollonius.parallel_env(reward=lambda *step: 1.0)
 
@@ -193,7 +193,7 @@ def spec_again(made):
     return gymnasium.make(EnvSpec.from_json(made.spec.to_json()))
 
 
-def test_an_environments_specification_survives_json():
+def test_environment_specification_survives_json():
     env = spec_again(gymnasium.make(PURSUIT, opponent="still", observation="paper", max_episode_steps=7))
     assert isinstance(env.unwrapped, OneSide)
     assert env.spec.max_episode_steps == 7
@@ -201,7 +201,7 @@ def test_an_environments_specification_survives_json():
 
 
 @pytest.mark.parametrize("kind", ["gymnasium", "one by one", "many", "pettingzoo"])
-def test_every_option_of_an_interface_is_known_or_refused_in_words_of_its_own(kind):
+def test_every_interface_refuses_bad_options_by_name_in_one_line(kind):
     make = {
         "gymnasium": partial(gymnasium.make, PURSUIT),
         "one by one": partial(gymnasium.make_vec, PURSUIT, vectorization_mode="sync"),
@@ -222,7 +222,7 @@ def test_every_option_of_an_interface_is_known_or_refused_in_words_of_its_own(ki
         assert "\n" not in str(refusal.value)
 
 
-def test_many_games_are_truncated_after_the_steps_that_are_asked_for_and_draw_nothing():
+def test_vector_env_truncates_at_max_episode_steps_and_renders_nothing():
     env = gymnasium.make_vec(PURSUIT, num_envs=3, opponent="still", observation="paper", max_episode_steps=2)
     env.reset(seed=0)
     assert [env.step(np.full(3, 4))[3].tolist() for _ in range(4)] == [[False] * 3, [True] * 3] * 2
@@ -236,7 +236,7 @@ def test_many_games_are_truncated_after_the_steps_that_are_asked_for_and_draw_no
             wrong()
 
 
-def test_a_game_that_has_ended_goes_on_in_no_interface(env):
+def test_step_needs_a_reset_after_the_end_and_refuses_unknown_agents(env):
     one = OneSide("pursuer", "still", Game(max_steps=2), "paper")
     one.reset(seed=0)
     assert [one.step(4)[3] for _ in range(2)] == [False, True]
@@ -250,13 +250,13 @@ def test_a_game_that_has_ended_goes_on_in_no_interface(env):
 
 
 @pytest.mark.parametrize("kind", ["discrete", "continuous"])
-def test_what_is_no_action_is_refused(kind):
+def test_as_actions_refuses_values_that_are_no_action(kind):
     for action in (None, float("nan"), 4.5, True, 9, 2**40, 2**80, "left", [1, 2], [[1], [2, 3]]):
         with pytest.raises(InvalidInput, match="action"):
             as_actions(action, kind)
 
 
-def test_a_forked_process_is_refused_with_the_remedy(monkeypatch):
+def test_forked_process_is_refused_with_the_remedy(monkeypatch):
     """Where it would wait for ever."""
     env = OneSide(Role.PURSUER)
     monkeypatch.setattr("os.getpid", lambda: 0)
@@ -275,7 +275,7 @@ def team():
     return apollonius.parallel_env("team-3v2", observation="paper", render_mode="rgb_array")
 
 
-def test_pettingzoos_tests_have_no_complaint(env, team):
+def test_parallel_envs_pass_the_pettingzoo_tests(env, team):
     """Warnings are errors here. A copy has the compilation of what it is a copy of."""
     for one in (env, team):
         parallel_api_test(one, num_cycles=25)
@@ -284,7 +284,7 @@ def test_pettingzoos_tests_have_no_complaint(env, team):
         seed_test(lambda one=one: parallel_to_aec(copy.deepcopy(one)), num_cycles=10)
 
 
-def test_the_time_limit_truncates_and_parts_of_the_largest_controls_move_a_robot_by_these_parts():
+def test_time_limit_truncates_and_continuous_actions_scale_the_controls():
     game = replace(make_game("paper"), max_steps=3)
     env = apollonius.parallel_env(game, observation="paper", actions="continuous")
     actions = {"pursuer_0": np.float32([0.5, 0.0]), "evader_0": np.float32([0.25, 1.0])}
@@ -302,7 +302,7 @@ def test_the_time_limit_truncates_and_parts_of_the_largest_controls_move_a_robot
         env.step(actions)
 
 
-def test_bad_input_is_refused(env):
+def test_parallel_env_refuses_bad_actions_and_render_modes(env):
     env.reset()
     with pytest.raises(InvalidInput, match=r"action = 9 .* from 0 to 8"):
         env.step({"pursuer_0": 9, "evader_0": 0})
@@ -312,7 +312,7 @@ def test_bad_input_is_refused(env):
         apollonius.parallel_env(render_mode="hologram")
 
 
-def test_agents_leave_when_they_are_out_and_the_game_goes_on(team):
+def test_agents_leave_when_they_are_out_and_the_game_continues(team):
     """All drive on straight until one after the other leaves the walls or hits something."""
     env, left, steps = team, {}, 0
     seen, infos = env.reset(seed=3)
@@ -366,7 +366,7 @@ SHIELDED = partial(OneSide, Role.EVADER, opponent="shielded:random", game="terri
     ],
     ids=["both sides", "many games", "one side"],
 )
-def test_a_copy_goes_on_alike(make):
+def test_copied_environment_continues_with_the_same_steps(make):
     env = make()
     untouched = pickle.loads(pickle.dumps(env))
     env.reset(seed=7)
@@ -399,7 +399,7 @@ def one_by_one():
     return [OneSide(Role.PURSUER, **WALL) for _ in range(3)]
 
 
-def test_a_robot_with_sensors_sees_late_and_one_with_a_drive_moves_late_in_every_interface():
+def test_sensor_delay_and_drive_lag_are_the_same_in_every_interface():
     """The evader flees the same way in all, as it sees everything. It is believed to have driven straight on."""
     late = replace(WALL["game"], drives=Drives(pursuer=Drive(lag=3)))
     delayed = replace(late, sensors=Sensing(pursuer=Sensors(delay=2)))
@@ -422,7 +422,7 @@ def test_a_robot_with_sensors_sees_late_and_one_with_a_drive_moves_late_in_every
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP])
-def test_every_step_tells_what_gymnasiums_own_vector_tells(mode, one_by_one):
+def test_vector_env_matches_gymnasium_sync_vector_env(mode, one_by_one):
     ours = ManyGames(Role.PURSUER, 3, autoreset_mode=mode.value, **WALL)
     theirs = SyncVectorEnv([lambda env=env: env for env in one_by_one], autoreset_mode=mode)
     assert ours.metadata["autoreset_mode"] == theirs.metadata["autoreset_mode"] == mode
@@ -459,7 +459,7 @@ def many():
     return ManyGames(Role.EVADER, GAMES, opponent="still")
 
 
-def test_an_ended_game_begins_again_in_the_same_step_from_a_start_of_its_own(many):
+def test_ended_games_restart_in_the_same_step_from_distinct_starts(many):
     rng, starts, course = np.random.default_rng(0), [], []
     many.reset(seed=3)
     for _ in range(250):
@@ -477,7 +477,7 @@ def test_an_ended_game_begins_again_in_the_same_step_from_a_start_of_its_own(man
     assert len(np.unique(starts, axis=0)) == len(starts)
 
 
-def test_bad_input_to_many_games_is_refused(many):
+def test_vector_env_refuses_bad_input(many):
     with pytest.raises(gymnasium.error.ResetNeeded):
         ManyGames(Role.PURSUER, 2).step(np.zeros(2, int))
     many.reset()
@@ -497,7 +497,7 @@ def test_bad_input_to_many_games_is_refused(many):
 
 
 @pytest.mark.slow
-def test_an_opponent_that_reads_a_chart_is_given_it():
+def test_opponent_gets_a_chart_that_the_observation_does_not_read():
     """The environment's own observation reads none."""
     env = ManyGames(Role.PURSUER, 4, opponent="evader", observation="paper")
     env.reset(seed=0)
@@ -507,7 +507,7 @@ def test_an_opponent_that_reads_a_chart_is_given_it():
 TEAM = make_game("team-2v2")
 
 
-def test_every_game_of_teams_goes_as_the_rules_say():
+def test_vector_env_of_teams_follows_the_rules():
     """Each robot's reward is its own, the game's is their mean, and evaders answer each for itself."""
     flee, reads = find_player("flee", Role.EVADER, TEAM).policy, find_observation("paper")
     make = {"num_envs": 32, "vectorization_mode": "vector_entry_point", "game": TEAM, "opponent": "flee"}
@@ -545,7 +545,7 @@ def test_every_game_of_teams_goes_as_the_rules_say():
     assert {RobotStatus.HIT_OBSTACLE, RobotStatus.OUT_OF_RANGE} <= lost
 
 
-def test_a_team_with_continuous_actions_drives_each_robot_by_its_own():
+def test_continuous_team_actions_drive_each_robot_separately():
     env = ManyGames(Role.PURSUER, 2, game="team-2v1", actions="continuous", **OPTIONS)
     env.reset(seed=0)
     seen, *_ = env.step(np.float32([[[1, 0], [0.5, 0]], [[0, 0], [0.25, 0]]]))
@@ -554,7 +554,7 @@ def test_a_team_with_continuous_actions_drives_each_robot_by_its_own():
         env.step(np.zeros((2, 2), np.float32))
 
 
-def test_one_evader_acts_against_a_team_without_an_axis_of_robots():
+def test_single_evader_against_a_team_has_no_robot_axis():
     env = ManyGames(Role.EVADER, 8, "pure-pursuit", "team-2v1", "paper", autoreset_mode="NextStep")
     assert env.reset(seed=2)[0].ndim == 2
     ended, caught = np.zeros(8, bool), 0

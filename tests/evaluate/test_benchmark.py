@@ -88,13 +88,13 @@ def entered(tmp_path, monkeypatch):
     return enter
 
 
-def test_a_card_comes_out_again(card):
+def test_verify_reproduces_a_card(card):
     found = verify(card, None, every=True)
     assert found.score.opponent in ("still", "random")
     assert -1 <= found.score.worst_tenth <= found.score.net_win_rate <= 1
 
 
-def test_rounds_as_jobs_make_the_same_card(judged, entered, tmp_path):
+def test_rounds_run_as_jobs_give_the_same_card(judged, entered, tmp_path):
     def elsewhere(jobs):
         return pickle.loads(pickle.dumps([job.run()[1] for job in pickle.loads(pickle.dumps(jobs))]))
 
@@ -107,7 +107,7 @@ def test_rounds_as_jobs_make_the_same_card(judged, entered, tmp_path):
     assert card.sha256 == sha256(GOOD.encode()).hexdigest()
 
 
-def test_the_digest_of_an_agent_is_that_of_its_file_whatever_it_is_called_by():
+def test_agent_digest_is_the_same_under_every_name_of_its_file():
     names = "pursuer", "zoo/pursuer", "shielded:searching:pursuer", str(ZOO / "pursuer.safetensors")
     assert {digest_of(name)[1] for name in names} == {sha256((ZOO / "pursuer.safetensors").read_bytes()).hexdigest()}
 
@@ -159,7 +159,7 @@ def lie_well(data):
         (lie_well, "seed 0 against 'still'"),
     ],
 )
-def test_a_tampered_card_is_refused(card, change, naming):
+def test_tampered_card_is_refused(card, change, naming):
     data = json.loads(card.read_text())
     change(data)
     card.write_text(json.dumps(data))
@@ -168,7 +168,7 @@ def test_a_tampered_card_is_refused(card, change, naming):
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_a_seed_is_drawn_for_each_opponent(card, seed, monkeypatch):
+def test_verify_draws_a_seed_for_each_opponent(card, seed, monkeypatch):
     drawn = iter([seed, 1 - seed])
     monkeypatch.setattr(suite_card.secrets, "randbelow", lambda _: next(drawn))
     data = json.loads(card.read_text())
@@ -201,7 +201,7 @@ FAILING = {
 """What a process does, and how its failure is told."""
 
 
-def test_an_agent_that_fails_costs_itself_its_games_and_nothing_else(entered, monkeypatch):
+def test_failing_agent_forfeits_its_own_games_only(entered, monkeypatch):
     for act, reason in FAILING.items():
         one, agent = entered(act)
         monkeypatch.setattr(onnx_agent, "ROUND_SECONDS", 2.0 if reason == "no answer" else 100.0)
@@ -216,7 +216,7 @@ def test_an_agent_that_fails_costs_itself_its_games_and_nothing_else(entered, mo
     assert FORFEIT not in healthy.outcomes
 
 
-def test_an_agent_that_complains_on_and_on_plays(entered):
+def test_agent_with_long_error_output_plays_on(entered):
     one, agent = entered("sys.stderr.write('warning ' * 10_000); sys.stderr.flush(); " + GOOD)
     assert FORFEIT not in one.play(agent, "still", 0).outcomes
 
@@ -229,7 +229,7 @@ def test_an_agent_that_complains_on_and_on_plays(entered):
     ],
     ids=["beyond", "no number"],
 )
-def test_an_impossible_action_costs_that_game_alone(entered, answer, role, levels):
+def test_impossible_action_forfeits_that_game_only(entered, answer, role, levels):
     one, agent = entered(f"answer({answer})", role, levels)
     outcomes = one.play(agent, "random", 0).outcomes
     assert [outcome == FORFEIT for outcome in outcomes] == [False, True, False]
@@ -244,14 +244,14 @@ def test_an_impossible_action_costs_that_game_alone(entered, answer, role, level
         ("import os; os.write(0, b'1234' * 2)", "numbers"),
     ],
 )
-def test_an_agent_that_does_not_start_is_refused_in_a_line(entered, tmp_path, program, reason):
+def test_agent_that_does_not_start_is_refused_with_the_reason(entered, tmp_path, program, reason):
     entered(GOOD)
     (tmp_path / "program.py").write_text(program)
     with pytest.raises(InvalidInput, match=rf"mine\.onnx.*{reason}"):
         Benchmark("full", Role.PURSUER).find(str(tmp_path / "mine.onnx"))
 
 
-def test_a_process_that_starts_no_more_forfeits_its_round(entered, tmp_path):
+def test_agent_process_that_fails_to_restart_forfeits_its_round(entered, tmp_path):
     one, agent = entered(GOOD)
     (tmp_path / "program.py").write_text("raise MemoryError")
     assert one.play(agent, "still", 0).outcomes == (FORFEIT,) * 3
@@ -269,14 +269,14 @@ ANSWERS = [
 
 
 @pytest.mark.parametrize(("answer", "actions"), ANSWERS)
-def test_answers_become_actions(answer, actions):
+def test_parse_actions_converts_answers_to_actions(answer, actions):
     made = parse_actions(answer, 2)
     assert made.tolist() == actions
     assert made.dtype == (np.float32 if made.ndim == 2 else np.int32)
 
 
 @pytest.mark.parametrize("answer", [np.zeros((2, 8)), np.array([1.0, 2.0]), np.array(["4", "4"]), np.zeros((3,), int)])
-def test_answers_of_other_shapes_and_types_are_refused(answer):
+def test_parse_actions_refuses_other_shapes_and_types(answer):
     with pytest.raises(SystemExit, match="give"):
         parse_actions(answer, 2)
 
@@ -307,7 +307,7 @@ def weights(**external):
     return matrix
 
 
-def test_a_model_plays_in_onnxruntime(tmp_path):
+def test_onnx_model_plays_within_its_resource_limits(tmp_path):
     path = tmp_path / "mine.onnx"
     path.write_bytes(model(("MatMul", ["x0", "w"], {}), weights=[weights()]).SerializeToString())
     one = Benchmark("full", Role.PURSUER)
@@ -322,7 +322,7 @@ def test_a_model_plays_in_onnxruntime(tmp_path):
     process.stop()
 
 
-def test_models_that_cannot_play_are_refused_in_a_line(tmp_path):
+def test_onnx_models_that_cannot_play_are_refused_with_the_reason(tmp_path):
     (tmp_path / "beside.bin").write_bytes(bytes(4 * 72))
     multiply = "MatMul", ["x0", "w"], {}
     onnx = pytest.importorskip("onnx", reason="needs onnx: pip install onnx")
@@ -343,7 +343,7 @@ def test_models_that_cannot_play_are_refused_in_a_line(tmp_path):
             Benchmark("full", Role.PURSUER).find(str(tmp_path / "mine.onnx"))
 
 
-def test_worths_are_wins_less_losses_and_the_time_limit_is_the_evaders():
+def test_net_win_rate_counts_the_time_limit_for_the_evader():
     outcomes = (1, 2, 3, 4, 5, 6, 7, FORFEIT)
     one = benchmark.Round(0, outcomes, (1,) * 8, (0,) * 8, "0" * 16, "it failed")
     pursuer = Benchmark("full", Role.PURSUER)._net_win_rates(one)

@@ -21,7 +21,7 @@ def run(demo, tmp_path, monkeypatch):
     return folder
 
 
-def test_curves_are_those_of_evaluations_and_of_matches_with_the_rules(run):
+def test_learning_curves_match_evaluations_and_fixed_opponent_matches(run):
     config = load_config(run / "config.toml")
     stage1, pursuer, evader = learning.learning_curves(run, config)
     lines = [json.loads(line) for line in (run / "metrics.jsonl").read_text().splitlines()]
@@ -41,7 +41,7 @@ def test_curves_are_those_of_evaluations_and_of_matches_with_the_rules(run):
     assert evader.wins[100] == play_match(last).evader_undefeated_rate
 
 
-def test_the_table_has_a_column_for_each_quarter_and_a_dash_where_nothing_is_known():
+def test_learning_table_has_quarter_columns_and_dashes_for_missing_values():
     curves = [learning.Curve("stage 1", {12: 0.1, 25: 0.25, 100: 1.0}), learning.Curve("self-play", {0: 0.5})]
     title, first, second = learning_table(curves).splitlines()
     assert title.split()[-10::2] == ["0", "25", "50", "75", "100"]
@@ -49,7 +49,7 @@ def test_the_table_has_a_column_for_each_quarter_and_a_dash_where_nothing_is_kno
     assert second.split()[1:] == ["50.0%", "-", "-", "-", "-"]
 
 
-def test_a_run_of_self_play_alone_has_no_curve_of_stage_1(run):
+def test_snapshots_omit_stage_1_of_a_run_of_self_play_alone(run):
     (run / "agents/P_stage1.safetensors").unlink()
     config = load_config(run / "config.toml")
     assert [*learning.snapshots(run, config, Role.PURSUER)] == [100]

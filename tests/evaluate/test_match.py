@@ -52,7 +52,7 @@ PAPER = replace(make_game("paper"), max_steps=150)
 ZERO_SUM = replace(make_game("zero-sum"), max_steps=150)
 
 
-def test_one_seed_gives_one_result_however_many_games_are_under_way(monkeypatch):
+def test_match_result_is_independent_of_cores_and_slots(monkeypatch):
     asked = a_match(PAPER, Uniform(), Uniform(), GAMES, seed=0)
     result = play_match(asked)
     for cores, slots in ((1, 17), (3, 17), (2, GAMES)):
@@ -60,7 +60,7 @@ def test_one_seed_gives_one_result_however_many_games_are_under_way(monkeypatch)
         assert count_results(asked, play_games(asked, slots)) == result
 
 
-def test_other_players_meet_the_same_starts(monkeypatch):
+def test_all_players_meet_the_same_starts_for_one_seed(monkeypatch):
     seen = []
 
     def record(game, players, starts, key, **how):
@@ -78,7 +78,7 @@ def test_other_players_meet_the_same_starts(monkeypatch):
 @pytest.mark.parametrize(
     ("game", "evader_wins"), [(PAPER, 1 + 3), (ZERO_SUM, 1 + 3 + 3)], ids=["time has no winner", "time is the evader's"]
 )
-def test_rates_are_those_of_the_counts(game, evader_wins):
+def test_match_rates_and_means_follow_from_the_counts(game, evader_wins):
     """Of 20 games: 5 captures, 1 and 2 crashes, 3 and 4 exits, 2 double failures, 3 out of time."""
     counts = {1: 5, 2: 1, 3: 2, 4: 3, 5: 4, 6: 2, 7: 3}
     outcome = jnp.array([kind for kind, count in counts.items() for _ in range(count)])
@@ -96,12 +96,12 @@ def test_rates_are_those_of_the_counts(game, evader_wins):
 
 
 @pytest.mark.parametrize(("asked", "speed"), [(None, "moving"), ("rest", "rest")])
-def test_starts_are_the_games_own_unless_others_are_asked_for(asked, speed):
+def test_starts_option_overrides_the_starts_of_the_game(asked, speed):
     moving = replace(PAPER, starts=replace(PAPER.starts, speed="moving"))
     assert Match.of_names(moving, "still", "still", games=1, starts=asked).game.starts.speed == speed
 
 
-def test_a_match_keeps_its_game_and_plays_it_with_charts_where_players_read_them(monkeypatch):
+def test_match_adds_charts_only_for_players_that_read_them(monkeypatch):
     monkeypatch.setattr(match, "with_chart", lambda game, reads: replace(game, max_steps=3) if reads else game)
     monkeypatch.setattr(Uniform, "needs_chart", True)
     asked, bare = (a_match(PAPER, player, Still(), 2) for player in (Uniform(), Still()))
@@ -109,12 +109,12 @@ def test_a_match_keeps_its_game_and_plays_it_with_charts_where_players_read_them
 
 
 @pytest.mark.parametrize(("games", "seed", "named"), [(0, 0, "games = 0"), (-3, 0, "games = -3"), (5, -1, "seed = -1")])
-def test_matches_that_cannot_be_played_are_refused(games, seed, named):
+def test_match_refuses_impossible_games_and_seeds(games, seed, named):
     with pytest.raises(InvalidInput, match=named):
         a_match(PAPER, Still(), Still(), games, seed)
 
 
-def test_robots_are_counted_by_their_status():
+def test_robots_are_counted_by_status():
     counts = count_robots(BySide((jnp.array([0, 2, 3]), jnp.array([0, 0, 2])), (jnp.array([1, 1, 4]),)))
     assert counts == {
         "pursuers": {"active": 3, "captured": 0, "hit_obstacle": 2, "out_of_range": 1},
@@ -123,7 +123,7 @@ def test_robots_are_counted_by_their_status():
 
 
 @pytest.mark.slow
-def test_shields_hold_back_robots_of_unlike_limits_each_by_its_own():
+def test_shield_uses_the_limits_of_each_robot_of_a_team():
     """At random robots crash, as the evaders do, who have no shield."""
     teams = Teams((Unicycle(v_max=0.8, radius=0.25),), (Unicycle(),))
     game = replace(make_game("paper"), max_steps=400, pursuer=Unicycle(v_max=1.6, u1_max=0.3), teams=teams)
@@ -132,7 +132,7 @@ def test_shields_hold_back_robots_of_unlike_limits_each_by_its_own():
     assert result.robots["evaders"]["hit_obstacle"] + result.robots["evaders"]["out_of_range"] > 20
 
 
-def test_a_match_says_how_well_a_side_saw():
+def test_match_reports_how_often_a_side_saw_its_opponent():
     """As counted from its games: first sightings, and steps in sight of all; nothing of a side that sees everything."""
     game = replace(make_game("paper"), max_steps=60, sensors=Sensing(pursuer=Sensors(line_of_sight=True, range=4.0)))
     played = Match.of_names(game, "intercept", "random", 6, seed=2)
@@ -186,7 +186,7 @@ def tournament(players, played):
     return play_tournament(PAPER, BySide(*players), games=40, seed=3)
 
 
-def test_every_cell_is_the_match_of_its_two_players_on_the_same_starts(players, played):
+def test_tournament_plays_each_pair_on_the_same_starts(players, played):
     reported = []
     some = BySide(players[0], players[1][:1])
     found = play_tournament(PAPER, some, 40, 3, lambda *numbers: reported.append(numbers))
@@ -196,7 +196,7 @@ def test_every_cell_is_the_match_of_its_two_players_on_the_same_starts(players, 
     assert reported == [(40, 80), (80, 80)]
 
 
-def test_the_table_has_a_row_for_each_pursuer_and_the_means(tournament):
+def test_tournament_table_has_a_row_for_each_pursuer_and_the_means(tournament):
     lines, rates = tournament_table(tournament, "rest").splitlines(), tournament.win_rates
     cells = [line.split() for line in lines]
     assert cells[0] == ["pursuer", "\\", "evader", "still", "flee", "mean"]
@@ -207,7 +207,7 @@ def test_the_table_has_a_row_for_each_pursuer_and_the_means(tournament):
     assert lines[6].startswith(f"  pursuers pure-pursuit {tournament.ratings.pursuer.points[1]:.0f} ± ")
 
 
-def test_as_data_it_is_json_with_every_count(tournament):
+def test_tournament_serializes_to_json_with_every_count(tournament):
     data = json.loads(json.dumps(tournament.to_dict()))
     assert [(match["pursuer"], match["evader"]) for match in data["matches"]][2] == ("pure-pursuit", "still")
     assert all(sum(match["outcomes"].values()) == 40 for match in data["matches"])
@@ -216,7 +216,7 @@ def test_as_data_it_is_json_with_every_count(tournament):
     assert elo["random"]["low"] < elo["random"]["elo"] < elo["random"]["high"]
 
 
-def test_a_side_without_players_or_with_one_twice_is_refused(players):
+def test_tournament_refuses_an_empty_side_and_duplicate_players(players):
     pursuers, evaders = players
     with pytest.raises(InvalidInput, match="evaders = none"):
         play_tournament(PAPER, BySide(pursuers, []), games=1, seed=0)
@@ -224,7 +224,7 @@ def test_a_side_without_players_or_with_one_twice_is_refused(players):
         play_tournament(PAPER, BySide(pursuers[:1] * 2, evaders), games=1, seed=0)
 
 
-def test_matches_as_jobs_come_to_the_same_and_are_drawn(tmp_path, monkeypatch, capsys):
+def test_tournament_as_jobs_gives_the_same_result_and_a_plot(tmp_path, monkeypatch, capsys):
     """Here one after the other in this process; as JSON but for players' names nothing differs."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(WORKERS, "processes", lambda jobs, logs: ((job, job.run()) for job in jobs))
@@ -242,7 +242,7 @@ def test_matches_as_jobs_come_to_the_same_and_are_drawn(tmp_path, monkeypatch, c
     assert then == "next: apollonius show pure-pursuit still --out best.gif"
 
 
-def test_one_match_is_rated_by_its_odds():
+def test_ratings_of_one_match_follow_from_its_odds():
     """With half a win added to either side: 75.5 of 101 games."""
     pursuer, evader = fit_ratings(np.array([[75.0]]), 100)
     assert pursuer.points[0] - evader.points[0] == pytest.approx(SCALE * np.log(75.5 / 25.5), abs=1e-3)
@@ -251,7 +251,7 @@ def test_one_match_is_rated_by_its_odds():
     assert 2 * pursuer.half_widths[0] == pytest.approx(1.96 * SCALE * np.sqrt(1 / 75.5 + 1 / 25.5), rel=1e-3)
 
 
-def test_known_strengths_are_found_and_intervals_cover_them():
+def test_rating_intervals_cover_the_true_strengths():
     rng = np.random.default_rng(0)
     pursuers, evaders = rng.normal(size=6), rng.normal(size=5)
     mean = np.concatenate([pursuers, evaders]).mean()
@@ -278,7 +278,7 @@ def found():
     return made
 
 
-def test_each_is_the_match_of_evaluate_and_a_faster_pursuer_wins_more(found):
+def test_varied_matches_equal_single_matches_and_speed_raises_wins(found):
     assert found.results[2] == play_match(Match.of_names(PAPER, *NAMES, 60, 3))
     slower = replace(PAPER, pursuer=replace(PAPER.pursuer, v_max=0.2))
     assert found.results[0] == play_match(Match.of_names(slower, *NAMES, 60, 3))
@@ -286,7 +286,7 @@ def test_each_is_the_match_of_evaluate_and_a_faster_pursuer_wins_more(found):
     assert found.win_rates[0, 0] < found.win_rates[2, 0]
 
 
-def test_as_text_and_as_data_each_result_is_beside_its_values(found):
+def test_varied_table_and_data_give_each_result_with_its_values(found):
     heading, _, header, *rows = varied_table(found).splitlines()
     assert "60 games, starts: rest" in heading
     assert header.split() == ["pursuer.v_max", "\\", "arena.discs.0.radius", "0.5", "0.7"]
@@ -299,7 +299,7 @@ def test_as_text_and_as_data_each_result_is_beside_its_values(found):
     assert [one["outcomes"] for one in data] == [one.outcomes for one in found.results]
 
 
-def test_a_map_has_every_rate_and_a_curve_too(found, tmp_path, monkeypatch):
+def test_plots_of_varied_matches_show_every_rate(found, tmp_path, monkeypatch):
     drawn: list[Figure] = []
     save = Figure.savefig
     monkeypatch.setattr(Figure, "savefig", lambda self, *given, **kw: (drawn.append(self), save(self, *given, **kw)))
@@ -313,7 +313,7 @@ def test_a_map_has_every_rate_and_a_curve_too(found, tmp_path, monkeypatch):
     assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_one_compilation_serves_all_values():
+def test_one_compilation_serves_all_varied_values():
     game = replace(PAPER, max_steps=20)
 
     def play(*variations):
@@ -326,7 +326,7 @@ def test_one_compilation_serves_all_values():
     assert (playout._advance._cache_size(), starts._draw_block._cache_size()) == compiled
 
 
-def test_only_the_named_numbers_change():
+def test_with_numbers_changes_only_the_named_numbers():
     other = with_numbers(PAPER, {"evader.u2_max": 0.4, "max_steps": 70.0})
     assert other == replace(PAPER, evader=replace(PAPER.evader, u2_max=0.4), max_steps=70)
     assert variable_numbers(other) == variable_numbers(PAPER) | {"evader.u2_max": 0.4, "max_steps": 70}
@@ -342,12 +342,12 @@ def test_only_the_named_numbers_change():
         ({"capture_distance": 2.0}, r"with capture_distance = 2: starts\.separation"),
     ],
 )
-def test_numbers_that_cannot_be_are_refused(numbers, named):
+def test_with_numbers_refuses_unknown_and_impossible_numbers(numbers, named):
     with pytest.raises(InvalidInput, match=named):
         with_numbers(PAPER, numbers)
 
 
-def test_shields_get_one_structure_and_leave_as_much_room_as_before():
+def test_pad_shields_gives_one_structure_and_keeps_the_clearances():
     games = [replace(find_game("suite-v1/blocks-00"), pursuer=Unicycle(v_max=v_max)) for v_max in (0.6, 1.8)]
     before = [find_player("shielded:random", Role.PURSUER, game).policy for game in games]
     after = pad_shields(before)

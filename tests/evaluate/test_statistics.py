@@ -42,7 +42,7 @@ Z = 1.959963984540054
 
 
 @pytest.mark.parametrize(("successes", "trials"), [(0, 7), (1, 3), (9870, 10_000), (10, 10)])
-def test_the_interval_is_wilsons_formula(successes, trials):
+def test_wilson_interval_matches_the_formula(successes, trials):
     rate = successes / trials
     centre = (rate + Z**2 / (2 * trials)) / (1 + Z**2 / trials)
     half = Z / (1 + Z**2 / trials) * math.sqrt(rate * (1 - rate) / trials + Z**2 / (4 * trials**2))
@@ -50,12 +50,12 @@ def test_the_interval_is_wilsons_formula(successes, trials):
 
 
 @pytest.mark.parametrize(("successes", "trials"), [(5, 3), (-1, 10), (0, 0), (0, -1)])
-def test_counts_that_cannot_be_are_refused(successes, trials):
+def test_wilson_interval_refuses_impossible_counts(successes, trials):
     with pytest.raises(ValueError, match=r"\d"):
         wilson_interval(successes, trials)
 
 
-def test_the_band_of_a_mean_is_students():
+def test_mean_band_and_interval_match_students_t():
     low, high = mean_band(np.array([[1.0, 5.0], [2.0, 5.0], [3.0, 5.0]]))
     reach = 4.302653 / math.sqrt(3)  # of Student's t with 2 degrees of freedom; the standard deviation is 1
     np.testing.assert_allclose(low, [2 - reach, 5], rtol=1e-6)
@@ -68,7 +68,7 @@ def test_the_band_of_a_mean_is_students():
 
 
 @pytest.mark.parametrize(("spread", "rest", "size"), [(0.1, 0.05, (3, 3)), (0.02, 0.2, (3, 5))])
-def test_another_pair_is_within_its_prediction_as_often_as_it_says(spread, rest, size):
+def test_prediction_interval_covers_a_new_pair_at_the_stated_rate(spread, rest, size):
     """In 3,000 studies of rows and columns that add up, with a rest; 0.01 is two standard errors of the share."""
     generator, within, variances = np.random.default_rng(1), [], []
     for _ in range(3000):
@@ -82,7 +82,7 @@ def test_another_pair_is_within_its_prediction_as_often_as_it_says(spread, rest,
     assert 0.97 < np.mean(variances) / true < 1.25, "what is estimated below zero counts as zero"
 
 
-def test_a_prediction_without_columns_is_the_textbooks_and_its_chance_is_students():
+def test_prediction_from_one_column_matches_students_t():
     values = np.array([[0.6], [0.7], [0.8]])
     found = predict(values, 0.0, 1.0)
     reach = 4.302653 * 0.1 * math.sqrt(4 / 3)
@@ -95,7 +95,7 @@ def test_a_prediction_without_columns_is_the_textbooks_and_its_chance_is_student
     assert (alone.mean, alone.interval, alone.chance(0.5)) == (0.6, (-1.0, 1.0), None)
 
 
-def test_the_interval_of_a_paired_difference_is_bonett_and_prices_formula():
+def test_paired_difference_interval_matches_bonett_and_price():
     """Of 30 pairs 7 differ in one way and 2 in the other; each counts as one more, of 32."""
     first, second = np.arange(30) < 7, np.isin(np.arange(30), (8, 9))
     reach = Z * math.sqrt((8 / 32 + 3 / 32 - (5 / 32) ** 2) / 32)
@@ -113,31 +113,31 @@ def test_the_interval_of_a_paired_difference_is_bonett_and_prices_formula():
         (((0.9, 0.5, 0.99), (0.95, 0.4, 0.99), (0.92, 0.45, 0.99)), True, "undecided"),
     ],
 )
-def test_the_whole_prediction_of_three_whole_trainings_must_agree(values, is_full, verdict):
+def test_claim_verdict_needs_three_full_trainings_and_the_whole_interval(values, is_full, verdict):
     claim = Claim("rate", "here", 0.5, 0.96, values)
     assert claim.verdict(is_full) == claim.to_dict(is_full)["verdict"] == verdict
 
 
-def test_a_claim_as_data_has_what_follows_from_its_values():
+def test_claim_data_has_the_mean_interval_and_chance():
     claim = Claim("more", "here", 0.27, 0.1, ((0.3,), (0.1,), (0.2,)), least=-1.0)
     data, found = claim.to_dict(), predict(np.array(claim.values), -1.0, 1.0)
     assert data["mean"] == pytest.approx(0.2)
     assert (data["interval"], data["chance"]) == (found.interval, found.chance(0.1))
 
 
-def test_the_papers_tables_are_of_500_games():
+def test_tables_of_the_paper_sum_to_500_games():
     counts = [row.values() for table in (TABLE_2, TABLE_3) for row in table.values()]
     assert ({sum(row) for row in counts}, min(map(min, counts))) == ({500}, 0)
 
 
 @pytest.mark.slow
-def test_the_cards_of_the_leaderboard_follow_from_their_games():
+def test_leaderboard_cards_load_and_are_small():
     for path in (REPOSITORY / "benchmarks" / "leaderboard").glob("*.json"):
         assert path.stat().st_size < 100_000
         load_card(path)
 
 
-def test_every_pursuer_meets_random_and_every_evader_but_stage_1s_one_that_stays(tmp_path):
+def test_pairings_give_each_pursuer_all_evaders_and_stage_1_a_still_one(tmp_path):
     """Whatever they are called: their files say which side they play."""
     sides = {"foe": Role.EVADER, "chaser": Role.PURSUER, "P_stage1": Role.PURSUER}
     for name, role in sides.items():
@@ -151,7 +151,7 @@ def test_every_pursuer_meets_random_and_every_evader_but_stage_1s_one_that_stays
     assert pairings({}) == []
 
 
-def test_agents_kept_on_the_way_are_left_out(tmp_path):
+def test_last_agents_omits_intermediate_snapshots(tmp_path):
     (tmp_path / "agents").mkdir()
     for name in ("P_scratch", "P_scratch-25", "E_scratch"):
         (tmp_path / "agents" / f"{name}.safetensors").touch()
@@ -167,7 +167,7 @@ def advised():
         yield tournament.advise(short, 16, seed=1)
 
 
-def test_the_best_players_are_those_that_do_best_against_their_worst_opponent(advised):
+def test_advice_chooses_the_best_worst_case_players(advised):
     rates = advised.tournament.win_rates
     assert 0 < rates[1].min() < 1
     assert advised.tournament.pursuers == ("still", "shielded:intercept"), "rules that move are behind a shield"
@@ -177,13 +177,13 @@ def test_the_best_players_are_those_that_do_best_against_their_worst_opponent(ad
     assert advised.least.evader == (1 - rates.max(axis=0)).max()
 
 
-def test_stops_are_where_the_best_pursuer_was_when_the_time_for_a_standing_evader_ran_out(advised):
+def test_advice_lists_the_pursuer_positions_at_the_time_limit(advised):
     missed = round(16 * (1 - advised.tournament.win_rates[1, 0]))
     assert 0 < len(advised.stops) == min(missed, 8)
     assert np.all((np.array(advised.stops) > 0) & (np.array(advised.stops) < 10))
 
 
-def test_the_table_names_players_rates_and_places(advised):
+def test_advice_table_names_players_rates_and_places(advised):
     text = advice_table(advised)
     x, y = advised.stops[0]
     for part in (
@@ -207,7 +207,7 @@ def tables():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("role", Role)
-def test_its_numbers_are_those_of_the_match_and_the_tables(tables, role):
+def test_regret_card_matches_the_match_and_the_tables(tables, role):
     """Of a random player, and of one with continuous actions."""
     own, other = tables if role == Role.PURSUER else tables[::-1]
     agent = Uniform() if role == Role.EVADER else SquashedMean(make_actor("encoded", 16, 2, jax.random.key(0)))

@@ -30,7 +30,7 @@ def texts(export=EXPORT, *decisions):
     return {"export": [json.dumps(export).encode()], "decisions": [json.dumps(one).encode() for one in decisions]}
 
 
-def test_an_export_names_a_map_without_its_folder(tmp_path, monkeypatch):
+def test_export_names_a_map_without_its_folder(tmp_path, monkeypatch):
     monkeypatch.setattr(writing, "_check", lambda *_: [])
     game = find_game(str(REPOSITORY / "examples" / "dodecahedron.toml"))
     write_c(find_exportable("intercept", Role.PURSUER, game), tmp_path / "robot.c")
@@ -66,7 +66,7 @@ def recorded(name, game, steps):
     ("name", "game", "other", "refused"),
     [("random", "paper", "team-3v1", "2 .* 4, as in 3 v 1"), ("intercept", "team-3v1", "paper", "4 .* 2, as in 1 v 1")],
 )
-def test_only_what_was_changed_differs_and_a_game_of_other_robots_is_refused(name, game, other, refused):
+def test_recomputed_decisions_differ_only_where_they_were_changed(name, game, other, refused):
     export, decisions = recorded(name, find_game(game), 20)
     bag = bag_of(texts(export, *decisions), "a bag")
     assert recompute_decisions(bag, name, bag.game) == []
@@ -81,7 +81,7 @@ def test_only_what_was_changed_differs_and_a_game_of_other_robots_is_refused(nam
         recompute_decisions(bag, name, find_game(other))
 
 
-def test_a_bag_is_read_as_the_node_writes_it():
+def test_bag_is_read_as_the_node_writes_it():
     bag = bag_of(texts(EXPORT, SOUND, BRAKED), "a bag")
     assert (bag.player, bag.side, bag.game) == ("intercept", Role.PURSUER, find_game("paper"))
     assert bag.player_decisions == [bag.decisions[0]]
@@ -101,7 +101,7 @@ def test_a_bag_is_read_as_the_node_writes_it():
     ],
     ids=str,
 )  # fmt: skip
-def test_a_decision_that_the_node_does_not_write_is_refused(wrong):
+def test_malformed_decision_is_refused(wrong):
     with pytest.raises(InvalidInput, match=r"^a bag"):
         bag_of(texts(EXPORT, SOUND, SOUND | wrong), "a bag")
 
@@ -119,7 +119,7 @@ def test_a_decision_that_the_node_does_not_write_is_refused(wrong):
     ],
     ids=str,
 )
-def test_an_export_that_the_command_does_not_write_is_refused(wrong):
+def test_malformed_export_is_refused(wrong):
     with pytest.raises(InvalidInput, match=r"^a bag"):
         bag_of(texts(EXPORT | wrong, SOUND), "a bag")
 
@@ -127,13 +127,13 @@ def test_an_export_that_the_command_does_not_write_is_refused(wrong):
 @pytest.mark.parametrize(
     "name", ["shielded:" * 3000, "searching:" * 3000, "x" * 1000], ids=["shields", "searches", "long"]
 )
-def test_a_name_that_no_player_can_have_is_refused(name):
+def test_impossible_player_name_is_refused(name):
     bag = bag_of(texts(EXPORT | {"player": name}, SOUND), "a bag")
     with pytest.raises(InvalidInput, match=name[:9]):
         recompute_decisions(bag, bag.player, bag.game)
 
 
-def test_a_bag_without_decisions_or_with_other_exports_than_one_is_refused():
+def test_bag_without_decisions_or_with_no_single_export_is_refused():
     sound = texts(EXPORT, SOUND)
     (export,) = sound["export"]
     for wrong in ({"decisions": []}, {"export": []}, {"export": [export] * 2}, {"export": [b"{}"]}, {"export": [b"3"]}):
@@ -148,7 +148,7 @@ def folder(tmp_path_factory):
     return write_bag(tmp_path_factory.mktemp("bags") / "bag", json.dumps(export), map(json.dumps, decisions))
 
 
-def test_the_command_replays_a_bag_and_refuses_what_is_none(folder, tmp_path, capsys):
+def test_replay_command_recomputes_a_bag_and_refuses_other_files(folder, tmp_path, capsys):
     assert main(["replay", "--bag", str(folder)]) == 0
     assert "intercept in the 9 states of" in capsys.readouterr().out
     (tmp_path / "metadata.yaml").write_bytes(b"\xff")

@@ -128,7 +128,7 @@ LANGUAGES = {"c": in_c, "page": on_the_page}
 
 @pytest.mark.timeout(3000)
 @pytest.mark.parametrize(("game", "name", "language"), ALL)
-def test_players_decide_as_the_packages(game, name, language):
+def test_exported_players_decide_as_the_package(game, name, language):
     games, states = games_of(game), 200 if game == "paper" and (name, language) in QUICK else 10_000
     try:
         players = [exportable(one, name) for one in games]
@@ -170,7 +170,7 @@ def beside_the_package(player):
 
 
 @pytest.mark.parametrize("name", ["P_curriculum", pytest.param("shielded:search", marks=pytest.mark.slow)])
-def test_with_sensors_it_knows_what_the_packages_player_knows_in_the_same_game(name):
+def test_exported_player_with_sensors_matches_the_package_in_a_game(name):
     """Only what is seen is given to it; its memory is what it returned last."""
     made, own, states = beside_the_package(exportable("lidar", name))
     assert 0.1 < (states[:, :, 1, 0] > 1e6).mean() < 0.9
@@ -184,7 +184,7 @@ class Swinging(AbstractPolicy):
         return jnp.where(seen.own.turn_rate < 0.3, 5, 3).astype(jnp.int32), memory
 
 
-def test_with_a_drive_it_knows_its_turn_rate_by_the_commands_that_it_gave():
+def test_exported_player_with_a_drive_tracks_its_turn_rate():
     game = replace(find_game("paper"), drives=Drives(pursuer=Drive(lag=2, turn_time=0.45)))
     made, own, _ = beside_the_package(Player("swinging", Role.PURSUER, game, Swinging(), Swinging()))
     assert made[:5, 0].tolist() == [5, 5, 3, 5, 3], "0.18 rad/s by each, those on their way too"
@@ -192,7 +192,7 @@ def test_with_a_drive_it_knows_its_turn_rate_by_the_commands_that_it_gave():
     np.testing.assert_array_equal(made, own)
 
 
-def test_one_that_decides_otherwise_is_not_written(monkeypatch):
+def test_player_with_other_decisions_fails_the_check(monkeypatch):
     player = exportable("paper", "shielded:P_smooth")
     cases = cases_of(player, 200)
     actions, controls = reference(player, cases)
@@ -209,7 +209,7 @@ def test_one_that_decides_otherwise_is_not_written(monkeypatch):
         check(tampered(), player, 200)
 
 
-def test_an_action_of_the_same_value_is_a_tie_unless_a_shield_forbids_it():
+def test_action_of_equal_value_is_a_tie_unless_the_shield_forbids_it():
     states = np.zeros((2, 2, 4), np.float32)
     states[:, 0] = [[8.643525, 0.00503955, 0.84, 3.1252346], [9.1, 5.0, 1.2, 0.0]]  # beside a wall; before one
     states[:, 1] = [[1.9171979, 3.6233010, 0.21, -1.6052612], [7.0, 5.0, 0.0, 0.0]]
@@ -222,7 +222,7 @@ def test_an_action_of_the_same_value_is_a_tie_unless_a_shield_forbids_it():
 
 
 @pytest.mark.parametrize("name", ["shielded:P_smooth", "shielded:flee"])
-def test_a_state_that_cannot_be_is_answered_by_braking(name):
+def test_impossible_states_are_answered_by_braking(name):
     others = [[7, 6, broken, 1] for broken in (np.nan, np.inf, -2e6)]
     states = np.array([[[2, 3, 0.5, 0], other] for other in (*others, [2e3, 6, 0, 1])], np.float32)
     *braking, far = reference(exportable("paper", name), Cases(states, None, (), np.zeros(4, np.uint32)))[1]
@@ -230,7 +230,7 @@ def test_a_state_that_cannot_be_is_answered_by_braking(name):
     assert not np.allclose(far, [-0.3, 0]), "2 km away, which may be"
 
 
-def test_weights_that_are_no_numbers_are_answered_by_braking():
+def test_nan_weights_are_answered_by_braking():
     player = exportable("paper", "P_smooth")
     broken = jax.tree.map(
         lambda leaf: jnp.full_like(leaf, jnp.nan) if eqx.is_inexact_array(leaf) else leaf, player.policy
@@ -247,7 +247,7 @@ def test_weights_that_are_no_numbers_are_answered_by_braking():
     ("game", "name", "inputs"),
     [("paper", "P_smooth", ["state"]), ("paper", "random", ["state", "bits"]), ("team-3v1", "intercept", ["state"])],
 )
-def test_a_model_in_onnx_has_the_inputs_that_the_player_reads(game, name, inputs):
+def test_onnx_model_has_only_the_inputs_of_its_player(game, name, inputs):
     import onnxruntime
 
     from apollonius.export.onnx import load, model_of
@@ -260,7 +260,7 @@ def test_a_model_in_onnx_has_the_inputs_that_the_player_reads(game, name, inputs
 
 
 @needs_gcc
-def test_a_program_reads_the_files_and_drives_in_any_game_of_that_size(tmp_path, monkeypatch):
+def test_c_program_of_the_guide_plays_other_games_from_their_files(tmp_path, monkeypatch):
     monkeypatch.setattr(writing, "_check", lambda *_: [])
     (guide,) = (one.code for one in blocks(REPOSITORY / "docs/how-to/export.md") if one.language == "c")
     (tmp_path / "main.c").write_text(guide)
@@ -282,7 +282,7 @@ def test_a_program_reads_the_files_and_drives_in_any_game_of_that_size(tmp_path,
 
 
 @needs_gcc
-def test_the_command_writes_files_and_says_what_they_are(tmp_path, capsys, monkeypatch):
+def test_export_command_writes_files_and_describes_them(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(writing, "STATES", 100)
     out = tmp_path / "chaser.c"
     assert main(["export", "intercept", "--to", "c", "--out", str(out), "--constants"]) == 0
@@ -299,7 +299,7 @@ def test_the_command_writes_files_and_says_what_they_are(tmp_path, capsys, monke
 
 @pytest.mark.slow
 @needs_gcc
-def test_whole_games_in_c_end_as_the_packages_and_a_shield_holds_in_them():
+def test_whole_games_in_c_match_the_package_without_pursuer_crashes():
     games = int(os.environ.get("GAMES", "300"))
     pursuer, evader = exportable("paper", "shielded:P_curriculum"), exportable("paper", "E_scratch")
 

@@ -152,7 +152,7 @@ CASES = [
 
 @needs_gcc
 @pytest.mark.parametrize(("function", "cases"), CASES)
-def test_programs_in_c_do_what_jax_does(function, cases):
+def test_c_programs_match_jax(function, cases):
     program = translate_block(function, *cases[0], name="tried")
     compiled, by_jax = CompiledProgram(program, SANITIZED), jax.jit(function)
     for arguments in cases:
@@ -163,7 +163,7 @@ def test_programs_in_c_do_what_jax_does(function, cases):
         assert (len(program.functions), source(program).count("op_long_1(")) == (1, 4)
 
 
-def test_the_same_function_is_the_same_text_and_its_arguments_lie_as_said():
+def test_translation_is_deterministic_and_describes_the_argument_layout():
     def shifted(arena, number):
         jnp.sin(number) + A  # nothing needs this
         return arena["walls"][0] + number, {"far": arena["discs"].sum() * number}
@@ -211,7 +211,7 @@ def the_same(function, *arguments, flags=SANITIZED):
 
 @needs_gcc
 @pytest.mark.parametrize("kind", ["int8", "int16", "int32", "uint8", "uint16", "uint32"])
-def test_whole_numbers_are_those_of_jax_where_c_leaves_them_undefined(kind):
+def test_integer_edge_cases_match_jax(kind):
     """Division by zero, sums that do not fit, shifts by more than there are bits."""
     least, most = np.iinfo(kind).min, np.iinfo(kind).max
     numbers = [most, least, least + 1, 0, 1, 2, 3, 7, 8, 15, 16, 31, 32, 40, *([-1, -2, -8] if least else [most - 1])]
@@ -220,7 +220,7 @@ def test_whole_numbers_are_those_of_jax_where_c_leaves_them_undefined(kind):
 
 
 @needs_gcc
-def test_real_numbers_beyond_a_kind_become_its_ends_and_zeros_have_their_sign():
+def test_casts_saturate_and_signed_zeros_match_jax():
     powers = 2.0 ** np.array([7, 8, 15, 16, 31, 32, 100])
     x = np.array([np.nan, np.inf, 0, 0.5, 127.5, 255.9, 300, *powers, *(powers - 1)], np.float32)
     kinds = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "bool")
@@ -233,13 +233,13 @@ def test_real_numbers_beyond_a_kind_become_its_ends_and_zeros_have_their_sign():
 
 @needs_gcc
 @pytest.mark.parametrize("flag", ["-ffast-math", "-Ofast", "-ffinite-math-only"])
-def test_flags_for_which_nothing_is_nan_are_refused(flag):
+def test_fast_math_compiler_flags_are_refused(flag):
     with pytest.raises(InvalidInput, match="compile without -Ofast, -ffast-math"):
         CompiledProgram(translate_block(lambda x: x + 1, X), (*FLAGS, flag))
 
 
 @needs_gcc
-def test_names_that_the_programs_had_once_are_free():
+def test_short_internal_names_are_free_for_arguments():
     def act(k1, a1, s1, i1, p1, r1, long_1, time):
         sums = jnp.cumsum(s1) + A[0] * k1 + long(a1, i1)[0] + p1 * r1
         return {"s2": sums @ sums, "k2": jnp.sin(sums) + A[1], "i2": long_1 + time, "time": time}
@@ -251,7 +251,7 @@ def test_names_that_the_programs_had_once_are_free():
 
 
 @pytest.mark.parametrize(("function", "cases"), CASES)
-def test_no_name_from_outside_is_one_that_a_program_uses(function, cases):
+def test_names_used_inside_a_program_are_refused(function, cases):
     program = translate_block(function, *cases[0], name="tried")
     given = {record.name for record in program.records} | {*map("{0.name}->".format, program.records)}
     used = c_names("".join([program.body, *program.functions, *HELPERS.values()]))
@@ -267,7 +267,7 @@ stddef stdint stdio stdlib string tgmath time wchar wctype"""
 
 
 @needs_gcc
-def test_no_name_from_outside_is_a_macro_or_a_function_of_the_library():
+def test_names_of_c_macros_and_library_functions_are_taken():
     headers = "".join(f"#include <{name}.h>\n" for name in HEADERS.split())
     for standard, text in (("c99", headers), ("gnu99", "")):
         run = ["gcc", f"-std={standard}", "-dM", "-E", "-"]
@@ -296,25 +296,25 @@ def test_no_name_from_outside_is_a_macro_or_a_function_of_the_library():
         (lambda x: x.astype(jnp.float16), "kind 'float16'"),
     ],
 )
-def test_names_and_shapes_that_c_cannot_have_are_refused_in_a_line(function, name):
+def test_names_and_shapes_that_c_cannot_have_are_refused(function, name):
     with pytest.raises(InvalidInput, match=name):
         translate_block(function, X, name="tried")
 
 
 @pytest.mark.parametrize("argument", [jax.random.key(0), np.zeros((0, 3), np.float32), np.float16(1), 1j])
-def test_arguments_that_are_no_numbers_of_c_are_refused(argument):
+def test_arguments_of_types_unknown_to_c_are_refused(argument):
     with pytest.raises(InvalidInput, match="of x = "):
         translate_block(lambda x: x, argument)
 
 
-def test_leaves_are_called_after_their_places_whatever_these_are_called():
+def test_leaf_names_are_valid_and_unique_in_c():
     tree = {"A": X, "a": X, "a_2": X, "class": X, "9": X, "ü": X, "linux": X, "x y": X}
     names = [leaf.name for leaf in record_of("tree", tree).leaves]
     assert names == ["value_9", "a", "a_2", "a_2_2", "class_", "linux_", "x_y", "value"]
 
 
 @needs_gcc
-def test_a_program_is_compared_with_jax_and_rounding_alone_is_no_difference(monkeypatch):
+def test_translate_compares_with_jax_up_to_rounding(monkeypatch):
     def act(x, n):
         return {"low": jnp.floor(2 * lax.logistic(x)), "nan": jnp.log(x) + n}
 
@@ -338,7 +338,7 @@ def test_a_program_is_compared_with_jax_and_rounding_alone_is_no_difference(monk
         ("touch program", "gcc compiled cannot be loaded"),
     ],
 )
-def test_a_compiler_that_fails_is_a_line_and_without_one_nothing_is_compared(tmp_path, monkeypatch, script, needle):
+def test_compiler_failure_is_one_line_and_a_missing_one_is_skipped(tmp_path, monkeypatch, script, needle):
     (tmp_path / "gcc").write_text(f"#!/bin/sh\n{script}\n")
     (tmp_path / "gcc").chmod(0o755)
     monkeypatch.setattr(c, "_LONGEST", 0.5)
@@ -359,7 +359,7 @@ def test_a_compiler_that_fails_is_a_line_and_without_one_nothing_is_compared(tmp
         (lambda x: lax.pad(x, 0.0, ((-1, 0, 0),)), "'pad' cannot be translated: by less than nothing"),
     ],
 )
-def test_what_cannot_be_translated_is_refused_by_its_name_and_line(function, needle):
+def test_untranslatable_primitives_are_refused_with_their_source_line(function, needle):
     with pytest.raises(InvalidInput, match=needle) as refused:
         translate_block(lambda x: function(x), X)
     assert "line unknown" not in str(refused.value)

@@ -115,7 +115,7 @@ def courses(game):
 
 
 @pytest.mark.slow
-def test_every_number_counts_and_none_has_a_unit_of_its_own():
+def test_every_number_of_a_game_matters_and_scales_with_the_units():
     """Each is varied alone: these games differ from those before, and in nothing from themselves in other units."""
     game = full_game()
     numbers = {name: number for name, number in numbers_of(game).items() if number is not None}
@@ -150,7 +150,7 @@ def in_metres_and_seconds():
 
 
 @pytest.mark.parametrize(("length", "time"), [*SCALES[1:], (1, 0.5)])
-def test_safety_tables_and_games_behind_a_shield_are_the_same_in_other_units(length, time, in_metres_and_seconds):
+def test_safety_tables_and_shielded_games_scale_with_the_units(length, time, in_metres_and_seconds):
     game, (table, result) = paper(), in_metres_and_seconds
     numbers = [scaled(*one, length, time).item() for one in numbers_of(game).items() if one[1] is not None]
     other = jax.tree.unflatten(jax.tree.structure(game), numbers)

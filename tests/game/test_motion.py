@@ -25,7 +25,7 @@ BODY = Unicycle()
 
 
 @pytest.mark.parametrize(("v", "u1"), [(0.0, 0.3), (0.5, 0.3), (0.5, -0.3), (1.18, 0.3), (0.02, -0.3)])
-def test_a_turn_is_off_by_less_than_20_micrometres_in_one_step(v, u1):
+def test_turn_matches_an_ode_solver_to_20_micrometres(v, u1):
     """Also where the speed meets its limit within the step."""
 
     def rate(time, place):
@@ -39,7 +39,7 @@ def test_a_turn_is_off_by_less_than_20_micrometres_in_one_step(v, u1):
 
 @pytest.mark.parametrize("compiled", [False, True])
 @pytest.mark.parametrize("cut", [-PI, PI])
-def test_pi_itself_and_every_neighbour_of_the_cut_wrap_to_the_right_side(cut, compiled):
+def test_wrap_angle_is_right_at_pi_and_its_neighbours(cut, compiled):
     angles = (cut.view(np.int32) + np.arange(-200, 201, dtype=np.int32)).view(np.float32)
     wrap = jax.vmap(wrap_angle)
     ours = np.asarray((jax.jit(wrap) if compiled else wrap)(angles))
@@ -48,7 +48,7 @@ def test_pi_itself_and_every_neighbour_of_the_cut_wrap_to_the_right_side(cut, co
     np.testing.assert_allclose(np.exp(1j * ours), np.exp(1j * angles), atol=1e-6)
 
 
-def test_the_unit_vector_is_cosine_and_sine_to_one_in_a_million():
+def test_unit_vector_is_cosine_and_sine_to_one_in_a_million():
     angles = np.linspace(-9, 9, 20_001).astype(np.float32)
     exact = np.cos(angles.astype(float)), np.sin(angles.astype(float))
     np.testing.assert_allclose(jax.vmap(unit_vector)(angles), exact, atol=1e-6)
@@ -60,7 +60,7 @@ def test_sinc_is_the_sine_over_the_angle(reach, error):
     np.testing.assert_allclose(jax.vmap(sinc)(angles), np.sinc(angles.astype(float) / np.pi), atol=error)
 
 
-def test_levels_are_shares_of_the_largest_controls_and_clipped():
+def test_levels_are_clipped_shares_of_the_largest_controls():
     body = Unicycle(u1_max=0.5, u2_max=2.0)
     np.testing.assert_allclose(body.controls(jnp.array([0.5, -0.25])), (0.25, -0.5))
     np.testing.assert_allclose(body.controls(jnp.array([3.0, -1.5])), (0.5, -2.0))
@@ -84,13 +84,13 @@ LATE = [(Drive(lag=lag), lag) for lag in (1, 2, MOST_LAG)]
 
 
 @pytest.mark.parametrize(("drive", "lag"), [(Drive(), 0), (Drive(lag=0, turn_time=0.0), 0), *LATE])
-def test_actions_come_to_their_own_controls_when_they_are_due(drive, lag):
+def test_drive_applies_controls_after_its_lag(drive, lag):
     due = [[float(control) for control in BODY.controls(jnp.asarray(action))] for action in range(9)]
     expected = [pytest.approx(controls, abs=2e-5) for controls in [[0, 0]] * lag + due]
     assert responses(drive, [*range(9), *[LEFT] * lag]) == expected
 
 
-def test_a_turn_rate_takes_its_time_and_turns_the_robot_by_its_mean():
+def test_drive_ramps_the_turn_rate_and_applies_its_mean():
     """Against the integral of a ramp to the wanted rate, in small steps."""
     made = responses(Drive(turn_time=0.25), [LEFT] * 4 + [RIGHT] * 3)
     rate, slope, means = 0.0, 0.8 / 0.25, []
@@ -116,7 +116,7 @@ def test_each_robot_of_a_team_has_the_drive_of_its_side():
     assert speeds == [pytest.approx([max(0, step - 3) * 0.03] * 2 + [step * 0.03], abs=1e-5) for step in range(1, 6)]
 
 
-def test_numbers_that_each_game_draws_are_spread_as_asked():
+def test_randomised_numbers_are_uniform_and_independent():
     """Whole ones over all values with both ends, others over their range, each apart, in the games' own bodies."""
     spreads = [
         Spread(("drives.pursuer.lag", "drives.evader.lag"), 0.0, 2.0),
@@ -139,7 +139,7 @@ def clipped_or_zero(x):
 
 
 @pytest.mark.skipif(jax.default_backend() != "cpu", reason="the boundary is for XLA on the CPU")
-def test_a_boundary_stands_around_a_function_and_nowhere_within():
+def test_fusion_barrier_keeps_a_function_as_one_call():
     x = jnp.linspace(-1.0, 1.0, 64)
     compiled = jax.jit(lambda x: fusion_barrier(clipped_or_zero)(x) + 1).lower(x).compile()
     assert compiled.as_text().count(" call(") == 1
@@ -169,7 +169,7 @@ BEHIND, BESIDE, SIGHT = (3.0, 5.0, 0.0, np.pi), (5.0, 8.0), Sensors(line_of_sigh
         (SIGHT, [BESIDE], (7, 5), ([0], [1]), False),
     ],
 )
-def test_a_side_sees_what_any_of_its_active_robots_sees_of_robots_in_play(sensors, pursuers, evader, status, seen):
+def test_side_sees_active_opponents_that_any_active_robot_sees(sensors, pursuers, evader, status, seen):
     found = sense(sensors, DISC, state_of(pursuers, [evader], status), Role.PURSUER, WORDS[0])
     assert bool(found.in_sight[0]) is seen
 
@@ -180,7 +180,7 @@ def percepts(sensors, pursuer, evader):
     return jax.vmap(lambda bits: sense(sensors, Arena(), state, Role.PURSUER, bits))(WORDS)
 
 
-def test_errors_have_the_size_asked_for_and_a_bound():
+def test_sensor_noise_has_the_stated_size_and_bound():
     noise, own = Noise(0.05, 0.1, 0.02), Noise(position=0.2)
     here, there = (1.0, 2.0, 0.5, 3.1), (4.0, 4.0, 0.3, -3.1)
     found = percepts(Sensors(noise=noise, own_noise=own), here, there)
@@ -196,7 +196,7 @@ def test_errors_have_the_size_asked_for_and_a_bound():
     assert abs(np.corrcoef(found.own[0].x, found.opponents[0].x)[0, 1]) < 0.06
 
 
-def test_in_a_drop_out_nothing_is_seen():
+def test_nothing_is_seen_during_a_drop_out():
     found = percepts(Sensors(drop_out=0.3), (1, 1), (2, 2))
     assert np.mean(found.has_looked) == pytest.approx(0.7, abs=0.03)
     np.testing.assert_array_equal(found.has_looked, found.in_sight[0])

@@ -35,7 +35,7 @@ def robots(points):
     [(ARENA, ARENA), *((star, replace(WIDE, polygons=(star,))) for star in (Polygon(STAR), Polygon(STAR[::-1])))],
     ids=["arena", "star", "star the other way round"],
 )
-def test_clearance_contact_along_a_step_and_what_is_hidden_are_those_of_the_oracle(one, arena):
+def test_clearance_contact_and_occlusion_match_the_oracle(one, arena):
     """Of what touches the inside only that it does."""
     rng = np.random.default_rng(1)
     before = rng.uniform((-1, 0), (11, 10), (200, 2)).astype(np.float32)
@@ -67,7 +67,7 @@ def test_clearance_contact_along_a_step_and_what_is_hidden_are_those_of_the_orac
         (((1, 1), (5, 1), (3, 1)), True), (((5, 1), (1, 1), (3, 1), (5, 3)), True),  # there and back
     ],
 )  # fmt: skip
-def test_the_edges_of_a_playable_polygon_meet_nowhere_but_at_the_corners_that_they_share(corners, meet):
+def test_polygons_whose_edges_meet_beyond_shared_corners_are_refused(corners, meet):
     with pytest.raises(InvalidInput, match="edges meet nowhere else") if meet else nullcontext():
         Polygon(tuple((float(x), float(y)) for x, y in corners)).check("polygon", Arena())
 
@@ -83,7 +83,7 @@ INDEXED = (
 
 
 @pytest.mark.parametrize("length", [0.0, 0.7])
-def test_what_is_near_is_as_far_away_as_among_all_polygons_up_to_the_reach(length):
+def test_indexed_clearance_matches_all_polygons_within_reach(length):
     """From points, and from segments, among them those that are nearest to a polygon at neither of their ends."""
     index, everything = surroundings(INDEXED, REACH, -3.0, 13.0, -4.0, 12.0), Edges.of(INDEXED)
     assert index.within.shape == (64, 64, len(HALL))
@@ -110,7 +110,7 @@ leaves = jax.jit(Arena.is_out_of_range)
 @pytest.mark.parametrize(
     ("wall", "outwards"), [((-1, 1), (-1, 0)), ((3, 1), (1, 0)), ((1, 0), (0, -1)), ((1, 2), (0, 1))]
 )
-def test_a_wall_may_be_touched_but_not_passed(wall, outwards, radius):
+def test_wall_may_be_touched_but_not_passed(wall, outwards, radius):
     touching = np.subtract(wall, np.multiply(radius, outwards))
     assert not leaves(BOX, robot(*touching), radius)
     assert leaves(BOX, robot(*(touching + np.multiply(1e-6, outwards))), radius)
@@ -131,7 +131,7 @@ def to_occupied(occupied, points):
     return np.hypot(away_x, away_y).min(axis=1)
 
 
-def test_a_clearance_is_at_most_the_distance_and_little_less():
+def test_map_clearance_is_just_below_the_true_distance():
     """Over random cells: lone ones, and blocks of them."""
     rng = np.random.default_rng(100)
     occupied = rng.random((40, 60)) < 0.1
@@ -148,7 +148,7 @@ def test_a_clearance_is_at_most_the_distance_and_little_less():
     assert short.min() < 0.02
 
 
-def test_cells_hide_what_they_hide_as_squares():
+def test_map_cells_hide_what_squares_hide():
     world = map_of(np.random.default_rng(2).random((24, 30)) < 0.08)
     ends = np.random.default_rng(1).uniform((0, 0), (30, 24), (800, 2))
     ends = np.stack([ends, np.clip(ends + np.random.default_rng(3).uniform(-16, 16, ends.shape), 0, (30, 24))])
@@ -159,7 +159,7 @@ def test_cells_hide_what_they_hide_as_squares():
     np.testing.assert_array_equal(found, expected)
 
 
-def test_along_a_step_it_is_at_most_the_least_distance_and_short_by_an_eighth_of_the_step():
+def test_map_clearance_along_a_step_is_a_tight_lower_bound():
     rng = np.random.default_rng(4)
     occupied = rng.random((40, 40)) < 0.05
     points = rng.uniform(0, 40, (500, 2))
@@ -177,7 +177,7 @@ def test_along_a_step_it_is_at_most_the_least_distance_and_short_by_an_eighth_of
     assert np.all(ours >= field - length / 8 - 1e-3)
 
 
-def test_a_map_without_occupied_cells_has_no_obstacles_and_one_without_free_cells_is_refused():
+def test_empty_map_has_no_obstacles_and_a_full_map_is_refused():
     empty = map_of(np.zeros((10, 10), bool), 0.0, 0.0)
     assert float(empty.clearance(*jnp.asarray([1.0, 1.0]))) > 2
     with pytest.raises(ValueError, match="free cells"):

@@ -32,7 +32,7 @@ from tests.oracle.numpy_game import judge
 EVENTS = ("captured", "pursuer_hit", "pursuer_out", "evader_hit", "evader_out", "territory_reached", "out_of_time")
 
 
-def test_of_every_combination_of_events_that_counts_which_counts_for_the_oracle():
+def test_decide_matches_the_oracle_for_all_combinations_of_events():
     combinations = list(itertools.product((False, True), repeat=len(EVENTS)))
     decided = jax.vmap(lambda row: decide(**dict(zip(EVENTS, row, strict=True))))(jnp.asarray(combinations))
     for row, outcome in zip(combinations, decided, strict=True):
@@ -45,7 +45,7 @@ def test_of_every_combination_of_events_that_counts_which_counts_for_the_oracle(
         assert Outcome(int(outcome)).name == expected, flags
 
 
-def test_a_side_wins_by_the_other_ones_failure_and_the_evader_by_time_where_the_rules_say_so():
+def test_sides_win_by_opponent_failure_and_the_evader_by_the_time_limit():
     evaders = {Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE, Outcome.TERRITORY_REACHED}
     for wins, outcomes in (
         (pursuer_wins, {Outcome.CAPTURED, Outcome.EVADER_HIT_OBSTACLE, Outcome.EVADER_OUT_OF_RANGE}),
@@ -55,7 +55,7 @@ def test_a_side_wins_by_the_other_ones_failure_and_the_evader_by_time_where_the_
         assert {outcome for outcome in Outcome if wins(jnp.asarray(outcome))} == outcomes
 
 
-def test_a_territory_that_was_never_reached_is_no_outcome_to_report():
+def test_outcome_counts_omit_a_territory_that_was_never_reached():
     counts = jnp.arange(len(Outcome)).at[Outcome.TERRITORY_REACHED].set(0)
     names = {outcome.name.lower() for outcome in Outcome} - {"ongoing"}
     assert set(counts_by_name(counts)) == names - {"territory_reached"}
@@ -68,7 +68,7 @@ def test_capture_needs_less_than_the_capture_distance():
     assert come_within(pursuer, evader, 0.2500001)
 
 
-def test_paper_is_table_1_and_robots_have_bodies_that_do_not_meet_before_the_capture():
+def test_paper_preset_matches_table_1_and_robot_preset_adds_bodies():
     point, body = Unicycle(0.0, 1.2, 0.3, 0.8, 0.0), Unicycle(0.0, 1.2, 0.3, 0.8, 0.2)
     game = Game(
         point, point, Arena(0.0, 10.0, 0.0, 10.0, paper().arena.discs), capture_distance=0.3, dt=0.1, max_steps=1000,
@@ -97,7 +97,7 @@ def is_uniform(values, low, high, bins=50):
 
 
 @pytest.mark.parametrize("short", [0, 1, 2])
-def test_what_is_asked_for_is_enough_and_less_is_not(short):
+def test_start_distances_are_inclusive_bounds(short):
     """Along the lower wall, in quarters of a metre, so that nothing is rounded: of either robot and between them."""
     starts, body = Starts(clearance=0.5, separation=2.0), Unicycle(radius=0.25)
 
@@ -112,7 +112,7 @@ def test_what_is_asked_for_is_enough_and_less_is_not(short):
     assert not fit(1.0, 0.75, 3.0, 0.75 - 2**-20)
 
 
-def test_pairs_are_uniform_over_all_pairs_that_fit():
+def test_start_pairs_are_uniform_over_all_pairs_that_fit():
     """As what a simple rejection in NumPy leaves."""
     apart = sample(Starts(clearance=0.3, separation=5.0), jax.random.key(1))
     places = np.random.default_rng(0).uniform(0, 10, (200_000, 2, 2))
@@ -131,7 +131,7 @@ def test_pairs_are_uniform_over_all_pairs_that_fit():
 
 
 @pytest.mark.parametrize("speed", ["rest", "moving"])
-def test_headings_are_uniform_and_speeds_too_or_at_rest_the_slowest_forwards(speed):
+def test_start_headings_and_moving_speeds_are_uniform(speed):
     states = sample(Starts(speed=speed), jax.random.key(2))
     for drawn, low, high, slowest in ((states.pursuer, 0.2, 1.0, 0.2), (states.evader, -0.5, 2.0, 0.0)):
         assert is_uniform(drawn.heading, -np.pi, np.pi)
@@ -158,7 +158,7 @@ def pay(game, pursuers, evader):
     return float(rewards.pursuer[0]), float(rewards.evader[0])
 
 
-def test_driving_round_a_wall_pays_and_the_straight_line_does_not():
+def test_path_reward_pays_for_driving_round_a_wall():
     """Up along the wall at 1.2 m/s: 0.12 m of the way, while the evader behind it comes no nearer."""
     pursuer, evader = robot(3.0, 3.0, 1.2, math.pi / 2), robot(5.0, 3.0)
     wall = divided(6.0)
@@ -175,12 +175,12 @@ def test_driving_round_a_wall_pays_and_the_straight_line_does_not():
     [(6.0, (1.0, 3.0, 1.2, 0.7), (3.0, 2.0, 0.9, 2.0)), (8.0, (3.0, 3.0, 1.2, 0.3), (5.0, 2.0, 0.9, 2.0))],
     ids=["in sight", "without a way"],
 )
-def test_in_sight_and_where_there_is_no_way_it_is_the_straight_line(top, pursuer, evader):
+def test_path_reward_is_the_straight_line_in_sight_or_without_a_path(top, pursuer, evader):
     game, robots = divided(top), ([robot(*pursuer)], robot(*evader))
     assert pay(game, *robots) == pay(replace(game, reward=LINE), *robots)
 
 
-def test_of_a_team_the_one_with_the_shortest_way_is_paid_for():
+def test_path_reward_of_a_team_follows_the_shortest_path():
     """One waits just behind the wall; the other is farther off, but on the evader's side, and drives there."""
     game = replace(divided(6.0), teams=Teams((Unicycle(),)))
     pursuers, evader = [robot(3.5, 3.0), robot(7.5, 3.0, 1.2, math.pi)], robot(5.0, 3.0)
@@ -188,7 +188,7 @@ def test_of_a_team_the_one_with_the_shortest_way_is_paid_for():
     assert pay(replace(game, reward=LINE), pursuers, evader) == pytest.approx((0.0, 0.0), abs=1e-5)
 
 
-def test_a_game_without_charts_is_refused_in_one_line():
+def test_path_reward_without_a_chart_is_refused_in_one_line():
     game = divided(6.0)
     game = replace(game, arena=replace(game.arena, chart=None))
     with pytest.raises(InvalidInput, match=r"reward\.along_paths") as refusal:
@@ -226,7 +226,7 @@ def held(game, states):
     return jax.vmap(lambda state, place: jax.lax.scan(step, replace(state, variant=place), length=30)[1])(states, place)
 
 
-def test_games_in_two_arenas_go_as_each_goes_alone_from_starts_in_either():
+def test_games_in_two_arenas_match_games_in_each_alone():
     starts = jax.jit(reset_batch, static_argnames="games")(BOTH, jax.random.key(0), 400)
     place = np.asarray(starts.variant)
     assert 0.4 < place.mean() < 0.6
@@ -241,7 +241,7 @@ def test_games_in_two_arenas_go_as_each_goes_alone_from_starts_in_either():
         assert len(set(alone[here].ravel())) > 4
 
 
-def test_one_arena_is_a_game_as_ever():
+def test_in_arenas_of_one_arena_is_an_ordinary_game():
     assert in_arenas(GAME, [WIDE]) == replace(GAME, arena=WIDE)
     assert len(jax.tree.leaves(GAME.reset(jax.random.key(0)))) == 9
 
@@ -259,6 +259,6 @@ def test_one_arena_is_a_game_as_ever():
         (lambda: in_arenas(GAME, [NARROW, replace(NARROW, discs=(Disc(9.0, 2.0, 0.4),))]), r"arena.discs\[0\] centre"),
     ],
 )
-def test_arenas_that_do_not_go_together_or_must_be_one_are_refused(act, said):
+def test_incompatible_or_several_arenas_are_refused(act, said):
     with pytest.raises(InvalidInput, match=said):
         act()

@@ -102,7 +102,7 @@ MANY = [pytest.param(TEAMS, profile, 100, marks=pytest.mark.slow) for profile in
 @pytest.mark.parametrize(
     ("sizes", "profile", "count"), [((1, 1), "paper", 30), ((1, 1), "zero-sum", 30), (TEAMS, "paper", 10), *MANY]
 )
-def test_a_step_is_what_the_numpy_twin_says(sizes, profile, count):
+def test_step_matches_the_numpy_twin(sizes, profile, count):
     """Many transitions in each of many arenas; with the paper's rewards mates can collide."""
     rng, robots = np.random.default_rng(0), sum(sizes)
     games = [random_game(rng, profile, sizes) for _ in range(count)]
@@ -157,7 +157,7 @@ def play(game, state):
     return game.step(state, *([jnp.asarray(4)] * len(side) for side in state.robots))
 
 
-def test_a_last_capture_counts_even_if_no_pursuer_is_left_and_costs_the_one_that_fails_nothing():
+def test_last_capture_counts_when_its_pursuer_fails_in_the_same_step():
     state = state_of([(9.95, 5, 1.2, 0), (5, 1, 0, 0)], [(9.9, 5, 0, 0), (1, 9, 0, 0)], ([0, 2], [0, 1]))
     after = play(in_teams(Game(), 2, 2), state)
     assert Outcome(int(after.outcome)) == Outcome.CAPTURED
@@ -166,7 +166,7 @@ def test_a_last_capture_counts_even_if_no_pursuer_is_left_and_costs_the_one_that
 
 
 @pytest.mark.parametrize(("collide", "status"), [(True, RobotStatus.HIT_MATE), (False, RobotStatus.ACTIVE)])
-def test_mates_collide_only_where_a_game_asks_for_it(collide, status):
+def test_teammates_collide_only_with_mates_collide(collide, status):
     body = Unicycle(radius=0.2)
     game = in_teams(Game(body, body), 2, 1, mates_collide=collide)
     after = play(game, state_of([(2, 2, 0, 0), (2.3, 2, 0, 0)], [(8, 8, 0, 0)], ([0, 0], [0])))
@@ -174,7 +174,7 @@ def test_mates_collide_only_where_a_game_asks_for_it(collide, status):
     assert Outcome(int(after.outcome)) == (Outcome.PURSUER_HIT_OBSTACLE if collide else Outcome.ONGOING)
 
 
-def test_mates_start_apart_in_free_space_and_opponents_further():
+def test_teammates_start_apart_in_free_space_and_opponents_further():
     """The last robot of either side is smaller than its mates."""
     body, small = Unicycle(radius=0.2), Unicycle(radius=0.05)
     game = replace(paper(), pursuer=body, evader=body, teams=Teams((body, small), (small,)))
@@ -189,7 +189,7 @@ def test_mates_start_apart_in_free_space_and_opponents_further():
     assert (np.array([np.asarray(one) for side in starts.status for one in side]) == 0).all()
 
 
-def test_a_file_says_how_many_robots_each_side_has_and_their_limits_and_of_alike_ones_a_duel_is_left(tmp_path):
+def test_game_file_sets_the_robots_of_each_side_and_their_limits(tmp_path):
     path = tmp_path / "game.toml"
     path.write_text("evaders = 2\n[evader]\nv_max = 1.0\n[[pursuers]]\nv_max = 1.1\n[[pursuers]]\nv_max = 0.8\n")
     game = load_game(path)
@@ -315,7 +315,7 @@ IMPOSSIBLE = [
 
 
 @pytest.mark.parametrize(("change", "said"), IMPOSSIBLE, ids=[said[0] for _, said in IMPOSSIBLE])
-def test_an_impossible_value_is_named_with_its_bound_and_the_remedy(change, said):
+def test_impossible_value_is_named_with_its_bound_and_the_remedy(change, said):
     with pytest.raises(ValueError, match=r"\.$") as refusal:
         change() if callable(change) else Game(**change)
     message = str(refusal.value)
@@ -324,7 +324,7 @@ def test_an_impossible_value_is_named_with_its_bound_and_the_remedy(change, said
         assert words in message
 
 
-def test_plain_numbers_are_actions_and_enumerations_print_their_names():
+def test_actions_may_be_plain_numbers_and_enumerations_print_names():
     game = make_game("paper")
     state = game.reset(jax.random.key(0))
     plain, same = game.step(state, 8, [1]), game.step(state, jnp.int32(8), jnp.int32(1))
@@ -346,7 +346,7 @@ def test_plain_numbers_are_actions_and_enumerations_print_their_names():
 
 
 @pytest.mark.slow
-def test_a_seed_in_place_of_a_key_is_refused_with_the_key():
+def test_reset_refuses_a_seed_in_place_of_a_key():
     """In a process of its own, where types are not checked."""
     said = subprocess.run(
         [sys.executable, "-c", "import apollonius; apollonius.make_game('paper').reset(7)"],
@@ -365,7 +365,7 @@ def test_a_seed_in_place_of_a_key_is_refused_with_the_key():
         ("jax_transfer_guard", "disallow", "allow: numbers are sent"),
     ],
 )
-def test_settings_of_jax_that_change_numbers_are_refused_and_others_are_not(setting, value, said):
+def test_jax_settings_that_change_numbers_are_refused(setting, value, said):
     before = jax.config.values[setting]
     jax.config.update(setting, value)
     try:
@@ -377,7 +377,7 @@ def test_settings_of_jax_that_change_numbers_are_refused_and_others_are_not(sett
         Game()
 
 
-def test_fast_arithmetic_of_xla_is_refused(monkeypatch):
+def test_fast_math_flags_of_xla_are_refused(monkeypatch):
     for flags, name in (("", "cpu_enable_fast_math"), ("--xla_x=1 ", "gpu_enable_fast_min_max=true")):
         monkeypatch.setenv("XLA_FLAGS", f"{flags}--xla_{name}")
         with pytest.raises(InvalidInput, match=r"XLA_FLAGS = .* without fast-math"):

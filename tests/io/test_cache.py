@@ -46,7 +46,7 @@ def asked(path):
     return found, bool(made)
 
 
-def test_it_is_made_once_and_again_where_it_cannot_be_read(tmp_path):
+def test_cached_value_is_computed_once_and_again_after_damage(tmp_path):
     path = entry_path(tmp_path / "new", "a/b:c.json", KEY)
     assert path.name.startswith("a-b-c-")
     assert path.suffix == ".json"
@@ -57,7 +57,7 @@ def test_it_is_made_once_and_again_where_it_cannot_be_read(tmp_path):
     assert [asked(None), asked(None)] == [(b"sound", True)] * 2, "without a folder nothing is kept"
 
 
-def test_all_that_was_asked_for_and_the_version_make_the_key(tmp_path, monkeypatch):
+def test_cache_key_depends_on_all_parameters_and_the_version(tmp_path, monkeypatch):
     keys = [KEY, KEY | {"seed": 2}, {"game": {"dt": 0.2}, "seed": 1}, {"game": {"dt": 0.1}, "seed": None}]
     names = {entry_path(tmp_path, "a.json", key) for key in keys}
     assert entry_path(tmp_path, "a.json", dict(reversed(KEY.items()))) in names
@@ -65,7 +65,7 @@ def test_all_that_was_asked_for_and_the_version_make_the_key(tmp_path, monkeypat
     assert len(names | {entry_path(tmp_path, "a.json", KEY)}) == 5
 
 
-def test_the_content_of_a_pytree_is_all_of_it():
+def test_content_digest_covers_the_whole_pytree():
     others = [
         replace(GAME, dt=0.2), replace(GAME, starts=replace(GAME.starts, speed="moving")), replace(GAME, max_steps=7),
         replace(GAME, arena=replace(GAME.arena, discs=GAME.arena.discs[:2])), GAME.pursuer,
@@ -90,7 +90,7 @@ Entries(path.parent).put(path.name, b"new") if len(sys.argv) > 2 else cached(
 
 
 @pytest.mark.parametrize("words", [(), ("compilation",)], ids=["file", "compilation"])
-def test_a_process_that_is_killed_while_it_writes_leaves_nothing_broken(words, tmp_path):
+def test_process_killed_while_writing_leaves_no_broken_entry(words, tmp_path):
     path = tmp_path / "compilations" / "here" / "one"
     path.parent.mkdir(parents=True)
     done = subprocess.run([sys.executable, "-c", KILLED, str(path), *words], check=False)
@@ -125,7 +125,7 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_compilations_and_tables_have_bounds_of_their_own_and_what_is_read_stays(home):
+def test_compilations_and_tables_have_separate_size_bounds(home):
     table(home, "minutes of work", 300)
     os.utime(home / "tables" / "minutes of work", (1, 1))
     entries_here = Entries(home / "compilations" / "here", 350)
@@ -140,7 +140,7 @@ def test_compilations_and_tables_have_bounds_of_their_own_and_what_is_read_stays
     assert len(names(home / "compilations" / "here")) == 3
 
 
-def test_the_least_recently_used_make_room(home):
+def test_least_recently_used_entries_are_evicted_first(home):
     for number in range(3):
         table(home, f"{number}")
         os.utime(home / "tables" / f"{number}", (1, 1 + number))
@@ -155,14 +155,14 @@ def test_the_least_recently_used_make_room(home):
 
 
 @pytest.mark.parametrize("word", ["off", "OFF", "0"])
-def test_a_variable_switches_all_of_it_off(word, monkeypatch):
+def test_environment_variable_switches_the_cache_off(word, monkeypatch):
     monkeypatch.setenv(cache.VARIABLE, word)
     assert [cache_folder(kind) for kind in cache.LARGEST] == [None, None]
     monkeypatch.setattr(cache, "environment", None)
     keep_compilations()
 
 
-def test_a_cache_that_cannot_be_written_costs_time_only_and_another_folder_is_an_error(home):
+def test_unwritable_cache_is_ignored_and_another_folder_is_an_error(home):
     (home / "tables").write_text("no folder")
     assert table(home, "one") == bytes(100)
     (home / "run").write_text("no folder")
@@ -170,7 +170,7 @@ def test_a_cache_that_cannot_be_written_costs_time_only_and_another_folder_is_an
         asked(home / "run" / "one")
 
 
-def test_what_is_remembered_is_found_by_its_content_and_the_latest_stay():
+def test_memory_finds_values_by_content_and_keeps_the_latest():
     made, memory = [], Memory(2)
     for number in (1.0, 2.0, 1.0, 3.0, 1.0, 2.0):
         found = memory.get({"a": jnp.asarray(number)}, lambda number=number: made.append(number) or jnp.full(2, number))
@@ -178,7 +178,7 @@ def test_what_is_remembered_is_found_by_its_content_and_the_latest_stay():
     assert made == [1.0, 2.0, 3.0, 2.0]
 
 
-def test_a_folder_that_jax_was_told_of_stays(monkeypatch, tmp_path):
+def test_keep_compilations_respects_the_cache_folder_of_jax(monkeypatch, tmp_path):
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "other"))
     before, made_by = jax.config.values["jax_compilation_cache_dir"], compilation_cache.get_file_cache
     assert before is not None  # these tests have one of their own
@@ -188,7 +188,7 @@ def test_a_folder_that_jax_was_told_of_stays(monkeypatch, tmp_path):
     assert not (tmp_path / "other").exists()
 
 
-def test_an_entry_is_whole_or_not_there(tmp_path):
+def test_cache_entry_is_whole_or_absent(tmp_path):
     entries_here = Entries(tmp_path)
     assert entries_here.get("one") is None
     entries_here.put("one", b"value")
@@ -243,7 +243,7 @@ def later():
     return made
 
 
-def test_a_later_process_finds_it_without_a_trace(stored):
+def test_later_process_loads_a_compilation_without_tracing(stored):
     assert kept_now()(ARENA, *PLACE) == NEAR
     assert len(stored) == 1
     found = later()
@@ -253,7 +253,7 @@ def test_a_later_process_finds_it_without_a_trace(stored):
 
 
 @pytest.mark.parametrize("change", ["types", "static", "sources", "settings"])
-def test_it_is_traced_where_anything_else_has_changed(change, stored, monkeypatch):
+def test_function_is_traced_again_after_any_other_change(change, stored, monkeypatch):
     kept_now()(ARENA, *PLACE)
     arena, place = ARENA, PLACE
     if change == "types":
@@ -269,7 +269,7 @@ def test_it_is_traced_where_anything_else_has_changed(change, stored, monkeypatc
 
 
 @pytest.mark.parametrize("lost", ["ours", "JAX's"])
-def test_it_is_made_again_where_an_entry_is_lost(lost, stored):
+def test_lost_compilation_entry_is_written_again(lost, stored):
     kept_now()(ARENA, *PLACE)
     entries, (name,) = cache.compiled_entries(), stored
     (entries._path / (name if lost == "ours" else entries.latest.key)).unlink()
@@ -278,7 +278,7 @@ def test_it_is_made_again_where_an_entry_is_lost(lost, stored):
     assert later()(ARENA, *PLACE) == NEAR
 
 
-def test_what_is_of_other_packages_or_traced_is_not_kept(stored):
+def test_foreign_types_and_traced_calls_are_not_stored(stored):
     assert PersistentJit(lambda part, x: x + 1)(Stranger("one"), PLACE[0]) == 1.25
     assert jax.jit(kept_now())(ARENA, *PLACE) == NEAR
     assert not stored

@@ -234,7 +234,7 @@ def test_impossible_headers_are_refused(told_of, file):
 
 @pytest.mark.parametrize("kind", sorted({*KINDS} - {"image"}))
 @pytest.mark.parametrize("text", ["{'a': 1", "", '{"version":' + "9" * 5_000 + "}", "[" * 100_000])
-def test_texts_that_are_no_header_are_refused(kind, text, file):
+def test_malformed_headers_are_refused(kind, text, file):
     path = file(kind)
     with_header(kind, path, text)
     if text or kind not in ("game", "config", "metrics"):  # which may have nothing but defaults, or no line yet
@@ -251,7 +251,7 @@ def test_deep_nesting_is_refused(kind, key, file):
 
 
 @pytest.mark.parametrize(("kind", "bad"), [*zip(ARRAYS, (np.nan, np.inf, -np.inf), strict=True)])
-def test_numbers_that_are_not_finite_are_refused(kind, bad, file):
+def test_non_finite_numbers_are_refused(kind, bad, file):
     path = file(kind)
     text, arrays = json.dumps(header_of(kind, path)), load(path.read_bytes())
     name = next(name for name, array in arrays.items() if array.dtype == np.float32)
@@ -262,7 +262,7 @@ def test_numbers_that_are_not_finite_are_refused(kind, bad, file):
 
 
 @pytest.mark.parametrize("shape", [(10**13,), (2, 5, 4, 10**9), (2, 5, 4, 4), (120,), ()])
-def test_a_table_is_of_the_size_that_its_header_says(shape, file):
+def test_table_with_another_size_than_its_header_is_refused(shape, file):
     path = file("table")
     content = path.read_bytes()
     size = int.from_bytes(content[:8], "little")
@@ -281,7 +281,7 @@ def test_a_table_is_of_the_size_that_its_header_says(shape, file):
 
 
 @pytest.mark.parametrize("kind", ["discs", "polygons"])
-def test_more_obstacles_than_a_game_can_have_are_refused_at_once(kind, tmp_path):
+def test_too_many_obstacles_and_overlong_numbers_are_refused(kind, tmp_path):
     one = "x = 5\ny = 5\nradius = 0.01\n" if kind == "discs" else "vertices = [[5, 5], [6, 5], [5, 6]]\n"
     path = tmp_path / "g.toml"
     path.write_text(f"[[arena.{kind}]]\n{one}" * 1_000)
@@ -294,7 +294,7 @@ def test_more_obstacles_than_a_game_can_have_are_refused_at_once(kind, tmp_path)
 
 @pytest.mark.parametrize("kind", [*TOML, "json game"])
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
-def test_a_byte_order_mark_is_taken_and_what_it_marks_is_named(kind, encoding, file):
+def test_utf_8_byte_order_mark_is_accepted_and_utf_16_toml_is_refused(kind, encoding, file):
     path = file(kind)
     path.write_bytes(path.read_bytes().decode().encode(encoding))
     refused = encoding == "utf-16" and kind in TOML
@@ -305,7 +305,7 @@ def test_a_byte_order_mark_is_taken_and_what_it_marks_is_named(kind, encoding, f
 @pytest.mark.parametrize(
     ("kind", "name"), [("game", "HALL.TOML"), ("json game", "HALL.JSON"), ("agent", "P.SAFETENSORS")]
 )
-def test_suffixes_may_be_in_capitals(kind, name, tmp_path):
+def test_file_suffixes_may_be_upper_case(kind, name, tmp_path):
     file, find = tmp_path / name, load_header if kind == "agent" else find_game
     KINDS[kind][0](tmp_path / KINDS[kind][2])
     (tmp_path / KINDS[kind][2]).rename(file)
@@ -315,7 +315,7 @@ def test_suffixes_may_be_in_capitals(kind, name, tmp_path):
 
 @pytest.mark.timeout(60)
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_pipe_is_not_waited_for(kind, file):
+def test_pipe_in_place_of_a_file_is_refused_without_waiting(kind, file):
     path = file(kind)
     path.unlink()
     os.mkfifo(path)

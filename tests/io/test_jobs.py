@@ -15,7 +15,7 @@ from apollonius.io.interrupts import should_stop
 from apollonius.io.workers import Job, run_jobs
 
 
-def test_a_frame_tells_whether_an_exception_would_do_harm_or_be_lost(tmp_path, monkeypatch):
+def test_is_unfit_rejects_frames_of_imports_and_xla_callbacks(tmp_path, monkeypatch):
     (tmp_path / "loaded_here.py").write_text("import sys\nFRAME = sys._getframe()\n")
     monkeypatch.syspath_prepend(tmp_path)
     import loaded_here  # pyright: ignore[reportMissingImports]
@@ -68,7 +68,7 @@ def one_core(monkeypatch):
 
 
 @pytest.mark.usefixtures("one_core")
-def test_every_job_has_a_process_of_its_own_and_one_that_fails_is_named_at_the_end(tmp_path):
+def test_each_job_runs_in_its_own_process_and_failures_are_named(tmp_path):
     told, failing = [], Job("bad job", refuse, (tmp_path / "bad job",))
     with pytest.raises(InvalidInput, match=r"1 of 2 failed \(bad job\)"):
         run_jobs([failing, *jobs_of(write_down, tmp_path, 1)], told.append)
@@ -81,7 +81,7 @@ def test_every_job_has_a_process_of_its_own_and_one_that_fails_is_named_at_the_e
 @pytest.mark.slow
 @pytest.mark.usefixtures("one_core")
 @pytest.mark.parametrize("work", [stop, interrupt_all, be_ended_by_ctrl_c])
-def test_after_a_job_that_was_stopped_none_begins(tmp_path, work):
+def test_no_job_begins_after_one_was_stopped(tmp_path, work):
     told, first = [], Job("first", work, (tmp_path / "first",))
     with pytest.raises(KeyboardInterrupt):
         run_jobs([first, *jobs_of(write_down, tmp_path)], told.append)
@@ -89,7 +89,7 @@ def test_after_a_job_that_was_stopped_none_begins(tmp_path, work):
     assert told == ["stopped: first"]
 
 
-def test_an_unknown_place_is_refused(tmp_path):
+def test_unknown_worker_kind_is_refused(tmp_path):
     with pytest.raises(InvalidInput, match=r"on = moon .*processes, slurm, ray"):
         run_jobs(jobs_of(write_down, tmp_path), print, on="moon")
     assert not list(tmp_path.iterdir())
@@ -105,7 +105,7 @@ def be_lost_once(path):
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
-def test_on_ray_a_job_whose_worker_is_lost_begins_again_and_one_that_fails_is_named(tmp_path):
+def test_ray_repeats_a_job_of_a_lost_worker_and_names_a_failed_one(tmp_path):
     pytest.importorskip("ray", reason="needs ray: pip install ray")
     told, works = [], (be_lost_once, refuse, write_down)
     jobs = [Job(work.__name__, work, (tmp_path / work.__name__,)) for work in works]
@@ -120,14 +120,14 @@ def run_out_of_memory(path):
 
 
 @pytest.mark.usefixtures("one_core")
-def test_an_error_without_words_is_told_by_its_name(tmp_path):
+def test_error_without_a_message_is_reported_by_its_type(tmp_path):
     told = []
     with pytest.raises(InvalidInput, match="1 of 1 failed"):
         run_jobs(jobs_of(run_out_of_memory, tmp_path, 1), told.append)
     assert told == ["failed: job 0 (MemoryError)"]
 
 
-def test_a_ray_that_does_not_start_is_one_line_and_is_seen_by_this_machine_alone(tmp_path, monkeypatch):
+def test_ray_listens_locally_and_its_failure_to_start_is_one_line(tmp_path, monkeypatch):
     ray = MagicMock()
     ray.init.side_effect = Exception("The current node timed out during startup.\nThis could happen")
     monkeypatch.setitem(sys.modules, "ray", ray)
@@ -159,7 +159,7 @@ def array(tmp_path, monkeypatch):
     return slurm.SlurmExecutor.return_value.map_array
 
 
-def test_what_sbatch_refuses_is_one_line(array, tmp_path):
+def test_sbatch_refusal_is_one_line(array, tmp_path):
     array.side_effect = Refusal("no such partition")
     with pytest.raises(InvalidInput, match=r"^sbatch refuses the jobs \(no such partition\): correct .* and go on\.$"):
         run_jobs(jobs_of(write_down, tmp_path), print, on="slurm")
@@ -207,7 +207,7 @@ def queue(array, monkeypatch):
     return Queue(array, monkeypatch)
 
 
-def test_ctrl_c_cancels_what_slurm_still_runs_and_keeps_what_is_done(queue, tmp_path, monkeypatch):
+def test_ctrl_c_cancels_running_slurm_jobs_and_keeps_finished_ones(queue, tmp_path, monkeypatch):
     told = []
     monkeypatch.setattr(jobs_module, "should_stop", lambda: bool(told))
 
@@ -223,7 +223,7 @@ def test_ctrl_c_cancels_what_slurm_still_runs_and_keeps_what_is_done(queue, tmp_
     assert queue.cancelled == ["7_1"]
 
 
-def test_a_job_that_slurm_lists_late_and_whose_result_is_seen_late_is_not_submitted_again(queue, tmp_path):
+def test_late_slurm_listing_and_late_result_cause_no_resubmission(queue, tmp_path):
     def look(number):
         (queue.listed.update if 4 < number < 6 else queue.listed.difference_update)(["7_0"])
         if number == 10:
@@ -235,7 +235,7 @@ def test_a_job_that_slurm_lists_late_and_whose_result_is_seen_late_is_not_submit
     assert queue.cancelled == []
 
 
-def test_a_lost_job_is_submitted_again_and_a_late_result_of_its_first_copy_counts(queue, tmp_path):
+def test_lost_job_is_resubmitted_and_a_late_first_result_counts(queue, tmp_path):
     def look(number):
         if number == 7:
             queue.listed.add(number_of_second())
@@ -251,7 +251,7 @@ def test_a_lost_job_is_submitted_again_and_a_late_result_of_its_first_copy_count
     assert queue.cancelled == ["7_0", "8_5"]
 
 
-def test_a_requeued_job_is_not_taken_for_stopped_and_one_that_failed_is(queue, tmp_path):
+def test_requeued_job_is_awaited_and_a_failed_one_is_reported(queue, tmp_path):
     """A preempted job leaves a result that says so, and may be out of the queue for a moment."""
     told = []
 
@@ -270,7 +270,7 @@ def test_a_requeued_job_is_not_taken_for_stopped_and_one_that_failed_is(queue, t
     assert told == ["failed: job 1 (no such agent)", "done: job 0"]
 
 
-def test_a_job_that_is_lost_again_and_again_fails_and_sbatch_may_refuse_once(queue, tmp_path):
+def test_repeatedly_lost_job_fails_despite_one_sbatch_refusal(queue, tmp_path):
     queue.executor.submit.side_effect = [Refusal("busy"), *(queue.copy(f"9_{number}") for number in range(9))]
     told = []
     with pytest.raises(InvalidInput, match="1 of 1 failed"):
@@ -278,7 +278,7 @@ def test_a_job_that_is_lost_again_and_again_fails_and_sbatch_may_refuse_once(que
     assert "it was lost 11 times" in told[0]
 
 
-def test_an_array_is_no_larger_than_the_cluster_takes(queue, tmp_path):
+def test_job_arrays_respect_the_limit_of_the_cluster(queue, tmp_path):
     sizes = []
 
     def submit(call, jobs):
@@ -325,7 +325,7 @@ PLAYS = ["evaluate", "random", "random", "--games", str(10**6)]
 @pytest.mark.parametrize(
     "after", [0.5, pytest.param(6.0, marks=pytest.mark.slow)], ids=["while it loads or compiles", "while it plays"]
 )
-def test_a_long_match_stops(after):
+def test_ctrl_c_stops_a_long_match(after):
     status, output, errors = interrupted(COMMAND, *PLAYS, after=after)
     assert (status, output) == (130, "")
     assert errors.splitlines()[-1] == "stopped"
@@ -333,7 +333,7 @@ def test_a_long_match_stops(after):
 
 
 @pytest.mark.parametrize("loading", ["apollonius.io.interrupts", "apollonius.cli.train"])
-def test_ctrl_c_while_the_command_itself_is_loaded_is_no_traceback(loading):
+def test_ctrl_c_during_import_prints_no_traceback(loading):
     early = f"""
 import os, runpy, signal, sys
 
@@ -349,7 +349,7 @@ runpy.run_module("apollonius", run_name="__main__", alter_sys=True)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "stopped\n")
 
 
-def test_a_program_that_cannot_hear_is_ended_and_says_how_to_go_on():
+def test_ctrl_c_ends_a_blocked_program_with_its_resume_hint():
     """A single call into native code, as a compilation is one, here of some minutes."""
     deaf = """
 import hashlib
@@ -363,7 +363,7 @@ hashlib.pbkdf2_hmac("sha256", b"", b"", 10**9)
     assert interrupted(deaf, after=0.2) == (130, "", "stopped; go on with: patience\n")
 
 
-def test_a_program_that_has_heard_may_take_its_time_to_save():
+def test_program_that_handles_ctrl_c_may_take_its_time_to_save():
     saving = """
 import signal, sys, time
 from apollonius.io import interrupts

@@ -105,12 +105,12 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
         (RunConfig, {"stages": "distillation", "dqn": DQNConfig(games=256)}, "games = 256 .*more than the 256"),
     ],
 )
-def test_what_cannot_be_trained_is_refused(kind, values, named):
+def test_configs_refuse_impossible_values(kind, values, named):
     with pytest.raises(InvalidInput, match=named):
         kind(**values)
 
 
-def test_both_profiles_have_the_numbers_that_the_documents_compare():
+def test_dqn_profiles_have_the_documented_numbers():
     names = "observation double n_step final_n_step games batch env_steps_per_update learning_rate final_learning_rate"
     names += " target_period averaging width depth gamma"
     found = {profile: [getattr(config, name) for name in names.split()] for profile, config in PROFILES.items()}
@@ -120,7 +120,7 @@ def test_both_profiles_have_the_numbers_that_the_documents_compare():
     }
 
 
-def test_the_profile_paper_sets_c_and_the_length_of_games_of_stage_1_only():
+def test_paper_profile_changes_dqn_and_stage_1_only():
     config = with_profile(RunConfig(), "paper")
     assert config.dqn is PROFILES["paper"]
     assert config.self_play == RunConfig().self_play
@@ -129,13 +129,13 @@ def test_the_profile_paper_sets_c_and_the_length_of_games_of_stage_1_only():
     assert with_profile(RunConfig(), "fast") == RunConfig()
 
 
-def test_exploration_may_last_for_a_number_of_env_steps_whatever_the_length_of_the_stage():
+def test_exploration_steps_are_independent_of_the_stage_length():
     config = DQNConfig(exploration_steps=1000, final_epsilon=0.1)
     shares = [float(config.exploration(1.0, stage, jnp.array(500))) for stage in (2000, 10**7)]
     np.testing.assert_allclose(shares, 0.55, rtol=1e-6)
 
 
-def test_what_is_just_possible_is_not_refused():
+def test_configs_at_their_limits_are_accepted():
     assert DQNConfig(**SMALL, replay_capacity=4352).rows == 34
     RunConfig(self_play=met_by("uniform", renewal=512_000, slots=128))
     RunConfig(self_play=met_by("latest", renewal=1))
@@ -143,12 +143,12 @@ def test_what_is_just_possible_is_not_refused():
 
 
 @pytest.mark.parametrize("config", PRESETS.values(), ids=PRESETS)
-def test_a_config_comes_back_from_its_file(config, tmp_path):
+def test_config_survives_its_file(config, tmp_path):
     create_run(config, tmp_path / "run")
     assert load_config(tmp_path / "run" / "config.toml") == config
 
 
-def test_every_example_of_a_training_is_one(monkeypatch):
+def test_example_recipes_load_as_configs(monkeypatch):
     few = find_scenario("suite-v1/discs-00,discs-01")
     monkeypatch.setattr("apollonius.arenas.file.find_scenario", lambda name: few)  # hundreds take their time
     for name in ("any_chase", "evader", "optimal_evader", "pursuer", "response", "robust"):
@@ -157,7 +157,7 @@ def test_every_example_of_a_training_is_one(monkeypatch):
     assert make_game("zero-sum") in [task.game for task in tasks], "with its discs"
 
 
-def test_a_game_is_a_preset_or_tables_and_a_table_in_part_keeps_the_defaults_of_its_own_stage(tmp_path):
+def test_config_takes_a_game_by_name_or_table_and_fills_in_defaults(tmp_path):
     path = tmp_path / "config.toml"
     for text, config in (
         ('game = "team-3v1"', RunConfig(game=make_game("team-3v1"))),
@@ -176,7 +176,7 @@ def test_a_game_is_a_preset_or_tables_and_a_table_in_part_keeps_the_defaults_of_
     ("games", "env_steps_per_update", "steps", "updates"),
     [(64, 64, 1, 1), (64, 256, 4, 1), (64, 16, 1, 4), (1, 1, 1, 1)],
 )
-def test_a_round_plays_and_updates_in_the_ratio_that_is_asked_for(games, env_steps_per_update, steps, updates):
+def test_iteration_has_the_configured_ratio_of_steps_to_updates(games, env_steps_per_update, steps, updates):
     config = DQNConfig(games=games, env_steps_per_update=env_steps_per_update)
     assert (config.steps_per_iteration, config.updates_per_iteration) == (steps, updates)
     assert config.env_steps_per_iteration == env_steps_per_update * updates
@@ -186,11 +186,11 @@ def test_a_round_plays_and_updates_in_the_ratio_that_is_asked_for(games, env_ste
     ("end", "over", "env_steps", "value"),
     [(0.1, 1e3, 0, 1.0), (0.1, 1e3, 250, 0.775), (0.1, 1e3, 10**9, 0.1), (2.0, 10.0, 4, 1.4), (0.1, 0.0, 1, 0.1)],
 )
-def test_a_schedule_goes_in_a_straight_line_and_stays(end, over, env_steps, value):
+def test_linear_schedule_stays_at_its_end(end, over, env_steps, value):
     assert interpolate_linearly(1.0, end, over=over, env_steps=jnp.asarray(env_steps)) == pytest.approx(value)
 
 
-def test_a_sweep_has_every_combination_and_changes_nothing_else():
+def test_sweep_has_every_combination_and_changes_nothing_else():
     found = sweep(RUN, {"dqn.batch": [16, 32], "game.pursuer.v_max": [1.2, 2], "seed": [0, 3]})
     assert len(found) == 8
     one = found["dqn.batch=32,game.pursuer.v_max=2,seed=3"]
@@ -211,7 +211,7 @@ def test_a_sweep_has_every_combination_and_changes_nothing_else():
         ("seed", range(1001), "at most 1,000"),
     ],
 )
-def test_a_sweep_of_what_cannot_be_is_refused(field, values, naming):
+def test_sweep_refuses_unknown_fields_and_bad_values(field, values, naming):
     with pytest.raises(InvalidInput, match=naming):
         sweep(RUN, {field: values})
 
@@ -222,7 +222,7 @@ def run(tmp_path):
     return tmp_path / "run"
 
 
-def test_who_trains_is_on_file_and_how_that_ended(run, monkeypatch):
+def test_process_status_records_who_trains_and_how_it_ended(run, monkeypatch):
     monkeypatch.setenv("SLURM_ARRAY_JOB_ID", "7")
     monkeypatch.setenv("SLURM_ARRAY_TASK_ID", "2")
 
@@ -245,12 +245,12 @@ NOBODY = 2**22 + 1
     ("machine", "process", "state"),
     [(platform.node(), NOBODY, "stopped"), (platform.node(), 1, "running"), ("elsewhere", NOBODY, "running")],
 )
-def test_a_process_of_this_machine_that_is_gone_was_stopped(run, machine, process, state):
+def test_run_of_a_vanished_local_process_counts_as_stopped(run, machine, process, state):
     (run / STATE).write_text(to_json(asdict(ProcessStatus("running", machine, process))))
     assert progress_of(run).state.state == state
 
 
-def test_a_run_whose_files_cannot_be_read_has_failed(run):
+def test_run_with_unreadable_files_counts_as_failed(run):
     (run / STATE).write_text("garbage")
     found = progress_of(run).state
     assert found.state == "failed"

@@ -57,7 +57,7 @@ def visited():
     return jax.jit(fresh_starts, static_argnames="games")(GAME, games=400, key=jax.random.key(0))
 
 
-def test_games_that_opponents_cannot_share_evenly_are_all_played(monkeypatch):
+def test_opponents_of_unequal_shares_play_all_games(monkeypatch):
     """109 for two, and those of both attackers."""
     for part in ("joint", "safety"):  # the tables' values do not matter here
         monkeypatch.setattr(
@@ -70,7 +70,7 @@ def test_games_that_opponents_cannot_share_evenly_are_all_played(monkeypatch):
     assert players[plan.stage.side.other].games == (55, 54, 15, 4)
 
 
-def test_what_is_asked_is_those_visited_and_others_around_close_and_anywhere(visited):
+def test_states_near_are_visited_perturbed_close_and_random_ones(visited):
     assert np.sum(np.asarray(visited.evader.v) == 0) == 200, "every other start is the game's own"
     asked, visited = jax.tree.map(np.asarray, (jax.jit(states_near)(GAME, visited, jax.random.key(1)), visited))
     same, around, close, anywhere = np.split(np.arange(len(asked.steps)), [400, 800, 900])
@@ -99,7 +99,7 @@ def values_of(lessons, states):
     return eqx.filter_jit(lessons.values)(states, Role.EVADER)
 
 
-def test_a_teacher_says_the_values_of_its_player_and_cuts_off_how_bad_is_bad(student, visited):
+def test_teacher_values_are_those_of_its_player_clipped_below(student, visited):
     blank, says = jax.tree.map(np.zeros_like, student), jnp.array([5, 4, 3, 2, 1, 0, -1, -10, 4.5])
     player = eqx.tree_at(lambda one: one.network.layers[-1].bias, blank, says)
     values = values_of(DistillationTask(GAME, (), 10.0, player, None, None), visited)
@@ -110,7 +110,7 @@ def test_a_teacher_says_the_values_of_its_player_and_cuts_off_how_bad_is_bad(stu
 LEFT = np.linspace(0.005, 0.025, NUM_ACTIONS)
 
 
-def test_where_room_is_short_what_a_teacher_prefers_counts_in_proportion(visited, monkeypatch):
+def test_teacher_preferences_scale_with_the_remaining_clearance(visited, monkeypatch):
     """A quarter of the wanted room is left at best, so that a quarter of each difference remains."""
     monkeypatch.setattr(Clearance, "after", lambda *_: jnp.float32(LEFT))
     grid, _ = reference_grid(GAME, Role.EVADER)
@@ -120,7 +120,7 @@ def test_where_room_is_short_what_a_teacher_prefers_counts_in_proportion(visited
     np.testing.assert_allclose(eqx.filter_jit(room.weigh_against)(behind, visited.evader), behind / 4 - cost, atol=1e-6)
 
 
-def test_a_cautious_agent_takes_what_clearance_is_missing_off_the_values_until_it_is_bold_again():
+def test_clearance_penalty_lowers_values_and_can_be_removed():
     """The units that never vary are given up, whatever they add."""
     network, keys = make_network("egocentric", 32, 2, jax.random.key(0)), jax.random.split(jax.random.key(1), 2)
     for number in (0, 1):
@@ -138,7 +138,7 @@ def test_a_cautious_agent_takes_what_clearance_is_missing_off_the_values_until_i
         assert without_clearance_penalty(never) is never
 
 
-def test_caution_needs_an_observation_that_knows_the_room_to_brake():
+def test_clearance_margin_needs_an_observation_with_braking_clearance():
     config = replace(
         RUN, dqn=replace(FITTING, observation="encoded"), distillation=replace(SEEING, clearance_margin=0.05)
     )
@@ -147,7 +147,7 @@ def test_caution_needs_an_observation_that_knows_the_room_to_brake():
 
 
 @pytest.mark.slow
-def test_the_agent_of_a_run_is_as_cautious_as_its_config_says(tmp_path):
+def test_trained_agent_has_the_configured_clearance_penalty(tmp_path):
     fitting = replace(FITTING, observation="egocentric", games=32, env_steps_per_update=32)
     daring = replace(RUN, dqn=fitting, distillation=replace(SEEING, env_steps=8192, evaluation_games=8))
     careful = replace(daring, distillation=replace(daring.distillation, clearance_margin=0.06))
@@ -172,7 +172,7 @@ def uninterrupted(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_each_of_several_arenas_has_a_teacher_that_says_what_it_would_alone(setting, visited, monkeypatch):
+def test_each_of_several_arenas_has_its_own_teacher(setting, visited, monkeypatch):
     """All have one shape, so that compiled steps serve all; what is taught is the arena's own."""
     arenas = [GAME.arena, Arena(x_min=-1.0, x_max=2.0, y_max=4.0)]
     monkeypatch.setattr(
@@ -189,7 +189,7 @@ def test_each_of_several_arenas_has_a_teacher_that_says_what_it_would_alone(sett
 
 
 @pytest.mark.slow
-def test_a_run_leaves_an_agent_that_has_learned_what_the_table_says(uninterrupted, setting, visited):
+def test_distillation_run_learns_the_values_of_the_table(uninterrupted, setting, visited):
     assert list(agents(uninterrupted)) == ["E_distilled"]
     assert len(list((uninterrupted / "tables").iterdir())) == 2
     agent = load_agent(uninterrupted / "agents" / "E_distilled.safetensors")
@@ -228,7 +228,7 @@ def learning(game, student):
     return setting, asked
 
 
-def test_without_tables_a_student_learns_in_states_that_it_visits_while_its_sighting_is_fresh(student):
+def test_student_with_sensors_learns_in_states_with_a_recent_sighting(student):
     setting, asked = learning(SHORT_SIGHTED, student)
     assert setting.table is None
     games, known, states, learns, _ = asked(jax.jit(starts_of, static_argnums=1)(setting, 64, jax.random.key(0)), 12)
@@ -241,7 +241,7 @@ def test_without_tables_a_student_learns_in_states_that_it_visits_while_its_sigh
     assert np.all(np.asarray(known.evader.x != states.evader.x)[hidden]), "the teacher sees where it went"
 
 
-def test_the_robots_of_a_team_learn_while_they_are_in_play(student):
+def test_only_active_robots_of_a_team_learn(student):
     setting, asked = learning(make_game("team-2v1"), student)
     starts = jax.jit(starts_of, static_argnums=1)(setting, 16, jax.random.key(0))
     *_, learns, values = asked(eqx.tree_at(lambda one: one.status.pursuer[1], starts, jnp.int32(np.arange(16) == 3)), 0)
@@ -249,7 +249,7 @@ def test_the_robots_of_a_team_learn_while_they_are_in_play(student):
     assert values.shape == (32, 9)
 
 
-def test_where_there_is_nothing_to_learn_nothing_is_learned(student):
+def test_distillation_error_ignores_rows_without_teacher_values(student):
     rows, values = jax.random.normal(jax.random.key(1), (8, 8)), jax.random.normal(jax.random.key(2), (8, 9))
     half = values.at[::2].set(jnp.nan)
     slope = jax.jit(jax.grad(distillation._error))
@@ -259,7 +259,7 @@ def test_where_there_is_nothing_to_learn_nothing_is_learned(student):
 
 
 @pytest.mark.slow
-def test_a_run_with_sensors_learns(tmp_path):
+def test_distillation_with_sensors_lowers_the_loss(tmp_path):
     longer = replace(SEEING, updates=24, env_steps=163_840)
     wider = replace(FITTING, width=64, depth=2)
     run = replace(RUN, game=SHORT_SIGHTED, dqn=wider, distillation=longer)
@@ -271,7 +271,7 @@ def test_a_run_with_sensors_learns(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_run_that_is_stopped_goes_on_to_the_same_end(uninterrupted, tmp_path):
+def test_stopped_distillation_resumes_to_the_same_end(uninterrupted, tmp_path):
     folder = begin(tmp_path / "run", RUN)
     assert not TrainingRun(RUN, folder, should_stop=stop_after(3)).execute()
     assert agents(folder) == {}
@@ -286,7 +286,7 @@ def test_a_run_that_is_stopped_goes_on_to_the_same_end(uninterrupted, tmp_path):
         ({"opponents": ("nobody",)}, "agent 'nobody'"),
     ],
 )
-def test_players_that_cannot_take_part_are_refused(change, message):
+def test_unsuitable_teachers_and_opponents_are_refused(change, message):
     with pytest.raises(InvalidInput, match=message):
         distillation_tasks(
             replace(RUN, game=SHORT_SIGHTED, distillation=replace(SEEING, **change)), SHORT_SIGHTED, None

@@ -61,7 +61,7 @@ def expected_sample(history, time, game, n_step):
 
 @pytest.mark.parametrize(("n_step", "max_n_step"), [(1, 1), (1, 3), (2, 3), (3, 3)])
 @pytest.mark.parametrize("steps", [4, 11, 12, 13, 20, 24, 31])
-def test_samples_are_what_the_twin_says_and_equally_likely(steps, n_step, max_n_step):
+def test_replay_samples_match_plain_lists_and_are_uniform(steps, n_step, max_n_step):
     """With the ring partly filled, just full, and overwritten up to every part of it, by several rows at once or one.
 
     Those still in the ring are drawn from which a whole window of rows has been played.
@@ -84,7 +84,7 @@ def test_samples_are_what_the_twin_says_and_equally_likely(steps, n_step, max_n_
     np.testing.assert_array_equal(batch.next_observation[:512], next_observation)
 
 
-def test_a_game_that_is_over_is_not_cut():
+def test_truncate_latest_leaves_finished_games_unchanged():
     """In the latest row the first of three games was ended by the rules and the last one by the time limit."""
     history = play(np.random.default_rng(5), ROWS + 3)
     history["terminated"][-1], history["truncated"][-1] = (True, False, False), (False, False, True)
@@ -116,7 +116,7 @@ def one_hot(state):
     [(False, 6.0), (True, 4.0)],
     ids=["the target's own best action", "the action that the network likes best"],
 )
-def test_the_loss_is_the_mean_squared_error_of_the_chosen_actions_and_moves_them_alone(double, next_value):
+def test_dqn_loss_is_the_squared_error_of_the_chosen_actions(double, next_value):
     network, target = table({(3, 0): 2.0, (1, 1): 8.0}), table({(1, 1): 4.0, (5, 1): 6.0})
     batch = replay_buffer.TransitionBatch(
         observation=one_hot([0, 0]),
@@ -133,7 +133,7 @@ def test_the_loss_is_the_mean_squared_error_of_the_chosen_actions_and_moves_them
     np.testing.assert_allclose(gradient.layers[0].weight, expected, atol=1e-6)
 
 
-def test_an_update_is_one_step_of_adam():
+def test_dqn_update_is_one_step_of_adam():
     """Adam's first step is the step size against the gradient's sign, whatever the gradient's size."""
     learner = PLAIN.init_learner(jax.random.key(0), table({(3, 0): 2.0}))
     batch = replay_buffer.TransitionBatch(
@@ -199,7 +199,7 @@ def numpy_values(critics, observation, actions):
     return np.stack([numpy_layers(layers, inputs)[:, 0] for layers in (critics.first, critics.second)])
 
 
-def test_far_out_densities_are_finite():
+def test_densities_of_saturated_actions_are_finite():
     actor = eqx.tree_at(
         lambda actor: actor.layers[-1].bias,
         make_actor("paper", 4, 1, jax.random.key(5)),
@@ -211,7 +211,7 @@ def test_far_out_densities_are_finite():
     assert (density > 50).all()
 
 
-def test_the_actors_loss_agrees_with_numpy():
+def test_actor_loss_matches_numpy():
     actor, critics, batch = make_actor("paper", 16, 1, jax.random.key(0)), make_critics(3), random_batch(4)
     noise, temperature = jax.random.normal(jax.random.key(6), (32, 2)), 0.3
     actions, density = numpy_draw(actor, batch.observation, noise)
@@ -221,7 +221,7 @@ def test_the_actors_loss_agrees_with_numpy():
     assert mean_density == pytest.approx(density.mean(), rel=1e-4)
 
 
-def test_an_update_reports_the_critics_loss_against_soft_targets():
+def test_sac_update_reports_the_critic_loss_against_soft_targets():
     """NumPy again, from the noise that the key gives to next actions; targets by the target critics."""
     learner, batch, key = init(CONFIG, jax.random.key(1)), random_batch(2), jax.random.key(7)
     learner = eqx.tree_at(lambda this: this.target, learner, make_critics(8))
@@ -234,7 +234,7 @@ def test_an_update_reports_the_critics_loss_against_soft_targets():
     assert loss == pytest.approx(((values - targets) ** 2).mean(axis=1).sum(), rel=1e-4)
 
 
-def test_averages_follow_and_the_actor_waits_for_its_critics():
+def test_averages_follow_and_the_actor_waits_for_the_critics():
     learner, batch = init(CONFIG, jax.random.key(1)), random_batch(2)
     after, _ = sac_update(CONFIG, learner, batch, RATE, jax.random.key(3))
     assert not identical(after.network, learner.network)
@@ -271,7 +271,7 @@ def test_actor_and_temperature_take_steps_of_adam():
         now = after
 
 
-def test_a_game_keeps_its_noise_for_as_many_steps_as_the_config_says_and_each_side_has_its_own():
+def test_exploration_noise_is_held_for_noise_steps_and_differs_by_side():
     """Sixteen steps are eight iterations of two."""
     plan = Plan(replace(CONFIG, games=64, noise_steps=16, env_steps_per_update=128), SelfPlayConfig())
     both = dict.fromkeys(
@@ -291,7 +291,7 @@ def test_a_game_keeps_its_noise_for_as_many_steps_as_the_config_says_and_each_si
     assert (chased != fled).all()
 
 
-def test_a_side_remembers_continuous_actions_and_learns_from_them():
+def test_sac_stores_continuous_actions_and_learns_from_them():
     """Against a side that plays discrete ones; both play in one game."""
     config = SACConfig(**SMALL, learning_starts=CHUNK, critics_first=8)
     plan, evader = Plan(config, StageConfig(env_steps=4 * CHUNK)), {Role.EVADER: single_player(Uniform())}

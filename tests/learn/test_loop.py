@@ -56,7 +56,7 @@ def stage():
     return moments
 
 
-def test_updates_wait_for_a_whole_window_and_the_replay_is_updated_in_place():
+def test_updates_wait_for_a_full_window_and_the_buffer_is_donated():
     """In a chunk that begins late in a stage, but with an empty replay."""
     begun = start(PLAN, GAME, jax.random.key(0), EVADER)
     begun = eqx.tree_at(lambda state: state.env_steps, begun, jnp.asarray(20_000, jnp.int32))
@@ -107,7 +107,7 @@ def test_nothing_is_learned_before_learning_starts(stage):
     assert learning.metrics.losses.evader == 0
 
 
-def test_the_target_is_copied_at_its_period_and_kept_in_between(stage):
+def test_target_network_is_copied_once_per_period(stage):
     """The period is three chunks."""
     start, _, before, due, after = stage
     assert identical(before.learner.target, start.learner.network)
@@ -129,7 +129,7 @@ def test_play_explores_as_scheduled_and_then_is_greedy(stage):
 
 
 @pytest.mark.parametrize("terminates", [False, True])
-def test_games_of_training_end_at_the_time_limit_of_their_stage(terminates):
+def test_training_games_end_at_the_time_limit_of_their_stage(terminates):
     plan = replace(PLAN, stage=replace(STAGE, time_limit=5, limit_terminates=terminates))
     game = plan.stage.trained_in(GAME)
     state, _ = train_chunk(plan, game, start(plan, game, jax.random.key(0), EVADER), EVADER)
@@ -139,7 +139,7 @@ def test_games_of_training_end_at_the_time_limit_of_their_stage(terminates):
     assert bool(jnp.any(rows.terminated)) is terminates
 
 
-def test_a_stage_is_traced_once(monkeypatch):
+def test_stage_is_traced_once(monkeypatch):
     """Not again for later chunks, nor for other numbers of the game or another seed, with sensors too."""
     traces, step_controls = [], Game.step_controls
     monkeypatch.setattr(Game, "step_controls", lambda *given: traces.append("step") or step_controls(*given))
@@ -156,7 +156,7 @@ PURSUERS = 2
 TEAM = in_teams(GAME, PURSUERS, 1)
 
 
-def test_every_robot_of_a_team_is_remembered_and_its_game_is_over_when_it_is_out():
+def test_buffer_stores_each_robot_of_a_team_until_it_is_out():
     """Of two pursuers, rows `[steps, games, robots]`. One that is out is not active until the next game begins, which
     is when its mate's is over too.
     """
@@ -190,7 +190,7 @@ def test_every_robot_of_a_team_is_remembered_and_its_game_is_over_when_it_is_out
     assert ended == metrics.outcomes.sum()
 
 
-def test_the_loss_does_not_see_robots_that_are_out():
+def test_dqn_loss_ignores_inactive_robots():
     network = make_network("paper", 16, 1, jax.random.key(0))
     numbers = jax.random.normal(jax.random.key(1), (4, 8))
     batch = replay_buffer.TransitionBatch(numbers, jnp.arange(4), jnp.ones(4), numbers, jnp.full(4, 0.5))
@@ -204,7 +204,7 @@ def test_the_loss_does_not_see_robots_that_are_out():
 
 
 @pytest.mark.slow
-def test_both_sides_learn_in_teams_against_earlier_versions():
+def test_both_teams_learn_against_earlier_versions():
     """Two against two: every robot of a team is in its game's slot, and broken-off games are cut for all."""
     opponents = OpponentConfig(scheme="uniform", versions=4, slots=2, renewal=CHUNK)
     plan = Plan(DQN, SelfPlayConfig(**vars(STAGE) | {"opponents": opponents}))
@@ -225,7 +225,7 @@ def test_both_sides_learn_in_teams_against_earlier_versions():
     assert metrics.outcomes.sum() > 20
 
 
-def test_an_agent_that_reads_egocentric_goes_on_in_teams(tmp_path):
+def test_egocentric_agent_initializes_a_team_network(tmp_path):
     path = tmp_path / "P.safetensors"
     network = make_network("egocentric", 16, 1, jax.random.key(0))
     save_agent(describe(network, Role.PURSUER, {}, {}), path)

@@ -51,7 +51,7 @@ def archive_of(count, config=CONFIG):
     return archive
 
 
-def test_everyone_plays_their_own_games():
+def test_learner_and_past_versions_each_play_their_own_games():
     at_large, *others = networks(4)
     players = LearnerAndPast(
         Greedy(at_large), jax.tree.map(lambda *leaves: jnp.stack(leaves), *map(Greedy, others)), 3, 4, 5
@@ -67,7 +67,7 @@ def test_everyone_plays_their_own_games():
     assert (expected != alone).any()
 
 
-def test_versions_enter_when_due_while_there_is_room():
+def test_versions_enter_the_archive_when_due_until_it_is_full():
     archive = archive_of(3)
     assert int(archive.count) == 3
     assert identical(enter(archive, networks(4)[3], jnp.asarray(False)), archive)
@@ -115,7 +115,7 @@ def test_games_are_counted_for_the_version_that_played_them(role):
     assert archive.games[jnp.asarray([1, 3])].tolist() == [0, 0]
 
 
-def test_the_last_game_that_counts_begins_as_late_as_a_whole_one_can():
+def test_unbiased_endings_count_games_that_began_early_enough():
     """Of ten steps of a sitting games can last four: those count that begin at the seventh step at the latest."""
     ends = [[3, 6, 9], [2, 5, 6, 9], [0, 9], [9]]
     over = np.zeros((10, 4), bool)
@@ -145,7 +145,7 @@ def played():
     return states
 
 
-def test_no_opponent_changes_within_a_game_and_the_average_that_learned_enters(played):
+def test_renewal_restarts_games_in_slots_and_archives_the_average(played):
     before, after = played[3], played[4]
     in_slots = np.arange(GAMES) < 4 * SLOT_GAMES
     assert before.games.state.steps[in_slots].max() > 0
@@ -165,7 +165,7 @@ def test_no_opponent_changes_within_a_game_and_the_average_that_learned_enters(p
     assert members == [[0] * 16 + [1] * 8 + [2] * 8 + [0] * 32] * len(played)
 
 
-def test_games_that_are_broken_off_are_truncated_and_not_lost(played):
+def test_interrupted_games_are_truncated_in_the_buffer(played):
     for role in Role:
         before, after = (state.learners[role].buffer for state in played[3:5])
         last = int(before.head) - 1
@@ -176,7 +176,7 @@ def test_games_that_are_broken_off_are_truncated_and_not_lost(played):
         assert identical(before.rows.truncated.at[last].set(False), after.rows.truncated.at[last].set(False))
 
 
-def test_games_in_slots_that_began_in_time_end_in_the_records(played):
+def test_archive_counts_games_in_slots_that_began_in_time(played):
     """Those of the first chunk, which the memory still holds: 128 steps, of which a game can last 100."""
     for role, first in ((Role.PURSUER, 0), (Role.EVADER, 2 * SLOT_GAMES)):
         rows = played[1].learners[role].buffer.rows
@@ -189,7 +189,7 @@ def test_games_in_slots_that_began_in_time_end_in_the_records(played):
         assert 0 < archive.lost[0] < archive.games[0]
 
 
-def test_opponents_change_no_sooner_than_asked():
+def test_opponents_are_renewed_no_sooner_than_configured():
     assert not Plan(DQN, STAGE).resamples_after(1)
     assert not plan_of(OpponentConfig()).resamples_after(1)
     for renewal, chunks in ((CHUNK, 1), (CHUNK + 1, 2), (2 * CHUNK, 2), (1, 1)):
@@ -200,7 +200,7 @@ def test_opponents_change_no_sooner_than_asked():
         ]
 
 
-def test_a_version_that_is_due_between_two_renewals_enters_at_the_next(played):
+def test_version_due_between_renewals_enters_at_the_next(played):
     state, counts = jax.tree.map(jnp.copy, played[0]), []
     for chunks in (1, 2, 3):
         state = resample_all_opponents(PLAN, GAME, replace(state, env_steps=jnp.int32(chunks * CHUNK)))

@@ -70,7 +70,7 @@ def test_unknown_opponents_are_refused_in_every_task():
         require_players(replace(STAGE, tasks=(known, unknown)), RUN.game)
 
 
-def test_actions_are_drawn_as_often_as_their_values_as_logits_say():
+def test_sampling_policy_draws_actions_by_softmax_of_their_values():
     network = make_network("encoded", 8, 1, jax.random.key(0))
     seen, bits = jnp.ones(SIZE), jax.random.bits(jax.random.key(1), (40_000,), jnp.uint32)
     player = SamplingPolicy(network, 0.0, 1.0, 1.0)
@@ -82,7 +82,7 @@ def test_actions_are_drawn_as_often_as_their_values_as_logits_say():
     assert int(player(seen, jnp.uint32(1), jnp.uint32(0xFFFFFFFF))[0]) == 8
 
 
-def test_a_random_number_is_held_and_each_action_keeps_its_probability():
+def test_held_random_numbers_keep_the_action_probabilities():
     player = SamplingPolicy(make_network("encoded", 8, 1, jax.random.key(0)), 0.0, 1.0, 5.0)
     bits = jax.random.bits(jax.random.key(1), (200, 500), jnp.uint32)
 
@@ -97,7 +97,7 @@ def test_a_random_number_is_held_and_each_action_keeps_its_probability():
     assert (held[0] == bits[0]).all(), "a game begins with a number of its own"
 
 
-def test_what_leaves_too_little_room_to_brake_is_drawn_by_what_it_costs():
+def test_clearance_penalty_lowers_the_logits_of_unsafe_actions():
     """An action that lacks 2 cm costs six tenths of a lost game: here 3 in its logarithm."""
     network = make_network("egocentric", 8, 1, jax.random.key(0))
     room = jnp.full(9, 0.4).at[4].set(0.03 / ROOM)
@@ -108,7 +108,7 @@ def test_what_leaves_too_little_room_to_brake_is_drawn_by_what_it_costs():
     np.testing.assert_allclose(clearance_penalty(seen, 0.05, 5.0), differences[0] - differences[1], atol=1e-4)
 
 
-def test_advantages_are_what_followed_less_what_was_expected():
+def test_advantages_match_generalised_advantage_estimation():
     """By the sum over the steps that follow, each of one game alone."""
     row, values = random_row(jax.random.key(0)), np.asarray(jax.random.normal(jax.random.key(9), (16, 32)))
     found = np.asarray(ppo.advantages(PPO, row, jnp.asarray(values)))
@@ -140,7 +140,7 @@ def lesson_of(learner, key, **changes):
     return replace(lesson, **changes)
 
 
-def test_the_loss_is_that_of_schulman_and_others_over_what_counts(learner):
+def test_ppo_loss_matches_schulman_et_al_over_active_rows(learner):
     lesson = lesson_of(learner, jax.random.key(3))
     found, error = ppo._loss((learner.network, learner.critic), PLAN, lesson)
     values, some = np.asarray(learner.network.batch(lesson.observation), float), np.asarray(lesson.counts)
@@ -156,7 +156,7 @@ def test_the_loss_is_that_of_schulman_and_others_over_what_counts(learner):
     np.testing.assert_allclose(found, expected - gains - 0.01 * entropy, rtol=1e-4, atol=1e-5)
 
 
-def test_what_pays_becomes_likelier_and_in_a_round_less_so_the_narrower_the_clip(learner):
+def test_update_raises_the_rewarded_action_less_with_a_narrow_clip(learner):
     """Here action 3 ends a game well."""
     row = random_row(jax.random.key(4), terminated=jnp.ones((16, 32), bool))
     row = replace(row, reward=(row.action == 3).astype(jnp.float32))
@@ -176,7 +176,7 @@ def test_what_pays_becomes_likelier_and_in_a_round_less_so_the_narrower_the_clip
     assert float(error) / 12 < 0.11, "the critic knows how often that pays, no more"
 
 
-def test_the_critic_learns_first_and_robots_out_of_play_teach_nothing(learner):
+def test_critic_learns_first_and_inactive_robots_teach_nothing(learner):
     row, plan = random_row(jax.random.key(5)), replace(PLAN, learner=replace(PPO, critic_first=2))
     waits, _ = learned(learner, row, plan, iterations=1)
     assert eqx.tree_equal(waits.network, learner.network)
@@ -191,7 +191,7 @@ def test_the_critic_learns_first_and_robots_out_of_play_teach_nothing(learner):
     assert eqx.tree_equal(one.network, other.network)
 
 
-def test_games_begin_again_where_others_were_lost():
+def test_games_restart_from_states_of_lost_games():
     """A pursuer that stands marks its game: it is where it was at the start."""
     stage, learner = replace(STAGE, opponents=("still",), restart_fraction=1.0), replace(PPO, steps=128)
     plan = replace(PLAN, learner=learner, stage=stage)
@@ -212,13 +212,13 @@ def test_games_begin_again_where_others_were_lost():
 
 
 @pytest.mark.parametrize(("profile", "unit"), [("paper", 8.0), ("zero-sum", 1.0)])
-def test_rewards_count_in_units_of_a_capture(profile, unit):
+def test_rewards_are_scaled_to_units_of_a_capture(profile, unit):
     row, reward = random_row(jax.random.key(6)), replace(RUN.game.reward, profile=profile, capture=8.0)
     found = ppo._in_units(replace(RUN.game, reward=reward), row)
     np.testing.assert_allclose(found.reward, row.reward / unit, rtol=1e-6)
 
 
-def test_a_response_goes_on_from_an_agent_whose_values_become_logits():
+def test_initial_values_of_a_response_become_logits():
     """A lost game costs 10 in the values of `E_scratch`, and at a temperature of 0.1 of one 10 in its logits."""
     given = replace(RUN, evader="E_scratch", ppo=replace(PPO, width=256, depth=4, temperature=0.1))
     first, agent = (
@@ -254,7 +254,7 @@ def uninterrupted(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_a_run_in_twos_and_alone_leaves_a_cautious_agent(uninterrupted):
+def test_response_run_in_teams_and_alone_saves_one_agent(uninterrupted):
     assert list(agents(uninterrupted)) == ["P_response"]
     header = load_agent(uninterrupted / "agents" / "P_response.safetensors").header
     assert header.training["price"] == 1 / TEAMS.ppo.temperature
@@ -264,7 +264,7 @@ def test_a_run_in_twos_and_alone_leaves_a_cautious_agent(uninterrupted):
 
 
 @pytest.mark.slow
-def test_a_response_that_is_stopped_goes_on_to_the_same_end(uninterrupted, tmp_path):
+def test_stopped_response_resumes_to_the_same_end(uninterrupted, tmp_path):
     folder = begin(tmp_path / "run", TEAMS)
     assert not TrainingRun(TEAMS, folder, should_stop=stop_after(2)).execute()
     assert TrainingRun(TEAMS, folder).execute()
@@ -272,7 +272,7 @@ def test_a_response_that_is_stopped_goes_on_to_the_same_end(uninterrupted, tmp_p
 
 
 @pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
-def test_an_agent_keeps_a_share_of_the_weights_that_it_began_with(share, tmp_path):
+def test_agent_keeps_the_configured_share_of_its_initial_weights(share, tmp_path):
     first = tmp_path / "first.safetensors"
     save_agent(describe(make_network("encoded", 32, 1, jax.random.key(3)), Role.EVADER, to_dict(RUN.game), {}), first)
     run = replace(RUN, evader=str(first), response=replace(STAGE, initial_weight_share=share))
@@ -290,7 +290,7 @@ def test_an_agent_keeps_a_share_of_the_weights_that_it_began_with(share, tmp_pat
     np.testing.assert_allclose(weight, share * begun[0].weight + (1 - share) * after.weight, atol=1e-6)
 
 
-def test_settings_are_those_of_the_tasks_with_opponents_of_their_own():
+def test_training_tasks_have_their_own_games_and_opponents():
     tasks = Task(make_game("paper")), Task(find_game("office"), opponents=("flee", "still"))
     settings = training_tasks(replace(STAGE, role="pursuer", tasks=tasks), PPO, RUN.game)
     kinds = [[type(one).__name__ for one in setting.opponents] for setting in settings]
@@ -306,7 +306,7 @@ def test_settings_are_those_of_the_tasks_with_opponents_of_their_own():
         ({"response": replace(STAGE, clearance_margin=0.05)}, "know the room to brake"),
     ],
 )
-def test_responses_that_cannot_be_are_refused(change, message):
+def test_impossible_responses_are_refused(change, message):
     def settings():
         one = replace(RUN, **change)
         return training_tasks(one.response, one.ppo, one.game)
@@ -315,6 +315,6 @@ def test_responses_that_cannot_be_are_refused(change, message):
         settings()
 
 
-def test_a_batch_divides_the_transitions_of_a_round():
+def test_batch_must_divide_the_transitions_of_a_round():
     with pytest.raises(InvalidInput, match=r"batch = 100 .* games x steps = 512"):
         replace(PPO, batch=100)

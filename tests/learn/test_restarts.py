@@ -36,14 +36,14 @@ def played(*ends):
         (replace(GAME, dt=0.2), Role.EVADER, [0, 1]),
     ],
 )  # fmt: skip
-def test_states_are_kept_from_which_a_game_was_lost_though_not_at_once(game, role, expected):
+def test_states_of_games_lost_late_enough_are_kept(game, role, expected):
     lost = restarts.add_losses(restarts.empty_restarts(STATES), game, STATES, played(*ENDS), role)
     assert int(lost.filled) == int(lost.head) == len(expected)
     np.testing.assert_array_equal(lost.rows.pursuer.x[: len(expected)], STATES.pursuer.x[jnp.array(expected)])
     assert (lost.rows.steps == 0).all(), "its time begins anew"
 
 
-def test_the_latest_take_the_place_of_the_oldest(monkeypatch):
+def test_latest_lost_states_replace_the_oldest(monkeypatch):
     monkeypatch.setattr(restarts, "_KEPT", 4)
     lost, captured = restarts.empty_restarts(STATES), [(20, Outcome.CAPTURED)] * 3
     for _ in range(2):
@@ -53,7 +53,7 @@ def test_the_latest_take_the_place_of_the_oldest(monkeypatch):
 
 
 @pytest.mark.parametrize(("filled", "share", "expected"), [(0, 1.0, 0.0), (2, 0.0, 0.0), (2, 0.3, 0.3), (2, 1.0, 1.0)])
-def test_a_share_of_games_begins_where_others_were_lost_as_soon_as_some_were(filled, share, expected):
+def test_restart_fraction_of_games_begins_in_lost_states(filled, share, expected):
     captured = [(20, Outcome.CAPTURED)] * filled
     empty = restarts.empty_restarts(STATES)
     lost = restarts.add_losses(empty, GAME, STATES, played(*captured), Role.EVADER)

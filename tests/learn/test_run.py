@@ -68,7 +68,7 @@ def assert_same_end(folder, uninterrupted):
     assert metrics(folder) == metrics(uninterrupted)
 
 
-def test_a_run_leaves_its_config_metrics_checkpoint_and_agents(uninterrupted):
+def test_run_leaves_its_config_metrics_checkpoint_and_agents(uninterrupted):
     files = {"agents", CHECKPOINT, "config.toml", "metrics.jsonl", "state.json"}
     assert {path.name for path in uninterrupted.iterdir()} == files
     assert sorted(agents(uninterrupted)) == [*CURRICULUM, "P_stage1"]
@@ -97,7 +97,7 @@ def test_every_chunk_has_a_line_of_metrics(uninterrupted):
 
 
 @pytest.mark.slow
-def test_opponents_from_the_past_are_resumed_with_the_rest(tmp_path):
+def test_resumed_run_restores_past_opponents(tmp_path):
     past = OpponentConfig(scheme="prioritised-hard", versions=4, slots=2, renewal=CHUNK)
     config = replace(RUN, stages="self-play", self_play=replace(RUN.self_play, opponents=past))
     whole, broken = begin(tmp_path / "whole", config), begin(tmp_path / "broken", config)
@@ -108,7 +108,7 @@ def test_opponents_from_the_past_are_resumed_with_the_rest(tmp_path):
     assert load_config(whole / "config.toml") == config
 
 
-def test_a_finished_run_resumed_has_nothing_left_to_do(uninterrupted):
+def test_resuming_a_finished_run_changes_nothing(uninterrupted):
     before = agents(uninterrupted), metrics(uninterrupted)
     reports = []
     assert TrainingRun(RUN, uninterrupted, lambda *report: reports.append(report)).execute()
@@ -138,7 +138,7 @@ def kill_at(moment, count, monkeypatch):
     return lambda line, share: happens("chunk")
 
 
-def test_a_run_killed_again_and_again_ends_the_same(uninterrupted, tmp_path, monkeypatch):
+def test_repeatedly_killed_run_ends_the_same(uninterrupted, tmp_path, monkeypatch):
     """Between metrics and checkpoint, before the first checkpoint of stage 2, and between two agents."""
     monkeypatch.setattr(run_module, "CHECKPOINT_SECONDS", 0.0)
     folder = begin(tmp_path / "run")
@@ -150,7 +150,7 @@ def test_a_run_killed_again_and_again_ends_the_same(uninterrupted, tmp_path, mon
     assert not list(folder.rglob("*.tmp"))
 
 
-def test_two_processes_never_train_in_one_folder(tmp_path):
+def test_second_process_in_the_same_folder_is_refused(tmp_path):
     """A lock of one process holds against a second one of its own, too."""
     folder = begin(tmp_path / "run")
     (folder / "half.tmp").touch()
@@ -163,7 +163,7 @@ def test_two_processes_never_train_in_one_folder(tmp_path):
         assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
 
 
-def test_a_folder_on_nfs_is_locked_for_other_machines_too(tmp_path, monkeypatch):
+def test_run_lock_holds_on_nfs(tmp_path, monkeypatch):
     """There a lock of what is not open for writing is an error, and one of a folder is this machine's alone."""
     folder, locks = begin(tmp_path / "run"), []
 
@@ -180,7 +180,7 @@ def test_a_folder_on_nfs_is_locked_for_other_machines_too(tmp_path, monkeypatch)
         pass
 
 
-def test_a_link_in_a_run_is_not_followed_to_what_is_somebodys_own(tmp_path):
+def test_symbolic_links_in_a_run_are_refused(tmp_path):
     folder, own = begin(tmp_path / "run"), tmp_path / "thesis.tex"
     own.write_text("mine")
     (folder / "metrics.jsonl").symlink_to(own)
@@ -222,7 +222,7 @@ def scripted(monkeypatch):
     return script
 
 
-def test_self_play_goes_on_from_the_best_pursuer_of_stage_1(self_play_starts, scripted, tmp_path, monkeypatch):
+def test_self_play_starts_from_the_best_pursuer_of_stage_1(self_play_starts, scripted, tmp_path, monkeypatch):
     """Of its four evaluations, the third is the first of the best. Progress weighs less from then on."""
     evaluated, weights, play_and_learn = scripted(3, 4, 9, 9, 0), [], loop.train_chunk
 
@@ -253,7 +253,7 @@ def test_self_play_goes_on_from_the_best_pursuer_of_stage_1(self_play_starts, sc
     assert runs_below(tmp_path) == [folder]
 
 
-def test_a_given_pursuer_goes_on_against_several_evaders(uninterrupted, scripted, tmp_path, monkeypatch):
+def test_given_pursuer_trains_against_several_evaders(uninterrupted, scripted, tmp_path, monkeypatch):
     """No update is made, so what is kept is what was given: of the last evaluation, not of that with most captures."""
     evaluated, seen, no_games = scripted(3, 1), [], jnp.zeros(len(Outcome), jnp.int32)
     nothing = loop.Metrics(no_games, *[BySide(jnp.zeros(()), jnp.zeros(()))] * 2, jnp.asarray(0))
@@ -277,7 +277,7 @@ def test_a_given_pursuer_goes_on_against_several_evaders(uninterrupted, scripted
     assert seen == [2, 2, 2], "the same evaders in training and in both evaluations"
 
 
-def test_self_play_goes_on_from_given_agents_and_resumes_without_their_files(uninterrupted, self_play_starts, tmp_path):
+def test_self_play_starts_from_given_agents_and_resumes_without_files(uninterrupted, self_play_starts, tmp_path):
     first = tmp_path / "P.safetensors", tmp_path / "E.safetensors"
     for path, name in zip(first, ("P_stage1", "E_curriculum"), strict=True):
         path.write_bytes(agents(uninterrupted)[name])
@@ -302,7 +302,7 @@ def test_self_play_goes_on_from_given_agents_and_resumes_without_their_files(uni
         (make_actor, ("paper", 16, 1)),
     ],
 )  # fmt: skip
-def test_a_first_pursuer_of_another_kind_than_the_config_trains_is_refused(tmp_path, make, size):
+def test_initial_pursuer_of_another_network_kind_is_refused(tmp_path, make, size):
     path = tmp_path / "P.safetensors"
     save_agent(describe(make(*size, jax.random.key(0)), Role.PURSUER, {}, {}), path)
     with pytest.raises(InvalidInput, match=f"{path}.*a QNetwork of 1 layers of 16 that reads 'paper', as this config"):
@@ -318,7 +318,7 @@ def test_self_play_can_start_from_scratch(uninterrupted, self_play_starts, tmp_p
     assert metrics(folder) != metrics(uninterrupted)[4:5]
 
 
-def test_a_checkpoint_that_lies_about_the_metrics_is_refused_and_cuts_nothing(uninterrupted, tmp_path):
+def test_checkpoint_with_wrong_metrics_size_is_refused_without_truncation(uninterrupted, tmp_path):
     content, whole = ((uninterrupted / name).read_bytes() for name in (CHECKPOINT, "metrics.jsonl"))
     folder, line = begin(tmp_path / "run"), len(whole.splitlines(keepends=True)[-1])
     (folder / "metrics.jsonl").write_bytes(whole)
@@ -343,7 +343,7 @@ def stopped(tmp_path_factory):
     "changed",
     [{"dqn": replace(DQN, depth=2)}, {"dqn": replace(DQN, replay_capacity=2 * CHUNK)}, {"stages": "fixed-target"}],
 )
-def test_a_checkpoint_of_another_config_is_refused(source, tmp_path, changed, request):
+def test_checkpoint_of_another_config_is_refused(source, tmp_path, changed, request):
     config = replace(RUN, **changed)
     shutil.copy(request.getfixturevalue(source) / CHECKPOINT, folder := begin(tmp_path / "run", config))
     with pytest.raises(InvalidInput, match="train again"):

@@ -137,7 +137,7 @@ def running(run):
     return found if found["state"] == "running" else None
 
 
-def test_a_sweep_with_a_killed_and_a_preempted_job_comes_to_the_same_bits_as_by_processes(slurm, tmp_path):
+def test_slurm_sweep_with_killed_and_preempted_jobs_matches_local_sweep(slurm, tmp_path):
     config = to_dict(RUN)
     for stage in ("fixed_target", "self_play"):
         config[stage] |= {"env_steps": 6 * 8192}  # long enough to be caught in the middle

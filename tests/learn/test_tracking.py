@@ -32,7 +32,7 @@ def check(found, run):
     assert len(returns) == len(lines)
 
 
-def test_tensorboards_files_have_every_record(run):
+def test_tensorboard_files_have_every_record(run):
     pytest.importorskip("tensorboardX", reason="needs tensorboardX: pip install tensorboardX")
     reading = "tensorboard.backend.event_processing.event_accumulator"
     accumulator = pytest.importorskip(reading, reason="needs tensorboard: pip install tensorboard")
@@ -54,7 +54,7 @@ def stand_in(name, monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["wandb", "mlflow", "trackio"])
-def test_other_trackers_are_sent_every_record_and_closed(run, monkeypatch, name):
+def test_other_trackers_receive_every_record_and_are_closed(run, monkeypatch, name):
     module = stand_in(name, monkeypatch)
     monkeypatch.setenv("WANDB_DIR", "")  # so that what follows is undone
     monkeypatch.delenv("WANDB_DIR")
@@ -70,7 +70,7 @@ def test_other_trackers_are_sent_every_record_and_closed(run, monkeypatch, name)
     assert [one["seed"] for one in told if isinstance(one, dict) and "seed" in one] == [seed]
 
 
-def test_a_tracker_that_refuses_is_told_in_a_line(run, monkeypatch, capsys):
+def test_tracker_refusal_is_reported_in_one_line(run, monkeypatch, capsys):
     def refuse(**options):
         raise RuntimeError("no key")
 

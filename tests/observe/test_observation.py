@@ -39,13 +39,13 @@ PURSUER, EVADER = (2.0, 1.0, 1.0, math.pi / 2), (4.0, 0.0, 1.0, 0.0)
 
 
 @pytest.mark.parametrize(("role", "order"), [(Role.PURSUER, 1), (Role.EVADER, -1)])
-def test_paper_scales_positions_and_speeds_to_their_limits_and_headings_by_pi(role, order):
+def test_paper_scales_positions_and_speeds_by_limits_and_headings_by_pi(role, order):
     pursuer, evader = [-0.5, 0.5, 0.5, 0.5], [0.0, 0.0, 0.0, 0.0]
     expected = np.concatenate([pursuer, evader][::order])
     np.testing.assert_allclose(observe(OPEN, state(PURSUER, EVADER), role, "paper"), expected, atol=1e-6)
 
 
-def test_encoded_number_by_number():
+def test_encoded_has_the_expected_numbers():
     """The pursuer looks up: the evader is 1 m behind and 2 m to its right, and it would stop on the wall."""
     own, opponent = [-0.5, 0.5, 0.5, 0, 1], [0, 0, 0, 1, 0]
     relative, own_clearances, opponents = [-1 / 8, -2 / 8, math.sqrt(5) / 8], [1.0 - 0.1, 0.0 - 0.1], [1.0, 1.0]
@@ -73,7 +73,7 @@ def seen(now):
     return np.asarray(look_by_chart(divided(pursuer=slow, capture_distance=0.6), now))
 
 
-def test_robots_number_by_number():
+def test_egocentric_robot_numbers_match_the_geometry():
     """The pursuer at (2, 4) looks up at 0.6 m/s; the evader is 3 m to its right and drives away from it."""
     numbers = seen(state((2.0, 4.0, 0.6, math.pi / 2), (5.0, 4.0, 1.2, 0.0)))[:23]
     own = [0.5, 0.5, 2.0, 2.0, 0.5, 0.0, 1.0, 1.0]
@@ -82,14 +82,14 @@ def test_robots_number_by_number():
     np.testing.assert_allclose(numbers, own + apart + other, atol=0.03)
 
 
-def test_rays_number_by_number():
+def test_egocentric_rays_match_the_distances_to_walls():
     numbers = seen(state((2.0, 4.0, 0.0, 0.0), (5.0, 4.0, 0.0, 0.0)))[23 : 23 + RAYS]
     assert numbers.shape == (RAYS,)
     for angle, wall in ((0, 2.0), (RAYS // 4, 4.0), (RAYS // 2, 2.0), (3 * RAYS // 4, 4.0)):
         assert numbers[angle] == pytest.approx(1 / (1 + wall - 0.15), abs=0.01)
 
 
-def test_ways_say_where_to_go_and_who_is_first():
+def test_egocentric_paths_show_the_way_and_who_arrives_first():
     """Behind a wall 6 m long the evader is not seen, its way leads up, and it is last wherever the pursuer can go."""
     hidden = seen(state((3.0, 4.0, 0.0, math.pi / 2), (5.0, 4.0, 0.0, 0.0)))[23 + RAYS :]
     length = math.hypot(1.15, 2.15) + 0.5 + math.hypot(0.95, 2.15)  # the larger body, 15 cm, stays off the wall's end
@@ -111,7 +111,7 @@ def test_ways_say_where_to_go_and_who_is_first():
 
 
 @pytest.mark.parametrize(("dt", "hold"), [(0.05, 0.1), (0.1, 0.1), (0.2, 0.2)])
-def test_braking_is_the_clearance_of_a_shield_that_holds_actions_for_as_long(dt, hold):
+def test_braking_clearance_matches_the_shield_with_the_same_hold(dt, hold):
     """By the chart instead of exact contact, within a few centimetres; clipped and scaled."""
     body = Unicycle(radius=0.15)
     game = divided(pursuer=body, dt=dt)
@@ -134,7 +134,7 @@ def test_braking_is_the_clearance_of_a_shield_that_holds_actions_for_as_long(dt,
     assert np.quantile(wrong, 0.99) < 0.06
 
 
-def test_braking_goes_by_the_drive_and_by_the_commands_on_their_way():
+def test_braking_clearance_accounts_for_the_drive_and_pending_commands():
     """Against the drive's own course, after the action, in steps of 0.02 s, by the chart's clearance."""
     body, drive = Unicycle(radius=0.15), Drive(lag=2, turn_time=0.6)
     game, at_once = divided(pursuer=body, drives=Drives(pursuer=drive)), Drive(turn_time=0.6)
@@ -172,7 +172,7 @@ def test_braking_goes_by_the_drive_and_by_the_commands_on_their_way():
     assert np.quantile(np.abs(np.asarray(unknown - expected)), 0.97) > 0.1, "of a robot that does at once as it is told"
 
 
-def test_actions_differ_however_near_commands_on_their_way_pass_a_wall():
+def test_actions_differ_in_clearance_while_pending_commands_pass_a_wall():
     """No action can change what happens before it takes effect."""
     game = divided(drives=Drives(pursuer=Drive(lag=2)))
     along = replace(
@@ -184,14 +184,14 @@ def test_actions_differ_however_near_commands_on_their_way_pass_a_wall():
     assert right + 0.002 < straight < left - 0.002
 
 
-def test_a_robot_that_can_hardly_brake_still_has_numbers():
+def test_egocentric_numbers_are_finite_for_a_robot_that_cannot_brake():
     game = divided(pursuer=Unicycle(u1_max=0.0, u2_max=15.0))
     numbers = look_by_chart(game, state((2.0, 4.0, 0.6, 0.0), (5.0, 4.0, 1.2, 0.0)))
     assert np.all(np.isfinite(numbers))
     assert np.all(np.abs(numbers[-NUM_ACTIONS:]) <= 1)
 
 
-def test_without_a_chart_it_says_what_is_missing():
+def test_egocentric_without_a_chart_is_refused():
     bare = Game(arena=ROOM)
     with pytest.raises(InvalidInput, match="a player that reads an arena's chart"):
         EGOCENTRIC(look(bare, state((2.0, 4.0, 0.6, 0.0), (5.0, 4.0, 1.2, 0.0)), Role.EVADER))
@@ -228,14 +228,14 @@ ME, MATE, THIRD = (2.0, 4.0, 0.6, 0.0), (2.0, 6.0, 1.2, math.pi / 2), (3.0, 7.0,
 PREY, OTHER = (6.0, 7.0, 0.5, 0.0), (7.0, 1.0, 1.0, 1.0)
 
 
-def test_it_begins_with_egocentric_and_alone_is_nothing_else():
+def test_team_observation_extends_egocentric_and_is_zero_without_mates():
     numbers = together([ME], [PREY])
     assert numbers.shape == (1, TEAM.size)
     np.testing.assert_allclose(numbers[0, :FIRST], look_by_chart(divided(), state(ME, PREY)), atol=1e-6)
     assert not numbers[:, FIRST:].any()
 
 
-def test_a_mate_number_by_number():
+def test_teammate_numbers_match_the_geometry():
     """The mate is 2 m to the left and drives away; the evader is behind the wall, 4.47 m and 4.12 m from them."""
     ours = together([ME, MATE], [PREY])[0]
     there, mate, none = slots(ours)[0, 0], slots(ours)[0, 1:], slots(ours)[1:]
@@ -249,13 +249,13 @@ def test_a_mate_number_by_number():
     assert mate[11] > 0.6, "both come from the same side"
 
 
-def test_an_opponent_between_two_pursuers_is_seen_as_such():
+def test_opponent_between_two_pursuers_has_opposite_bearings():
     pincer = together([(1.0, 7.0, 0.0, 0.0), (7.0, 7.0, 0.0, 0.0)], [(4.0, 7.0, 0.0, 0.0)])
     assert (pincer[:, FIRST + 12] < 0.1).all()
     np.testing.assert_allclose(pincer[:, FIRST + 7], -1.0, atol=1e-5)
 
 
-def test_robots_come_by_distance_whatever_their_numbers():
+def test_robots_are_ordered_by_distance_not_by_number():
     """And of an opponent more the nearest is that of `egocentric`, the other one comes after the mates."""
     robots, others = ([ME, MATE, THIRD], [PREY, OTHER]), ([ME, THIRD, MATE], [OTHER, PREY])
     ours, again = (together(*both) for both in (robots, others))
@@ -264,7 +264,7 @@ def test_robots_come_by_distance_whatever_their_numbers():
     np.testing.assert_allclose(slots(ours[0])[:2, 3], [1 / 3, 1 / (1 + math.hypot(1, 3))], atol=1e-5)
 
 
-def test_a_mirror_image_has_the_numbers_that_the_mirror_says():
+def test_mirror_gives_the_observation_of_the_mirror_image():
     """Of the room with its door at the bottom, and of robots of which no two are alike; from the floor to the top."""
     (wall,) = ROOM.polygons
     corners = tuple((x, 8.0 - y) for x, y in reversed(wall.vertices))
@@ -277,12 +277,12 @@ def test_a_mirror_image_has_the_numbers_that_the_mirror_says():
     assert (np.abs(numbers - image) > 0.04).any(axis=0)[[9, 14, FIRST + 2, FIRST + 6, FIRST + 8, FIRST - 1]].all()
 
 
-def test_who_is_out_is_not_seen():
+def test_inactive_robots_are_not_observed():
     some, same = together([ME, MATE, THIRD], [PREY, OTHER], out=(1, 4)), together([ME, THIRD], [PREY])
     np.testing.assert_allclose(some[0], same[0], atol=1e-6)
 
 
-def test_each_robot_of_a_team_knows_its_own_turn_rate():
+def test_views_of_a_team_have_the_turn_rate_of_each_robot():
     game = replace(in_teams(Game(arena=ROOM), 3, 1), drives=Drives(pursuer=Drive(turn_time=0.5)))
     drives = [DriveState(None, jnp.array(rates)) for rates in ([0.1, 0.4], [0.2, 0.5], [0.3, 0.6])]
     known = jax.vmap(lambda state, *drives: replace(state, drives=drives))
@@ -293,7 +293,7 @@ def test_each_robot_of_a_team_knows_its_own_turn_rate():
     assert (views.own.turn_time.tolist(), views.opponents[0].turn_time) == ([0.5] * 6, None)
 
 
-def test_of_many_mates_the_nearest_are_seen():
+def test_nearest_of_many_teammates_are_observed():
     crowd = [ME, *((2.0, 4.5 + away, 0.0, 0.0) for away in (2.5, 1.0, 2.0, 0.5))]
     distances = 1 / slots(together(crowd, [PREY])[0])[:MATES, 3] - 1
     np.testing.assert_allclose(distances, [1.0, 1.5, 2.5], atol=1e-4)
@@ -312,7 +312,7 @@ UNLIKE = Game(
     [((), 1.4), ((1,), 1.1), ((0,), 1.4), ((0, 1), 1.1)],
     ids=["all play", "the nearest is out", "the other is out", "nobody plays"],
 )
-def test_the_opponent_is_the_nearest_that_is_in_play(out, nearest):
+def test_opponent_is_the_nearest_active_one(out, nearest):
     evaders = [RobotStatus.CAPTURED if number in out else RobotStatus.ACTIVE for number in range(2)]
     state = state_of([(1, 1), (5, 5), (9, 9)], [(1, 9), (6, 6)], ([0, 0, 0], evaders))
     for number, own in enumerate((1.0, 1.2, 1.3)):

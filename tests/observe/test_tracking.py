@@ -82,7 +82,7 @@ def played(game, players, key, games, steps):
         pytest.param("examples/dodecahedron.toml", LIDAR, "random", (1, 1), 500, 200, marks=pytest.mark.slow),
     ],
 )
-def test_a_belief_never_loses_the_truth(name, sensors, evader, size, games, steps):
+def test_belief_always_contains_the_true_position(name, sensors, evader, size, games, steps):
     """Every opponent in play is in a cell of the belief, in every state; and the belief is worth having."""
     game = sensing(name, sensors, *size)
     flees = Wanders() if evader == "random" else find_player(evader, Role.EVADER, game).policy
@@ -92,7 +92,7 @@ def test_a_belief_never_loses_the_truth(name, sensors, evader, size, games, step
     assert max(float(jnp.mean(share)) for share in shares) < 0.95 * float(jnp.mean(game.arena.chart.links > 0))
 
 
-def test_a_belief_spreads_as_fast_as_an_opponent_at_most_by_a_cell():
+def test_belief_spreads_at_the_speed_of_the_opponent_to_within_cells():
     """In the open: cells within reach are in it after a time, and none that is further than cells and slack allow."""
     chart = with_chart(find_game("one-large")).arena.chart
     cell, reach = 10 / COARSE, 0.12
@@ -110,7 +110,7 @@ def test_a_belief_spreads_as_fast_as_an_opponent_at_most_by_a_cell():
         assert np.all(cells[(away <= 20 * reach - cell) & ~near] == pytest.approx(2.0))
 
 
-def test_cells_that_are_seen_are_cleared_and_those_behind_a_disc_are_not():
+def test_visible_cells_respect_range_field_of_view_and_obstacles():
     game = sensing("one-large", LIDAR)
     chart, here = game.arena.chart, robot(3.0, 5.0, 0.0, 0.0)
     seen = np.asarray(belief.visible(chart, LIDAR, here))
@@ -124,7 +124,7 @@ def test_cells_that_are_seen_are_cleared_and_those_behind_a_disc_are_not():
     assert not np.any(upwards & ~seen)
 
 
-def test_the_ray_nearest_to_a_direction_is_the_one_whose_course_is_most_like_it():
+def test_ray_of_a_direction_is_the_nearest_ray():
     angles = np.random.default_rng(0).uniform(-np.pi, np.pi, 500)
     place = np.arange(belief.RAYS) * (4 / belief.RAYS)
     rays = np.arctan2(1 - np.abs((place + 1) % 4 - 2), np.abs(place - 2) - 1)
@@ -133,7 +133,7 @@ def test_the_ray_nearest_to_a_direction_is_the_one_whose_course_is_most_like_it(
     assert np.max(apart) < 0.51 * np.max(np.diff(np.sort(rays)))
 
 
-def test_sightings_are_remembered_with_their_age_and_delay():
+def test_track_keeps_the_last_sighting_with_its_age_and_delay():
     """An opponent that is hidden stays where it was seen last; with a delay all comes that much later."""
     for delay, late in ((None, 0), (2, 2)):
         game = replace(find_game("one-large"), sensors=Sensing(pursuer=Sensors(line_of_sight=True, delay=delay)))
@@ -155,7 +155,7 @@ def test_sightings_are_remembered_with_their_age_and_delay():
         assert tracking.apply_track(game, None, state, Role.EVADER) is state
 
 
-def test_an_opponent_seen_late_is_where_its_course_has_led_it_since():
+def test_delayed_sighting_is_extrapolated_to_the_present():
     game = replace(find_game("one-large"), sensors=Sensing(pursuer=Sensors(line_of_sight=True, delay=2)))
     state = game.reset(jax.random.key(0))
     track, places = tracking.init_track(game, state, Role.PURSUER), []
@@ -177,7 +177,7 @@ def looking(game, places, evader):
     return track, believed(game, track, state, Role.PURSUER)
 
 
-def test_times_since_cells_were_seen_and_sightings_are_counted():
+def test_track_counts_sightings_and_times_since_cells_were_seen():
     game = sensing("one-large", LIDAR)
     left, right = robot(2.0, 5.0), robot(8.0, 5.0)
     track, known = looking(game, [left] * 3 + [right] * 4, robot(8.0, 7.0))
@@ -191,7 +191,7 @@ def test_times_since_cells_were_seen_and_sightings_are_counted():
     assert (int(never.sightings.first), int(never.sightings.steps)) == (-1, 0)
 
 
-def test_a_look_is_worth_more_where_it_is_long_ago_and_near():
+def test_search_priority_grows_with_time_unseen_and_nearness():
     """By hand, and nothing where no opponent can be; the best is that of all cells."""
     chart = with_chart(find_game("one-large")).arena.chart
     here = robot(1.1, 1.1)
@@ -209,7 +209,7 @@ def test_a_look_is_worth_more_where_it_is_long_ago_and_near():
         assert np.argmax(belief.search_priority(chart, jnp.asarray(unseen), here)) == 8 * COARSE + 8
 
 
-def test_nothing_of_an_unseen_opponent_reaches_a_player():
+def test_view_is_independent_of_a_hidden_opponent():
     """Two states that differ only in where the hidden evader is give the pursuer the same view."""
     game = sensing("one-large", LIDAR)
 
@@ -224,7 +224,7 @@ def test_nothing_of_an_unseen_opponent_reaches_a_player():
     assert identical(seen(4.8), seen(5.2))
 
 
-def test_with_sensors_that_limit_nothing_games_are_the_same_to_the_bit():
+def test_unlimited_sensors_leave_games_unchanged():
     """All players see, and do, what they do in the game without them."""
     game = find_game("one-large")
     limitless = replace(game, sensors=Sensing(Sensors(), Sensors(line_of_sight=False, range=50.0, delay=0)))

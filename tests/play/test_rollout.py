@@ -100,7 +100,7 @@ def over(transitions):
     return transitions.terminated | transitions.truncated
 
 
-def test_collect_is_stepping_and_starting_again_by_hand():
+def test_collect_matches_stepping_and_resetting_by_hand():
     games, transitions = random_play()
     state = row(random_starts(), 0)
     returns = np.zeros((2, GAMES), np.float32)
@@ -125,7 +125,7 @@ def test_collect_is_stepping_and_starting_again_by_hand():
     np.testing.assert_array_equal(games.state.steps, state.steps)
 
 
-def test_a_batch_that_begins_again_by_itself_tells_how_each_game_ended():
+def test_autoreset_returns_final_states_and_cycles_through_starts():
     """The pursuers drive on; evaders stand. Games that end take their own starts in turn, and then the first again."""
     batch, step = autoreset(GAME, jax.random.key(4), GAMES, starts=ROWS)
     step_once, firsts, turns = jax.jit(step), [np.asarray(batch.state.evader.x)], []
@@ -146,7 +146,7 @@ def test_a_batch_that_begins_again_by_itself_tells_how_each_game_ended():
     assert len({float(x) for _, _, x in turns}) == len(starts)
 
 
-def test_a_scan_takes_the_step_as_it_stands_and_bad_arguments_are_refused():
+def test_autoreset_step_works_in_a_scan_and_refuses_bad_arguments():
     batch, step = autoreset(GAME, jax.random.key(4), GAMES, starts=ROWS)
     actions = jax.random.randint(jax.random.key(0), (5, 2, GAMES), 0, 9)
     last, told = jax.jit(functools.partial(jax.lax.scan, step))(batch, actions)
@@ -164,7 +164,7 @@ def test_a_scan_takes_the_step_as_it_stands_and_bad_arguments_are_refused():
             wrong()
 
 
-def test_a_member_acts_in_its_game_to_the_end_and_another_may_follow():
+def test_pool_member_plays_its_game_to_the_end():
     transitions = random_play()[1]
     side, ended = transitions.sides.pursuer, over(transitions)[:-1]
     np.testing.assert_array_equal(np.array([8, 4, 6])[side.member], side.action)
@@ -173,7 +173,7 @@ def test_a_member_acts_in_its_game_to_the_end_and_another_may_follow():
     assert np.any(changed & ended)
 
 
-def test_members_are_drawn_uniformly_and_independently_whatever_action_ended_the_game():
+def test_pool_members_are_drawn_uniformly_and_independently():
     """Pursuers stand before a wall: those that accelerate leave the arena, all others stay."""
     doomed = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (ROWS, GAMES)), state((4 - 1e-6, 1), (1, 1)))
     players = BySide(pursuers(RANDOM, RANDOM, RANDOM), evaders(1, 7))
@@ -189,7 +189,7 @@ def random_results(slots=5, seed=0, count=37, **how):
     return numpy(play_out(GAME, players, row(starts, slice(count)), jax.random.key(seed), slots, **how))
 
 
-def test_one_compilation_serves_every_number_of_games_and_slots_do_not_matter(monkeypatch):
+def test_play_out_compiles_once_and_is_independent_of_slots(monkeypatch):
     traced = []
     act = Scripted.__call__
     monkeypatch.setattr(Scripted, "__call__", lambda *seen: traced.append(seen) or act(*seen))
@@ -201,7 +201,7 @@ def test_one_compilation_serves_every_number_of_games_and_slots_do_not_matter(mo
     assert identical(whole, random_results())
 
 
-def test_play_out_reports_and_can_be_stopped_while_games_go_on():
+def test_play_out_reports_progress_and_can_be_interrupted():
     """Games of one step, many for each slot: the length of a chunk can still be counted."""
     starts = jax.tree.map(lambda leaf: np.repeat(leaf[:1], 2000, axis=0), row(random_starts(), 0))
     blitz, players = replace(GAME, max_steps=1), BySide(pursuers(*[RANDOM] * 3), evaders(*[RANDOM] * 2))
@@ -219,7 +219,7 @@ def test_play_out_reports_and_can_be_stopped_while_games_go_on():
         random_results(report=stop)
 
 
-def test_every_given_game_ends_and_another_key_plays_others_from_the_same_starts():
+def test_play_out_ends_every_game_and_depends_on_the_key():
     results = random_results()
     assert Outcome.ONGOING not in results.outcome
     assert np.all((results.steps >= 1) & (results.steps <= GAME.max_steps))
@@ -235,7 +235,7 @@ def played_at_once(game, players, count, steps):
     return games, collect(game, players, games, row(starts, None), jax.random.key(5), steps)[1]
 
 
-def test_late_robots_respond_late_each_by_the_lag_of_its_game():
+def test_robots_respond_after_the_lag_of_their_game():
     """A pursuer that always speeds up stays at rest for as many steps as its commands are late."""
     game = randomised(GAME, [Spread(("drives.pursuer.lag",), 0.0, 2.0)])
     games, transitions = played_at_once(game, BySide(pursuers(7), evaders(RANDOM)), GAMES, 10)
@@ -258,7 +258,7 @@ class Counting(AbstractPolicy):
         return memory["steps"] % 9, {"steps": memory["steps"] + 1}
 
 
-def test_memory_begins_with_a_game_and_goes_on_with_it():
+def test_policy_memory_restarts_with_each_game():
     """Each robot of a side has its own; games end after seven steps, and others begin in their places."""
     game = in_teams(replace(make_game("one-large"), max_steps=jnp.int32(7)), 2, 1)
     _, moves = played_at_once(game, BySide(single_player(Counting()), stack([Counting(), Counting()])), 5, 20)
@@ -279,7 +279,7 @@ SLOW = Drives(Drive(lag=2.0, turn_time=0.5), Drive(turn_time=0.9))
 
 
 @pytest.mark.parametrize("drives", [None, SLOW], ids=["at once", "slow drives"])
-def test_a_trace_is_the_course_of_the_game_that_was_played_out(drives):
+def test_recorded_game_matches_the_game_played_out(drives):
     match = replace(MATCH, game=replace(MATCH.game, drives=drives))
     results = play_games(match)
     for index in range(0, RECORDED, 12):
@@ -297,7 +297,7 @@ def replay(request):
     return record_game(replace(MATCH, players=replace(MATCH.players, pursuer=request.param)), index=2)
 
 
-def test_a_replay_survives_its_file_and_plays_again_to_the_same_bits(replay, tmp_path):
+def test_replay_survives_its_file_and_replays_exactly(replay, tmp_path):
     save_replay(replay, tmp_path / "replay.json")
     loaded = load_replay(tmp_path / "replay.json")
     assert replay.actions.shape == (len(replay.states) - 1, 2, 2)[: 3 if replay.pursuer == "wild" else 2]
@@ -308,7 +308,7 @@ def test_a_replay_survives_its_file_and_plays_again_to_the_same_bits(replay, tmp
     assert loaded.first_difference() is None
 
 
-def test_the_first_step_that_differs_is_named(replay):
+def test_first_difference_is_the_first_changed_step(replay):
     states, actions = replay.states.copy(), replay.actions.copy()
     states[7, 4] = np.nextafter(states[7, 4], np.float32(99))
     assert replace(replay, states=states).first_difference() == 7
@@ -326,7 +326,7 @@ TOLERANCE = 1e-5
 
 
 @pytest.mark.parametrize("path", GOLDEN, ids=lambda path: path.stem)
-def test_golden_games_play_again(path):
+def test_golden_games_replay_as_recorded(path):
     replay = load_replay(path)
     steps, actions = len(replay.actions), np.zeros((LONGEST, 2), np.int32)
     actions[:steps] = replay.actions
@@ -337,7 +337,7 @@ def test_golden_games_play_again(path):
 
 
 @pytest.mark.parametrize("key", [jax.random.key(2**31 + 5), jax.random.key(3, impl="rbg")], ids=["threefry", "rbg"])
-def test_words_and_keys_are_those_of_jax(key):
+def test_random_bits_and_folded_keys_match_jax(key):
     for shape in ((), (2, 512)):
         assert_array_equal(threefry_bits(key, shape), jax.random.bits(key, shape, jnp.uint32))
     numbers = jnp.asarray([0, 1, 2**31 - 1, -1], jnp.int32)

@@ -63,14 +63,14 @@ def study(demo, tmp_path_factory):
 
 
 @pytest.mark.usefixtures("study")
-def test_it_tells_at_what_it_is_and_how_many_games_are_over():
+def test_reproduce_reports_its_steps_and_finished_games():
     pieces = [f"playing and drawing {name}" for name in
               ("figure 4", "figure 5", "figure 6", "figure 7", "table 2", "table 3", "figure 8")]  # fmt: skip
     assert [*PROGRESS] == ["loading", *pieces]
     assert PROGRESS[pieces[0]][-1] == (GAMES, GAMES)
 
 
-def test_every_agent_figure_and_claim_is_there(study):
+def test_study_has_every_figure_and_claim(study):
     assert sorted(path.name for path in study.glob("*.png")) == PICTURES
     assert all((study / name).read_bytes().startswith(b"\x89PNG") for name in PICTURES)
     results = json.loads((study / "results.json").read_text())
@@ -85,7 +85,7 @@ def test_every_agent_figure_and_claim_is_there(study):
         assert f"]({name})" in report
 
 
-def test_claims_and_words_are_those_of_the_matches(study):
+def test_claims_and_text_follow_from_the_matches(study):
     results = json.loads((study / "results.json").read_text())
     stage, _, fight, _, second, third, same = [found | found["data"] for found in results["findings"].values()]
 
@@ -110,7 +110,7 @@ def test_claims_and_words_are_those_of_the_matches(study):
 
 
 @pytest.mark.slow
-def test_a_study_that_was_killed_goes_on(tmp_path):
+def test_interrupted_study_resumes(tmp_path):
     """After three chunks of one training."""
     begun = tmp_path / "seed-0" / "scratch"
     config = run_configs(STOPPING, 0)["scratch"]
@@ -127,14 +127,14 @@ def test_a_study_that_was_killed_goes_on(tmp_path):
 @pytest.mark.parametrize(
     ("name", "value", "bound"), [("budget", "huge", "quick"), ("seeds", 0, "at least 1"), ("games", 0, "at least 1")]
 )
-def test_what_cannot_be_reproduced_is_refused_before_anything_is_written(tmp_path, name, value, bound):
+def test_bad_arguments_are_refused_before_anything_is_written(tmp_path, name, value, bound):
     arguments = {"budget": "tiny", "seeds": 1, "resume": False, "games": GAMES, name: value}
     with pytest.raises(InvalidInput, match=f"{name} = {value} .*{bound}"):
         reproduce(tmp_path / "study", **arguments)
     assert not (tmp_path / "study").exists()
 
 
-def test_a_study_is_overwritten_by_no_other(study):
+def test_study_is_not_overwritten_by_another(study):
     before = {path: path.read_bytes() for path in study.rglob("*") if path.is_file()}
     with pytest.raises(InvalidInput, match="resume it"):
         reproduce(study, "quick", 1, resume=False, games=GAMES)
@@ -143,7 +143,7 @@ def test_a_study_is_overwritten_by_no_other(study):
     assert {path: path.read_bytes() for path in study.rglob("*") if path.is_file()} == before
 
 
-def test_the_three_trainings_of_a_seed_are_the_papers():
+def test_run_configs_are_the_three_trainings_of_the_paper():
     runs = run_configs(PRESETS["paper"], 3)
     assert {run.seed for run in runs.values()} == {3}
     stages = {"curriculum": "both", "scratch": "self-play", "random": "fixed-target"}
@@ -154,7 +154,7 @@ def test_the_three_trainings_of_a_seed_are_the_papers():
     assert runs["scratch"].self_play == replace(runs["curriculum"].self_play, pursuer_epsilon=1.0)
 
 
-def test_outcomes_over_seeds_have_an_interval_and_the_papers_counts_none():
+def test_outcome_table_has_intervals_for_several_seeds_only():
     """Student's t with two degrees of freedom: 4.303 x 10 / sqrt(3) points."""
     ours = {"captured": [0.1, 0.2, 0.3], "both_failed": [0.0, 0.0, 0.0]}
     table = outcome_table([("here", ours), ("paper", {"captured": [0.124]}), ("one seed", {"both_failed": [0.5]})])
@@ -164,7 +164,7 @@ def test_outcomes_over_seeds_have_an_interval_and_the_papers_counts_none():
     ]
 
 
-def test_of_many_trainings_the_table_has_the_least_and_the_largest_value():
+def test_claim_table_shows_the_range_of_many_trainings():
     few, many = ((tuple(map(tuple, np.linspace(0.1, 0.9, rows * 3).reshape(rows, 3).tolist()))) for rows in (3, 10))
     rows = claim_table([Claim("few", "", 0.5, 0.5, few), Claim("many", "", 0.5, 0.5, many)], is_full=True).splitlines()
     assert "10.0%, 20.0%, 30.0%; 40.0%, 50.0%, 60.0%; 70.0%, 80.0%, 90.0%" in rows[2]

@@ -97,7 +97,7 @@ def until_fast(world):
     pytest.fail("the pursuer never gets fast")
 
 
-def test_whole_games_at_ten_decisions_a_second(nodes, world, folder):
+def test_nodes_play_whole_games_at_ten_decisions_a_second(nodes, world, folder):
     outcomes, periods, decisions = [], [], []
     for number in range(GAMES):
         outcomes.append(world.play(number).name.lower())
@@ -138,7 +138,7 @@ def spread(values):
     return dict(zip(("least", "1 %", "median", "99 %", "most"), (round(float(one), 4) for one in found), strict=True))
 
 
-def test_it_brakes_at_sigterm_leaves_a_whole_bag_and_ends_well(nodes, world, folder):
+def test_sigterm_brakes_the_robot_and_closes_the_bag(nodes, world, folder):
     until_fast(world)
     nodes[0].send_signal(signal.SIGTERM)
     world.run(0.3)

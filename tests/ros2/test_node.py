@@ -65,7 +65,7 @@ def pilot():
     return module.Pilot(Player(), [own, opponent], speed=0.5)
 
 
-def test_it_does_as_the_player_says_within_the_limits_and_near_the_measured_speed(pilot):
+def test_commands_follow_the_player_within_limits_and_near_measured_speed(pilot):
     made = pilot.command(10.1)
     assert (made.speed, made.turn_rate, made.trouble, made.step) == (pytest.approx(0.53), 0.8, "", 0)
     assert pilot.player.asked == [([OWN, OPPONENT], [True, True])]
@@ -76,7 +76,7 @@ def test_it_does_as_the_player_says_within_the_limits_and_near_the_measured_spee
     assert [pilot.command(10.0).speed for _ in range(40)][-1] == pytest.approx(1.2)
 
 
-def test_a_player_with_sensors_is_told_that_an_opponent_is_not_seen_now(pilot):
+def test_player_with_sensors_gets_an_unseen_opponent_far_away(pilot):
     pilot.player.facts["game"] |= {"sensors": {"pursuer": {"range": 5.0}}}
     assert not pilot.command(10.1).trouble
     for hidden in ({"seen": 9.6}, {"state": None, "seen": -math.inf}):
@@ -131,7 +131,7 @@ TROUBLES = {
 
 
 @pytest.mark.parametrize("trouble", TROUBLES)
-def test_in_trouble_it_brakes_to_rest_and_says_why_and_goes_on_when_it_is_over(pilot, trouble):
+def test_pilot_brakes_to_rest_in_trouble_and_resumes_afterwards(pilot, trouble):
     decide = pilot.player.decide
     TROUBLES[trouble](pilot)
     commands = [pilot.command(10.05) for _ in range(20)]
@@ -151,12 +151,12 @@ def test_in_trouble_it_brakes_to_rest_and_says_why_and_goes_on_when_it_is_over(p
 
 @pytest.mark.parametrize("state", [(-0.49, -1.49, 2.99, 6.0), (10.49, 8.49, -2.99, -6.0)], ids=str)
 @pytest.mark.parametrize("place", [0, 1], ids=["own", "opponent"])
-def test_it_plays_on_where_localisation_and_speeds_err(pilot, place, state):
+def test_pilot_tolerates_small_errors_of_position_and_speed(pilot, place, state):
     pilot.robots[place].state = state
     assert pilot.command(10.0).trouble == ""
 
 
-def test_it_says_why_it_brakes(pilot):
+def test_pilot_gives_the_reason_for_braking(pilot):
     other(state=OWN)(pilot)
     assert pilot.command(10.0).trouble.startswith("own, opponent: one place")
     other(state=(7.0, 6.0, 0.0, math.nan))(pilot)
@@ -167,7 +167,7 @@ def test_it_says_why_it_brakes(pilot):
     assert pilot.command(10.0).trouble.startswith("own: at 7 m/s, and none is faster than 1.5 m/s")
 
 
-def test_an_older_state_that_comes_later_is_left_out_unless_the_clock_went_back(pilot):
+def test_overtaken_state_is_ignored_unless_the_clock_went_back(pilot):
     robot, newer = pilot.robots[1], (7.1, 6.0, 0.0, 0.0)
     robot.see(newer, 10.1, now=10.15)
     robot.see(OPPONENT, 10.05, now=10.2)
@@ -192,7 +192,7 @@ DOUBTS = [
 
 
 @pytest.mark.parametrize(("place", "velocity", "speed", "heading", "doubt"), DOUBTS)
-def test_a_twist_that_contradicts_the_poses_is_said_and_noise_is_not(pilot, place, velocity, speed, heading, doubt):
+def test_twist_that_contradicts_the_poses_is_reported_and_noise_is_not(pilot, place, velocity, speed, heading, doubt):
     rng, robot, way = np.random.default_rng(0), pilot.robots[place], 5 + 1j
     pilot.robots[1 - place].state = (7.0, 6.0, 0.0, 0.0)
     for now in np.arange(10.0, 13.0, 0.1):
@@ -205,7 +205,7 @@ def test_a_twist_that_contradicts_the_poses_is_said_and_noise_is_not(pilot, plac
     assert pilot.doubt.startswith(doubt)
 
 
-def test_a_game_begins_where_the_referee_says_so_and_ends_with_its_time(pilot):
+def test_game_begins_with_the_referee_and_ends_at_its_time_limit(pilot):
     pilot.refereed, pilot.player.facts["max_steps"] = True, 3
     own(judged=10.0)(pilot)
     other(judged=10.0)(pilot)
@@ -218,7 +218,7 @@ def test_a_game_begins_where_the_referee_says_so_and_ends_with_its_time(pilot):
     assert pilot.player.begun == 2
 
 
-def test_a_mate_or_opponent_out_of_play_need_not_be_seen(pilot):
+def test_inactive_teammates_and_opponents_need_not_be_seen(pilot):
     kind = type(pilot.robots[0])
     pilot.player.facts |= {"mates": 1, "opponents": 2}
     mate, gone = kind("mate", MATE, 10.0), kind("gone", None, in_play=False)
@@ -246,7 +246,7 @@ SLOW = [("searching:intercept", "office"), ("shielded:intercept", "team-3v2")]
     ("name", "game"),
     [("P_smooth", "paper"), ("random", "lidar"), *[pytest.param(*both, marks=pytest.mark.slow) for both in SLOW]],
 )
-def test_it_decides_as_the_package_from_call_to_call(name, game, tmp_path):
+def test_compiled_export_decides_as_the_package_over_successive_calls(name, game, tmp_path):
     export, player = compiled(name, game, tmp_path)
     facts, body = export.facts, player.game.pursuer
     assert (facts["dt"], facts["max_steps"], facts["v_max"]) == (player.game.dt, player.game.max_steps, body.v_max)
@@ -272,7 +272,7 @@ def test_it_decides_as_the_package_from_call_to_call(name, game, tmp_path):
 
 
 @needs_gcc
-def test_files_that_do_not_belong_together_are_refused(tmp_path):
+def test_mismatched_export_files_are_refused(tmp_path):
     export, _ = compiled("random", "paper", tmp_path)
     content = (tmp_path / "robot.game").read_bytes()
     (tmp_path / "robot.game").write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
@@ -353,7 +353,7 @@ def listeners(node):
     return {topic: listener for _, topic, listener, _ in (one.args for one in node.create_subscription.mock_calls)}
 
 
-def test_the_node_drives_ten_times_a_second_and_brakes_when_it_sees_nothing(made_node):
+def test_node_drives_at_ten_hertz_and_brakes_without_odometry(made_node):
     node, publishers = made_node()
     (seconds, tick), (second, diagnose) = (one.args for one in node.asked.create_timer.call_args_list)
     assert (seconds, second) == (0.1, 1.0)
@@ -386,7 +386,7 @@ def test_the_node_drives_ten_times_a_second_and_brakes_when_it_sees_nothing(made
     assert {one.key: one.value for one in playing.values}["age of robot2 [s]"] == "0.10"
 
 
-def test_a_state_in_another_frame_is_left_out(made_node):
+def test_odometry_in_another_frame_is_ignored(made_node):
     node, _ = made_node(frame="floor")
     listeners(node)["robot1/odom"](odometry(*OWN, stamp=5.5))
     assert node.pilot.robots[0].state is None
@@ -418,7 +418,7 @@ SOUND = 0.0, 0.0, math.sin(0.6), math.cos(0.6)
     ],
     ids=str,
 )
-def test_it_brakes_where_the_orientation_is_none(made_node, orientation, heading):
+def test_node_brakes_on_an_invalid_orientation(made_node, orientation, heading):
     node, _ = made_node()
     node.get_clock().now().nanoseconds = 5_500_000_000
     message = odometry(*OWN, stamp=5.5)
@@ -433,7 +433,7 @@ def test_it_brakes_where_the_orientation_is_none(made_node, orientation, heading
         assert node.last.states[0][3] == pytest.approx(heading)
 
 
-def test_an_overtaken_message_changes_nothing_and_a_doubt_is_diagnosed(made_node):
+def test_overtaken_message_is_ignored_and_a_doubt_is_diagnosed(made_node):
     node, _ = made_node()
     clock, heard = node.get_clock().now(), listeners(node)
     for number in range(20):
@@ -472,7 +472,7 @@ def crossed(bridge, message):
 
 
 @pytest.mark.parametrize("heading", [0.0, 1.2, -3.0])
-def test_the_bridge_puts_odometry_on_the_map(bridge, made_node, heading):
+def test_bridge_transforms_odometry_to_the_map(bridge, made_node, heading):
     node, lookup, _ = bridge
     assert [one.args[1] for one in node.asked.create_publisher.mock_calls] == ["map_odom"]
     message = odometry(3.0, 1.0, 0.25, heading, stamp=5.4, frame="odom")
@@ -491,7 +491,7 @@ def test_the_bridge_puts_odometry_on_the_map(bridge, made_node, heading):
     assert facing.x**2 + facing.y**2 == pytest.approx(math.sin(tilt) ** 2), "still as tilted"
 
 
-def test_the_bridge_is_silent_where_the_localiser_is(bridge):
+def test_bridge_is_silent_without_a_recent_transform(bridge):
     node, lookup, gone = bridge
     warning = node.get_logger().warning
     stamp = lookup.return_value.header.stamp
@@ -505,7 +505,7 @@ def test_the_bridge_is_silent_where_the_localiser_is(bridge):
 
 
 @pytest.mark.parametrize("name", ["node", "bridge"])
-def test_without_ros_it_says_what_is_missing(name):
+def test_missing_ros_is_reported_in_one_line(name):
     program = f"import runpy, sys; sys.modules['rclpy'] = None; runpy.run_module('apollonius_ros.{name}')"
     environment = os.environ | {"PYTHONPATH": str(PACKAGE)}
     command = [sys.executable, "-c", program]
@@ -517,7 +517,7 @@ def test_without_ros_it_says_what_is_missing(name):
 
 
 @pytest.mark.parametrize("simulated", [True, False])
-def test_steps_are_timed_by_a_clock_that_nobody_sets_back(made_node, monkeypatch, simulated):
+def test_timers_use_a_steady_clock_except_in_simulation(made_node, monkeypatch, simulated):
     clock, kinds = SimpleNamespace(ros_time_is_active=simulated), sys.modules["rclpy.clock"]
     monkeypatch.setattr(Node, "get_clock", lambda node: clock, raising=False)
     node, _ = made_node()
@@ -526,7 +526,7 @@ def test_steps_are_timed_by_a_clock_that_nobody_sets_back(made_node, monkeypatch
     assert clocks == [clock if simulated else steady] * 2
 
 
-def test_a_dry_run_drives_nothing_and_logs_what_it_would(made_node):
+def test_dry_run_publishes_no_commands_and_logs_them(made_node):
     node, publishers = made_node(dry_run=True)
     assert publishers == ["~/decisions", "/diagnostics"]
     node.get_clock().now().nanoseconds = 5_500_000_000
@@ -536,7 +536,7 @@ def test_a_dry_run_drives_nothing_and_logs_what_it_would(made_node):
     assert node.get_logger().info.call_args.args == ("would drive 0.03 m/s, 0.80 rad/s",)
 
 
-def test_the_referee_has_a_topic_for_each_robot(made_node):
+def test_referee_has_a_topic_for_each_robot(made_node):
     node, _ = made_node(in_play="in_play")
     node.get_clock().now().nanoseconds = 5_500_000_000
     listeners(node)["robot2/in_play"](SimpleNamespace(data=False))
@@ -545,14 +545,14 @@ def test_the_referee_has_a_topic_for_each_robot(made_node):
     assert node.pilot.command(5.5).trouble.startswith("robot1: no word of a referee")
 
 
-def test_other_robots_than_those_of_the_export_are_refused(made_node):
+def test_robots_other_than_those_of_the_export_are_refused(made_node):
     with pytest.raises(ValueError, match=r"opponents: \['robot2', 'robot3'\], but the export is for 1"):
         made_node(opponents=["robot2", "robot3"])
     with pytest.raises(ValueError, match=r"robot1, robot1; name each robot once"):
         made_node(opponents=["robot1"])
 
 
-def test_both_nodes_have_all_parameters_and_the_launch_file_hands_them_over(made_node):
+def test_launch_file_passes_the_parameters_of_both_nodes(made_node):
     assert set(parameters("pursuer")) == set(parameters("evader"))
     node, _ = made_node(**parameters("evader") | {"bags": ""})
     assert node.given["own"] == "robot2"

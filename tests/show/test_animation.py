@@ -79,7 +79,7 @@ def replay():
     return Replay(make_game("paper"), "P", "E", 0, 1, 0, states, np.full((STEPS, 2), 4, np.int32), Outcome.NO_RESULT)
 
 
-def test_every_state_is_a_frame_with_both_robots_their_trails_and_the_reach_of_a_capture(replay):
+def test_every_state_has_a_frame_with_robots_trails_and_capture_circle(replay):
     """The pursuer's head is behind its middle, the evader's disc around it: they can be told apart without colours."""
     pictures = list(frames(replace(replay, game=replace(replay.game, capture_distance=1.0))))
     assert len(pictures) == STEPS + 1
@@ -100,7 +100,7 @@ def test_every_state_is_a_frame_with_both_robots_their_trails_and_the_reach_of_a
         assert least <= np.mean([colour_at(picture, *point) != WHITE for point in points]) <= most
 
 
-def test_fog_is_what_a_side_believed_while_the_game_was_played(words_of):
+def test_fog_matches_the_belief_during_the_game(words_of):
     """Cell by cell, in every state; it holds the evader, its colour lies there, and words say so."""
     game = with_chart(replace(find_game("lidar"), max_steps=40))
     match = Match.of_names(game, "pure-pursuit", "flee", 3, seed=5)
@@ -138,7 +138,7 @@ def test_fog_is_what_a_side_believed_while_the_game_was_played(words_of):
     assert fog(replace(replay, game=make_game("paper"))) is None
 
 
-def test_obstacles_and_the_territory_are_where_they_are(replay):
+def test_frames_show_obstacles_and_the_territory_in_place(replay):
     arena = make_game("territory").arena
     polygon, (disc, *_), goal = Polygon(((1.0, 8.0), (3.0, 8.0), (1.0, 9.0))), arena.discs, arena.territory
     game = replace(replay.game, arena=replace(arena, discs=(disc,), polygons=(polygon,)))
@@ -149,7 +149,7 @@ def test_obstacles_and_the_territory_are_where_they_are(replay):
     assert colour_at(picture, goal.x + goal.radius, goal.y) != WHITE
 
 
-def test_a_frame_says_who_plays_the_time_the_distance_and_at_the_end_the_outcome(replay, words_of):
+def test_frame_text_has_players_time_distance_and_outcome(replay, words_of):
     first = words_of(replay, [0])
     assert {"pursuer P", "evader E", "capture within 0.3 m", "0.0 s"} <= set(first)
     assert f"distance {np.hypot(6, 1):.2f} m" in first
@@ -169,7 +169,7 @@ def test_a_frame_says_who_plays_the_time_the_distance_and_at_the_end_the_outcome
         ("game.gif", 100.0, 2, 0.02),
     ],
 )
-def test_an_animation_takes_as_long_as_it_should(replay, tmp_path, name, speed, count, seconds):
+def test_animation_has_the_duration_of_the_game_at_its_speed(replay, tmp_path, name, speed, count, seconds):
     """Steps are left out where browsers would refuse to show them so quickly; the last one is there."""
     save_animation(replay, tmp_path / name, speed)
     with Image.open(tmp_path / name) as picture:
@@ -183,7 +183,7 @@ def test_an_animation_takes_as_long_as_it_should(replay, tmp_path, name, speed, 
 
 
 @pytest.mark.parametrize(("x_max", "y_max", "size"), [(20.0, 10.0, (1120, 560)), (10.0, 20.3, (315, 640))])
-def test_an_arena_that_is_no_square_keeps_its_shape_and_the_words_their_width(replay, x_max, y_max, size):
+def test_frames_keep_the_shape_of_an_oblong_arena(replay, x_max, y_max, size):
     wide = replace(replay, game=replace(replay.game, arena=replace(replay.game.arena, x_max=x_max, y_max=y_max)))
     assert Canvas(wide.game).picture().size == size
     picture = next(frames(wide))
@@ -198,7 +198,7 @@ def save_panel(replay, path):
 
 
 @pytest.mark.parametrize(("name", "write"), [("g.gif", save_animation), ("panel.png", save_panel)])
-def test_a_full_disk_spares_the_old_file(replay, tmp_path, name, write):
+def test_failed_write_keeps_the_old_file(replay, tmp_path, name, write):
     """No file may grow beyond a kilobyte, so that every writer fails in the middle."""
     resource = pytest.importorskip("resource")
     (tmp_path / name).write_bytes(b"good")
@@ -219,7 +219,7 @@ def axes():
     return Figure().subplots()
 
 
-def test_obstacles_and_the_territory_are_drawn_where_they_are(axes):
+def test_draw_arena_draws_obstacles_and_the_territory_in_place(axes):
     corners = ((4.0, 8.0), (6.0, 8.0), (5.0, 9.0))
     arena = replace(make_game("territory").arena, polygons=(Polygon(corners),))
     draw_arena(axes, arena)
@@ -236,7 +236,7 @@ def test_obstacles_and_the_territory_are_drawn_where_they_are(axes):
         assert low < 0 < 10 < high
 
 
-def test_seeds_have_a_mean_and_a_band_over_what_all_cover_and_a_lone_seed_none(axes):
+def test_draw_seeds_shows_mean_and_band_over_the_common_range(axes):
     draw_seeds(axes, [([0.0, 10.0, 20.0], [0.0, 1.0, 2.0]), ([5.0, 15.0, 25.0], [2.5, 2.5, 2.5])], "red", "reward")
     *seeds, mean = axes.get_lines()
     assert len(seeds) == 2
@@ -251,7 +251,7 @@ def test_seeds_have_a_mean_and_a_band_over_what_all_cover_and_a_lone_seed_none(a
     assert [line.get_label() for line in alone.get_lines()] == ["reward"]
 
 
-def test_a_rate_has_wilsons_interval_as_its_band(axes):
+def test_draw_rate_shows_the_wilson_interval_as_a_band(axes):
     draw_rate(axes, [0, 100], [5, 10], [10, 10], "red", "captured")
     (line,), (band,) = axes.get_lines(), axes.collections
     np.testing.assert_allclose(line.get_xydata(), [[0, 50], [100, 100]])
@@ -261,7 +261,7 @@ def test_a_rate_has_wilsons_interval_as_its_band(axes):
             assert np.isclose(corners, [x, 100 * end]).all(axis=1).any()
 
 
-def test_an_inline_figure_takes_its_colours_from_the_page():
+def test_inline_svg_uses_the_colours_of_the_page():
     def draw(axes):
         axes.plot([0, 1], [0, 1], color=palette.PURSUER, label="pursuer")
         axes.set_xlabel("episodes & <more>")
@@ -275,11 +275,11 @@ def test_an_inline_figure_takes_its_colours_from_the_page():
     assert "episodes &amp; &lt;more&gt;" in drawn
 
 
-def test_running_means_are_of_neighbours():
+def test_smooth_averages_neighbours():
     assert smooth([1.0, 1.0, 4.0, 1.0, 1.0], 3) == pytest.approx([1, 2, 2, 2, 1])
 
 
-def test_strips_have_a_line_for_each_training_sorted_by_its_mean_and_the_interval_of_another_pair(axes):
+def test_draw_strips_sorts_trainings_by_mean_and_adds_the_interval(axes):
     draw_strips(axes, ["a", "b"], [[[0.5, 0.6], [0.2, 0.3]], [[0.9]]], [(0.2, 0.7), (0.8, 1.0)], ["red", "blue"])
     assert [line.get_color() for line in axes.lines] == ["red", "blue"]
     dots = [list(zip(*line.get_data(), strict=True)) for line in axes.lines]
@@ -300,7 +300,7 @@ def contrast(*colours):
 
 
 @pytest.mark.parametrize("theme", [LIGHT, DARK], ids=["light", "dark"])
-def test_words_can_be_read_and_shapes_seen(theme):
+def test_themes_have_sufficient_contrast(theme):
     for ground in ("paper", "panel"):
         assert min(contrast(theme[name], theme[ground]) for name in ("ink", "quiet", "pursuer", "evader")) >= 4.5
     assert min(contrast(theme[name], theme["paper"]) for name in ("obstacle", "other")) >= 3
@@ -312,7 +312,7 @@ NETWORK = make_network("encoded", width=8, depth=2, key=jax.random.key(1))
 
 
 @pytest.mark.parametrize("role", Role)
-def test_every_cell_has_the_networks_values_there(role):
+def test_slice_values_match_the_network_in_every_cell(role):
     game = make_game("paper")
     x, y, values = slice_values(Greedy(NETWORK), game, role, OWN, OPPONENT, cells=8)
     np.testing.assert_allclose(x, np.arange(8) * 1.25 + 0.625)
@@ -324,7 +324,7 @@ def test_every_cell_has_the_networks_values_there(role):
         np.testing.assert_allclose(values[row, column], NETWORK(observation), atol=1e-5)
 
 
-def test_there_is_no_value_where_the_body_cannot_be():
+def test_slice_values_are_missing_where_the_body_cannot_be():
     game = make_game("robot")
     x, y, values = slice_values(Greedy(NETWORK), game, Role.PURSUER, OWN, OPPONENT, cells=200)
     missing = np.isnan(values[..., 0])
@@ -337,7 +337,7 @@ def test_there_is_no_value_where_the_body_cannot_be():
     assert not missing[10, 10]
 
 
-def test_a_slice_says_of_whom_it_is(tmp_path, monkeypatch):
+def test_slice_titles_name_the_agent_and_the_states(tmp_path, monkeypatch):
     drawn = []
     monkeypatch.setattr(Figure, "savefig", lambda figure, _: drawn.append(figure))
     save_slice(Greedy(NETWORK), Role.PURSUER, "P", make_game("robot"), OWN, OPPONENT, tmp_path / "slice.png")
@@ -348,14 +348,14 @@ def test_a_slice_says_of_whom_it_is(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("size", [2.0, 10.0, 100.0])
-def test_the_arrow_of_the_opponent_is_a_share_of_the_arena(size):
+def test_opponent_arrow_scales_with_the_arena(size):
     axes = Figure().subplots()
     _draw_opponent(axes, Role.PURSUER, OPPONENT, Game(arena=Arena(x_max=size, y_max=size)))
     away = np.hypot(*(axes.patches[-1].get_xy() - [7.5, 7.0]).T)
     assert away.max() == pytest.approx(0.07 * size)
 
 
-def test_the_turn_of_the_best_action_is_a_colour_and_its_acceleration_a_sign():
+def test_best_action_is_drawn_as_turn_colour_and_acceleration_sign():
     places = np.arange(32.0)
     best = (places // 11 + 3 * (places[:, None] // 11)).astype(int)
     values = np.eye(9)[best]
@@ -395,7 +395,7 @@ def drawn_by_script(replay, step):
 
 
 @needs_node
-def test_the_script_draws_robots_discs_and_the_reach_of_a_capture_in_metres_between_two_steps(replay):
+def test_replay_script_draws_the_game_in_metres_between_two_steps(replay):
     arena = Arena(discs=(Disc(3.0, 4.0, 0.5),), polygons=(Polygon(((6.0, 6.0), (8.0, 6.0), (7.0, 8.0))),))
     states = np.float32([[1, 2, 0.5, 3.0, 8, 8, 1, 0], [2, 2, 0.7, -3.0, 8, 7, 1, 0], [3, 2, 0.7, -3.0, 8, 6, 1, 0]])
     canvas, calls = drawn_by_script(replace(replay, game=Game(arena=arena), states=states), 0.5)
@@ -427,7 +427,7 @@ def of_teams():
     return Replay(game, "P", "E", 0, 1, 0, as_rows(jax.device_get(states)), np.asarray(actions), end)
 
 
-def test_frames_have_all_robots_with_their_numbers_and_crosses_for_those_out(of_teams, words_of):
+def test_team_frames_number_the_robots_and_cross_out_inactive_ones(of_teams, words_of):
     assert of_teams.in_play().sum(axis=0).tolist() == [3, 13, 10, 13]
     assert for_page(of_teams)["until"] == [3, None, 10, None]
     said = words_of(of_teams, [0, 12])
@@ -449,7 +449,7 @@ def test_frames_have_all_robots_with_their_numbers_and_crosses_for_those_out(of_
 
 
 @needs_node
-def test_the_report_draws_every_robot(of_teams):
+def test_replay_script_draws_every_robot_of_a_team(of_teams):
     _, calls = drawn_by_script(of_teams, 12)
     assert [call[1] for call in calls if call[0] == "fillText"] == ["1", "2", "1", "2"]
     assert [call[0] == "arc" and call[3] == 0.3 for call in calls].count(True) == 1

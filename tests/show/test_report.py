@@ -52,7 +52,7 @@ def copy(demo, tmp_path):
     return shutil.copytree(demo, tmp_path / "copy")
 
 
-def test_the_page_needs_nothing_from_outside(page, tmp_path):
+def test_report_needs_nothing_from_outside(page, tmp_path):
     html = render(page)
     links = re.findall('(?:src|href|data|action)="([^"]*)"', html)
     assert links
@@ -67,7 +67,7 @@ def test_the_page_needs_nothing_from_outside(page, tmp_path):
     assert (tmp_path / "report.html").stat().st_size < MAX_BYTES
 
 
-def test_the_page_shows_the_runs_own_numbers_beside_the_papers(document, demo):
+def test_report_shows_the_numbers_of_the_run_beside_the_paper(document, demo):
     match = json.loads((demo / "evaluation.json").read_text())["P_curriculum against random"]
     assert f"{100 * match['pursuer_win_rate']:.1f} % won by the pursuer (the paper: 93.0 %)" in document.text
     for outcome, count in match["outcomes"].items():
@@ -85,7 +85,7 @@ def test_the_page_shows_the_runs_own_numbers_beside_the_papers(document, demo):
         assert document.text.count(label) >= 2
 
 
-def test_the_games_are_those_of_the_runs_agents_worst_first(document, demo):
+def test_report_shows_games_of_the_agents_of_the_run_worst_first(document, demo):
     agents, games = last_agents(demo), document.games
     assert pairings(agents) == [("P_curriculum", "random"), ("P_curriculum", "E_curriculum"), ("P_stage1", "still")]
     shown = [tuple(f"demo/{name}" if name in agents else name for name in names) for names in pairings(agents)]
@@ -102,13 +102,13 @@ def test_the_games_are_those_of_the_runs_agents_worst_first(document, demo):
         assert sum(times[index] for index in own) == GAMES, "every way in which they end"
 
 
-def test_curves_that_fall_in_self_play_are_explained_there(document):
+def test_report_explains_falling_curves_of_self_play(document):
     fixed, self_play = document.text.split("Learning: ")[-2:]
     assert "the pursuer's wins fall while the evader improves faster" in self_play
     assert "improves faster" not in fixed
 
 
-def test_names_are_shown_as_they_are_written(page):
+def test_report_escapes_names_and_configs(page):
     """A name cannot end the script, nor begin an element."""
     name, config = "P_<b onclick=x>'&", "# </pre><script>alert(1)</script>\n"
     games = [(replace(replay, pursuer=name), times) for replay, times in page["games"]]
@@ -121,7 +121,7 @@ def test_names_are_shown_as_they_are_written(page):
 
 
 @pytest.mark.parametrize("chunks", [0, 2])
-def test_an_unfinished_run_says_so(copy, chunks):
+def test_report_of_an_unfinished_run_says_so(copy, chunks):
     lines = (copy / "metrics.jsonl").read_text().splitlines(keepends=True)[:chunks]
     (copy / "metrics.jsonl").write_text("".join(lines))
     (copy / "evaluation.json").unlink()
@@ -137,7 +137,7 @@ def test_an_unfinished_run_says_so(copy, chunks):
     assert not page["games"]
 
 
-def test_the_command_writes_the_report_into_the_run(copy, capsys):
+def test_report_command_writes_into_the_run(copy, capsys):
     for path in copy.glob("agents/*_curriculum.safetensors"):
         path.unlink()
     assert main(["report", str(copy)]) == 0
@@ -158,7 +158,7 @@ def test_the_command_writes_the_report_into_the_run(copy, capsys):
         ("config.toml", lambda to, old: to.symlink_to(shutil.copy(old, to.parents[1] / to.name))),
     ],
 )
-def test_what_is_no_run_is_refused_in_one_line(copy, capsys, name, make):
+def test_damaged_run_is_refused_in_one_line(copy, capsys, name, make):
     """Not even a whole file of that name beside the folder counts."""
     make(copy / name, (copy / name).rename(copy / "moved"))
     before = sorted(copy.rglob("*"))
@@ -169,12 +169,12 @@ def test_what_is_no_run_is_refused_in_one_line(copy, capsys, name, make):
     assert sorted(copy.rglob("*")) == before
 
 
-def test_games_that_no_page_could_hold_are_not_played():
+def test_games_too_long_for_a_report_are_refused():
     with pytest.raises(InvalidInput, match=r"steps of a game that a report shows = 50001 .*at most 50,000"):
         games_to_show(Match.of_names(replace(make_game("paper"), max_steps=50_001), "still", "still", GAMES, SEED))
 
 
-def test_a_report_too_large_to_send_is_refused(page, tmp_path, monkeypatch):
+def test_report_too_large_to_send_is_refused(page, tmp_path, monkeypatch):
     monkeypatch.setattr(report_module, "MAX_BYTES", 1000)
     with pytest.raises(InvalidInput, match="at most 1,000"):
         save_report(page, tmp_path / "report.html")
@@ -182,7 +182,7 @@ def test_a_report_too_large_to_send_is_refused(page, tmp_path, monkeypatch):
 
 
 @needs_chromium
-def test_the_games_play_in_a_browser(page, tmp_path, browser):
+def test_report_games_play_in_a_browser(page, tmp_path, browser):
     save_report(page, tmp_path / "report.html")
     complaints, tab = [], browser.new_page()
     tab.on("console", lambda message: complaints.append(message.text))

@@ -58,7 +58,7 @@ def follow(drive, controls, v=(0.5, 0.0), references=None):
     return references, asked
 
 
-def test_without_all_parts_the_references_end_where_the_rules_do():
+def test_ideal_drive_references_end_where_the_rules_do():
     references, asked = follow(IDEAL, [(0.3, 0.8), (-0.3, -0.8)], v=(1.19, 0.02))
     for side, controls in enumerate([(0.3, 0.8), (-0.3, -0.8)]):
         robot = RobotState(*(jnp.float32(value) for value in (0, 0, (1.19, 0.02)[side], 0)))
@@ -68,7 +68,7 @@ def test_without_all_parts_the_references_end_where_the_rules_do():
     assert asked[0, -1] == pytest.approx(wheels(1.2, 0.8) + wheels(0.0, -0.8))
 
 
-def test_during_the_latency_the_last_controls_are_in_force():
+def test_previous_controls_apply_during_the_latency():
     references, _ = follow(replace(IDEAL, latency=0.05), [(0.3, 0.8), (0, 0)])
     assert references.v[0, 0] == pytest.approx(0.5 + 0.3 * 0.05)
     _, asked = follow(replace(IDEAL, latency=0.05), [(-0.3, -0.8), (0, 0)], references=references)
@@ -76,20 +76,20 @@ def test_during_the_latency_the_last_controls_are_in_force():
     assert asked[0, -1, :2] == pytest.approx(wheels(0.515, -0.8))
 
 
-def test_the_turn_rate_changes_no_faster_than_the_drive_can():
+def test_turn_rate_changes_no_faster_than_the_turn_acceleration():
     references, asked = follow(replace(IDEAL, turn_acceleration=2.0), [(0, 0.8), (0, -0.1)])
     assert references.turn_rate[0] == pytest.approx([0.2, -0.1])
     assert np.abs(np.diff(asked[0, :, 1] - asked[0, :, 0])).max() == pytest.approx(2 * 0.005 * 0.33 / 0.0975)
 
 
-def test_impossible_drives_are_refused():
+def test_impossible_hardware_is_refused():
     impossible = {"torque": -1.0, "latency": -0.1, "lag": inf, "wheel_mass": 4.5, "mass": 1e308, "mass_behind": 0.2}
     for name, value in impossible.items() | {(field.name, nan) for field in fields(RobotHardware)}:
         with pytest.raises(InvalidInput, match=name):
             RobotHardware(**{name: value})
 
 
-def test_the_documents_list_every_key_of_a_drives_file():
+def test_documents_list_every_key_of_a_drive_file():
     """With its unit, default, bounds and docstring, in the order of the fields."""
     source = Path(drive_module.__file__).read_text(encoding="utf-8")
     abouts = re.findall(r'^    (\w+): float = .*\n    """([^"]*)\.\s*"""$', source, re.MULTILINE)
@@ -114,7 +114,7 @@ def said_of_turtlebots():
 
 
 @pytest.mark.parametrize("name", ["pioneer", "turtlebot4"])
-def test_games_of_real_robots_can_be_simulated(name):
+def test_example_robots_can_be_simulated(name):
     game = from_dict(Game, said_of_turtlebots(), "the guide") if name == "turtlebot4" else replace(PAPER, max_steps=60)
     drive = load_drive(REPOSITORY / "examples" / "robots" / f"{name}.toml")
     found = simulate_match(Match.of_names(game, "intercept", "still", 4), drive)
@@ -134,12 +134,12 @@ def drive_on(physics, rows, v, turn_rate, seconds):
     return physics.advance(physics.set_poses(rows), np.tile(asked, (len(rows), steps, 1)))
 
 
-def test_robots_are_placed_as_they_are_measured():
+def test_measured_poses_equal_the_set_poses():
     physics = Physics(PAPER, RobotHardware())
     assert physics.measure(physics.set_poses(HERE)) == pytest.approx(HERE, abs=1e-12)
 
 
-def test_the_robot_goes_as_fast_and_turns_as_far_as_its_wheels_say():
+def test_robot_drives_and_turns_as_its_wheels_do():
     physics = Physics(PAPER, RobotHardware())
     driven = drive_on(physics, HERE[:1], 0.5, 0.4, 3.0)
     after = physics.measure(driven)
@@ -154,7 +154,7 @@ def test_the_robot_goes_as_fast_and_turns_as_far_as_its_wheels_say():
 
 
 @pytest.mark.parametrize(("radius", "stops"), [(0.2, True), (0.0, False)])
-def test_a_wall_holds_a_robot_that_has_a_radius(radius, stops):
+def test_wall_stops_only_a_robot_with_a_radius(radius, stops):
     rows = np.array([[9.0, 5.0, 0.0, 0.0, 2.0, 5.0, 0.0, 0.0]])
     physics = Physics(replace(PAPER, pursuer=Unicycle(radius=radius)), RobotHardware())
     x = physics.measure(drive_on(physics, rows, 0.5, 0.0, 4.0))[0, 0]
@@ -170,7 +170,7 @@ def numbers(text):
     return [float(number) for number in text.split()]
 
 
-def test_walls_stand_around_the_arena_and_obstacles_where_they_are():
+def test_model_has_walls_and_obstacles_in_place():
     polygon = Polygon(((3.0, 1.0), (5.0, 1.0), (4.0, 3.0)))
     found = geoms(Game(arena=Arena(0.0, 6.0, 0.0, 4.0, discs=(Disc(1.0, 1.0, 0.3),), polygons=(polygon,))))
     obstacles = [geom for name, geom in found.items() if name.startswith("obstacle")]
@@ -190,7 +190,7 @@ def test_walls_stand_around_the_arena_and_obstacles_where_they_are():
     assert 2 * np.arctan2(z, w) == pytest.approx(np.arctan2(2, -1))
 
 
-def test_robots_weigh_what_the_drive_says_and_have_a_shell_where_the_game_gives_them_a_radius():
+def test_robots_have_the_configured_mass_and_a_shell_if_they_have_a_radius():
     body = Unicycle(radius=0.2)
     found = geoms(replace(make_game("paper"), pursuer=body), RobotHardware(mass=12.0))
     mass = sum(float(geom.get("mass", 0)) for name, geom in found.items() if name.startswith("pursuer"))
@@ -199,7 +199,7 @@ def test_robots_weigh_what_the_drive_says_and_have_a_shell_where_the_game_gives_
     assert "evader shell" not in found
 
 
-def test_what_no_body_can_do_is_refused(monkeypatch):
+def test_physics_refuses_games_without_physical_bodies(monkeypatch):
     capsule, car = replace(PAPER, arena=Arena(extra=(WALL,))), replace(PAPER, pursuer=Car())
     for game, drive, refusal in (
         (PAPER, RobotHardware(latency=0.2), r"latency = 0\.2"),
@@ -213,7 +213,7 @@ def test_what_no_body_can_do_is_refused(monkeypatch):
         Physics(PAPER, RobotHardware())
 
 
-def test_numbers_that_grow_beyond_all_bounds_end_the_games_and_leave_no_log(monkeypatch, tmp_path):
+def test_unstable_simulation_is_refused_and_leaves_no_log(monkeypatch, tmp_path):
     """MuJoCo would go on with both robots where they began."""
     monkeypatch.chdir(tmp_path)
     physics = Physics(PAPER, RobotHardware(wheel_radius=0.005, friction=10.0, torque=1e5, stiffness=1e5))
@@ -232,7 +232,7 @@ def simulated():
     return simulate_match(MATCH, RobotHardware())
 
 
-def test_every_step_of_every_game_is_there(simulated):
+def test_simulation_records_every_step_of_every_game(simulated):
     lengths = np.asarray(simulated.results.steps)
     assert np.array_equal(np.bincount(simulated.index), lengths)
     for game in range(GAMES):
@@ -249,7 +249,7 @@ def by_the_rules(row, actions):
     return jnp.stack(jax.tree.leaves(after.robots), axis=-1)
 
 
-def test_a_robot_without_its_imperfections_moves_as_the_rules_say(simulated):
+def test_ideal_hardware_moves_as_the_rules_say(simulated):
     def beside_the_rules(run):
         apart = (run.after - by_the_rules(run.states, run.actions) + np.pi) % (2 * np.pi) - np.pi
         return np.sqrt(np.mean(apart**2, axis=0))
@@ -266,7 +266,7 @@ def begun(*row):
     return start, jax.random.key(0)
 
 
-def test_who_drives_into_a_wall_has_failed_and_a_replay_shows_it(tmp_path):
+def test_driving_into_a_wall_is_a_failure_in_result_and_replay(tmp_path):
     start = begun(5.0, 1.0, 0.0, 0.0, 9.8, 5.0, 1.0, 0.0)
     game = simulate(GAME, BySide(single_player(Still()), single_player(Still())), *start, RobotHardware())
     assert int(game.results.outcome[0]) == Outcome.EVADER_OUT_OF_RANGE
@@ -297,7 +297,7 @@ def curve():
     return given, simulate(GAME, *given, IDEAL)
 
 
-def test_players_with_continuous_actions_drive_too(curve, tmp_path):
+def test_players_with_continuous_actions_drive_bodies(curve, tmp_path):
     states, actions = curve[1].course(0)
     assert actions.shape == (40, 2, 2)
     assert np.all(actions[:, 0] == [1.0, 0.5])
@@ -308,7 +308,7 @@ def test_players_with_continuous_actions_drive_too(curve, tmp_path):
     assert load_replay(tmp_path / "game.json").actions.dtype == np.float32
 
 
-def test_both_plays_are_counted_and_compared(simulated):
+def test_compare_physics_gives_rates_and_their_difference(simulated):
     found = compare_physics(MATCH, play_games(MATCH), simulated)
     assert found.rules.games == found.bodies.games == GAMES
     timeouts = np.asarray(simulated.results.outcome) == Outcome.NO_RESULT
@@ -318,7 +318,7 @@ def test_both_plays_are_counted_and_compared(simulated):
     assert rate.interval[0] <= rate.difference <= rate.interval[1]
 
 
-def test_teams_play_on_without_those_that_are_out_and_their_replays_say_who():
+def test_simulated_teams_play_on_without_inactive_robots():
     match = Match.of_names(replace(find_game("team-2v1"), max_steps=150), "pure-pursuit", "flee", games=2)
     found = simulate_match(match, RobotHardware())
     assert found.states.shape[1] == 12
@@ -333,7 +333,7 @@ def test_teams_play_on_without_those_that_are_out_and_their_replays_say_who():
         assert braked[-1] - braked[0] == pytest.approx(-0.3 * 0.1 * (len(braked) - 1), abs=0.01)
 
 
-def test_the_fewest_blocks_cover_each_occupied_cell_of_a_map_once_and_no_free_one():
+def test_map_blocks_cover_exactly_the_occupied_cells():
     cells = np.zeros((6, 9), bool)
     cells[1:4, 2:5], cells[3, 7] = True, True
     floor = OccupancyMap(jnp.asarray(distance_field(cells, 2.0)), -1.0, 2.0, 2.0, "", "")
@@ -349,7 +349,7 @@ def test_the_fewest_blocks_cover_each_occupied_cell_of_a_map_once_and_no_free_on
     assert len(blocks) == 2
 
 
-def test_sensors_and_drives_of_the_game_count_for_bodies_too(curve):
+def test_sensors_and_drives_of_the_game_apply_to_bodies(curve):
     (players, *start), quick = curve[0], curve[1].course(0)[0]
     slow = replace(GAME, drives=Drives(Slow(lag=5.0, turn_time=2.0), None))
     late = simulate(slow, players, *start, IDEAL).course(0)[0]
@@ -373,7 +373,7 @@ class Careful(AbstractPolicy):
         return jnp.where(told & (own.turn_rate < 0.4), 5, 4).astype(jnp.int32), memory
 
 
-def test_players_know_what_their_drives_can_do_and_how_fast_they_turn(curve):
+def test_players_know_their_drive_and_turn_rate(curve):
     _, *start = curve[0]
     drive = replace(IDEAL, latency=0.04, lag=0.06, turn_acceleration=2.0)
     actions = simulate(GAME, BySide(single_player(Careful()), single_player(Still())), *start, drive).course(0)[1][:, 0]

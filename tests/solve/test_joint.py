@@ -44,7 +44,7 @@ def zero_sum_game(game, role, counts, hold=HOLD):
 
 
 @pytest.mark.parametrize("role", [Role.PURSUER, pytest.param(Role.EVADER, marks=pytest.mark.slow)])
-def test_the_table_is_that_of_brute_force(plain, role):
+def test_joint_table_matches_brute_force(plain, role):
     """After its last sweep and one more; where nothing ends within a hold, a player has just that value."""
     (robot, captures), told, pursuing = plain, [], role == Role.PURSUER
     duel = make_duel(zero_sum_game(CRAMPED, role, FEWER))
@@ -66,7 +66,7 @@ def test_the_table_is_that_of_brute_force(plain, role):
     np.testing.assert_allclose(sure, before[pairs], atol=1e-5)
 
 
-def test_what_cannot_be_solved_is_refused(monkeypatch):
+def test_impossible_duels_are_refused(monkeypatch):
     with pytest.raises(InvalidInput, match=r"hold = 0.*at least 1"):
         zero_sum_game(SMALL, Role.PURSUER, FEW, hold=0)
     grids = make_grid(SMALL.arena, BODY, (4, 3, 2, 5)), make_grid(SMALL.arena, Unicycle(), (3, 4, 2, 5))
@@ -115,7 +115,7 @@ def expected_event(pursuer, evader, first, second):
     return "ONGOING", STEPS, margin
 
 
-def test_of_many_courses_the_first_event_of_each_pair_is_that_of_the_rules():
+def test_first_events_match_the_rules():
     pursuers, evaders = robots()
     both = [courses(role, numbers) for role, numbers in zip(Role, (pursuers, evaders), strict=True)]
     outcome, seconds = jax.jit(first_events)(GAME, *both)
@@ -131,7 +131,7 @@ def test_of_many_courses_the_first_event_of_each_pair_is_that_of_the_rules():
 
 
 @pytest.mark.parametrize("role", Role)
-def test_the_value_of_an_outcome_is_the_winners_gain_discounted(role):
+def test_payoff_is_the_discounted_gain_of_the_winner(role):
     won = {"CAPTURED": 1, "EVADER_HIT_OBSTACLE": 1, "EVADER_OUT_OF_RANGE": 1, "TERRITORY_REACHED": -1, "NO_RESULT": 0}
     won |= {"PURSUER_HIT_OBSTACLE": -1, "PURSUER_OUT_OF_RANGE": -1, "BOTH_FAILED": 0, "ONGOING": 0}
     sign = 1 if role == Role.PURSUER else -1
@@ -190,7 +190,7 @@ def by_hand(role, holds, start):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("role", Role)
-def test_two_holds_ahead_are_the_best_of_all_sequences(role, starts):
+def test_search_of_two_holds_matches_all_sequences(role, starts):
     own, other = search(role, 2).zero_sum_game.pair(starts.pursuer, starts.evader)
     found = np.asarray(VALUES(search(role, 2), own, other, jnp.zeros(STARTED, jnp.uint32)))
     expected = [by_hand(role, 2, jax.tree.map(lambda leaf, i=i: leaf[i], starts)) for i in range(STARTED)]
@@ -198,7 +198,7 @@ def test_two_holds_ahead_are_the_best_of_all_sequences(role, starts):
     assert np.ptp(found) > 0.5, "some plans end the game"
 
 
-def test_fewer_plans_have_the_same_values_and_games_do_not_mix(starts):
+def test_narrow_search_keeps_the_values_and_games_do_not_mix(starts):
     """Against chance too, whose course depends on the game's own bits and on nothing else."""
     chance = EpsilonGreedy(make_network("paper", 4, 1, jax.random.key(0)), jnp.asarray(0.5))
     bits = jax.random.bits(jax.random.key(3), (STARTED,), jnp.uint32)

@@ -73,7 +73,7 @@ GRAPHS = {
 
 
 @pytest.mark.parametrize("name", GRAPHS)
-def test_every_state_is_as_a_plain_search_says_and_the_core_needs_as_many(name):
+def test_solve_chase_matches_a_plain_search_and_the_core(name):
     adjacency, pursuers = GRAPHS[name]
     won, caught = plainly_caught(adjacency, pursuers), solve_chase(adjacency, pursuers)
     for evader, *team in np.ndindex(caught.shape):
@@ -104,7 +104,7 @@ def count(free, sizes, report=lambda spacing: None):
     ],
     ids=["room", "bent room", "disagree", "two", "go on", "annulus"],
 )
-def test_three_graphs_in_a_row_must_see_every_island_and_agree(free, sizes, pursuers, islands, said):
+def test_verdict_needs_three_agreeing_graphs_that_see_every_island(free, sizes, pursuers, islands, said):
     found = count(free, sizes, (told := []).append)
     assert told == [reading.tiling.spacing for reading in found.graph_results]
     assert [reading.pursuers for reading in found.graph_results] == pursuers
@@ -114,7 +114,7 @@ def test_three_graphs_in_a_row_must_see_every_island_and_agree(free, sizes, purs
     assert found.pursuers == (pursuers[-1] if found.agree else None)
 
 
-def test_what_would_take_too_long_is_left_out(monkeypatch):
+def test_graphs_with_too_many_nodes_are_omitted(monkeypatch):
     monkeypatch.setattr(cop_number, "MOST_NODES", 20)
     found = count(ANNULUS, (60, 600))
     assert len(found.graph_results) == 1
@@ -156,7 +156,7 @@ def escapes(adjacency, seen, found):
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_searching_random_graphs(seed):
+def test_clearing_strategy_matches_a_plain_search_on_random_graphs(seed):
     random = np.random.default_rng(seed)
     adjacency = np.triu(random.random((5, 5)) < 0.4, 1) | np.eye(5, k=1, dtype=bool)
     adjacency |= adjacency.T
@@ -174,14 +174,14 @@ def test_searching_random_graphs(seed):
 
 
 @pytest.mark.parametrize(("adjacency", "known"), [(path(9), 1), (cycle(9), 2)], ids=["path", "cycle"])
-def test_who_sees_the_next_nodes_clears_a_path_alone_and_a_cycle_with_a_second(adjacency, known):
+def test_one_searcher_clears_a_path_and_two_clear_a_cycle(adjacency, known):
     seen = adjacency | np.eye(len(adjacency), dtype=bool)
     assert [bool(clearing_strategy(adjacency, seen, pursuers, 6)[0]) for pursuers in (1, 2)] == [known == 1, True]
     assert clearing_strategy(adjacency, seen, 1, 6)[1] == (known == 2)
     assert clearing_strategy(adjacency, seen, 2, 6, most_states=1) == ([], False)
 
 
-def test_sensors_of_a_game_count(monkeypatch):
+def test_search_number_depends_on_the_sensors(monkeypatch):
     monkeypatch.setattr(search_number, "SIZES", (40, 60, 80))
     game, far = make_game("one-large"), Sensors(line_of_sight=True, field_of_view=0.1)
     space = free_space(game)

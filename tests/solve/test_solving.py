@@ -47,7 +47,7 @@ def robot():
     return oracle.Robot(SMALL, TINY, HOLD)
 
 
-def test_the_table_is_that_of_brute_force(robot):
+def test_safety_table_matches_brute_force(robot):
     """Each sweep goes down, and the last moves nothing."""
     told = []
     solved = solve_safety(SMALL, Role.PURSUER, SMALL_GRID, HOLD, told.append)
@@ -61,7 +61,7 @@ def test_the_table_is_that_of_brute_force(robot):
     assert 0 < shares[1] < 1
 
 
-def test_the_sweeps_of_a_robot_that_cannot_stop_end_at_a_small_residual():
+def test_safety_sweeps_converge_for_a_robot_that_cannot_stop():
     """Where there is room it may circle at 0.1 / 0.8 = 0.125 m for ever."""
     game = replace(CRAMPED, pursuer=Unicycle(v_min=0.1, v_max=0.4))
     solved = solve_safety(game, Role.PURSUER, make_grid(game.arena, game.pursuer, (12, 9, 2, 12)), HOLD)
@@ -69,14 +69,14 @@ def test_the_sweeps_of_a_robot_that_cannot_stop_end_at_a_small_residual():
     assert 0.05 < np.mean(np.asarray(solved.table) < 0) < 0.3
 
 
-def test_a_start_is_lost_where_the_table_is_negative():
+def test_starts_with_negative_values_count_as_lost():
     problem = Problem("safety", "evader", to_dict(SMALL), [2, 2, 2, 4], 5)
     for metres, lost in ((-0.1, 1.0), (0.0, 0.0)):
         facts = describe_solution(Solution(problem, 1, 0.0, jnp.full((2, 4, 2, 2), metres, jnp.float32)), SMALL)
         assert (facts["grid"], facts["hold [s]"], facts["moving starts lost, by the table"]) == ("2x2x2x4", 0.5, lost)
 
 
-def test_what_cannot_be_solved_is_refused():
+def test_impossible_grids_and_targets_are_refused():
     too_large = (10_001, 10_001, 101, 101), r"grid = 10001x10001x101x101 needs .* GiB .* fewer nodes"
     for counts, said in (too_large, *((counts, "grid = ") for counts in ((10, 10, 9), (1, 10, 9, 47), (10, 10, 9, 2)))):
         with pytest.raises(InvalidInput, match=said):
@@ -86,7 +86,7 @@ def test_what_cannot_be_solved_is_refused():
             solve_reach(SMALL, SMALL_GRID, HOLD, target)
 
 
-def test_sweeps_come_to_an_end_at_a_number_and_there_a_small_residual_will_do(monkeypatch):
+def test_sweeps_end_at_a_limit_that_tolerates_a_small_residual(monkeypatch):
     monkeypatch.setattr("apollonius.solve.grid._MOST_SWEEPS", 4)
     told = []
     found = iterate_values(lambda table: (table, jnp.asarray(1e-5)), jnp.zeros(()), told.append, tolerance=0.0)
@@ -116,7 +116,7 @@ def file(tmp_path):
     return tmp_path / "solved.safetensors"
 
 
-def test_a_solved_game_comes_back_as_it_went_and_plays(file, monkeypatch):
+def test_saved_solution_loads_unchanged_and_plays(file, monkeypatch):
     found = load_solution(file)
     np.testing.assert_array_equal(found.table, SOLUTION.table)
     assert (found.problem, found.sweeps, found.residual) == (PROBLEM, 12, 3e-5)
@@ -135,7 +135,7 @@ def test_a_solved_game_comes_back_as_it_went_and_plays(file, monkeypatch):
     assert isinstance(found.policy, Shielded)
 
 
-def test_a_file_of_something_else_is_refused(file, tmp_path):
+def test_solution_of_another_side_game_or_kind_is_refused(file, tmp_path):
     reach, none = tmp_path / "reach.safetensors", tmp_path / "none.safetensors"
     save_solution(REACH, reach)
     another = rf"pursuer = '{file}'.*solved for the pursuer; this is the evader's"
@@ -150,7 +150,7 @@ def test_a_file_of_something_else_is_refused(file, tmp_path):
 
 
 @pytest.mark.parametrize("role", Role)
-def test_nothing_is_interpolated_where_a_hold_moves_robots_by_whole_cells(role):
+def test_whole_cells_solution_has_values_of_whole_numbers_of_steps(role):
     """Every value is that of a game that ends after a number of steps, and the last sweep changed none."""
     problem = replace(joint_problem(CRAMPED, role, (4, 3, 3, 8)), hold=10, whole_cells=True)
     solution = solve_problem(problem, CRAMPED)
@@ -163,7 +163,7 @@ def test_nothing_is_interpolated_where_a_hold_moves_robots_by_whole_cells(role):
         replace(problem, kind="safety")
 
 
-def test_what_lies_in_the_folder_is_not_solved_again(monkeypatch, tmp_path):
+def test_cached_tables_are_solved_once_per_problem(monkeypatch, tmp_path):
     """Time limit and rewards are nothing to a table, the capture distance is; a damaged file is solved again."""
     solved = []
 
@@ -192,7 +192,7 @@ def test_what_lies_in_the_folder_is_not_solved_again(monkeypatch, tmp_path):
     assert len(solved) == 8
 
 
-def test_between_nodes_the_value_is_multilinear_and_beyond_the_ends_that_of_the_end():
+def test_interpolation_is_multilinear_and_clamped_at_the_ends():
     """By SciPy, on a table in which the first heading is there again at the end."""
     grid, random = make_grid(SMALL.arena, BODY, (6, 7, 3, 8)), np.random.default_rng(0)
     table = random.normal(size=grid.shape).astype(np.float32)
@@ -206,7 +206,7 @@ def test_between_nodes_the_value_is_multilinear_and_beyond_the_ends_that_of_the_
     assert jnp.all(jax.vmap(grid.corners)(states)[0] < grid.size)
 
 
-def test_a_hold_takes_about_as_much_memory_as_is_asked_for():
+def test_memory_estimate_of_a_hold_bounds_and_scales_with_its_course():
     motion, grid = motion_of(SMALL, Role.PURSUER, 5), reference_grid(SMALL, Role.PURSUER)[0]
     course = transition_map_of(motion, grid).course
     courses = sum(leaf.nbytes for leaf in jax.tree.leaves(course))
@@ -216,7 +216,7 @@ def test_a_hold_takes_about_as_much_memory_as_is_asked_for():
     assert 1.5 < longer / asked < 2
 
 
-def test_on_the_reference_grid_a_hold_moves_by_whole_speeds_and_almost_whole_headings():
+def test_reference_grid_nearly_aligns_with_one_hold():
     odd = Game(pursuer=Unicycle(v_min=0.1, v_max=1.03, u1_max=0.0, u2_max=0.0), dt=0.7)
     assert reference_grid(odd, Role.PURSUER)[1] == 1
     wide, hold = reference_grid(Game(arena=Arena(x_max=200.0, y_max=10.1), dt=0.01), Role.PURSUER)
@@ -228,7 +228,7 @@ def test_on_the_reference_grid_a_hold_moves_by_whole_speeds_and_almost_whole_hea
     assert np.all(np.max(np.asarray(transitions.weight), axis=-1) > 0.99)
 
 
-def test_on_the_grid_of_two_a_hold_moves_the_pursuer_by_one_speed_and_about_one_heading():
+def test_joint_grid_has_the_expected_nodes_and_hold():
     """From 0 to 1.2 m/s in four speeds of 0.3 m/s^2 x 1 s; 0.8 rad of 2 pi are an eighth; nodes as far apart along x as
     along y; 2 s at most and 16 headings."""
     slow_to_change = Game(pursuer=Unicycle(u1_max=0.05, u2_max=0.1))
@@ -242,7 +242,7 @@ def test_on_the_grid_of_two_a_hold_moves_the_pursuer_by_one_speed_and_about_one_
             assert (grid.counts, steps) == (counts, hold)
 
 
-def test_the_table_of_a_target_is_that_of_brute_force(robot):
+def test_reach_table_matches_brute_force(robot):
     target, told = (1.3, 3.1), []
     reach, solved = solve_reach(SMALL, SMALL_GRID, HOLD, target, told.append)
     assert len(told) == solved.sweeps

@@ -79,10 +79,10 @@ def cells_apart(found, played, other):
 
 
 @pytest.mark.parametrize("speeds", SPEEDS)
-def test_the_solver_captures_two_cars_where_they_can_be_captured_within_a_cell(found, speeds):
+def test_solver_matches_the_game_of_two_cars_to_within_a_cell(found, speeds):
     assert cells_apart(found, speeds, speeds) <= 1
 
 
 @pytest.mark.parametrize("other", ["faster pursuer", "faster evader"])
-def test_other_games_are_more_than_a_cell_away(found, other):
+def test_solver_differs_from_other_speeds_by_more_than_a_cell(found, other):
     assert cells_apart(found, "both fast", other) > 1

@@ -24,7 +24,7 @@ def caught(pupil, **changes):
     return outcomes["captured"] / STARTS, outcomes
 
 
-def test_later_pursuers_catch_more_of_the_same_starts_and_fail_in_other_ways():
+def test_later_pursuers_catch_more_from_the_same_starts():
     shares, outcomes = zip(*map(caught, RECORD["pupils"]), strict=True)
     assert list(shares[1:]) == sorted(shares[1:])
     assert all(later - earlier > 0.05 for earlier, later in pairwise(shares[1:]))
@@ -38,7 +38,7 @@ def test_later_pursuers_catch_more_of_the_same_starts_and_fail_in_other_ways():
         assert share == pytest.approx(pupil["still"], abs=0.1)
 
 
-def test_the_curve_is_of_that_training_and_goes_through_its_pursuers():
+def test_learning_curve_includes_the_shown_pursuers():
     steps = [point["env_steps"] for point in RECORD["curve"]]
     assert steps == sorted(set(steps))
     shown = [pupil for pupil in RECORD["pupils"] if pupil["env_steps"] is not None]

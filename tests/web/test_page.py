@@ -28,7 +28,7 @@ SPIRAL = "eaf7876b54cada04c61699f271ac0f633e5d34713b1a3e9b09a7d501aef9e69b"
 """SHA-256 of the C sources of `spiral.wasm`, which `write_player` makes anew."""
 
 
-def test_a_person_plays_a_game_to_its_end(desk, tmp_path):
+def test_person_plays_a_game_to_its_end(desk, tmp_path):
     page = desk.open()
     before = desk.match("state.evader[0]")
     page.keyboard.press("Space")
@@ -104,14 +104,14 @@ def test_choices_change_the_game_and_the_address(desk):
     assert desk.match("start") == start
 
 
-def test_what_an_address_asks_for_in_vain_is_said(desk):
+def test_unknown_address_parameters_are_reported(desk):
     for wrong in ("level=99", "evader=encirclement", "game=team-17v1", "difficulty=none", "seed=-1", "game=nope"):
         page, (name, value) = desk.open(f"?{wrong}"), wrong.split("=")
         assert page.inner_text("#message").startswith(f'There is no {name} "{value}": Start plays another game')
         assert page.get_attribute("body", "data-phase") == "ready"
 
 
-def test_a_person_who_lasts_has_won(desk):
+def test_person_who_survives_wins_the_level(desk):
     page = desk.open("?level=1")
     assert page.inner_text("#goal") == "1. You are blue: survive 20\u00a0s"
     page.keyboard.press("Space")
@@ -140,7 +140,7 @@ def test_a_person_who_lasts_has_won(desk):
     assert page.url.endswith("?level=2")
 
 
-def test_an_endless_level_counts_how_long_a_person_lasts(desk):
+def test_endless_level_counts_how_long_a_person_survives(desk):
     page = desk.open("?level=1&endless=1")
     assert page.inner_text("#goal") == "1. You are blue: survive as long as you can"
     for steps, best in ((5, " Your best so far."), (3, ""), (6, " Your best so far.")):
@@ -159,7 +159,7 @@ def test_an_endless_level_counts_how_long_a_person_lasts(desk):
     assert page.url.endswith("?level=1&endless=1")
 
 
-def test_in_fog_the_opponent_is_drawn_where_it_is_in_sight_and_the_package_shows_the_same_fog(desk, tmp_path):
+def test_fog_hides_the_opponent_and_matches_the_package(desk, tmp_path):
     page = desk.open("?level=11")
     assert page.inner_text("#goal") == "11. You are blue (walls hide you both): survive 60\u00a0s"
     assert page.inner_text("#message").endswith("Hatched is where the other may be.")
@@ -193,7 +193,7 @@ def test_in_fog_the_opponent_is_drawn_where_it_is_in_sight_and_the_package_shows
     playwright.expect(page.locator("#findings")).to_have_text("✓ Nothing is wrong with this arena.")
 
 
-def test_a_game_that_is_shared_is_played_again(desk, tmp_path):
+def test_shared_game_is_played_again(desk, tmp_path):
     page = desk.open("?pursuer=shielded:pursuer&evader=you&seed=4")
     page.keyboard.down("ArrowUp")
     desk.play(9)
@@ -230,7 +230,7 @@ def test_a_game_that_is_shared_is_played_again(desk, tmp_path):
         assert page.inner_text("#message") == "The link's game cannot be played again; copy the whole link"
 
 
-def test_six_pursuers_of_one_training_play_the_same_start_without_a_person(desk):
+def test_six_pursuers_of_one_training_play_the_same_start(desk):
     page = desk.open("?level=3")
     assert page.inner_text("#goal") == "3. Red learns to hunt; blue stands still"
     lesson = "apollonius.page.lesson.matches"
@@ -260,7 +260,7 @@ def test_six_pursuers_of_one_training_play_the_same_start_without_a_person(desk)
     playwright.expect(page.locator("#goal")).to_have_text(re.compile("^4. You are red"))
 
 
-def test_a_slider_chooses_the_share_of_the_training(desk):
+def test_slider_chooses_the_share_of_the_training(desk):
     page = desk.open("?pursuer=learner-0&evader=still&game=paper")
     page.fill("#learning input", "2")
     page.wait_for_selector("body[data-phase=counting]")
@@ -272,7 +272,7 @@ def test_a_slider_chooses_the_share_of_the_training(desk):
     assert page.is_hidden("#learning")
 
 
-def test_agents_chase_silently_until_a_person_begins(desk):
+def test_agents_play_a_preview_until_a_person_begins(desk):
     page = desk.open("?level=2")
     assert page.inner_text("#message").startswith("Red is hunting you.\nSpace to begin")
     for _ in range(20):
@@ -294,7 +294,7 @@ def test_agents_chase_silently_until_a_person_begins(desk):
 
 
 @pytest.mark.parametrize("people", [1, 2])
-def test_a_game_is_on_one_phone_screen(phone, people):
+def test_game_fits_on_a_phone_screen(phone, people):
     page = phone.open(f"?pursuer={'you' if people == 2 else 'still'}&evader=you")
     pads = ["#pad-pursuer", "#pad-evader"][2 - people :]
     sizes = [(375, 667), (667, 375)]
@@ -340,7 +340,7 @@ def test_two_people_share_a_touch_screen(phone):
         page.keyboard.up(key)
 
 
-def test_agents_are_a_show_at_any_speed_and_a_hidden_tab_pauses(desk):
+def test_agents_play_at_any_speed_and_a_hidden_tab_pauses(desk):
     page = desk.open("?pursuer=still&evader=still")
     page.select_option("#speed", "10")
     page.keyboard.press("Space")
@@ -356,7 +356,7 @@ def test_agents_are_a_show_at_any_speed_and_a_hidden_tab_pauses(desk):
     assert page.get_attribute("body", "data-phase") == "paused"
 
 
-def test_why_shows_every_robot_in_play(desk):
+def test_why_shows_every_active_robot(desk):
     """What agents think best is what they then do."""
     page = desk.open("?pursuer=pursuer&evader=evader&game=team-2v1/office&seed=3")
     page.keyboard.press("KeyV")
@@ -380,7 +380,7 @@ def test_why_shows_every_robot_in_play(desk):
     assert min(known["leads"]) < 0 < max(known["leads"])
 
 
-def test_an_agent_that_cannot_be_loaded_is_said(desk):
+def test_agent_that_fails_to_load_is_reported(desk):
     page = desk.open("?pursuer=still")
     page.route("**/agents/*", lambda route: route.fulfill(status=404))
     page.click("#menu")
@@ -398,7 +398,7 @@ def test_an_agent_that_cannot_be_loaded_is_said(desk):
     desk.complaints.clear()
 
 
-def test_a_person_leads_a_team_to_its_end(desk, tmp_path):
+def test_person_leads_a_team_to_the_end_of_its_game(desk, tmp_path):
     page = desk.open("?pursuer=you&evader=shielded:evader&game=team-3v1&seed=2")
     assert page.inner_text("#goal") == "You are red 1 of 3: catch blue within 100\u00a0s"
     page.keyboard.press("Space")
@@ -432,7 +432,7 @@ def spiral():
     return names["Spiral"]()
 
 
-def test_the_player_in_the_document_plays_on_the_page_as_in_python(desk, spiral, tmp_path):
+def test_player_of_the_document_plays_on_the_page_as_in_python(desk, spiral, tmp_path):
     desk.open("?pursuer=spiral&evader=flee-aware&seed=2")
     desk.play(0.25)
     desk.finish()
@@ -449,11 +449,11 @@ def test_the_player_in_the_document_plays_on_the_page_as_in_python(desk, spiral,
     np.testing.assert_array_equal(replay.actions[:, 0], act(jnp.asarray(replay.states[:-1])))
 
 
-def test_the_player_on_the_page_is_made_of_the_one_in_the_document(spiral):
+def test_spiral_wasm_is_built_from_the_player_of_the_document(spiral):
     assert sources_digest(sources([player_program(spiral)])) == SPIRAL
 
 
-def test_a_player_that_the_page_cannot_play_is_refused_and_so_is_a_compiler_that_is_missing(tmp_path, monkeypatch):
+def test_write_player_refuses_continuous_players_and_a_missing_compiler(tmp_path, monkeypatch):
     smooth = find_player("P_smooth", Role.PURSUER, make_game("paper")).policy
     with pytest.raises(InvalidInput, match=r"player = .* discrete actions and without a memory"):
         write_player(smooth, tmp_path / "smooth.wasm")

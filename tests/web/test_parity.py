@@ -69,7 +69,7 @@ def apart(rows, others):
     return away.max()
 
 
-def test_golden_games_come_out_the_same():
+def test_golden_games_replay_the_same_on_the_page():
     """They have every outcome and every preset; a step that is judged by another rule would be seen."""
     records, replays = [json.loads(path.read_text()) for path in GOLDEN], [load_replay(path) for path in GOLDEN]
     assert {replay.outcome for replay in replays} == set(Outcome) - {Outcome.ONGOING}
@@ -150,7 +150,7 @@ def drawn(name, count=200):
 
 
 @pytest.mark.parametrize(("name", "draw"), [("crowd", any_actions), ("map", any_levels), slow("crowd", any_levels)])
-def test_games_come_out_the_same(name, draw):
+def test_random_games_are_the_same_on_the_page(name, draw):
     """Random play: states, the status of every robot after every step, outcomes."""
     (game, rows), count, steps, held = drawn(name), 80, 45, 5
     pursuers, robots, rows = len(game.bodies.pursuer), sum(map(len, game.bodies)), rows[:count]
@@ -185,7 +185,7 @@ def test_games_come_out_the_same(name, draw):
         slow("team-3v2/office", Role.PURSUER, 2),
     ],
 )
-def test_robots_see_and_do_the_same(name, role, number):
+def test_observations_rules_and_clearances_are_the_same_on_the_page(name, role, number):
     """All observations, all rules, and the room that all actions leave, with some other robots out of play."""
     game, rows = drawn(name)
     game, counts = with_chart(game), [len(side) for side in game.bodies]
@@ -228,7 +228,7 @@ def test_robots_see_and_do_the_same(name, role, number):
     assert 0 < np.mean(clearances < MARGIN) < 1
 
 
-def test_in_fog_a_side_knows_what_it_knows_in_the_package_and_a_pursuer_searches_that_has_seen_nobody_of_late():
+def test_knowledge_in_fog_matches_the_package_and_a_blind_pursuer_searches():
     """Either side has only its line of sight, and its robot goes straight."""
     sees = Sensors(line_of_sight=True)
     game = with_chart(replace(find_game("office"), sensors=Sensing(sees, sees)))
@@ -268,7 +268,7 @@ def test_in_fog_a_side_knows_what_it_knows_in_the_package_and_a_pursuer_searches
     assert len(set(recent)) == 2
 
 
-def test_replays_play_again_in_the_package(tmp_path):
+def test_page_replays_play_again_in_the_package(tmp_path):
     """Where a side is continuous a replay holds the levels of both, of all sizes, as the weights are large."""
     smooth = jax.tree.map(lambda leaf: 2 * leaf, make_actor("encoded", width=16, depth=2, key=jax.random.key(6)))
     networks = {Role.PURSUER: smooth, Role.EVADER: make_network("paper", width=16, depth=2, key=jax.random.key(5))}
@@ -284,7 +284,7 @@ def test_replays_play_again_in_the_package(tmp_path):
     assert recorded.first_difference() is None
 
 
-def test_who_sees_late_sees_the_past_of_the_other_side_alone():
+def test_delayed_view_shows_the_past_of_the_other_side_only():
     assert ask(sights=True) == [[10, 0, "at 0"], [11, 0, "at 1"], [12, 1, "at 2"]], (
         "who is out of play is known at once"
     )
@@ -298,7 +298,7 @@ def test_who_sees_late_sees_the_past_of_the_other_side_alone():
         ("pursuer", "still", {"name": "still"}, "pure-pursuit", True),
     ],
 )
-def test_the_last_way_out_is_one_and_a_second_later_there_is_none(me, own, theirs, stand, finds):
+def test_hindsight_finds_the_last_way_out(me, own, theirs, stand, finds):
     rules = to_dict(make_game("paper")) | ({"max_steps": 150} if me == "pursuer" else {})
     sides = {me: {"name": own}, "pursuer" if me == "evader" else "evader": theirs}
     match = {"game": rules, "seed": 1, "me": me, "count": 8, "stand": {"name": f"shielded:{stand}"}} | sides
@@ -309,7 +309,7 @@ def test_the_last_way_out_is_one_and_a_second_later_there_is_none(me, own, their
     assert any(game["found"] is not None for game in lost) == finds
 
 
-def test_a_passage_that_is_too_narrow_for_one_robot_is_said():
+def test_page_survey_reports_a_passage_too_narrow_for_a_robot():
     walls = [[[2, 0], [2.2, 0], [2.2, 2.6], [2, 2.6]], [[2, 3.4], [2.2, 3.4], [2.2, 6], [2, 6]]]
     arena = {"x_max": 8, "y_max": 6, "polygons": [{"vertices": wall} for wall in walls]}
     wide, narrow = ask(survey=[json.dumps({"arena": arena, "pursuer": {"radius": one}}) for one in (0.45, 0.2)])
@@ -317,7 +317,7 @@ def test_a_passage_that_is_too_narrow_for_one_robot_is_said():
     assert narrow is None
 
 
-def test_games_are_read_as_the_package_reads_them():
+def test_page_reads_games_as_the_package_does():
     names = [name for name in game_names() if not name.startswith("team") and name not in LIMITED]
     texts = [json.dumps(to_dict(find_game(name))) for name in names]
     ring = {"arena": {"polygons": [{"vertices": [[1, 1], [2, 2], [2, 1], [1, 1]]}]}}
@@ -349,7 +349,7 @@ REFUSED = [
 """What neither the package nor the page reads, and words of the page's complaint."""
 
 
-def test_what_the_package_refuses_the_page_refuses(tmp_path):
+def test_page_refuses_what_the_package_refuses(tmp_path):
     for (text, said), answer in zip(REFUSED, ask(read=[text for text, _ in REFUSED]), strict=True):
         if "Games" not in said:
             (tmp_path / "bad.json").write_text(text)
@@ -360,7 +360,7 @@ def test_what_the_package_refuses_the_page_refuses(tmp_path):
         assert len(answer["complaint"]) < 300
 
 
-def test_a_link_plays_the_game_again_with_all_its_robots_and_its_fog_and_a_damaged_one_is_refused_in_a_line():
+def test_links_restore_games_and_damaged_ones_are_refused():
     damaged = ["#game=*", "#game=_w", f"#game={'e' * 200_000}", "#other"]
     found = ask(links=damaged, shared=[[1, 1, False], [3, 2, False], [1, 1, True]])
     said = [answer.get("complaint") for answer in found["links"]]
@@ -369,7 +369,7 @@ def test_a_link_plays_the_game_again_with_all_its_robots_and_its_fog_and_a_damag
         assert played == again
 
 
-def test_shapes_stay_shapes():
+def test_edited_shapes_stay_valid():
     moves = ask(moves=1)
     assert moves["nothing"], "a block without a width is no change"
     assert moves["steep"] == [[3.1, 1], [3.1, 4], [2.9, 4], [2.9, 1]]
@@ -378,7 +378,7 @@ def test_shapes_stay_shapes():
     assert len({x for x, _ in moves["crossed"]}) == 2
 
 
-def test_a_beginner_meets_no_wall_at_once_and_the_hunter_can_win():
+def test_first_levels_can_be_won_and_lost_as_intended():
     paper = to_dict(make_game("paper"))
     floor = paper | {"arena": paper["arena"] | {"discs": []}}
     red = str(ZOO / "pursuer.safetensors")
@@ -399,7 +399,7 @@ def test_a_beginner_meets_no_wall_at_once_and_the_hunter_can_win():
     assert aimed[0] == "captured", "who aims ahead and brakes wins"
 
 
-def test_walls_leave_no_slits():
+def test_walls_join_without_slits():
     moves = ask(moves=1)
     assert moves["joined"] == [[0, 3], [10, 6.9], [4, 4.1], [5, 5]]
     assert moves["corner"] == [[8.1, 3.9], [8.1, 7], [7.9, 7], [7.9, 3.9]]

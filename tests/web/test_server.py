@@ -71,7 +71,7 @@ def published(folder, choice=None):
     return json.loads((folder / "catalogue.json").read_text())
 
 
-def test_serves_nothing_above_its_folder_and_no_listing(server, capsys):
+def test_server_serves_nothing_above_its_folder_and_no_listing(server, capsys):
     outside = ["../secret.txt", "%2e%2e/secret.txt", "agents/../../secret.txt", "/../secret.txt", "..%2fsecret.txt"]
     for path in [*outside, "agents/", "%00", "a%00b.js", "a" * 5000]:
         answer, body = get(server, f"/{path}")
@@ -80,7 +80,7 @@ def test_serves_nothing_above_its_folder_and_no_listing(server, capsys):
     assert not capsys.readouterr().err
 
 
-def test_half_a_request_ends_in_silence(server, monkeypatch, capsys):
+def test_incomplete_request_times_out_silently(server, monkeypatch, capsys):
     monkeypatch.setattr(FolderHandler, "timeout", 0.3)
     with socket.create_connection((LOOPBACK, server.server_port), timeout=30) as half:
         half.sendall(b"GET / HTTP/1.0\r\nHost:")
@@ -88,7 +88,7 @@ def test_half_a_request_ends_in_silence(server, monkeypatch, capsys):
     assert not capsys.readouterr().err
 
 
-def test_serves_its_files_by_its_own_name_on_the_loopback_address_alone(server):
+def test_server_answers_only_for_its_own_host_name(server):
     port = server.server_port
     assert server.server_address[0] == "127.0.0.1"
     for host in ("evil.example", f"evil.example:{port}", LOOPBACK, f"127.0.0.1.evil.example:{port}", ""):
@@ -104,7 +104,7 @@ def test_serves_its_files_by_its_own_name_on_the_loopback_address_alone(server):
     assert get(server, "/", method="POST")[0].status == 501
 
 
-def test_a_taken_port_is_refused_and_a_free_one_is_found(server, tmp_path):
+def test_taken_port_is_refused_and_a_free_one_is_found(server, tmp_path):
     with pytest.raises(InvalidInput, match=f"port = {server.server_port} cannot be used .*in use"):
         make_server(tmp_path, server.server_port)
     with make_server(tmp_path) as other:
@@ -114,7 +114,7 @@ def test_a_taken_port_is_refused_and_a_free_one_is_found(server, tmp_path):
             make_server(tmp_path, port)
 
 
-def test_the_command_ends_and_leaves_nothing(tmp_path, monkeypatch):
+def test_play_command_ends_and_leaves_nothing(tmp_path, monkeypatch):
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     with socket.socket() as probe:
         probe.bind((LOOPBACK, 0))
@@ -131,7 +131,7 @@ def test_the_command_ends_and_leaves_nothing(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_browser_is_opened_unless_told_otherwise_and_need_not_return(monkeypatch):
+def test_play_opens_a_browser_unless_disabled(monkeypatch):
     served, opened = threading.Event(), queue.Queue()
     monkeypatch.setattr("webbrowser.open", lambda address: opened.put(served.wait(10)))
     monkeypatch.setattr("socketserver.BaseServer.serve_forever", lambda server: served.set())
@@ -142,7 +142,7 @@ def test_a_browser_is_opened_unless_told_otherwise_and_need_not_return(monkeypat
     assert opened.get(timeout=10), "it is served while the browser is open"
 
 
-def test_the_site_is_whole(tmp_path):
+def test_site_has_all_games_agents_and_files(tmp_path):
     catalogue = published(tmp_path)
     assert catalogue["games"] == {name: to_dict(find_game(name)) for name in set(game_names()) - {"lidar", "blind"}}
     read = [name for name in zoo_names() if load_header(ZOO / f"{name}.safetensors").observation in READS]
@@ -161,20 +161,20 @@ def test_the_site_is_whole(tmp_path):
         assert (tmp_path / file).is_file()
 
 
-def test_the_page_asks_nobody_else():
+def test_page_contacts_no_other_host():
     for path in [path for path in PAGE.rglob("*") if path.is_file()]:
         addresses = re.findall(r"https?://[^\s\"')]+", path.read_text())
         assert set(addresses) <= {"http://www.w3.org/2000/svg"}, path.name
 
 
-def test_colours_are_those_of_all_pictures():
+def test_page_colours_match_the_palette():
     light, dark = (PAGE / "style.css").read_text().split("@media (prefers-color-scheme: dark)")
     for name in ("pursuer", "evader", "obstacle"):
         assert f"--{name}: {palette.LIGHT[name]};" in light
         assert f"--{name}: {palette.DARK[name]};" in dark
 
 
-def test_a_person_meets_the_best_unless_told_otherwise():
+def test_default_opponent_is_the_best_agent():
     choice = choose_match(Role.EVADER, None, "paper", 3)
     assert (choice.pursuer, choice.evader, choice.seed, choice.agents) == ("shielded:pursuer", YOU, 3, {})
     assert choose_match(Role.EVADER, None, "team-3v1", 3).pursuer == "shielded:pursuer"
@@ -185,7 +185,7 @@ def test_a_person_meets_the_best_unless_told_otherwise():
     assert (asked.level, asked.difficulty) == (None, "sharp")
 
 
-def test_a_game_of_teams_is_a_game_of_two_by_another_name(tmp_path):
+def test_choose_match_accepts_team_games_by_name_and_file(tmp_path):
     (tmp_path / "hall.toml").write_text("capture_distance = 0.4\n")
     assert (choose_match(Role.PURSUER, None, "team-3v1/office", 0).game) == "team-3v1/office"
     choice = choose_match(Role.EVADER, "pursuer", f"team-3v1/{tmp_path / 'hall.toml'}", 0)
@@ -199,7 +199,7 @@ def test_a_game_of_teams_is_a_game_of_two_by_another_name(tmp_path):
     assert len(catalogue["games"]["pack"]["teams"]["pursuers"]) == 3
 
 
-def test_a_game_on_a_map_is_served_with_its_field(tmp_path):
+def test_game_on_a_map_is_served_with_its_field(tmp_path):
     write_map(tmp_path, np.full((20, 30), 254, np.uint8))
     (tmp_path / "hall.toml").write_text('[arena]\nmap = "floor.yaml"\n')
     choice = choose_match(Role.EVADER, None, str(tmp_path / "hall.toml"), 0)
@@ -212,7 +212,7 @@ def test_a_game_on_a_map_is_served_with_its_field(tmp_path):
 
 
 @pytest.mark.parametrize("name", OBSERVATIONS)
-def test_agents_are_served_whose_observation_the_page_makes(name, tmp_path):
+def test_only_agents_with_an_observation_of_the_page_are_served(name, tmp_path):
     path = tmp_path / "small.safetensors"
     save_agent(describe(make_network(name, 8, 1, jax.random.key(0)), Role.PURSUER, {}, {}), path)
     made = "paper, encoded, egocentric, team; choose another"
@@ -222,7 +222,7 @@ def test_agents_are_served_whose_observation_the_page_makes(name, tmp_path):
         assert list(choice.agents.values()) == [path]
 
 
-def test_an_agent_from_a_run_is_served_too(tmp_path):
+def test_agent_of_a_run_is_served(tmp_path):
     path = tmp_path / "first" / "agents" / "P_pool.safetensors"
     path.parent.mkdir(parents=True)
     shutil.copyfile(ZOO / "P_random.safetensors", path)
@@ -245,12 +245,12 @@ def test_an_agent_from_a_run_is_served_too(tmp_path):
         ((Role.EVADER, "shielded:none.wasm", "paper", 0), "none.wasm .*write_player"),
     ],
 )
-def test_what_there_is_not_is_refused(arguments, complaint):
+def test_unknown_players_games_and_seeds_are_refused(arguments, complaint):
     with pytest.raises(InvalidInput, match=complaint):
         choose_match(*arguments)
 
 
-def test_a_full_disk_leaves_no_half_site(tmp_path, monkeypatch, capsys):
+def test_full_disk_leaves_no_partial_site(tmp_path, monkeypatch, capsys):
     def fail(path):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
@@ -261,7 +261,7 @@ def test_a_full_disk_leaves_no_half_site(tmp_path, monkeypatch, capsys):
     assert list(tmp_path.rglob("*")) == [tmp_path / "site"]
 
 
-def test_the_command_writes_a_site_once(tmp_path, capsys):
+def test_play_command_does_not_overwrite_a_site(tmp_path, capsys):
     site = tmp_path / "site"
     assert main(["play", "--as", "pursuer", "--against", "still", "--seed", "5", "--site", str(site)]) == 0
     chosen = json.loads((site / "catalogue.json").read_text())["chosen"]
@@ -270,7 +270,7 @@ def test_the_command_writes_a_site_once(tmp_path, capsys):
     assert "--site" in capsys.readouterr().err
 
 
-def test_the_page_is_up_to_date():
+def test_compiled_page_is_up_to_date():
     """In a process of its own, where types are not checked while programs run: that takes a hundred times as long."""
     command = [sys.executable, "-m", "website.compiled", "--check"]
     checked = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True)

@@ -65,7 +65,7 @@ def corners(polygon):
     return [[round(float(length), 2) for length in corner] for corner in polygon.vertices]
 
 
-def test_an_arena_is_drawn_shared_and_played_to_its_end(desk, tmp_path):
+def test_arena_is_drawn_shared_and_played_to_its_end(desk, tmp_path):
     page = desk.open("?pursuer=pursuer&evader=you")
     hand = Hand(desk)
     hand.use("disc", (2, 8), (2.6, 8))
@@ -100,7 +100,7 @@ def test_an_arena_is_drawn_shared_and_played_to_its_end(desk, tmp_path):
     assert replay.first_difference() is None
 
 
-def test_what_is_wrong_is_said_while_it_is_drawn(desk, tmp_path):
+def test_defects_are_reported_while_an_arena_is_drawn(desk, tmp_path):
     page = desk.open()
     hand = Hand(desk)
     hand.use("wall", (0, 5), (10, 5))
@@ -116,7 +116,7 @@ def test_what_is_wrong_is_said_while_it_is_drawn(desk, tmp_path):
     assert page.get_attribute("body", "data-phase") == "ready"
 
 
-def test_an_arena_on_a_map_is_changed_and_played(desk):
+def test_arena_on_a_map_is_edited_and_played(desk):
     page = desk.open("?pursuer=pursuer&evader=still&game=hall")
     page.click("#draw")
     page.click("#tools [value=disc]")
@@ -135,7 +135,7 @@ def test_an_arena_on_a_map_is_changed_and_played(desk):
     assert desk.match("game.arena.map.field.length") == 81 * 121
 
 
-def test_fingers_draw_on_a_phone(phone, tmp_path):
+def test_arenas_can_be_drawn_by_touch_on_a_phone(phone, tmp_path):
     page = phone.open()
     page.set_viewport_size({"width": 375, "height": 667})
     hand = Hand(phone)
@@ -164,7 +164,7 @@ def test_fingers_draw_on_a_phone(phone, tmp_path):
     assert all(bottom <= top + 1 for (_, bottom, _), (_, _, top) in itertools.pairwise(edges)), "findings push down"
 
 
-def test_a_hostile_link_runs_nothing_and_is_refused_in_a_line(desk):
+def test_hostile_link_is_refused_and_runs_no_code(desk):
     for hostile in ('"<svg onload=hacked=1>": 1', '"map": "//evil.example/<script>hacked=1</script>"'):
         packed = zlib.compress(f'{{"arena": {{{hostile}}}}}'.encode(), wbits=-zlib.MAX_WBITS)
         page = desk.open(f"#game={base64.urlsafe_b64encode(packed).decode().rstrip('=')}")

@@ -52,7 +52,7 @@ def opened(browser, address, page, **screen):
 
 
 @pytest.mark.parametrize("screen", [{}, PHONE], ids=["desktop", "phone"])
-def test_at_home_six_pursuers_learn_at_once_and_below_them_is_a_game(browser, address, screen):
+def test_home_page_has_six_learning_pursuers_and_a_game(browser, address, screen):
     with opened(browser, address, "index.html", **screen) as tab:
         lesson = tab.frame_locator(".hero iframe")
         lesson.locator("#go:enabled").wait_for()
@@ -69,7 +69,7 @@ def test_at_home_six_pursuers_learn_at_once_and_below_them_is_a_game(browser, ad
 
 
 @pytest.mark.parametrize("screen", [{}, PHONE], ids=["desktop", "phone"])
-def test_home_leads_to_the_same_game_on_the_whole_screen_and_back(browser, address, screen):
+def test_home_page_leads_to_full_screen_games(browser, address, screen):
     with opened(browser, address, "index.html", **screen) as tab:
         tab.locator(".ways a").click()
         tab.locator("#go:enabled").wait_for()
@@ -85,14 +85,14 @@ def test_home_leads_to_the_same_game_on_the_whole_screen_and_back(browser, addre
         assert tab.inner_text("#goal").startswith("5. "), "another level, chosen in the frame"
 
 
-def test_the_gallery_leads_to_a_game_in_its_arena(browser, address):
+def test_gallery_leads_to_a_game_in_its_arena(browser, address):
     with opened(browser, address, "reference/arenas.html") as tab:
         tab.locator("a.play[href*=office]").click()
         tab.locator("#go:enabled").wait_for()
         assert tab.evaluate("apollonius.page.match.game.arena.polygons.length") == 12
 
 
-def test_what_is_searched_for_is_found(browser, address):
+def test_search_finds_the_reference_page(browser, address):
     with opened(browser, address, "search.html?q=Unicycle") as tab:
         tab.locator("#search-results li a").first.wait_for()
         links = tab.locator("#search-results li a").evaluate_all("links => links.map(link => link.href)")

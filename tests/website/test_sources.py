@@ -34,12 +34,12 @@ def test_each_document_belongs_to_one_part():
         (HOME, "[cite](CITATION.cff)", "cite"),
     ],
 )
-def test_links_are_those_of_the_site(document, link, there):
+def test_links_are_rewritten_for_the_site(document, link, there):
     assert at_home(f"See {link}, too.", document) == f"See {there}, too."
 
 
 @pytest.mark.parametrize("name", ["play", "train", "floor_plan", "own_learner"])
-def test_what_a_tutorial_runs_is_a_cell_of_its_notebook(name):
+def test_notebook_has_a_cell_for_each_block_of_its_tutorial(name):
     path = REPOSITORY / "docs" / "tutorials" / f"{name}.md"
     book = json.loads(notebook(path.read_text()))
     assert (book["nbformat"], book["nbformat_minor"]) == (4, 4), "of which cells have no ids"
@@ -62,20 +62,20 @@ def test_what_a_tutorial_runs_is_a_cell_of_its_notebook(name):
     assert re.findall(r"\w+", text) == re.findall(r"\w+", re.sub(r"\]\((?!https:)[^)]*\)", "]", left))
 
 
-def test_a_toml_block_without_a_name_is_text():
+def test_toml_block_without_a_name_becomes_text():
     page = "# Page\n\n```toml\nmax_steps = 3\n```\n\nSee [here](a.md), [there](https://b.org).\n"
     cells = json.loads(notebook(page))["cells"]
     assert [cell["cell_type"] for cell in cells] == ["markdown"] * 3
     assert "".join(cell["source"] for cell in cells).endswith("See here, [there](https://b.org).")
 
 
-def test_the_home_page_tells_what_the_readme_knows(tmp_path):
+def test_home_page_links_the_leaderboard_below_agents(tmp_path):
     write_sources(tmp_path)
     home = (tmp_path / "index.md").read_text()
     assert "](benchmarks/leaderboard.md" in home.partition("## Agents")[2]
 
 
-def test_a_tutorial_offers_its_notebook_below_its_title(tmp_path):
+def test_tutorial_links_its_notebook_below_its_title(tmp_path):
     write_sources(tmp_path / "sources")
     tutorials = tmp_path / "sources" / "tutorials"
     books = {path.stem for path in tutorials.glob("*.ipynb")}
