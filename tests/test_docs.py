@@ -53,7 +53,7 @@ def stop(parser, arguments=None):
     raise Parsed(_parse_args(parser, arguments))
 
 
-def asked(words):
+def options_of(words):
     """The options of a command that a document gives, which goes no further; {} for a program that is not ours."""
     match [PLACEHOLDERS.get(word, word) for word in words]:
         case ["make", target]:
@@ -96,7 +96,7 @@ def files_made(document):
 
 def check_command(words, document):
     """A command that a document gives can be given; the players and games in it exist or are made in the document."""
-    options, made = asked(words), files_made(document)
+    options, made = options_of(words), files_made(document)
     for player in (options.get(name) for name in ("pursuer", "evader", "pursuers", "evaders", "agent", "against")):
         for name in [player] if isinstance(player, str) else player or []:
             bare = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
@@ -292,7 +292,7 @@ def test_code_and_commands_of_a_document_run_to_its_end(name, tmp_path, monkeypa
                     code = code.replace(much, less)
                 exec(code, names)
             for words in block.commands():
-                options = asked(words)
+                options = options_of(words)
                 arguments = with_less(words, options)
                 assert arguments is None or main(arguments) == 0, arguments
                 for option in ("out", "plot", "site") if arguments else ():

@@ -58,7 +58,7 @@ def install(folder, points, name="mine"):
 
 
 @pytest.fixture
-def here(tmp_path, monkeypatch):
+def package_folder(tmp_path, monkeypatch):
     """A folder that packages are imported from, whose parts are gone after the test."""
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setattr(arenas, "_KINDS", {})
@@ -71,13 +71,13 @@ def here(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def mine(here):
+def mine(package_folder):
     """The package of the document."""
     for name in ("pyproject.toml", "mine/policy.py", "mine/capsule.py"):
-        (here / name).parent.mkdir(exist_ok=True)
-        (here / name).write_text(FILES[name])
-    install(here, tomllib.loads(FILES["pyproject.toml"])["project"]["entry-points"].items())
-    return here
+        (package_folder / name).parent.mkdir(exist_ok=True)
+        (package_folder / name).write_text(FILES[name])
+    install(package_folder, tomllib.loads(FILES["pyproject.toml"])["project"]["entry-points"].items())
+    return package_folder
 
 
 def test_package_in_an_empty_folder_plays_in_evaluate(mine):
@@ -124,29 +124,29 @@ BROKEN = {
 
 
 @pytest.mark.parametrize(("group", "point"), BROKEN, ids=str)
-def test_broken_entry_point_is_refused_in_one_line_naming_the_package(group, point, here):
-    (here / "mine").mkdir()
-    (here / "mine" / "wrong.py").write_text(
+def test_broken_entry_point_is_refused_in_one_line_naming_the_package(group, point, package_folder):
+    (package_folder / "mine").mkdir()
+    (package_folder / "mine" / "wrong.py").write_text(
         "from apollonius.agents.policy import AbstractPolicy\nfrom apollonius.observe.paper import PAPER\n"
         "TEXT = 'text'\n\n\nclass Needy(AbstractPolicy):\n    speed: float\n\n"
         "    def __call__(self, seen, memory, bits):\n        return 0, memory\n\n\n"
         "def none(game, role):\n    return None\n"
     )
     name, _, value = point.partition(" = ")
-    install(here, [(f"apollonius.{group}", {name: value})])
+    install(package_folder, [(f"apollonius.{group}", {name: value})])
     with pytest.raises(InvalidInput, match=rf"^the package 'mine' has '{point}' .* mend it, or uninstall") as refusal:
         BROKEN[group, point]()
     assert "\n" not in str(refusal.value)
 
 
-def test_two_packages_with_the_same_name_of_a_part_are_refused(here):
+def test_two_packages_with_the_same_name_of_a_part_are_refused(package_folder):
     for package in ("mine", "yours"):
-        install(here, [(extensions.OBSTACLES, {"walls": "mine.capsule:Capsule"})], package)
+        install(package_folder, [(extensions.OBSTACLES, {"walls": "mine.capsule:Capsule"})], package)
     with pytest.raises(InvalidInput, match="the packages 'mine' and 'yours' both have 'walls'"):
         arenas.find_obstacle_kind("walls")
 
 
-def test_entry_points_are_read_for_unknown_names_only(here, monkeypatch):
+def test_entry_points_are_read_for_unknown_names_only(package_folder, monkeypatch):
     def refuse(**_):
         raise AssertionError("not for a name that is known")
 
@@ -328,7 +328,7 @@ class Fast(Unicycle):
 
 
 @pytest.mark.slow
-def test_check_game_reports_defects(here):
+def test_check_game_reports_defects(package_folder):
     wrong = (Squared, Leaping, Timid, Blind, Seen, Beside)
     for kind in (*wrong, Pillar):
         arenas.register_obstacle(kind.__name__.lower(), kind)

@@ -156,10 +156,10 @@ def images(kinds, form, folder):
     (folder / "m.yaml").write_bytes(json.dumps(record | {"image": f"m.{form}"}).encode())
     grey = np.full((5, 8), 254, np.uint8)
     grey[:2, :3], grey[4, 4] = 0, 205
-    return [encoded(grey, kind, {"pgm": "PPM"}.get(form, form)) for kind in kinds]
+    return [encode_image(grey, kind, {"pgm": "PPM"}.get(form, form)) for kind in kinds]
 
 
-def encoded(grey, kind, form):
+def encode_image(grey, kind, form):
     file = BytesIO()
     image = Image.fromarray(grey.astype(np.uint16) * 257) if kind == "I;16" else Image.fromarray(grey).convert(kind)
     image.save(file, form)

@@ -26,36 +26,36 @@ PROJECT = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
 
 
 @pytest.fixture(scope="module")
-def built(tmp_path_factory):
+def archives(tmp_path_factory):
     out = tmp_path_factory.mktemp("dist")
     build = [sys.executable, "-m", "hatchling", "build", "--directory", out]
     subprocess.run(build, cwd=REPOSITORY, check=True, capture_output=True, timeout=120)
     return out
 
 
-def needed(requirements, extras=("",)):
+def needed_names(requirements, extras=("",)):
     """Names of the installed distributions that requirements ask for, and those that these ask for."""
     asked = [
         one
         for one in map(Requirement, requirements)
         if one.marker is None or any(one.marker.evaluate({"extra": extra}) for extra in extras)
     ]
-    further = (needed(distribution(one.name).requires or [], ("", *one.extras)) for one in asked)
+    further = (needed_names(distribution(one.name).requires or [], ("", *one.extras)) for one in asked)
     return {one.name for one in asked}.union(*further)
 
 
-def environment(folder, built, *extras):
+def environment(folder, archives, *extras):
     """A virtual environment of the wheel and what it asks for, no more; returns its `bin`."""
     venv.create(folder, symlinks=True)
     packages = next(folder.glob("lib/python*/site-packages"))
     asked = [*PROJECT["dependencies"], *(line for extra in extras for line in PROJECT["optional-dependencies"][extra])]
-    for name in needed(asked):
+    for name in needed_names(asked):
         files = distribution(name).files or []
         for top in {file.parts[0] for file in files} - {"..", "__pycache__"}:
             if not (packages / top).exists():
                 (packages / top).symlink_to(distribution(name).locate_file(top))
     install = [sys.executable, "-m", "pip", "--python", folder / "bin" / "python", "install", "--no-deps", "--no-index"]
-    subprocess.run([*install, *built.glob("*.whl")], check=True, capture_output=True, timeout=120)
+    subprocess.run([*install, *archives.glob("*.whl")], check=True, capture_output=True, timeout=120)
     return folder / "bin"
 
 
@@ -67,8 +67,8 @@ def run(command, *arguments, cwd):
     return result.stdout
 
 
-def test_wheel_without_extras_plays_exports_and_writes_the_page(built, tmp_path):
-    bin_ = environment(tmp_path / "plain", built)
+def test_wheel_without_extras_plays_exports_and_writes_the_page(archives, tmp_path):
+    bin_ = environment(tmp_path / "plain", archives)
     where = "import apollonius, importlib.util as u; print(apollonius.__file__, u.find_spec('matplotlib'))"
     file, matplotlib = run(bin_ / "python", "-c", where, cwd=tmp_path).split()
     assert (file.startswith(f"{tmp_path / 'plain'}/lib"), matplotlib) == (True, "None")
@@ -81,8 +81,8 @@ def test_wheel_without_extras_plays_exports_and_writes_the_page(built, tmp_path)
     assert (tmp_path / "game.gif").read_bytes().startswith(b"GIF89a")
 
 
-def test_wheel_with_extras_reports_and_makes_an_environment(built, tmp_path):
-    bin_ = environment(tmp_path / "extras", built, "plot", "gym")
+def test_wheel_with_extras_reports_and_makes_an_environment(archives, tmp_path):
+    bin_ = environment(tmp_path / "extras", archives, "plot", "gym")
     (tmp_path / "tiny.toml").write_text(tomli_w.dumps(to_dict(RUN)))
     run(bin_ / "apollonius", "train", "--config", "tiny.toml", "--out", "run", cwd=tmp_path)
     run(bin_ / "apollonius", "report", "run", cwd=tmp_path)
@@ -91,14 +91,14 @@ def test_wheel_with_extras_reports_and_makes_an_environment(built, tmp_path):
     assert run(bin_ / "python", "-c", both, cwd=tmp_path) == "['evader_0', 'pursuer_0']\n"
 
 
-def test_wheel_and_source_archive_have_their_metadata(built):
+def test_wheel_and_source_archive_have_their_metadata(archives):
     pytest.importorskip("twine", reason="needs twine: pip install twine")
-    check = [sys.executable, "-m", "twine", "check", "--strict", *built.iterdir()]
+    check = [sys.executable, "-m", "twine", "check", "--strict", *archives.iterdir()]
     subprocess.run(check, check=True, capture_output=True, timeout=120)
-    names = zipfile.ZipFile(built / f"apollonius-{__version__}-py3-none-any.whl").namelist()
+    names = zipfile.ZipFile(archives / f"apollonius-{__version__}-py3-none-any.whl").namelist()
     assert {"apollonius/py.typed", f"apollonius-{__version__}.dist-info/licenses/LICENSE"} <= set(names)
     assert not [name for name in names if not name.startswith("apollonius")]
-    with tarfile.open(built / f"apollonius-{__version__}.tar.gz") as archive:
+    with tarfile.open(archives / f"apollonius-{__version__}.tar.gz") as archive:
         inside = {name.split("/", 1)[1] for name in archive.getnames()}
     assert {"LICENSE", "README.md", "CHANGELOG.md", "CITATION.cff", "tests/test_packaging.py"} <= inside
 

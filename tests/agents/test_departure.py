@@ -25,12 +25,12 @@ DRIVES = {6, 7, 8}
 
 
 @jax.jit
-def decided(game, own):
+def departure_mask(game, own):
     return departures(look(game, GameState.of_two(own, robot(6.0, 3.0), jnp.int32(0)), Role.PURSUER))
 
 
-def allowed(own, game=GAME):
-    return set(np.flatnonzero(decided(game, own)))
+def allowed_actions(own, game=GAME):
+    return set(np.flatnonzero(departure_mask(game, own)))
 
 
 class Undecided(AbstractActionValuePolicy):
@@ -42,17 +42,17 @@ class Undecided(AbstractActionValuePolicy):
 
 
 def test_robot_at_rest_in_the_open_may_only_depart_or_turn_to_its_path():
-    assert allowed(robot(2.0, 3.0, 0.03, 0.0)) == set(range(9))
-    assert allowed(robot(2.0, 3.0, 0.0, 0.0)) == DRIVES | {2}, "the end of the wall is to its left"
-    assert allowed(robot(2.0, 3.0, 0.0, np.pi)) == DRIVES | {0}
-    assert allowed(robot(2.0, 3.0, 0.0, 0.98)) == DRIVES
+    assert allowed_actions(robot(2.0, 3.0, 0.03, 0.0)) == set(range(9))
+    assert allowed_actions(robot(2.0, 3.0, 0.0, 0.0)) == DRIVES | {2}, "the end of the wall is to its left"
+    assert allowed_actions(robot(2.0, 3.0, 0.0, np.pi)) == DRIVES | {0}
+    assert allowed_actions(robot(2.0, 3.0, 0.0, 0.98)) == DRIVES
 
 
 @pytest.mark.parametrize("clearance", [0.01, 0.04])
 def test_robot_at_rest_near_a_wall_turns_one_way_until_its_path_is_free(clearance):
     x, free = 4.0 - 0.2 - clearance, []
     for heading in np.arange(-1.2, 1.8, 0.08):
-        actions = allowed(robot(x, 3.0, 0.0, heading))
+        actions = allowed_actions(robot(x, 3.0, 0.0, heading))
         assert actions <= {2, 7}, "up to the end of the wall, on its left"
         free.append(actions == {7})
     assert free == sorted(free)
@@ -61,8 +61,8 @@ def test_robot_at_rest_near_a_wall_turns_one_way_until_its_path_is_free(clearanc
 
 def test_speed_counted_as_rest_scales_with_the_time_step():
     slow = replace(GAME, dt=0.2)
-    assert allowed(robot(2.0, 3.0, 0.04, 0.0)) == set(range(9))
-    assert allowed(robot(2.0, 3.0, 0.02, 0.0), slow) == DRIVES | {2}
+    assert allowed_actions(robot(2.0, 3.0, 0.04, 0.0)) == set(range(9))
+    assert allowed_actions(robot(2.0, 3.0, 0.02, 0.0), slow) == DRIVES | {2}
 
 
 def test_departing_frees_a_robot_that_oscillates_on_the_spot():

@@ -26,7 +26,7 @@ def chart_of(arena, **changes):
     return with_chart(replace(Game(arena=arena), **changes)).arena.chart
 
 
-def made(field):
+def chart_of_field(field):
     """A chart with this field, whose lower left corner is (3, -2), with cells of 0.1 m."""
     blank = jnp.zeros((1, 1, 1), jnp.uint16)
     corners = jnp.broadcast_to(jnp.asarray(field, jnp.float32), (1, SIDE + 1, SIDE + 1))
@@ -50,8 +50,10 @@ def test_chart_clearance_matches_the_arena_to_within_a_cell(arena):
 @pytest.mark.parametrize(("along", "known"), [(0.03, 0.03), (19.15, 19.15), (19.2, 19.2), (25.0, 19.2), (-1.0, 0.0)])
 def test_chart_clearance_is_linear_inside_and_constant_outside_the_chart(along, known):
     rising = jnp.linspace(0, SIDE / 10, SIDE + 1)
-    assert float(made(rising).clearance(jnp.float32(3 + along), jnp.float32(4.0))) == pytest.approx(known, abs=1e-4)
-    upwards = made(rising[:, None])
+    assert float(chart_of_field(rising).clearance(jnp.float32(3 + along), jnp.float32(4.0))) == pytest.approx(
+        known, abs=1e-4
+    )
+    upwards = chart_of_field(rising[:, None])
     assert float(upwards.clearance(jnp.float32(7.0), jnp.float32(along - 2))) == pytest.approx(known, abs=1e-4)
 
 

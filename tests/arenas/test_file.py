@@ -22,7 +22,7 @@ from apollonius.io.limits import GAME_FILES
 
 
 @pytest.fixture
-def written(tmp_path):
+def load_text(tmp_path):
     """A function that writes a file and loads the game in it."""
 
     def load(content):
@@ -33,9 +33,9 @@ def written(tmp_path):
     return load
 
 
-def test_game_file_overrides_the_defaults(written):
+def test_game_file_overrides_the_defaults(load_text):
     """The ring of a polygon may be closed."""
-    game = written("""
+    game = load_text("""
 capture_distance = 0.6
 max_steps = 300
 pursuer = {v_max = 0.8, radius = 0.25}
@@ -52,8 +52,8 @@ vertices = [[4, 4], [6, 4], [5, 6.5], [4, 4]]
     pursuer, evader = Unicycle(v_max=0.8, radius=0.25), Unicycle(v_max=1.0, u2_max=1.5, radius=0.2)
     arena = Arena(x_max=12.0, y_max=6.5, discs=(disc,), polygons=(polygon,))
     assert game == Game(pursuer, evader, arena, 0.6, max_steps=300, starts=Starts(clearance=0.4, separation=2.0))
-    assert written(tomli_w.dumps(to_dict(game))) == game
-    assert written("") == Game()
+    assert load_text(tomli_w.dumps(to_dict(game))) == game
+    assert load_text("") == Game()
 
 
 @pytest.mark.parametrize("name", [*PRESETS, "team-3v1"])
@@ -96,10 +96,10 @@ def test_every_preset_loads_unchanged_from_its_file(name, suffix, tmp_path):
     ],
     ids=range(26),
 )
-def test_each_game_file_error_is_one_line(content, said, written, tmp_path):
+def test_each_game_file_error_is_one_line(content, said, load_text, tmp_path):
     write(tmp_path, room())
     with pytest.raises(InvalidInput, match=said) as refusal:
-        written(content)
+        load_text(content)
     assert len(str(refusal.value).splitlines()) == 1
 
 

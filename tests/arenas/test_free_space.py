@@ -138,7 +138,7 @@ def test_arena_check_states_the_resolution_of_the_chart(tmp_path, monkeypatch, c
     assert note.endswith("know no other way. This arena's chart resolves 1.00 m, so widen it to that.")
 
 
-def warned(game, players=(), name="floor.toml"):
+def warning_lines(game, players=(), name="floor.toml"):
     lines = []
     warn(argparse.Namespace(game=name, display=SimpleNamespace(print_line=lines.append)), game, players)
     return lines
@@ -146,19 +146,19 @@ def warned(game, players=(), name="floor.toml"):
 
 def test_only_players_that_read_charts_are_warned_of_a_missed_passage():
     game = floor(0.55)
-    assert warned(game, [find_player("still", Role.EVADER, game)]) == []
-    (line,) = warned(game, [find_player("pursuer", Role.PURSUER, game)])
+    assert warning_lines(game, [find_player("still", Role.EVADER, game)]) == []
+    (line,) = warning_lines(game, [find_player("pursuer", Role.PURSUER, game)])
     assert line.startswith("floor.toml: the passage at (9.")
 
 
 def test_parted_arenas_and_agents_of_another_arena_get_one_warning_each():
     closed = floor(0.55, radius=0.3)
     agents = [find_player(name, Role.PURSUER, closed) for name in ("P_curriculum", "P_stage1", "pure-pursuit")]
-    learned, *wrong = warned(closed, agents)
+    learned, *wrong = warning_lines(closed, agents)
     assert learned == "P_curriculum, P_stage1 have learned in another arena; pursuer plays in any"
     parted = [line.partition(" falls into 2 parts")[0] for line in wrong]
     assert parted == [f"floor.toml: the {side}'s free space" for side in ("pursuer", "evader")]
-    assert warned(closed, name="office") == []
+    assert warning_lines(closed, name="office") == []
 
 
 WARNING = {

@@ -75,7 +75,7 @@ def test_suite_arena_refuses_an_arena_with_another_digest(monkeypatch):
     assert main(["evaluate", "still", "still", "--game", "suite-v1/discs-00"]) == 2
 
 
-def drawn(kind="discs", seed=0, **numbers):
+def draw_arena(kind="discs", seed=0, **numbers):
     return random_arena(kind, seed, **numbers)
 
 
@@ -88,21 +88,21 @@ def drawn(kind="discs", seed=0, **numbers):
         (lambda: find_game("suite-v1/"), "unknown game 'suite-v1/'; choose .* as 'suite-v1/racks-07'"),
         (lambda: find_game("suite-v1/none"), "arena of suite-v1 = none"),
         (lambda: find_game("suite-v1/maze-00,maze-00"), "scenario = .* a list of different arenas"),
-        (lambda: drawn(gap=4.0), "5 discs find no room: after .* ask for a smaller gap"),
-        (lambda: drawn(gap=-1.0), "gap = -1"),
-        (lambda: drawn(width=3.0), "width, height = .* at least 3.6 m"),
-        (lambda: drawn(seed=-1), "seed = -1"),
-        (lambda: drawn(kind="swamps"), "kind = swamps .* one of discs, blocks"),
-        (lambda: drawn(kind="maze", width=2.0), "width, height = .* two corridors"),
-        (lambda: drawn(kind="racks", height=2.0), "width, height = .* an aisle on either side"),
-        (lambda: drawn(kind="blocks", gap=4.7), "width, height = .* a block with a gap"),
-        (lambda: drawn(kind="rooms", gap=9.0), "width, height = .* two rooms"),
-        (lambda: drawn(kind="rooms", gap=1e-3, width=90.0), "gap = 0.001 .* at most 200 polygons"),
-        (lambda: drawn(kind="maze", width=60.0, height=60.0), "gap = 1.0 .* wider, or the arena smaller"),
-        (lambda: drawn(kind="caves", width=3.9), "width, height = .* at least 4 m each, 4 gaps"),
-        (lambda: drawn(kind="caves", gap=0.07), "gap = 0.07 .* at least 0.08 m, as a cave has 1,000 cells"),
-        (lambda: drawn(gap=0.0), "gap = 0.0 .* more than 0"),
-        (lambda: drawn(kind="rooms", width=1e6), "width, height = .* at most 100 m"),
+        (lambda: draw_arena(gap=4.0), "5 discs find no room: after .* ask for a smaller gap"),
+        (lambda: draw_arena(gap=-1.0), "gap = -1"),
+        (lambda: draw_arena(width=3.0), "width, height = .* at least 3.6 m"),
+        (lambda: draw_arena(seed=-1), "seed = -1"),
+        (lambda: draw_arena(kind="swamps"), "kind = swamps .* one of discs, blocks"),
+        (lambda: draw_arena(kind="maze", width=2.0), "width, height = .* two corridors"),
+        (lambda: draw_arena(kind="racks", height=2.0), "width, height = .* an aisle on either side"),
+        (lambda: draw_arena(kind="blocks", gap=4.7), "width, height = .* a block with a gap"),
+        (lambda: draw_arena(kind="rooms", gap=9.0), "width, height = .* two rooms"),
+        (lambda: draw_arena(kind="rooms", gap=1e-3, width=90.0), "gap = 0.001 .* at most 200 polygons"),
+        (lambda: draw_arena(kind="maze", width=60.0, height=60.0), "gap = 1.0 .* wider, or the arena smaller"),
+        (lambda: draw_arena(kind="caves", width=3.9), "width, height = .* at least 4 m each, 4 gaps"),
+        (lambda: draw_arena(kind="caves", gap=0.07), "gap = 0.07 .* at least 0.08 m, as a cave has 1,000 cells"),
+        (lambda: draw_arena(gap=0.0), "gap = 0.0 .* more than 0"),
+        (lambda: draw_arena(kind="rooms", width=1e6), "width, height = .* at most 100 m"),
         (lambda: random_map("caves"), "must be as in 'caves seed=0"),
         (lambda: random_map("discs seed=0 gap=1.0 width=10.0 height=10.0"), "of a kind that draws cells"),
         (lambda: random_map("swamps seed=0 gap=1.0 width=10.0 height=10.0"), "must be as in 'caves seed=0"),

@@ -60,19 +60,19 @@ def small():
 
 
 @pytest.fixture(scope="module")
-def judged():
+def card_text():
     return json.dumps(asdict(judge_agent(Benchmark("full", Role.PURSUER), "intercept")))
 
 
 @pytest.fixture
-def card(judged, tmp_path):
+def card(card_text, tmp_path):
     path = tmp_path / "card.json"
-    path.write_text(judged)
+    path.write_text(card_text)
     return path
 
 
 @pytest.fixture
-def entered(tmp_path, monkeypatch):
+def enter_agent(tmp_path, monkeypatch):
     """A function that returns a benchmark and an agent whose process runs another program."""
 
     def enter(act, role=Role.PURSUER, levels=1):
@@ -94,14 +94,14 @@ def test_verify_reproduces_a_card(card):
     assert -1 <= found.score.worst_tenth <= found.score.net_win_rate <= 1
 
 
-def test_rounds_run_as_jobs_give_the_same_card(judged, entered, tmp_path):
+def test_rounds_run_as_jobs_give_the_same_card(card_text, enter_agent, tmp_path):
     def elsewhere(jobs):
         return pickle.loads(pickle.dumps([job.run()[1] for job in pickle.loads(pickle.dumps(jobs))]))
 
     one, any_time = Benchmark("full", Role.PURSUER), {"decision_us": 0.0}
     card = asdict(judge_agent(one, "intercept", run=elsewhere))
-    assert json.dumps(card | any_time) == json.dumps(json.loads(judged) | any_time)
-    entered(GOOD)
+    assert json.dumps(card | any_time) == json.dumps(json.loads(card_text) | any_time)
+    enter_agent(GOOD)
     card = judge_agent(one, str(tmp_path / "mine.onnx"), run=elsewhere)
     assert card.score.forfeits == 0
     assert card.sha256 == sha256(GOOD.encode()).hexdigest()
@@ -201,9 +201,9 @@ FAILING = {
 """What a process does, and how its failure is told."""
 
 
-def test_failing_agent_forfeits_its_own_games_only(entered, monkeypatch):
+def test_failing_agent_forfeits_its_own_games_only(enter_agent, monkeypatch):
     for act, reason in FAILING.items():
-        one, agent = entered(act)
+        one, agent = enter_agent(act)
         monkeypatch.setattr(onnx_agent, "ROUND_SECONDS", 2.0 if reason == "no answer" else 100.0)
         began = time.monotonic()
         played = one.play(agent, "still", 0)
@@ -216,8 +216,8 @@ def test_failing_agent_forfeits_its_own_games_only(entered, monkeypatch):
     assert FORFEIT not in healthy.outcomes
 
 
-def test_agent_with_long_error_output_plays_on(entered):
-    one, agent = entered("sys.stderr.write('warning ' * 10_000); sys.stderr.flush(); " + GOOD)
+def test_agent_with_long_error_output_plays_on(enter_agent):
+    one, agent = enter_agent("sys.stderr.write('warning ' * 10_000); sys.stderr.flush(); " + GOOD)
     assert FORFEIT not in one.play(agent, "still", 0).outcomes
 
 
@@ -229,8 +229,8 @@ def test_agent_with_long_error_output_plays_on(entered):
     ],
     ids=["beyond", "no number"],
 )
-def test_impossible_action_forfeits_that_game_only(entered, answer, role, levels):
-    one, agent = entered(f"answer({answer})", role, levels)
+def test_impossible_action_forfeits_that_game_only(enter_agent, answer, role, levels):
+    one, agent = enter_agent(f"answer({answer})", role, levels)
     outcomes = one.play(agent, "random", 0).outcomes
     assert [outcome == FORFEIT for outcome in outcomes] == [False, True, False]
     assert agent.policy.process.reason == "an answer that is no action"
@@ -244,15 +244,15 @@ def test_impossible_action_forfeits_that_game_only(entered, answer, role, levels
         ("import os; os.write(0, b'1234' * 2)", "numbers"),
     ],
 )
-def test_agent_that_does_not_start_is_refused_with_the_reason(entered, tmp_path, program, reason):
-    entered(GOOD)
+def test_agent_that_does_not_start_is_refused_with_the_reason(enter_agent, tmp_path, program, reason):
+    enter_agent(GOOD)
     (tmp_path / "program.py").write_text(program)
     with pytest.raises(InvalidInput, match=rf"mine\.onnx.*{reason}"):
         Benchmark("full", Role.PURSUER).find(str(tmp_path / "mine.onnx"))
 
 
-def test_agent_process_that_fails_to_restart_forfeits_its_round(entered, tmp_path):
-    one, agent = entered(GOOD)
+def test_agent_process_that_fails_to_restart_forfeits_its_round(enter_agent, tmp_path):
+    one, agent = enter_agent(GOOD)
     (tmp_path / "program.py").write_text("raise MemoryError")
     assert one.play(agent, "still", 0).outcomes == (FORFEIT,) * 3
     assert agent.policy.process.reason == "MemoryError"

@@ -161,7 +161,7 @@ def test_match_reports_how_often_a_side_saw_its_opponent():
 
 
 @pytest.fixture
-def played(monkeypatch):
+def recorded_matches(monkeypatch):
     """The matches from here on, in a list; each pursuer wins more than the one before it, against every evader."""
     matches = []
 
@@ -182,16 +182,16 @@ def players():
 
 
 @pytest.fixture
-def tournament(players, played):
+def tournament(players, recorded_matches):
     return play_tournament(PAPER, BySide(*players), games=40, seed=3)
 
 
-def test_tournament_plays_each_pair_on_the_same_starts(players, played):
+def test_tournament_plays_each_pair_on_the_same_starts(players, recorded_matches):
     reported = []
     some = BySide(players[0], players[1][:1])
     found = play_tournament(PAPER, some, 40, 3, lambda *numbers: reported.append(numbers))
     pairs = [BySide(pursuer, players[1][0]) for pursuer in players[0]]
-    assert played == [Match(PAPER, pair, 40, 3) for pair in pairs]
+    assert recorded_matches == [Match(PAPER, pair, 40, 3) for pair in pairs]
     assert found.win_rates.tolist() == [[10 / 40], [30 / 40]]
     assert reported == [(40, 80), (80, 80)]
 
@@ -270,7 +270,7 @@ RADII = Variation("arena.discs.0.radius", (0.5, 0.7))
 
 
 @pytest.fixture(scope="module")
-def found():
+def varied_result():
     told, matches = [], varied_matches(PAPER, NAMES, (SPEEDS, RADII), 60, 3)
     made = play_varied(matches, (SPEEDS, RADII), lambda *numbers: told.append(numbers))
     assert told == sorted(told)
@@ -278,38 +278,38 @@ def found():
     return made
 
 
-def test_varied_matches_equal_single_matches_and_speed_raises_wins(found):
-    assert found.results[2] == play_match(Match.of_names(PAPER, *NAMES, 60, 3))
+def test_varied_matches_equal_single_matches_and_speed_raises_wins(varied_result):
+    assert varied_result.results[2] == play_match(Match.of_names(PAPER, *NAMES, 60, 3))
     slower = replace(PAPER, pursuer=replace(PAPER.pursuer, v_max=0.2))
-    assert found.results[0] == play_match(Match.of_names(slower, *NAMES, 60, 3))
-    assert found.win_rates.shape == (3, 2)
-    assert found.win_rates[0, 0] < found.win_rates[2, 0]
+    assert varied_result.results[0] == play_match(Match.of_names(slower, *NAMES, 60, 3))
+    assert varied_result.win_rates.shape == (3, 2)
+    assert varied_result.win_rates[0, 0] < varied_result.win_rates[2, 0]
 
 
-def test_varied_table_and_data_give_each_result_with_its_values(found):
-    heading, _, header, *rows = varied_table(found).splitlines()
+def test_varied_table_and_data_give_each_result_with_its_values(varied_result):
+    heading, _, header, *rows = varied_table(varied_result).splitlines()
     assert "60 games, starts: rest" in heading
     assert header.split() == ["pursuer.v_max", "\\", "arena.discs.0.radius", "0.5", "0.7"]
-    low, high = found.results[2].pursuer_win_interval
-    shown = f"{100 * found.results[2].pursuer_win_rate:.1f} [{100 * low:.0f}, {100 * high:.0f}]"
+    low, high = varied_result.results[2].pursuer_win_interval
+    shown = f"{100 * varied_result.results[2].pursuer_win_rate:.1f} [{100 * low:.0f}, {100 * high:.0f}]"
     assert rows[1].split(maxsplit=1)[0] == "1.2"
     assert rows[1].split(maxsplit=1)[1].startswith(shown)
-    data = json.loads(json.dumps(found.to_dict()))["matches"]
+    data = json.loads(json.dumps(varied_result.to_dict()))["matches"]
     assert [one["pursuer.v_max"] for one in data] == [speed for speed in SPEEDS.values for _ in RADII.values]
-    assert [one["outcomes"] for one in data] == [one.outcomes for one in found.results]
+    assert [one["outcomes"] for one in data] == [one.outcomes for one in varied_result.results]
 
 
-def test_plots_of_varied_matches_show_every_rate(found, tmp_path, monkeypatch):
+def test_plots_of_varied_matches_show_every_rate(varied_result, tmp_path, monkeypatch):
     drawn: list[Figure] = []
     save = Figure.savefig
     monkeypatch.setattr(Figure, "savefig", lambda self, *given, **kw: (drawn.append(self), save(self, *given, **kw)))
-    pictures.draw_varied(found, tmp_path / "map.png")
-    one = replace(found, variations=(SPEEDS,), results=found.results[::2])
+    pictures.draw_varied(varied_result, tmp_path / "map.png")
+    one = replace(varied_result, variations=(SPEEDS,), results=varied_result.results[::2])
     pictures.draw_varied(one, tmp_path / "curve.png")
     heat, curve = (figure.axes[0] for figure in drawn)
-    assert heat.collections[0].get_array().tolist() == (100 * found.win_rates.T).tolist()
+    assert heat.collections[0].get_array().tolist() == (100 * varied_result.win_rates.T).tolist()
     assert (heat.collections[0].get_clim(), heat.collections[1].levels.tolist()) == ((0, 100), [50])
-    assert curve.lines[0].get_ydata().tolist() == pytest.approx(100 * found.win_rates[:, 0])
+    assert curve.lines[0].get_ydata().tolist() == pytest.approx(100 * varied_result.win_rates[:, 0])
     assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
 
 

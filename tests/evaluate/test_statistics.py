@@ -159,7 +159,7 @@ def test_last_agents_omits_intermediate_snapshots(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def advised():
+def advice():
     short = replace(make_game("paper"), arena=Arena(), max_steps=60)
     with pytest.MonkeyPatch.context() as patch:
         panel = {"pursuer": ("still", "intercept"), "evader": ("still", "random")}
@@ -167,29 +167,29 @@ def advised():
         yield tournament.advise(short, 16, seed=1)
 
 
-def test_advice_chooses_the_best_worst_case_players(advised):
-    rates = advised.tournament.win_rates
+def test_advice_chooses_the_best_worst_case_players(advice):
+    rates = advice.tournament.win_rates
     assert 0 < rates[1].min() < 1
-    assert advised.tournament.pursuers == ("still", "shielded:intercept"), "rules that move are behind a shield"
-    assert advised.best.pursuer == "shielded:intercept"
-    assert advised.least.pursuer == rates[1].min()
-    assert advised.least.evader == 1 - rates[:, ["still", "shielded:random"].index(advised.best.evader)].max()
-    assert advised.least.evader == (1 - rates.max(axis=0)).max()
+    assert advice.tournament.pursuers == ("still", "shielded:intercept"), "rules that move are behind a shield"
+    assert advice.best.pursuer == "shielded:intercept"
+    assert advice.least.pursuer == rates[1].min()
+    assert advice.least.evader == 1 - rates[:, ["still", "shielded:random"].index(advice.best.evader)].max()
+    assert advice.least.evader == (1 - rates.max(axis=0)).max()
 
 
-def test_advice_lists_the_pursuer_positions_at_the_time_limit(advised):
-    missed = round(16 * (1 - advised.tournament.win_rates[1, 0]))
-    assert 0 < len(advised.stops) == min(missed, 8)
-    assert np.all((np.array(advised.stops) > 0) & (np.array(advised.stops) < 10))
+def test_advice_lists_the_pursuer_positions_at_the_time_limit(advice):
+    missed = round(16 * (1 - advice.tournament.win_rates[1, 0]))
+    assert 0 < len(advice.stops) == min(missed, 8)
+    assert np.all((np.array(advice.stops) > 0) & (np.array(advice.stops) < 10))
 
 
-def test_advice_table_names_players_rates_and_places(advised):
-    text = advice_table(advised)
-    x, y = advised.stops[0]
+def test_advice_table_names_players_rates_and_places(advice):
+    text = advice_table(advice)
+    x, y = advice.stops[0]
     for part in (
         "best pursuer: shielded:intercept, which wins at least",
         f"({x:g}, {y:g})",
-        f"{advised.tournament.win_rates[1, 0]:.0%}",
+        f"{advice.tournament.win_rates[1, 0]:.0%}",
     ):
         assert part in text
 

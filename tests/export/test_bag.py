@@ -43,7 +43,7 @@ def test_export_names_a_map_without_its_folder(tmp_path, monkeypatch):
     assert bag.game.arena.map.digest == game.arena.map.digest
 
 
-def recorded(name, game, steps):
+def random_bag(name, game, steps):
     """A bag of decisions in states at random, some of them braking, in two games."""
     player, rng = find_exportable(name, Role.PURSUER, game), np.random.default_rng(0)
     decisions, memory, decide = [], player.memory, jax.jit(player.decide)
@@ -67,7 +67,7 @@ def recorded(name, game, steps):
     [("random", "paper", "team-3v1", "2 .* 4, as in 3 v 1"), ("intercept", "team-3v1", "paper", "4 .* 2, as in 1 v 1")],
 )
 def test_recomputed_decisions_differ_only_where_they_were_changed(name, game, other, refused):
-    export, decisions = recorded(name, find_game(game), 20)
+    export, decisions = random_bag(name, find_game(game), 20)
     bag = bag_of(texts(export, *decisions), "a bag")
     assert recompute_decisions(bag, name, bag.game) == []
     then = decisions[12]["controls"]
@@ -144,7 +144,7 @@ def test_bag_without_decisions_or_with_no_single_export_is_refused():
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     pytest.importorskip("rosbags", reason="needs rosbags: pip install rosbags")
-    export, decisions = recorded("intercept", find_game("paper"), 12)
+    export, decisions = random_bag("intercept", find_game("paper"), 12)
     return write_bag(tmp_path_factory.mktemp("bags") / "bag", json.dumps(export), map(json.dumps, decisions))
 
 

@@ -65,14 +65,14 @@ def numbers_of(game):
     return {jax.tree_util.keystr(path, simple=True, separator="."): leaf for path, leaf in leaves}
 
 
-def scaled(name, number, length, time):
+def scale_number(name, number, length, time):
     """Return a number of a game in other units."""
     across, along = POWERS[next(part for part in reversed(name.split(".")) if not part.isdigit())]
     kind = np.int32 if name == "max_steps" else np.float32
     return (np.asarray(number) * float(length) ** across * float(time) ** along).astype(kind)
 
 
-def varied(name, number):
+def vary_number(name, number):
     whole = name.endswith(("max_steps", "delay", "lag"))
     return number + 1 if whole else np.where(number == 0, 0.25, 1.5 * np.asarray(number))
 
@@ -122,7 +122,9 @@ def test_every_number_of_a_game_matters_and_scales_with_the_units():
     assert numbers_of(game).keys() - numbers.keys() == {"arena.chart", "scenario"}, "all other parts are there"
     rows = [(scale, one) for scale in SCALES for one in ("none", *numbers)]
     games = [
-        np.stack([scaled(name, varied(name, number) if name == one else number, *scale) for scale, one in rows])
+        np.stack(
+            [scale_number(name, vary_number(name, number) if name == one else number, *scale) for scale, one in rows]
+        )
         for name, number in numbers.items()
     ]
     counts = np.zeros(len(numbers), bool)
@@ -152,7 +154,7 @@ def in_metres_and_seconds():
 @pytest.mark.parametrize(("length", "time"), [*SCALES[1:], (1, 0.5)])
 def test_safety_tables_and_shielded_games_scale_with_the_units(length, time, in_metres_and_seconds):
     game, (table, result) = paper(), in_metres_and_seconds
-    numbers = [scaled(*one, length, time).item() for one in numbers_of(game).items() if one[1] is not None]
+    numbers = [scale_number(*one, length, time).item() for one in numbers_of(game).items() if one[1] is not None]
     other = jax.tree.unflatten(jax.tree.structure(game), numbers)
     np.testing.assert_allclose(safety_table(other), length * table, 1e-4)
     if length == 1:  # a shield leaves a millimetre, whatever the robots' scale

@@ -141,7 +141,7 @@ def test_start_headings_and_moving_speeds_are_uniform(speed):
 LINE, PATHS = Reward(), Reward(along_paths=True)
 
 
-def divided(top):
+def walled_game(top):
     """A game in an arena with a wall up to there."""
     wall = Polygon(((4.0, 0.0), (4.2, 0.0), (4.2, top), (4.0, top)))
     return with_chart(Game(arena=Arena(0.0, 8.0, 0.0, 8.0, polygons=(wall,)), reward=PATHS))
@@ -161,7 +161,7 @@ def pay(game, pursuers, evader):
 def test_path_reward_pays_for_driving_round_a_wall():
     """Up along the wall at 1.2 m/s: 0.12 m of the way, while the evader behind it comes no nearer."""
     pursuer, evader = robot(3.0, 3.0, 1.2, math.pi / 2), robot(5.0, 3.0)
-    wall = divided(6.0)
+    wall = walled_game(6.0)
     assert pay(wall, [pursuer], evader) == pytest.approx((0.36, -0.36), abs=0.04)
     assert abs(pay(replace(wall, reward=LINE), [pursuer], evader)[0]) < 0.02
     back = replace(pursuer, heading=jnp.float32(-math.pi / 2))
@@ -176,25 +176,25 @@ def test_path_reward_pays_for_driving_round_a_wall():
     ids=["in sight", "without a way"],
 )
 def test_path_reward_is_the_straight_line_in_sight_or_without_a_path(top, pursuer, evader):
-    game, robots = divided(top), ([robot(*pursuer)], robot(*evader))
+    game, robots = walled_game(top), ([robot(*pursuer)], robot(*evader))
     assert pay(game, *robots) == pay(replace(game, reward=LINE), *robots)
 
 
 def test_path_reward_of_a_team_follows_the_shortest_path():
     """One waits just behind the wall; the other is farther off, but on the evader's side, and drives there."""
-    game = replace(divided(6.0), teams=Teams((Unicycle(),)))
+    game = replace(walled_game(6.0), teams=Teams((Unicycle(),)))
     pursuers, evader = [robot(3.5, 3.0), robot(7.5, 3.0, 1.2, math.pi)], robot(5.0, 3.0)
     assert pay(game, pursuers, evader) == pytest.approx((0.36, -0.36), abs=1e-5)
     assert pay(replace(game, reward=LINE), pursuers, evader) == pytest.approx((0.0, 0.0), abs=1e-5)
 
 
 def test_path_reward_without_a_chart_is_refused_in_one_line():
-    game = divided(6.0)
+    game = walled_game(6.0)
     game = replace(game, arena=replace(game.arena, chart=None))
     with pytest.raises(InvalidInput, match=r"reward\.along_paths") as refusal:
         pay(game, [robot(3.0, 3.0)], robot(5.0, 3.0))
     assert "\n" not in str(refusal.value)
-    assert with_chart(game, False) == divided(6.0), "the reward reads them"
+    assert with_chart(game, False) == walled_game(6.0), "the reward reads them"
     assert with_chart(replace(game, reward=LINE), False).arena.chart is None
 
 
@@ -214,7 +214,7 @@ BOTH = in_arenas(GAME, [NARROW, WIDE])
 
 
 @jax.jit
-def held(game, states):
+def outcomes_ahead(game, states):
     """Outcomes of 30 steps straight ahead; in one arena, wherever they are, alone."""
     ahead = jnp.int32(7)
 
@@ -231,12 +231,12 @@ def test_games_in_two_arenas_match_games_in_each_alone():
     place = np.asarray(starts.variant)
     assert 0.4 < place.mean() < 0.6
     assert np.asarray(starts.pursuer.x)[place == 1].min() < -0.3  # only one arena reaches so far
-    together = np.asarray(held(BOTH, starts))
+    together = np.asarray(outcomes_ahead(BOTH, starts))
     for number, arena in enumerate((NARROW, WIDE)):
         here = place == number
         assert clearances(arena, starts.pursuer.x, starts.pursuer.y)[here].min() >= GAME.starts.clearance - 1e-5
         game = replace(GAME, arena=BOTH.scenario.arena(jnp.int32(number)))
-        alone = np.asarray(held(game, starts))
+        alone = np.asarray(outcomes_ahead(game, starts))
         np.testing.assert_array_equal(together[here], alone[here])
         assert len(set(alone[here].ravel())) > 4
 

@@ -85,7 +85,7 @@ def random_places(rng, game, count):
 
 
 @partial(jax.jit, static_argnames="sizes")
-def stepped(games, places, statuses, steps, actions, sizes):
+def step_games(games, places, statuses, steps, actions, sizes):
     """A step of each game from each of its states."""
 
     def one(game, places, statuses, steps, actions):
@@ -112,7 +112,7 @@ def test_step_matches_the_numpy_twin(sizes, profile, count):
     actions = rng.integers(NUM_ACTIONS, size=(*shape, robots))
     steps = rng.integers(39, size=shape)
     leaves = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(leaf) for leaf in leaves]), *games)
-    ours = stepped(leaves, *map(jnp.asarray, (places, statuses, steps, actions)), sizes)
+    ours = step_games(leaves, *map(jnp.asarray, (places, statuses, steps, actions)), sizes)
 
     twins = []
     for game, *columns in zip(games, *(one.tolist() for one in (places, statuses, steps, actions)), strict=True):
@@ -218,7 +218,7 @@ def spread(field, low, high):
     return lambda: randomised(paper(), [Spread((field,), low, high)])
 
 
-def misnamed(part, field, name):
+def misnamed_part(part, field, name):
     """A part with a name that its constructor's types would not let through."""
     object.__setattr__(part, field, name)
     return part
@@ -265,8 +265,8 @@ IMPOSSIBLE = [
         ["starts.separation = 10.0", "at most", "smaller or the arena larger"],
     ),
     ({"reward": Reward(capture=NAN)}, ["reward.capture = nan", "a finite number"]),
-    ({"reward": misnamed(Reward(), "profile", "fair")}, ["reward.profile = fair", "paper or zero-sum"]),
-    ({"starts": misnamed(Starts(), "speed", "fast")}, ["starts.speed = fast", "rest or moving"]),
+    ({"reward": misnamed_part(Reward(), "profile", "fair")}, ["reward.profile = fair", "paper or zero-sum"]),
+    ({"starts": misnamed_part(Starts(), "speed", "fast")}, ["starts.speed = fast", "rest or moving"]),
     *[
         ({"arena": Arena(polygons=(Polygon(corners),))}, said)
         for corners, said in (

@@ -39,7 +39,7 @@ def write(value, path):
     write_atomically(path, value)
 
 
-def asked(path):
+def read_cached(path):
     """What `cached` returns, and whether it was made."""
     made = []
     found = cached(path, lambda: made.append(1) or b"sound", write, load)
@@ -50,11 +50,11 @@ def test_cached_value_is_computed_once_and_again_after_damage(tmp_path):
     path = entry_path(tmp_path / "new", "a/b:c.json", KEY)
     assert path.name.startswith("a-b-c-")
     assert path.suffix == ".json"
-    assert [asked(path), asked(path)] == [(b"sound", True), (b"sound", False)]
+    assert [read_cached(path), read_cached(path)] == [(b"sound", True), (b"sound", False)]
     for damage in (b"", b"soun", b"other"):
         path.write_bytes(damage)
-        assert [asked(path), asked(path)] == [(b"sound", True), (b"sound", False)]
-    assert [asked(None), asked(None)] == [(b"sound", True)] * 2, "without a folder nothing is kept"
+        assert [read_cached(path), read_cached(path)] == [(b"sound", True), (b"sound", False)]
+    assert [read_cached(None), read_cached(None)] == [(b"sound", True)] * 2, "without a folder nothing is kept"
 
 
 def test_cache_key_depends_on_all_parameters_and_the_version(tmp_path, monkeypatch):
@@ -102,7 +102,7 @@ def test_process_killed_while_writing_leaves_no_broken_entry(words, tmp_path):
         entries.put(path.name, b"whole")
         assert entries.get(path.name) == b"whole"
     else:
-        assert asked(path) == (b"sound", True)
+        assert read_cached(path) == (b"sound", True)
     assert make_room(tmp_path, 0) == 0
     assert not path.exists()
 
@@ -150,7 +150,7 @@ def test_least_recently_used_entries_are_evicted_first(home):
     table(home, "huge", 400)
     assert names(home / "tables") == ["0", "2", "3"], "what is larger than all may be goes first"
     for number in range(9):
-        asked(entry_path(home / "run", f"{number}.json", KEY))
+        read_cached(entry_path(home / "run", f"{number}.json", KEY))
     assert len(names(home / "run")) == 9, "only the person's own cache is bounded"
 
 
@@ -167,7 +167,7 @@ def test_unwritable_cache_is_ignored_and_another_folder_is_an_error(home):
     assert table(home, "one") == bytes(100)
     (home / "run").write_text("no folder")
     with pytest.raises(OSError, match="exists"):
-        asked(home / "run" / "one")
+        read_cached(home / "run" / "one")
 
 
 def test_memory_finds_values_by_content_and_keeps_the_latest():
@@ -217,7 +217,7 @@ class Stranger(eqx.Module):
 
 
 @pytest.fixture
-def stored(monkeypatch):
+def stored_names(monkeypatch):
     """The names of our entries, not JAX's, that are written from now on."""
     names, put = [], Entries.put
     monkeypatch.setattr(Entries, "put", lambda *given: names.extend(re.findall("^kept_.*", given[1])) or put(*given))
@@ -243,9 +243,9 @@ def later():
     return made
 
 
-def test_later_process_loads_a_compilation_without_tracing(stored):
+def test_later_process_loads_a_compilation_without_tracing(stored_names):
     assert kept_now()(ARENA, *PLACE) == NEAR
-    assert len(stored) == 1
+    assert len(stored_names) == 1
     found = later()
     assert found(ARENA, *PLACE) == NEAR
     assert found(ARENA, *PLACE) == NEAR
@@ -253,7 +253,7 @@ def test_later_process_loads_a_compilation_without_tracing(stored):
 
 
 @pytest.mark.parametrize("change", ["types", "static", "sources", "settings"])
-def test_function_is_traced_again_after_any_other_change(change, stored, monkeypatch):
+def test_function_is_traced_again_after_any_other_change(change, stored_names, monkeypatch):
     kept_now()(ARENA, *PLACE)
     arena, place = ARENA, PLACE
     if change == "types":
@@ -269,16 +269,16 @@ def test_function_is_traced_again_after_any_other_change(change, stored, monkeyp
 
 
 @pytest.mark.parametrize("lost", ["ours", "JAX's"])
-def test_lost_compilation_entry_is_written_again(lost, stored):
+def test_lost_compilation_entry_is_written_again(lost, stored_names):
     kept_now()(ARENA, *PLACE)
-    entries, (name,) = cache.compiled_entries(), stored
+    entries, (name,) = cache.compiled_entries(), stored_names
     (entries._path / (name if lost == "ours" else entries.latest.key)).unlink()
     assert kept_now()(ARENA, *PLACE) == NEAR
-    assert stored[-1] == name
+    assert stored_names[-1] == name
     assert later()(ARENA, *PLACE) == NEAR
 
 
-def test_foreign_types_and_traced_calls_are_not_stored(stored):
+def test_foreign_types_and_traced_calls_are_not_stored(stored_names):
     assert PersistentJit(lambda part, x: x + 1)(Stranger("one"), PLACE[0]) == 1.25
     assert jax.jit(kept_now())(ARENA, *PLACE) == NEAR
-    assert not stored
+    assert not stored_names

@@ -151,7 +151,7 @@ def with_header(kind, path, header):
         path.write_text(text if kind not in TOML or isinstance(header, str) else tomli_w.dumps(header))
 
 
-def told(kind, path):
+def refusal_of(kind, path):
     """How a file is refused; None where it is sound."""
     said = None
     try:
@@ -169,7 +169,7 @@ def file(tmp_path):
     def write(kind):
         path = tmp_path / KINDS[kind][2]
         KINDS[kind][0](path)
-        assert told(kind, path) is None
+        assert refusal_of(kind, path) is None
         return path
 
     return write
@@ -226,7 +226,7 @@ def test_impossible_headers_are_refused(told_of, file):
     kind, lie, *words = told_of
     path = file(kind)
     with_header(kind, path, lie if isinstance(lie, str) else header_of(kind, path) | lie)
-    said = told(kind, path)
+    said = refusal_of(kind, path)
     assert said is not None
     assert len(said) < 1_200
     assert all(word in said for word in words)
@@ -238,7 +238,7 @@ def test_malformed_headers_are_refused(kind, text, file):
     path = file(kind)
     with_header(kind, path, text)
     if text or kind not in ("game", "config", "metrics"):  # which may have nothing but defaults, or no line yet
-        assert told(kind, path) is not None
+        assert refusal_of(kind, path) is not None
 
 
 @pytest.mark.parametrize(("kind", "key"), [("agent", "game"), ("metrics", "losses"), ("evaluation", "a against b")])
@@ -247,7 +247,7 @@ def test_deep_nesting_is_refused(kind, key, file):
     deep = '{"a":' * 500 + "1" + "}" * 500
     text = json.dumps(header_of(kind, path) | {key: 0}).replace(f'"{key}": 0', f'"{key}": {deep}')
     with_header(kind, path, text)
-    assert "nested too deeply" in (told(kind, path) or "")
+    assert "nested too deeply" in (refusal_of(kind, path) or "")
 
 
 @pytest.mark.parametrize(("kind", "bad"), [*zip(ARRAYS, (np.nan, np.inf, -np.inf), strict=True)])
@@ -258,7 +258,7 @@ def test_non_finite_numbers_are_refused(kind, bad, file):
     arrays[name] = np.array(arrays[name])
     arrays[name].flat[-1] = bad
     path.write_bytes(save(arrays, {ARRAYS[kind]: text}))
-    assert "not finite" in (told(kind, path) or "")
+    assert "not finite" in (refusal_of(kind, path) or "")
 
 
 @pytest.mark.parametrize("shape", [(10**13,), (2, 5, 4, 10**9), (2, 5, 4, 4), (120,), ()])
@@ -273,11 +273,11 @@ def test_table_with_another_size_than_its_header_is_refused(shape, file):
         header = json.dumps(claims).encode()
         path.unlink()
         path.write_bytes(len(header).to_bytes(8, "little") + header + content[8 + size :])
-        assert told("table", path) is not None
+        assert refusal_of("table", path) is not None
     arrays = load(content)
     for wrong in ({"other": np.zeros(3, np.float32)}, {"table": arrays["table"].astype(np.float16)}):
         path.write_bytes(save(arrays | wrong, claims["__metadata__"]))
-        assert "size" in (told("table", path) or "")
+        assert "size" in (refusal_of("table", path) or "")
 
 
 @pytest.mark.parametrize("kind", ["discs", "polygons"])
@@ -285,11 +285,11 @@ def test_too_many_obstacles_and_overlong_numbers_are_refused(kind, tmp_path):
     one = "x = 5\ny = 5\nradius = 0.01\n" if kind == "discs" else "vertices = [[5, 5], [6, 5], [5, 6]]\n"
     path = tmp_path / "g.toml"
     path.write_text(f"[[arena.{kind}]]\n{one}" * 1_000)
-    assert "occupancy map" in (told("game", path) or "")
+    assert "occupancy map" in (refusal_of("game", path) or "")
     path.write_text(f"[[arena.{kind}]]\n{one}" * 100_000)
-    assert "bytes" in (told("game", path) or "")
+    assert "bytes" in (refusal_of("game", path) or "")
     path.write_text("dt = 0x" + "f" * 6_000)
-    assert told("game", path) is not None
+    assert refusal_of("game", path) is not None
 
 
 @pytest.mark.parametrize("kind", [*TOML, "json game"])
@@ -298,8 +298,8 @@ def test_utf_8_byte_order_mark_is_accepted_and_utf_16_toml_is_refused(kind, enco
     path = file(kind)
     path.write_bytes(path.read_bytes().decode().encode(encoding))
     refused = encoding == "utf-16" and kind in TOML
-    assert (told(kind, path) or "").endswith("(it is UTF-16: save it as UTF-8)." * refused)
-    assert (told(kind, path) is None) == (not refused)
+    assert (refusal_of(kind, path) or "").endswith("(it is UTF-16: save it as UTF-8)." * refused)
+    assert (refusal_of(kind, path) is None) == (not refused)
 
 
 @pytest.mark.parametrize(
@@ -319,4 +319,4 @@ def test_pipe_in_place_of_a_file_is_refused_without_waiting(kind, file):
     path = file(kind)
     path.unlink()
     os.mkfifo(path)
-    assert told(kind, path) is not None
+    assert refusal_of(kind, path) is not None

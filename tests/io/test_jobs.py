@@ -304,7 +304,7 @@ COMMAND = "import sys; from apollonius.__main__ import main; print('begun', flus
 """A program hears from its first tenth of a second on, which a busy machine makes longer: so it has begun then."""
 
 
-def interrupted(code, *arguments, after):
+def run_interrupted(code, *arguments, after):
     """Status, output and errors of a program that gets a Ctrl-C some seconds after its first line of output."""
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen([sys.executable, "-c", code, *arguments], **pipes) as process:
@@ -326,7 +326,7 @@ PLAYS = ["evaluate", "random", "random", "--games", str(10**6)]
     "after", [0.5, pytest.param(6.0, marks=pytest.mark.slow)], ids=["while it loads or compiles", "while it plays"]
 )
 def test_ctrl_c_stops_a_long_match(after):
-    status, output, errors = interrupted(COMMAND, *PLAYS, after=after)
+    status, output, errors = run_interrupted(COMMAND, *PLAYS, after=after)
     assert (status, output) == (130, "")
     assert errors.splitlines()[-1] == "stopped"
     assert "Traceback" not in errors
@@ -360,7 +360,7 @@ interrupts.set_resume_hint("go on with: patience")
 print("begun", flush=True)
 hashlib.pbkdf2_hmac("sha256", b"", b"", 10**9)
 """
-    assert interrupted(deaf, after=0.2) == (130, "", "stopped; go on with: patience\n")
+    assert run_interrupted(deaf, after=0.2) == (130, "", "stopped; go on with: patience\n")
 
 
 def test_program_that_handles_ctrl_c_may_take_its_time_to_save():
@@ -378,4 +378,4 @@ time.sleep(interrupts.PATIENCE + 0.5)
 print("saved")
 sys.exit(interrupts.interrupt_status())
 """
-    assert interrupted(saving, after=0.2) == (130, "saved\n", "")
+    assert run_interrupted(saving, after=0.2) == (130, "saved\n", "")

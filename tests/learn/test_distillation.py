@@ -53,7 +53,7 @@ SEEING = replace(
 
 
 @pytest.fixture(scope="module")
-def visited():
+def visited_states():
     return jax.jit(fresh_starts, static_argnames="games")(GAME, games=400, key=jax.random.key(0))
 
 
@@ -70,14 +70,16 @@ def test_opponents_of_unequal_shares_play_all_games(monkeypatch):
     assert players[plan.stage.side.other].games == (55, 54, 15, 4)
 
 
-def test_states_near_are_visited_perturbed_close_and_random_ones(visited):
-    assert np.sum(np.asarray(visited.evader.v) == 0) == 200, "every other start is the game's own"
-    asked, visited = jax.tree.map(np.asarray, (jax.jit(states_near)(GAME, visited, jax.random.key(1)), visited))
+def test_states_near_are_visited_perturbed_close_and_random_ones(visited_states):
+    assert np.sum(np.asarray(visited_states.evader.v) == 0) == 200, "every other start is the game's own"
+    asked, visited_states = jax.tree.map(
+        np.asarray, (jax.jit(states_near)(GAME, visited_states, jax.random.key(1)), visited_states)
+    )
     same, around, close, anywhere = np.split(np.arange(len(asked.steps)), [400, 800, 900])
     assert len(anywhere) == 100
-    for before, after in zip(jax.tree.leaves(visited), jax.tree.leaves(asked), strict=True):
+    for before, after in zip(jax.tree.leaves(visited_states), jax.tree.leaves(asked), strict=True):
         np.testing.assert_array_equal(before, after[same])
-    moved = np.hypot(asked.evader.x[around] - visited.evader.x, asked.evader.y[around] - visited.evader.y)
+    moved = np.hypot(asked.evader.x[around] - visited_states.evader.x, asked.evader.y[around] - visited_states.evader.y)
     assert 0.1 < np.median(moved) < 0.5
     for robot in (asked.pursuer, asked.evader):
         assert np.all((robot.x > -1) & (robot.x < 2) & (robot.y > 0) & (robot.y < 4))
@@ -99,10 +101,10 @@ def values_of(lessons, states):
     return eqx.filter_jit(lessons.values)(states, Role.EVADER)
 
 
-def test_teacher_values_are_those_of_its_player_clipped_below(student, visited):
+def test_teacher_values_are_those_of_its_player_clipped_below(student, visited_states):
     blank, says = jax.tree.map(np.zeros_like, student), jnp.array([5, 4, 3, 2, 1, 0, -1, -10, 4.5])
     player = eqx.tree_at(lambda one: one.network.layers[-1].bias, blank, says)
-    values = values_of(DistillationTask(GAME, (), 10.0, player, None, None), visited)
+    values = values_of(DistillationTask(GAME, (), 10.0, player, None, None), visited_states)
     expected = 5 - np.minimum(np.array([0, 1, 2, 3, 4, 5, 6, 15, 0.5]), 10 * DEEPEST)
     np.testing.assert_allclose(values, np.tile(expected, (400, 1)), atol=1e-6)
 
@@ -110,14 +112,16 @@ def test_teacher_values_are_those_of_its_player_clipped_below(student, visited):
 LEFT = np.linspace(0.005, 0.025, NUM_ACTIONS)
 
 
-def test_teacher_preferences_scale_with_the_remaining_clearance(visited, monkeypatch):
+def test_teacher_preferences_scale_with_the_remaining_clearance(visited_states, monkeypatch):
     """A quarter of the wanted room is left at best, so that a quarter of each difference remains."""
     monkeypatch.setattr(Clearance, "after", lambda *_: jnp.float32(LEFT))
     grid, _ = reference_grid(GAME, Role.EVADER)
     room = Clearance(motion_of(GAME, Role.EVADER, 2), grid, jnp.zeros(grid.shape), 0.1)
     behind = -np.arange(9, dtype=np.float32) / 10
     cost = np.minimum(STEEPNESS * (0.025 - LEFT), COSTLIEST)
-    np.testing.assert_allclose(eqx.filter_jit(room.weigh_against)(behind, visited.evader), behind / 4 - cost, atol=1e-6)
+    np.testing.assert_allclose(
+        eqx.filter_jit(room.weigh_against)(behind, visited_states.evader), behind / 4 - cost, atol=1e-6
+    )
 
 
 def test_clearance_penalty_lowers_values_and_can_be_removed():
@@ -172,7 +176,7 @@ def uninterrupted(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_each_of_several_arenas_has_its_own_teacher(setting, visited, monkeypatch):
+def test_each_of_several_arenas_has_its_own_teacher(setting, visited_states, monkeypatch):
     """All have one shape, so that compiled steps serve all; what is taught is the arena's own."""
     arenas = [GAME.arena, Arena(x_min=-1.0, x_max=2.0, y_max=4.0)]
     monkeypatch.setattr(
@@ -182,14 +186,14 @@ def test_each_of_several_arenas_has_its_own_teacher(setting, visited, monkeypatc
     assert len(settings) == 2
     assert len({jax.tree.structure(one) for one in settings}) == 1
     assert len({tuple(map(np.shape, jax.tree.leaves(one))) for one in settings}) == 1
-    here, there = (values_of(one, visited) for one in settings)
-    alone = values_of(setting, visited)
+    here, there = (values_of(one, visited_states) for one in settings)
+    alone = values_of(setting, visited_states)
     np.testing.assert_allclose(here, alone, atol=1e-4)
     assert np.abs(there - here).max() > 0.01
 
 
 @pytest.mark.slow
-def test_distillation_run_learns_the_values_of_the_table(uninterrupted, setting, visited):
+def test_distillation_run_learns_the_values_of_the_table(uninterrupted, setting, visited_states):
     assert list(agents(uninterrupted)) == ["E_distilled"]
     assert len(list((uninterrupted / "tables").iterdir())) == 2
     agent = load_agent(uninterrupted / "agents" / "E_distilled.safetensors")
@@ -198,7 +202,7 @@ def test_distillation_run_learns_the_values_of_the_table(uninterrupted, setting,
     assert agent.header.training["price"] == 1.0
     losses = [line["losses"]["evader"] for line in metrics(uninterrupted)]
     assert losses[-1] < losses[0] / 2
-    asked = jax.jit(states_near)(GAME, visited, jax.random.key(5))
+    asked = jax.jit(states_near)(GAME, visited_states, jax.random.key(5))
     values = np.asarray(values_of(setting, asked))
 
     def lost(network):

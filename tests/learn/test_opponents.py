@@ -132,7 +132,7 @@ def test_unbiased_endings_count_games_that_began_early_enough():
 
 
 @pytest.fixture(scope="module")
-def played():
+def played_states():
     """States, copied: start, after 1, 2, 3 chunks, opponents renewed, after 4."""
     state = start(PLAN, GAME, jax.random.key(0), {})
     states = [jax.tree.map(jnp.copy, state)]
@@ -145,8 +145,8 @@ def played():
     return states
 
 
-def test_renewal_restarts_games_in_slots_and_archives_the_average(played):
-    before, after = played[3], played[4]
+def test_renewal_restarts_games_in_slots_and_archives_the_average(played_states):
+    before, after = played_states[3], played_states[4]
     in_slots = np.arange(GAMES) < 4 * SLOT_GAMES
     assert before.games.state.steps[in_slots].max() > 0
     assert after.games.state.steps[in_slots].tolist() == [0] * in_slots.sum()
@@ -154,20 +154,20 @@ def test_renewal_restarts_games_in_slots_and_archives_the_average(played):
     assert identical(*(jax.tree.map(lambda leaf: leaf[~in_slots], state.games) for state in (before, after))), (
         "games at large go on"
     )
-    for one, other in pairwise(played[:4]):
+    for one, other in pairwise(played_states[:4]):
         assert identical(one.archives.pursuer.in_slots, other.archives.pursuer.in_slots)
     archive = after.archives.pursuer
     assert (int(before.archives.pursuer.count), int(archive.count)) == (1, 2)
     first, entered = (jax.tree.map(lambda leaf, number=number: leaf[number], archive.networks) for number in (0, 1))
     assert identical(entered, before.learners[Role.PURSUER].learner.average)
     assert not identical(entered, first)
-    members = [state.games.sides.evader.member.tolist() for state in played]
-    assert members == [[0] * 16 + [1] * 8 + [2] * 8 + [0] * 32] * len(played)
+    members = [state.games.sides.evader.member.tolist() for state in played_states]
+    assert members == [[0] * 16 + [1] * 8 + [2] * 8 + [0] * 32] * len(played_states)
 
 
-def test_interrupted_games_are_truncated_in_the_buffer(played):
+def test_interrupted_games_are_truncated_in_the_buffer(played_states):
     for role in Role:
-        before, after = (state.learners[role].buffer for state in played[3:5])
+        before, after = (state.learners[role].buffer for state in played_states[3:5])
         last = int(before.head) - 1
         terminated = before.rows.terminated[last]
         assert (after.rows.truncated[last] | terminated).tolist()[: 4 * SLOT_GAMES] == [True] * 4 * SLOT_GAMES
@@ -176,15 +176,15 @@ def test_interrupted_games_are_truncated_in_the_buffer(played):
         assert identical(before.rows.truncated.at[last].set(False), after.rows.truncated.at[last].set(False))
 
 
-def test_archive_counts_games_in_slots_that_began_in_time(played):
+def test_archive_counts_games_in_slots_that_began_in_time(played_states):
     """Those of the first chunk, which the memory still holds: 128 steps, of which a game can last 100."""
     for role, first in ((Role.PURSUER, 0), (Role.EVADER, 2 * SLOT_GAMES)):
-        rows = played[1].learners[role].buffer.rows
+        rows = played_states[1].learners[role].buffer.rows
         over = np.asarray(rows.terminated | rows.truncated)[:, first : first + 2 * SLOT_GAMES]
         ends = [np.flatnonzero(game) for game in over.T]
         begins = [np.concatenate([[0], game[:-1] + 1]) for game in ends]
         counted = sum(int(np.sum(game <= CHUNK // GAMES - GAME.max_steps)) for game in begins)
-        archive = played[1].archives[role]
+        archive = played_states[1].archives[role]
         assert over.sum() > counted == archive.games[0] >= 2 * SLOT_GAMES
         assert 0 < archive.lost[0] < archive.games[0]
 
@@ -200,8 +200,8 @@ def test_opponents_are_renewed_no_sooner_than_configured():
         ]
 
 
-def test_version_due_between_renewals_enters_at_the_next(played):
-    state, counts = jax.tree.map(jnp.copy, played[0]), []
+def test_version_due_between_renewals_enters_at_the_next(played_states):
+    state, counts = jax.tree.map(jnp.copy, played_states[0]), []
     for chunks in (1, 2, 3):
         state = resample_all_opponents(PLAN, GAME, replace(state, env_steps=jnp.int32(chunks * CHUNK)))
         counts.append(int(state.archives.pursuer.count))

@@ -59,7 +59,7 @@ def learner():
     return state.learners[Role.EVADER].learner
 
 
-def learned(learner, row, plan=PLAN, iterations=0):
+def update_learner(learner, row, plan=PLAN, iterations=0):
     return eqx.filter_jit(ppo._learn)(plan, learner, row, jnp.int32(iterations), jnp.int32(0), jax.random.key(2))
 
 
@@ -165,29 +165,29 @@ def test_update_raises_the_rewarded_action_less_with_a_narrow_clip(learner):
         logarithms = ppo._sampling_policy(PLAN, learner.network).log_probabilities(row.observation.reshape(-1, SIZE))
         return np.exp(np.asarray(logarithms))[:, 3]
 
-    after, _ = learned(learner, row)
+    after, _ = update_learner(learner, row)
     assert np.mean(share(after) > share(learner)) > 0.99
-    freely, _ = learned(learner, row, replace(PLAN, learner=replace(PPO, clip=1.0)))
+    freely, _ = update_learner(learner, row, replace(PLAN, learner=replace(PPO, clip=1.0)))
     assert np.median(share(after)) < 0.9 * np.median(share(freely))
     assert int(after.updates) == 3 * 4
     for _ in range(30):
-        after, error = learned(after, row)
+        after, error = update_learner(after, row)
     assert share(after).mean() > 2.5 * share(learner).mean()
     assert float(error) / 12 < 0.11, "the critic knows how often that pays, no more"
 
 
 def test_critic_learns_first_and_inactive_robots_teach_nothing(learner):
     row, plan = random_row(jax.random.key(5)), replace(PLAN, learner=replace(PPO, critic_first=2))
-    waits, _ = learned(learner, row, plan, iterations=1)
+    waits, _ = update_learner(learner, row, plan, iterations=1)
     assert eqx.tree_equal(waits.network, learner.network)
     assert not eqx.tree_equal(waits.critic, learner.critic)
-    assert not eqx.tree_equal(learned(learner, row, plan, iterations=2)[0].network, learner.network)
+    assert not eqx.tree_equal(update_learner(learner, row, plan, iterations=2)[0].network, learner.network)
     active = jnp.arange(32) % 2 == 0
     halves = [
         replace(row, active=jnp.broadcast_to(active, (16, 32)), reward=jnp.where(active, row.reward, other))
         for other in (0.0, 5.0)
     ]
-    one, other = (learned(learner, each)[0] for each in halves)
+    one, other = (update_learner(learner, each)[0] for each in halves)
     assert eqx.tree_equal(one.network, other.network)
 
 

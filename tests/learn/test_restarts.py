@@ -19,7 +19,7 @@ STATES = eqx.tree_at(lambda states: states.steps, reset_batch(GAME, jax.random.k
 ENDS = [(20, Outcome.CAPTURED), (14, Outcome.CAPTURED), (30, Outcome.PURSUER_HIT_OBSTACLE), (39, Outcome.NO_RESULT)]
 
 
-def played(*ends):
+def games_ending(*ends):
     """Games of 40 steps that end so, the others not; a game that begins again is captured in the last step."""
     outcome = np.full((40, 6), int(Outcome.ONGOING), np.int32)
     outcome[39] = int(Outcome.CAPTURED)
@@ -37,7 +37,7 @@ def played(*ends):
     ],
 )  # fmt: skip
 def test_states_of_games_lost_late_enough_are_kept(game, role, expected):
-    lost = restarts.add_losses(restarts.empty_restarts(STATES), game, STATES, played(*ENDS), role)
+    lost = restarts.add_losses(restarts.empty_restarts(STATES), game, STATES, games_ending(*ENDS), role)
     assert int(lost.filled) == int(lost.head) == len(expected)
     np.testing.assert_array_equal(lost.rows.pursuer.x[: len(expected)], STATES.pursuer.x[jnp.array(expected)])
     assert (lost.rows.steps == 0).all(), "its time begins anew"
@@ -47,7 +47,7 @@ def test_latest_lost_states_replace_the_oldest(monkeypatch):
     monkeypatch.setattr(restarts, "_KEPT", 4)
     lost, captured = restarts.empty_restarts(STATES), [(20, Outcome.CAPTURED)] * 3
     for _ in range(2):
-        lost = restarts.add_losses(lost, GAME, STATES, played(*captured), Role.EVADER)
+        lost = restarts.add_losses(lost, GAME, STATES, games_ending(*captured), Role.EVADER)
     assert (int(lost.filled), int(lost.head)) == (4, 2)
     np.testing.assert_array_equal(lost.rows.evader.y, STATES.evader.y[jnp.array([1, 2, 2, 0])])
 
@@ -56,7 +56,7 @@ def test_latest_lost_states_replace_the_oldest(monkeypatch):
 def test_restart_fraction_of_games_begins_in_lost_states(filled, share, expected):
     captured = [(20, Outcome.CAPTURED)] * filled
     empty = restarts.empty_restarts(STATES)
-    lost = restarts.add_losses(empty, GAME, STATES, played(*captured), Role.EVADER)
+    lost = restarts.add_losses(empty, GAME, STATES, games_ending(*captured), Role.EVADER)
     drawn = reset_batch(GAME, jax.random.key(1), 2000)
     starts = restarts.mix_in_restarts(share, drawn, lost, jax.random.key(2))
     again = np.isin(starts.pursuer.x, STATES.pursuer.x)

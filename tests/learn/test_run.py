@@ -205,7 +205,7 @@ def self_play_starts(monkeypatch):
 
 
 @pytest.fixture
-def scripted(monkeypatch):
+def script_evaluations(monkeypatch):
     """A function that lets evaluations come to so many captures each; it returns a list of who plays in them."""
 
     def script(*captures):
@@ -222,9 +222,9 @@ def scripted(monkeypatch):
     return script
 
 
-def test_self_play_starts_from_the_best_pursuer_of_stage_1(self_play_starts, scripted, tmp_path, monkeypatch):
+def test_self_play_starts_from_the_best_pursuer_of_stage_1(self_play_starts, script_evaluations, tmp_path, monkeypatch):
     """Of its four evaluations, the third is the first of the best. Progress weighs less from then on."""
-    evaluated, weights, play_and_learn = scripted(3, 4, 9, 9, 0), [], loop.train_chunk
+    evaluated, weights, play_and_learn = script_evaluations(3, 4, 9, 9, 0), [], loop.train_chunk
 
     def recorded(plan, game, *rest):
         weights.append(game.reward.progress)
@@ -253,9 +253,9 @@ def test_self_play_starts_from_the_best_pursuer_of_stage_1(self_play_starts, scr
     assert runs_below(tmp_path) == [folder]
 
 
-def test_given_pursuer_trains_against_several_evaders(uninterrupted, scripted, tmp_path, monkeypatch):
+def test_given_pursuer_trains_against_several_evaders(uninterrupted, script_evaluations, tmp_path, monkeypatch):
     """No update is made, so what is kept is what was given: of the last evaluation, not of that with most captures."""
-    evaluated, seen, no_games = scripted(3, 1), [], jnp.zeros(len(Outcome), jnp.int32)
+    evaluated, seen, no_games = script_evaluations(3, 1), [], jnp.zeros(len(Outcome), jnp.int32)
     nothing = loop.Metrics(no_games, *[BySide(jnp.zeros(()), jnp.zeros(()))] * 2, jnp.asarray(0))
 
     def chunks(plan, game, state, fixed, done):

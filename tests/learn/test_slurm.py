@@ -114,7 +114,7 @@ def apollonius(*arguments):
     return STARTED[-1]
 
 
-def listed(folder):
+def listed_runs(folder):
     """What `apollonius runs` says of each run."""
     said, _ = apollonius("runs", folder, "--json").communicate(timeout=60)
     return {Path(run["folder"]).name: run for run in json.loads(said)["runs"]}
@@ -128,7 +128,7 @@ def weights(folder):
     }
 
 
-def running(run):
+def running_record(run):
     """The record of a run's process that trains and has begun to write metrics; None where there is none."""
     state, lines = run / "state.json", run / "metrics.jsonl"
     if not state.exists() or not lines.exists() or not lines.stat().st_size:
@@ -148,14 +148,14 @@ def test_slurm_sweep_with_killed_and_preempted_jobs_matches_local_sweep(slurm, t
     assert process.returncode == 0, said
     sweep = apollonius(*asked, "--on", "slurm", "--out", there)
     killed, preempted = (there / f"dqn.learning_rate=0.01,seed={seed}" for seed in (0, 1))
-    first = until(lambda: running(killed), SECONDS)
+    first = until(lambda: running_record(killed), SECONDS)
     os.kill(first["process"], signal.SIGKILL)
-    job = until(lambda: running(preempted), SECONDS)["job"]
-    assert listed(there)[preempted.name]["state"]["job"] == job
+    job = until(lambda: running_record(preempted), SECONDS)["job"]
+    assert listed_runs(there)[preempted.name]["state"]["job"] == job
     subprocess.run(["scontrol", "requeue", job], check=True)
     _, said = sweep.communicate(timeout=SECONDS)
     assert sweep.returncode == 0, said
-    found = listed(there)
+    found = listed_runs(there)
     assert {run["state"]["state"] for run in found.values()} == {"finished"}
     assert {run["share"] for run in found.values()} == {1.0}
     assert found[killed.name]["state"]["job"] != first["job"]

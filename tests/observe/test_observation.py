@@ -59,7 +59,7 @@ def test_encoded_warns_of_a_disc_in_the_braking_distance():
     np.testing.assert_allclose(seen[13:15], [1.0, -0.5], atol=1e-6)
 
 
-def divided(**changes):
+def walled_game(**changes):
     return with_chart(Game(arena=ROOM, **changes))
 
 
@@ -68,14 +68,14 @@ def look_by_chart(game, now):
     return EGOCENTRIC(look(game, now, Role.PURSUER))
 
 
-def seen(now):
+def observe_pursuer(now):
     slow = Unicycle(v_max=0.6, u1_max=0.6, u2_max=1.6, radius=0.15)
-    return np.asarray(look_by_chart(divided(pursuer=slow, capture_distance=0.6), now))
+    return np.asarray(look_by_chart(walled_game(pursuer=slow, capture_distance=0.6), now))
 
 
 def test_egocentric_robot_numbers_match_the_geometry():
     """The pursuer at (2, 4) looks up at 0.6 m/s; the evader is 3 m to its right and drives away from it."""
-    numbers = seen(state((2.0, 4.0, 0.6, math.pi / 2), (5.0, 4.0, 1.2, 0.0)))[:23]
+    numbers = observe_pursuer(state((2.0, 4.0, 0.6, math.pi / 2), (5.0, 4.0, 1.2, 0.0)))[:23]
     own = [0.5, 0.5, 2.0, 2.0, 0.5, 0.0, 1.0, 1.0]
     apart = [0.0, -1.0, 1 / 4, math.log(4) / 2, (3.0 - 0.6) / 3]
     other = [0.0, -1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.8, 0.6, 2.0]
@@ -83,7 +83,7 @@ def test_egocentric_robot_numbers_match_the_geometry():
 
 
 def test_egocentric_rays_match_the_distances_to_walls():
-    numbers = seen(state((2.0, 4.0, 0.0, 0.0), (5.0, 4.0, 0.0, 0.0)))[23 : 23 + RAYS]
+    numbers = observe_pursuer(state((2.0, 4.0, 0.0, 0.0), (5.0, 4.0, 0.0, 0.0)))[23 : 23 + RAYS]
     assert numbers.shape == (RAYS,)
     for angle, wall in ((0, 2.0), (RAYS // 4, 4.0), (RAYS // 2, 2.0), (3 * RAYS // 4, 4.0)):
         assert numbers[angle] == pytest.approx(1 / (1 + wall - 0.15), abs=0.01)
@@ -91,7 +91,7 @@ def test_egocentric_rays_match_the_distances_to_walls():
 
 def test_egocentric_paths_show_the_way_and_who_arrives_first():
     """Behind a wall 6 m long the evader is not seen, its way leads up, and it is last wherever the pursuer can go."""
-    hidden = seen(state((3.0, 4.0, 0.0, math.pi / 2), (5.0, 4.0, 0.0, 0.0)))[23 + RAYS :]
+    hidden = observe_pursuer(state((3.0, 4.0, 0.0, math.pi / 2), (5.0, 4.0, 0.0, 0.0)))[23 + RAYS :]
     length = math.hypot(1.15, 2.15) + 0.5 + math.hypot(0.95, 2.15)  # the larger body, 15 cm, stays off the wall's end
     assert hidden[0] == 0
     np.testing.assert_allclose(hidden[1:3], [1 / (1 + length), math.log1p(length) / 2], rtol=0.05)
@@ -104,7 +104,7 @@ def test_egocentric_paths_show_the_way_and_who_arrives_first():
     theirs = math.hypot(0.95, 2.15) + 0.5 + math.hypot(1.15, 2.15 - 1.9)
     mine, later = along / 0.6, theirs / 1.2
     assert first[0] == pytest.approx((later - mine) / (later + mine), abs=0.06)
-    plain = seen(state((3.0, 7.0, 0.0, 0.0), (5.0, 7.0, 0.0, 0.0)))[23 + RAYS :]
+    plain = observe_pursuer(state((3.0, 7.0, 0.0, 0.0), (5.0, 7.0, 0.0, 0.0)))[23 + RAYS :]
     assert plain[0] == 1
     assert plain[1] == pytest.approx(1 / 3, abs=1e-3)
     assert NEAR < AHEAD
@@ -114,7 +114,7 @@ def test_egocentric_paths_show_the_way_and_who_arrives_first():
 def test_braking_clearance_matches_the_shield_with_the_same_hold(dt, hold):
     """By the chart instead of exact contact, within a few centimetres; clipped and scaled."""
     body = Unicycle(radius=0.15)
-    game = divided(pursuer=body, dt=dt)
+    game = walled_game(pursuer=body, dt=dt)
     starts = replace(game.starts, speed="moving", clearance=0.02)
     states = jax.vmap(lambda key: starts.sample(key, game.arena, game.bodies))(jax.random.split(jax.random.key(0), 300))
     backup = Backup(game.arena, hold, steps=40)
@@ -137,7 +137,7 @@ def test_braking_clearance_matches_the_shield_with_the_same_hold(dt, hold):
 def test_braking_clearance_accounts_for_the_drive_and_pending_commands():
     """Against the drive's own course, after the action, in steps of 0.02 s, by the chart's clearance."""
     body, drive = Unicycle(radius=0.15), Drive(lag=2, turn_time=0.6)
-    game, at_once = divided(pursuer=body, drives=Drives(pursuer=drive)), Drive(turn_time=0.6)
+    game, at_once = walled_game(pursuer=body, drives=Drives(pursuer=drive)), Drive(turn_time=0.6)
     starts = replace(game.starts, speed="moving", clearance=0.02)
     states = jax.vmap(lambda key: starts.sample(key, game.arena, game.bodies))(jax.random.split(jax.random.key(0), 40))
     shares = jax.random.uniform(jax.random.key(1), (40, 3, 2), minval=-1, maxval=1) * jnp.array([[[0.3, 0.8]]])
@@ -174,7 +174,7 @@ def test_braking_clearance_accounts_for_the_drive_and_pending_commands():
 
 def test_actions_differ_in_clearance_while_pending_commands_pass_a_wall():
     """No action can change what happens before it takes effect."""
-    game = divided(drives=Drives(pursuer=Drive(lag=2)))
+    game = walled_game(drives=Drives(pursuer=Drive(lag=2)))
     along = replace(
         state((2.0, 0.04, 0.5, 0.0), (5.0, 4.0, 1.2, 0.0)), drives=(DriveState(jnp.zeros((MOST_LAG, 2)), None),)
     )
@@ -185,7 +185,7 @@ def test_actions_differ_in_clearance_while_pending_commands_pass_a_wall():
 
 
 def test_egocentric_numbers_are_finite_for_a_robot_that_cannot_brake():
-    game = divided(pursuer=Unicycle(u1_max=0.0, u2_max=15.0))
+    game = walled_game(pursuer=Unicycle(u1_max=0.0, u2_max=15.0))
     numbers = look_by_chart(game, state((2.0, 4.0, 0.6, 0.0), (5.0, 4.0, 1.2, 0.0)))
     assert np.all(np.isfinite(numbers))
     assert np.all(np.abs(numbers[-NUM_ACTIONS:]) <= 1)
@@ -231,7 +231,7 @@ PREY, OTHER = (6.0, 7.0, 0.5, 0.0), (7.0, 1.0, 1.0, 1.0)
 def test_team_observation_extends_egocentric_and_is_zero_without_mates():
     numbers = together([ME], [PREY])
     assert numbers.shape == (1, TEAM.size)
-    np.testing.assert_allclose(numbers[0, :FIRST], look_by_chart(divided(), state(ME, PREY)), atol=1e-6)
+    np.testing.assert_allclose(numbers[0, :FIRST], look_by_chart(walled_game(), state(ME, PREY)), atol=1e-6)
     assert not numbers[:, FIRST:].any()
 
 

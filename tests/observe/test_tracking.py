@@ -50,7 +50,7 @@ class Wanders(AbstractPolicy):
 
 
 @functools.partial(jax.jit, static_argnames=("games", "steps"))
-def played(game, players, key, games, steps):
+def play_beliefs(game, players, key, games, steps):
     """Games that begin again when they end: by step whether the beliefs hold the truth in all, and their shares."""
     start_key, key = jax.random.split(key)
     holds = jax.vmap(lambda cells, place: cells.ravel()[game.arena.chart.nearest_cell(place.x, place.y)] >= 0)
@@ -87,7 +87,7 @@ def test_belief_always_contains_the_true_position(name, sensors, evader, size, g
     game = sensing(name, sensors, *size)
     flees = Wanders() if evader == "random" else find_player(evader, Role.EVADER, game).policy
     players = BySide(single_player(find_player("intercept", Role.PURSUER, game).policy), single_player(flees))
-    truths, shares = played(game, players, jax.random.key(0), games, steps)
+    truths, shares = play_beliefs(game, players, jax.random.key(0), games, steps)
     assert all(bool(jnp.all(truth)) for truth in truths)
     assert max(float(jnp.mean(share)) for share in shares) < 0.95 * float(jnp.mean(game.arena.chart.links > 0))
 
@@ -167,7 +167,7 @@ def test_delayed_sighting_is_extrapolated_to_the_present():
     assert places[2:] == pytest.approx([2.0 + 0.1 * min(step, 5) for step in range(2, 8)])
 
 
-def looking(game, places, evader):
+def look_around(game, places, evader):
     """What the pursuer knows after it has looked from several places: the track, and the state that it plays by."""
     state = game.reset(jax.random.key(0))
     track = tracking.init_track(game, state, Role.PURSUER)
@@ -180,14 +180,14 @@ def looking(game, places, evader):
 def test_track_counts_sightings_and_times_since_cells_were_seen():
     game = sensing("one-large", LIDAR)
     left, right = robot(2.0, 5.0), robot(8.0, 5.0)
-    track, known = looking(game, [left] * 3 + [right] * 4, robot(8.0, 7.0))
+    track, known = look_around(game, [left] * 3 + [right] * 4, robot(8.0, 7.0))
     times = np.asarray(track.belief.unseen)
     expected = {(2.0, 6.0): 0.4, (8.0, 6.0): 0.0, (5.0, 9.8): belief.NEVER}  # first: in the third of seven steps
     assert [times[cell(*at)] for at in expected] == pytest.approx(list(expected.values()))
     assert (int(track.sightings.first), int(track.sightings.steps)) == (3, 4)
     possible = np.asarray(known.sight.belief) >= 0
     assert possible.sum() == 1, "of an evader in sight the place is known"
-    never, _ = looking(game, [left] * 3, robot(8.0, 7.0))
+    never, _ = look_around(game, [left] * 3, robot(8.0, 7.0))
     assert (int(never.sightings.first), int(never.sightings.steps)) == (-1, 0)
 
 

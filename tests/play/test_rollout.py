@@ -61,15 +61,15 @@ class Scripted(AbstractPolicy):
 RANDOM = -1
 
 
-def scripted(observation, *actions):
+def scripted_policy(observation, *actions):
     return stack([Scripted(jnp.asarray(action), observation) for action in actions])
 
 
-pursuers, evaders = (functools.partial(scripted, seen) for seen in (PAPER, ENCODED))
+pursuers, evaders = (functools.partial(scripted_policy, seen) for seen in (PAPER, ENCODED))
 
 
 @jax.jit
-def played(game, players, starts, key):
+def play_from_starts(game, players, starts, key):
     """Games that begin at row 0 of their starts, played on for a while."""
     word_key, play_key = jax.random.split(key)
     bits = jax.random.bits(word_key, (2, GAMES), jnp.uint32)
@@ -89,7 +89,7 @@ def random_starts():
 
 def random_play():
     players = BySide(pursuers(8, 4, 6), evaders(RANDOM, RANDOM))
-    return numpy(played(GAME, players, random_starts(), jax.random.key(1)))
+    return numpy(play_from_starts(GAME, players, random_starts(), jax.random.key(1)))
 
 
 def row(tree, index):
@@ -177,7 +177,7 @@ def test_pool_members_are_drawn_uniformly_and_independently():
     """Pursuers stand before a wall: those that accelerate leave the arena, all others stay."""
     doomed = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (ROWS, GAMES)), state((4 - 1e-6, 1), (1, 1)))
     players = BySide(pursuers(RANDOM, RANDOM, RANDOM), evaders(1, 7))
-    _, transitions = numpy(played(replace(GAME, max_steps=1000), players, doomed, jax.random.key(3)))
+    _, transitions = numpy(play_from_starts(replace(GAME, max_steps=1000), players, doomed, jax.random.key(3)))
     drawn = [side.member[1:][over(transitions)[:-1]] for side in transitions.sides]
     pairs = np.bincount(drawn[0] * 2 + drawn[1], minlength=6)
     assert pairs.sum() > 1000

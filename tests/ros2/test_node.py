@@ -231,7 +231,7 @@ def test_inactive_teammates_and_opponents_need_not_be_seen(pilot):
     assert pilot.command(10.0).trouble == "mate: seen 1.00 s ago"
 
 
-def compiled(name, game, folder):
+def compile_export(name, game, folder):
     player = find_exportable(name, Role.PURSUER, find_game(game))
     write_c(player, folder / "robot.c", states=100)
     subprocess.run(["gcc", "-O2", "-shared", "-fPIC", "robot.c", "-lm", "-o", "robot.so"], cwd=folder, check=True)
@@ -247,7 +247,7 @@ SLOW = [("searching:intercept", "office"), ("shielded:intercept", "team-3v2")]
     [("P_smooth", "paper"), ("random", "lidar"), *[pytest.param(*both, marks=pytest.mark.slow) for both in SLOW]],
 )
 def test_compiled_export_decides_as_the_package_over_successive_calls(name, game, tmp_path):
-    export, player = compiled(name, game, tmp_path)
+    export, player = compile_export(name, game, tmp_path)
     facts, body = export.facts, player.game.pursuer
     assert (facts["dt"], facts["max_steps"], facts["v_max"]) == (player.game.dt, player.game.max_steps, body.v_max)
     assert facts["fastest"] == max(
@@ -273,7 +273,7 @@ def test_compiled_export_decides_as_the_package_over_successive_calls(name, game
 
 @needs_gcc
 def test_mismatched_export_files_are_refused(tmp_path):
-    export, _ = compiled("random", "paper", tmp_path)
+    export, _ = compile_export("random", "paper", tmp_path)
     content = (tmp_path / "robot.game").read_bytes()
     (tmp_path / "robot.game").write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
     with pytest.raises(ValueError, match=r"robot\.game: not as it was exported"):
@@ -463,7 +463,7 @@ def bridge(stubs, monkeypatch):
     return importlib.import_module("apollonius_ros.bridge").Bridge(), buffer().lookup_transform, gone
 
 
-def crossed(bridge, message):
+def cross_bridge(bridge, message):
     """The messages that come out of the bridge after one that goes in."""
     published = bridge.asked.create_publisher().publish
     before = published.call_count
@@ -481,7 +481,7 @@ def test_bridge_transforms_odometry_to_the_map(bridge, made_node, heading):
     tilt = 0.1  # about the robot's own axis ahead, after its heading
     facing.x, facing.y = w * math.sin(tilt), z * math.sin(tilt)
     facing.z, facing.w = z * math.cos(tilt), w * math.cos(tilt)
-    (out,) = crossed(node, message)
+    (out,) = cross_bridge(node, message)
     assert lookup.call_args.args[:2] == ("map", "odom")
     assert out.header.frame_id == "map"
     assert complex(place.x, place.y) == pytest.approx(2 - 1j + (3 + 1j) * cmath.exp(0.7j))
@@ -497,10 +497,10 @@ def test_bridge_is_silent_without_a_recent_transform(bridge):
     stamp = lookup.return_value.header.stamp
     for since, now, passes in ((5, 6.0, True), (5, 6.1, False), (5, 4.5, True), (0, 100.0, True)):
         stamp.sec = since
-        assert len(crossed(node, odometry(3.0, 1.0, 0.25, 0.0, stamp=now, frame="odom"))) == passes
+        assert len(cross_bridge(node, odometry(3.0, 1.0, 0.25, 0.0, stamp=now, frame="odom"))) == passes
     assert warning.call_args.args[0].startswith("the transform from 'map' is 1.1 s older than the odometry")
     lookup.side_effect = gone("no such frame")
-    assert crossed(node, odometry(3.0, 1.0, 0.25, 0.0, stamp=5.1, frame="odom")) == []
+    assert cross_bridge(node, odometry(3.0, 1.0, 0.25, 0.0, stamp=5.1, frame="odom")) == []
     assert warning.call_args.args[0].startswith("no transform from 'map' to 'odom': no such frame")
 
 

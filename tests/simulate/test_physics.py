@@ -228,18 +228,18 @@ MATCH = a_match(GAME, Uniform(), Uniform(), GAMES)
 
 
 @pytest.fixture(scope="module")
-def simulated():
+def simulation():
     return simulate_match(MATCH, RobotHardware())
 
 
-def test_simulation_records_every_step_of_every_game(simulated):
-    lengths = np.asarray(simulated.results.steps)
-    assert np.array_equal(np.bincount(simulated.index), lengths)
+def test_simulation_records_every_step_of_every_game(simulation):
+    lengths = np.asarray(simulation.results.steps)
+    assert np.array_equal(np.bincount(simulation.index), lengths)
     for game in range(GAMES):
-        states, actions = simulated.course(game)
+        states, actions = simulation.course(game)
         assert len(states) == len(actions) + 1 == lengths[game] + 1
-        assert np.array_equal(states[1:], simulated.after[simulated.index == game])
-    assert np.all(np.asarray(simulated.results.outcome) != Outcome.ONGOING)
+        assert np.array_equal(states[1:], simulation.after[simulation.index == game])
+    assert np.all(np.asarray(simulation.results.outcome) != Outcome.ONGOING)
 
 
 @jax.jit
@@ -249,25 +249,25 @@ def by_the_rules(row, actions):
     return jnp.stack(jax.tree.leaves(after.robots), axis=-1)
 
 
-def test_ideal_hardware_moves_as_the_rules_say(simulated):
+def test_ideal_hardware_moves_as_the_rules_say(simulation):
     def beside_the_rules(run):
         apart = (run.after - by_the_rules(run.states, run.actions) + np.pi) % (2 * np.pi) - np.pi
         return np.sqrt(np.mean(apart**2, axis=0))
 
-    near, far = map(beside_the_rules, (simulate_match(MATCH, IDEAL), simulated))
+    near, far = map(beside_the_rules, (simulate_match(MATCH, IDEAL), simulation))
     assert (near[[0, 1, 2]] < [0.001, 0.001, 0.004]).all()
     assert near[3] < 0.02
     assert far[3] > 2 * near[3]
 
 
-def begun(*row):
+def start_of_game(*row):
     """The start of one game, and its key."""
     start = jax.tree.map(lambda leaf: leaf[None], as_state(jnp.asarray(row, jnp.float32), jnp.asarray(0)))
     return start, jax.random.key(0)
 
 
 def test_driving_into_a_wall_is_a_failure_in_result_and_replay(tmp_path):
-    start = begun(5.0, 1.0, 0.0, 0.0, 9.8, 5.0, 1.0, 0.0)
+    start = start_of_game(5.0, 1.0, 0.0, 0.0, 9.8, 5.0, 1.0, 0.0)
     game = simulate(GAME, BySide(single_player(Still()), single_player(Still())), *start, RobotHardware())
     assert int(game.results.outcome[0]) == Outcome.EVADER_OUT_OF_RANGE
     assert int(game.results.steps[0]) == 3
@@ -292,7 +292,7 @@ def curve():
     """The players and the start of one game, and the game without imperfections."""
     given = (
         BySide(single_player(FullSpeedInACurve()), single_player(Still())),
-        *begun(1.5, 5.0, 0.0, 0.0, 9.0, 9.0, 0.0, 0.0),
+        *start_of_game(1.5, 5.0, 0.0, 0.0, 9.0, 9.0, 0.0, 0.0),
     )
     return given, simulate(GAME, *given, IDEAL)
 
@@ -308,10 +308,10 @@ def test_players_with_continuous_actions_drive_bodies(curve, tmp_path):
     assert load_replay(tmp_path / "game.json").actions.dtype == np.float32
 
 
-def test_compare_physics_gives_rates_and_their_difference(simulated):
-    found = compare_physics(MATCH, play_games(MATCH), simulated)
+def test_compare_physics_gives_rates_and_their_difference(simulation):
+    found = compare_physics(MATCH, play_games(MATCH), simulation)
     assert found.rules.games == found.bodies.games == GAMES
-    timeouts = np.asarray(simulated.results.outcome) == Outcome.NO_RESULT
+    timeouts = np.asarray(simulation.results.outcome) == Outcome.NO_RESULT
     rate = found.differences["no result"]
     assert rate.bodies == timeouts.mean()
     assert rate.difference == pytest.approx(rate.bodies - rate.rules)

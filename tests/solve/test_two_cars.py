@@ -37,7 +37,7 @@ FINER = 4
 
 
 @pytest.fixture(scope="module", params=list(Role), ids=["lower", "upper"])
-def found(request):
+def capture_bounds(request):
     """Where captures are certain by the lower value, and by the upper: by the pursuer's speed, psi, x and y, and the
     evader's speed, who is in the middle and looks along x.
 
@@ -66,23 +66,26 @@ def truth(name):
     return least_distance(cars, cells * CELL, 2 * cells * FINER + 1, STEPS * HEADINGS, SECONDS)[::STEPS] < 0
 
 
-def cells_apart(found, played, other):
+def cells_apart(capture_bounds, played, other):
     """By how many cells, at most, what is found for two speeds goes beyond the truth for others, or falls short."""
     pursuer, evader = SPEEDS[played]
-    found, expected = found[pursuer, ..., evader], truth(other)
+    capture_bounds, expected = capture_bounds[pursuer, ..., evader], truth(other)
     outside = (expected.shape[1] // FINER + 1 - PLACES) // 2 * FINER
     inside = (slice(None), *(slice(outside, expected.shape[1] - outside, FINER),) * 2)
     return max(
         np.max(np.stack([distance_transform_edt(psi) for psi in away])[inside] * wrong, initial=0) / FINER
-        for away, wrong in ((~expected, found & ~expected[inside]), (expected, ~found & expected[inside]))
+        for away, wrong in (
+            (~expected, capture_bounds & ~expected[inside]),
+            (expected, ~capture_bounds & expected[inside]),
+        )
     )
 
 
 @pytest.mark.parametrize("speeds", SPEEDS)
-def test_solver_matches_the_game_of_two_cars_to_within_a_cell(found, speeds):
-    assert cells_apart(found, speeds, speeds) <= 1
+def test_solver_matches_the_game_of_two_cars_to_within_a_cell(capture_bounds, speeds):
+    assert cells_apart(capture_bounds, speeds, speeds) <= 1
 
 
 @pytest.mark.parametrize("other", ["faster pursuer", "faster evader"])
-def test_solver_differs_from_other_speeds_by_more_than_a_cell(found, other):
-    assert cells_apart(found, "both fast", other) > 1
+def test_solver_differs_from_other_speeds_by_more_than_a_cell(capture_bounds, other):
+    assert cells_apart(capture_bounds, "both fast", other) > 1

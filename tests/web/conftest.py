@@ -34,7 +34,7 @@ def tabs(browser, address):
     return {name: Tab(browser, address, **screen) for name, screen in (("desk", DESK), ("phone", PHONE))}
 
 
-def opened(name):
+def open_tab(name):
     """A tab on such a screen; what it opens complains about nothing."""
 
     @pytest.fixture
@@ -45,4 +45,4 @@ def opened(name):
     return tab
 
 
-desk, phone = opened("desk"), opened("phone")
+desk, phone = open_tab("desk"), open_tab("phone")

@@ -14,7 +14,7 @@ RECORD = parse_json(LEARNING.read_bytes(), str(LEARNING))
 STARTS = 200
 
 
-def caught(pupil, **changes):
+def catch_share(pupil, **changes):
     """The share of standing blues that one of them catches, from the same fixed starts as all others."""
     path = LEARNERS / f"{pupil['name']}.safetensors"
     match = Match.of_names(
@@ -25,7 +25,7 @@ def caught(pupil, **changes):
 
 
 def test_later_pursuers_catch_more_from_the_same_starts():
-    shares, outcomes = zip(*map(caught, RECORD["pupils"]), strict=True)
+    shares, outcomes = zip(*map(catch_share, RECORD["pupils"]), strict=True)
     assert list(shares[1:]) == sorted(shares[1:])
     assert all(later - earlier > 0.05 for earlier, later in pairwise(shares[1:]))
     assert shares[0] < 0.1

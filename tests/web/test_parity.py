@@ -139,7 +139,7 @@ def slow(*values):
 
 
 @functools.cache
-def drawn(name, count=200):
+def draw_states(name, count=200):
     """A game, and robots of any speed in it that touch no obstacle, though some are close to one or to each other."""
     game, random = GAMES[name](), np.random.default_rng(1)
     arena, fastest = game.arena, [body.v_max for side in game.bodies for body in side]
@@ -152,7 +152,7 @@ def drawn(name, count=200):
 @pytest.mark.parametrize(("name", "draw"), [("crowd", any_actions), ("map", any_levels), slow("crowd", any_levels)])
 def test_random_games_are_the_same_on_the_page(name, draw):
     """Random play: states, the status of every robot after every step, outcomes."""
-    (game, rows), count, steps, held = drawn(name), 80, 45, 5
+    (game, rows), count, steps, held = draw_states(name), 80, 45, 5
     pursuers, robots, rows = len(game.bodies.pursuer), sum(map(len, game.bodies)), rows[:count]
     actions = draw(np.random.default_rng(1), (count, steps // held, robots)).repeat(held, axis=1)
     play = jax.jit(jax.vmap(lambda row, taken: play_actions(game, as_state(row, jnp.asarray(0), pursuers), taken)))
@@ -187,7 +187,7 @@ def test_random_games_are_the_same_on_the_page(name, draw):
 )
 def test_observations_rules_and_clearances_are_the_same_on_the_page(name, role, number):
     """All observations, all rules, and the room that all actions leave, with some other robots out of play."""
-    game, rows = drawn(name)
+    game, rows = draw_states(name)
     game, counts = with_chart(game), [len(side) for side in game.bodies]
     statuses = np.where(np.random.default_rng(3).random((len(rows), sum(counts))) < 0.3, RobotStatus.CAPTURED, 0)
     statuses[:, [number + role * counts[0], 0 if role == Role.EVADER else counts[0]]] = RobotStatus.ACTIVE

@@ -65,7 +65,7 @@ def get(server, path, method="GET", **headers):
     return answer, body
 
 
-def published(folder, choice=None):
+def publish_site(folder, choice=None):
     """Write the page into a folder, and return its catalogue."""
     write_site(folder, choice)
     return json.loads((folder / "catalogue.json").read_text())
@@ -143,7 +143,7 @@ def test_play_opens_a_browser_unless_disabled(monkeypatch):
 
 
 def test_site_has_all_games_agents_and_files(tmp_path):
-    catalogue = published(tmp_path)
+    catalogue = publish_site(tmp_path)
     assert catalogue["games"] == {name: to_dict(find_game(name)) for name in set(game_names()) - {"lidar", "blind"}}
     read = [name for name in zoo_names() if load_header(ZOO / f"{name}.safetensors").observation in READS]
     learners = {path.stem: path for path in LEARNERS.glob("*.safetensors")}
@@ -194,7 +194,7 @@ def test_choose_match_accepts_team_games_by_name_and_file(tmp_path):
     with pytest.raises(InvalidInput, match=r"mates_collide = true .* false in the page"):
         choose_match(Role.EVADER, None, str(tmp_path / "bodies.toml"), 0)
     (tmp_path / "pack.toml").write_text("pursuers = 4\n")
-    catalogue = published(tmp_path / "site", choose_match(Role.PURSUER, None, str(tmp_path / "pack.toml"), 0))
+    catalogue = publish_site(tmp_path / "site", choose_match(Role.PURSUER, None, str(tmp_path / "pack.toml"), 0))
     assert catalogue["chosen"]["game"] == "pack"
     assert len(catalogue["games"]["pack"]["teams"]["pursuers"]) == 3
 
@@ -203,7 +203,7 @@ def test_game_on_a_map_is_served_with_its_field(tmp_path):
     write_map(tmp_path, np.full((20, 30), 254, np.uint8))
     (tmp_path / "hall.toml").write_text('[arena]\nmap = "floor.yaml"\n')
     choice = choose_match(Role.EVADER, None, str(tmp_path / "hall.toml"), 0)
-    catalogue = published(tmp_path / "site", choice)
+    catalogue = publish_site(tmp_path / "site", choice)
     occupancy, served = choice.games["hall"].arena.map, catalogue["maps"].pop("hall")
     field = np.frombuffer((tmp_path / "site" / served.pop("field")).read_bytes(), "<f4")
     np.testing.assert_array_equal(field.reshape(served["rows"], served["columns"]), occupancy.field)
@@ -228,7 +228,7 @@ def test_agent_of_a_run_is_served(tmp_path):
     shutil.copyfile(ZOO / "P_random.safetensors", path)
     choice = choose_match(Role.EVADER, f"shielded:{path}", "paper", 0)
     assert choice.pursuer == "shielded:P_pool of first"
-    catalogue = published(tmp_path / "site", choice)
+    catalogue = publish_site(tmp_path / "site", choice)
     assert "P_pool of first" in catalogue["agents"]["pursuer"]
     assert (tmp_path / "site" / catalogue["files"]["P_pool of first"]).read_bytes() == path.read_bytes()
 

@@ -37,7 +37,7 @@ def address(request, site):
 
 
 @contextmanager
-def opened(browser, address, page, **screen):
+def open_page(browser, address, page, **screen):
     """A page of the site; afterwards it must have asked no other host, and made no error."""
     context = browser.new_context(**screen)
     tab = context.new_page()
@@ -53,7 +53,7 @@ def opened(browser, address, page, **screen):
 
 @pytest.mark.parametrize("screen", [{}, PHONE], ids=["desktop", "phone"])
 def test_home_page_has_six_learning_pursuers_and_a_game(browser, address, screen):
-    with opened(browser, address, "index.html", **screen) as tab:
+    with open_page(browser, address, "index.html", **screen) as tab:
         lesson = tab.frame_locator(".hero iframe")
         lesson.locator("#go:enabled").wait_for()
         first = lesson.locator("#six button").first
@@ -70,7 +70,7 @@ def test_home_page_has_six_learning_pursuers_and_a_game(browser, address, screen
 
 @pytest.mark.parametrize("screen", [{}, PHONE], ids=["desktop", "phone"])
 def test_home_page_leads_to_full_screen_games(browser, address, screen):
-    with opened(browser, address, "index.html", **screen) as tab:
+    with open_page(browser, address, "index.html", **screen) as tab:
         tab.locator(".ways a").click()
         tab.locator("#go:enabled").wait_for()
         assert tab.inner_text("#goal").startswith("1. ")
@@ -86,14 +86,14 @@ def test_home_page_leads_to_full_screen_games(browser, address, screen):
 
 
 def test_gallery_leads_to_a_game_in_its_arena(browser, address):
-    with opened(browser, address, "reference/arenas.html") as tab:
+    with open_page(browser, address, "reference/arenas.html") as tab:
         tab.locator("a.play[href*=office]").click()
         tab.locator("#go:enabled").wait_for()
         assert tab.evaluate("apollonius.page.match.game.arena.polygons.length") == 12
 
 
 def test_search_finds_the_reference_page(browser, address):
-    with opened(browser, address, "search.html?q=Unicycle") as tab:
+    with open_page(browser, address, "search.html?q=Unicycle") as tab:
         tab.locator("#search-results li a").first.wait_for()
         links = tab.locator("#search-results li a").evaluate_all("links => links.map(link => link.href)")
         assert any("reference/api/game.html" in link for link in links)
