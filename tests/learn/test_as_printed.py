@@ -55,6 +55,7 @@ def trained_by_the_example(stage):
     return list(zip(*script["algorithm_2"](SEED, STEPS, numbers), strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="only there can XLA do without fusing")
 @pytest.mark.parametrize("stage", [FIXED_TARGET, SELF_PLAY])
 def test_the_example_trains_the_weights_of_the_package_bit_for_bit(stage):
