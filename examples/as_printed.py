@@ -212,7 +212,7 @@ def first_keys(seed, stage, learners):
 
 @jax.jit
 def step_keys(key, step):
-    """Return both sides' random bits and keys of mini-batches, and the key of a start thereafter."""
+    """Return both sides' random bits and keys of mini-batches, and the key of the next start."""
     play_key, *batch_keys = jax.random.split(fold_in(fold_in(key, 1), step), 3)
     bits = jax.random.bits(fold_in(play_key, 0), (2,))
     chunk_key = fold_in(fold_in(key, 0), step // CHUNK * CHUNK)

@@ -1,3 +1,1 @@
-"""Checks of policies, observations and games from outside the package: one line for each property
-that they lack.
-"""
+"""Checks of policies, observations and games of other packages: one line for each defect."""

@@ -153,7 +153,7 @@ def _examples() -> dict[str, Any]:
         "chart": Chart(
             real(1, SIDE + 1, SIDE + 1), lengths, visible, real(1), real(1), real(1), links, whole()
         ),
-        "known": SearcherState(
+        "searcher": SearcherState(
             Track((robot,), (robot,), (number,), None, belief, Sightings(whole(), whole())), whole()
         ),
         "shares": real(COARSE**2),

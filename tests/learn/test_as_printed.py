@@ -18,7 +18,7 @@ import pytest
 from apollonius.agents.classical import Still
 from apollonius.agents.pool import single_player
 from apollonius.game.types import Role
-from apollonius.learn import learner_config, train_state
+from apollonius.learn import algorithm, train_state
 from apollonius.learn.config import FIXED_TARGET, SELF_PLAY, STAGES, RunConfig, with_profile
 from apollonius.learn.loop import train_chunk
 from tests.documents import REPOSITORY
@@ -33,7 +33,7 @@ CAPACITY = 700
 
 def trained_by_the_package(stage):
     """Return the learners of a chunk of one stage of the profile `paper`."""
-    learner_config._CHUNK_ENV_STEPS = STEPS
+    algorithm._CHUNK_ENV_STEPS = STEPS
     config = with_profile(RunConfig(seed=SEED, stages=stage), "paper")
     config = replace(config, dqn=replace(config.dqn, **NUMBERS, replay_capacity=CAPACITY))
     plan = config.plans[stage]

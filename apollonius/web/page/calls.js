@@ -151,7 +151,7 @@ export function observe(name, game, state, who) {
  */
 export function search(game, state, who, before) {
   writeView("search", game, state, who);
-  const into = given.known();
+  const into = given.searcher();
   if (before) for (const key of Object.keys(into)) into[key].set(before.known[key]);
   else into.track_ages_0[0] = -1;
   given.shares().set(Array.from({ length: CELLS ** 2 }, Math.random));
