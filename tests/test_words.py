@@ -4,6 +4,7 @@
 """
 
 import ast
+import pkgutil
 import re
 import sys
 from collections import defaultdict
@@ -90,6 +91,42 @@ def test_one_name_means_one_thing_in_the_whole_package():
                 homes[node.name].append(str(path.relative_to(PACKAGE)))
     several = {name: paths for name, paths in homes.items() if len(paths) > 1}
     assert several.keys() <= BY_ANOTHER_NAME.keys(), several
+
+
+def documented_names(node):
+    """The names in the list of arguments or attributes of a docstring."""
+    listed = re.search(r"^(Args|Attributes):\n((?:    .*\n|\n)+)", (ast.get_docstring(node) or "") + "\n", re.M)
+    items = re.findall(r"^    (\w[\w, ]*): ", listed[2], re.M) if listed else ()
+    return {name.strip() for item in items for name in item.split(",")}
+
+
+def names_within(node):
+    """The arguments of a function, and what a class declares or sets."""
+    arguments = {argument.arg for argument in ast.walk(node) if isinstance(argument, ast.arg)}
+    targets = {target.id for target in ast.walk(node) if isinstance(target, ast.Name)}
+    return arguments | targets | {target.attr for target in ast.walk(node) if isinstance(target, ast.Attribute)}
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_docstrings_list_arguments_and_attributes_that_exist(room):
+    for path in ROOMS[room]:
+        for node in ast.walk(ast.parse(path.read_text())):
+            is_property = any(
+                getattr(decorator, "id", "") == "property" for decorator in getattr(node, "decorator_list", ())
+            )
+            if isinstance(node, ast.FunctionDef | ast.ClassDef) and not is_property:
+                unknown = documented_names(node) - names_within(node)
+                assert not unknown, f"{path.relative_to(REPOSITORY)}:{node.lineno}: {node.name}"
+
+
+GROUPS = "players", "observations", "obstacles"
+"""Groups of entry points, which no module is called after."""
+
+
+def test_dotted_names_in_docstrings_exist():
+    for path in PACKAGE.rglob("*.py"):
+        for name in re.findall(r"`(apollonius(?:\.\w+)+)`", path.read_text()):
+            assert name.removeprefix("apollonius.") in {*GROUPS} or pkgutil.resolve_name(name)
 
 
 if __name__ == "__main__":

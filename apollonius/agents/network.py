@@ -4,7 +4,7 @@ of action levels.
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
@@ -18,6 +18,7 @@ from apollonius.game.types import NUM_ACTIONS
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.registry import find_observation
 
+T = TypeVar("T")
 Layers = tuple[eqx.nn.Linear, ...]
 """Fully connected layers with ReLU between them (section III-D of the paper: four hidden layers of
 256 units).
@@ -132,7 +133,8 @@ def _infer(layers: Layers, inputs: Float[Array, " in"]) -> Float[Array, " out"]:
 
 
 def _apply_in_batch(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[Array, "batch out"]:
-    """Apply the layers to a batch, to the same bits as a `vmap` of `apply`, faster if it is large.
+    """Apply the layers to a batch, to the same bits as a `vmap` of `apply_layers`, faster if it is
+    large.
 
     A `vmap` puts the weights before the inputs, and XLA on the CPU then transposes the outputs of
     every layer. Inputs before weights give the same bits only in products whose sizes are multiples
@@ -223,9 +225,9 @@ def scale_outputs(network: Network, factor: float) -> Network:
     )
 
 
-def interpolate_networks(network: Network, other: Network, share: float) -> Network:
-    """Return a network with weights between two, a share of the way to the other's."""
-    return jax.tree.map(lambda first, second: first + share * (second - first), network, other)
+def interpolate_weights(weights: T, other: T, share: float) -> T:
+    """Move weights a share of the distance towards others of the same shapes."""
+    return jax.tree.map(lambda first, second: first + share * (second - first), weights, other)
 
 
 def make_network(

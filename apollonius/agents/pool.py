@@ -17,7 +17,7 @@ from apollonius.agents.policy import AbstractPolicy, Memory
 from apollonius.game.types import Actions
 from apollonius.observe.observation import RAW_VIEW, RawView
 
-ObservationReader = Callable[[Any], Any]
+Reader = Callable[[Any], Any]
 """From a row of a batch to what players read."""
 RowBits = UInt32[Array, " rows"]
 """Random bits for each row of a batch."""
@@ -26,7 +26,7 @@ ActionsAndMemory = tuple[Actions, Memory]
 
 
 def act_in_rows(
-    policy: AbstractPolicy, read: ObservationReader, rows: Any, memory: Memory, bits: RowBits
+    policy: AbstractPolicy, read: Reader, rows: Any, memory: Memory, bits: RowBits
 ) -> ActionsAndMemory:
     """Return one player's action and next memory in each row of a batch.
 
@@ -64,12 +64,7 @@ class AbstractPlayers(eqx.Module):
 
     @abstractmethod
     def act(
-        self,
-        member: Int[Array, " rows"],
-        read: ObservationReader,
-        rows: Any,
-        memory: Memory,
-        bits: RowBits,
+        self, member: Int[Array, " rows"], read: Reader, rows: Any, memory: Memory, bits: RowBits
     ) -> ActionsAndMemory:
         """Return the action and the next memory in each row of a batch.
 
@@ -124,12 +119,7 @@ class Pool(AbstractPlayers):
         return (((bits >> 16) * self.size) >> 16).astype(jnp.int32)
 
     def act(
-        self,
-        member: Int[Array, " rows"],
-        read: ObservationReader,
-        rows: Any,
-        memory: Memory,
-        bits: RowBits,
+        self, member: Int[Array, " rows"], read: Reader, rows: Any, memory: Memory, bits: RowBits
     ) -> ActionsAndMemory:
         bits = bits if self.bits is None else self.bits
         if self.size == 1:
@@ -176,12 +166,7 @@ class LearnerAndPast(AbstractPlayers):
         ).astype(jnp.int32)
 
     def act(
-        self,
-        member: Int[Array, " rows"],
-        read: ObservationReader,
-        rows: Any,
-        memory: Memory,
-        bits: RowBits,
+        self, member: Int[Array, " rows"], read: Reader, rows: Any, memory: Memory, bits: RowBits
     ) -> ActionsAndMemory:
         end = self.first + self.count * self.games
         arguments = (rows, memory, bits if self.bits is None else self.bits)
@@ -233,12 +218,7 @@ class PartitionedPlayers(AbstractPlayers):
         )
 
     def act(
-        self,
-        member: Int[Array, " rows"],
-        read: ObservationReader,
-        rows: Any,
-        memory: Memory,
-        bits: RowBits,
+        self, member: Int[Array, " rows"], read: Reader, rows: Any, memory: Memory, bits: RowBits
     ) -> ActionsAndMemory:
         actions, after = [], []
         for number, policy in enumerate(self.policies):

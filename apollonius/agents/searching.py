@@ -83,8 +83,8 @@ class Search(AbstractPathFollower):
     where it can be.
 
     Places are drawn at random, the more often the more a look is worth
-    (`apollonius.observe.belief.prospects`): always to the best one, it would circle an obstacle
-    behind which an opponent could keep away from it (Isler, Kannan and Khanna, "Randomized
+    (`apollonius.observe.belief.search_priority`): always to the best one, it would circle an
+    obstacle behind which an opponent could keep away from it (Isler, Kannan and Khanna, "Randomized
     pursuit-evasion in a polygonal environment", 2005). A place is given up when the opponent cannot
     be there any more.
     """

@@ -55,7 +55,8 @@ class Backup(eqx.Module):
         steps: how many steps they last.
         manoeuvres: the braking action that each holds to the end.
         surroundings: index of the polygons near each place; None: every polygon is looked at.
-        anywhere: whether the arena of the view is used, as it differs from state to state.
+        uses_arena_of_view: whether the arena of the view is used, as it differs from state to
+            state.
     """
 
     arena: Arena
@@ -204,7 +205,7 @@ class _Search(eqx.Module):
         action: the one to try next or, at the end, to take.
         number: its index; `NUM_ACTIONS` for a player's own continuous action.
         clearances: clearance that each of the nine actions leaves [m]; infinite until it is tried.
-        open: whether an action is still to be tried.
+        is_open: whether an action is still to be tried.
     """
 
     action: Action

@@ -1,6 +1,4 @@
-"""What a player is called, and what each kind of players says of itself so that it can be found by
-name.
-"""
+"""Players with their names, and the interface of the sources in which they are found by name."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -24,7 +22,7 @@ class NamedPlayer:
 
 
 class PlayerSource(ABC):
-    """Players of one kind, by name. It is registered in `apollonius.catalogue.KINDS`."""
+    """Players of one kind, by name. It is registered in `apollonius.catalogue.SOURCES`."""
 
     syntax: str = ""
     """Syntax of names that `names()` does not list, for messages."""

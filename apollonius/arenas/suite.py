@@ -41,7 +41,8 @@ OTHER_PAIRS = 48
 @dataclass(frozen=True)
 class Entry:
     """One arena of a suite: random, of a requested size [m], or of the kind `gallery`, which ships
-    with the package under the same name and has neither gap nor seed. `sha256` is its `digest`.
+    with the package under the same name and has neither gap nor seed. `sha256` is its
+    `arena_digest`.
     """
 
     name: str

@@ -150,7 +150,7 @@ class OneLineParser(argparse.ArgumentParser):
         return options, unknown
 
     def error(self, message: str) -> NoReturn:
-        # `values.unfit` has "= "
+        # `values.value_error` has "= "
         words = message.removeprefix("argument ").replace(": = ", " = ", 1).removesuffix(".")
         more = "" if words.endswith(("?", "--help")) else f"; see {self.prog} --help"
         print(f"{self.prog}: {format_value(words, LONGEST_MESSAGE)}{more}", file=sys.stderr)

@@ -112,7 +112,7 @@ def seeds(text: str) -> tuple[int, ...]:
 
 def swept_field(text: str) -> tuple[str, tuple[Any, ...]]:
     """Return a field of a training's config and its values, listed as `dqn.batch=64,128`, or spaced
-    as by `varied`.
+    as by `swept_number`.
     """
     field, equals, values_text = text.partition("=")
     if values_text.count(":") == 2:

@@ -28,8 +28,8 @@ _CASES = 200
 """States of games against a random opponent, in which a policy is asked."""
 _ROUNDING = 1e-3
 _NEAR = 0.1
-"""How far the numbers of a mirror image may be from those that the mirror says: cells of a chart
-are not symmetric.
+"""Tolerance between the observation of a mirror image and the mirrored observation: the cells of a
+chart are not symmetric.
 """
 
 

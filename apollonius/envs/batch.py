@@ -133,13 +133,13 @@ def restore_games(
     carried: Sequence[Array],
     actions: BySide[Any],
 ) -> Games:
-    """Rebuild games from their states and the arrays of `carried`.
+    """Rebuild games from their states and the arrays of `flatten_carry`.
 
     Args:
         game: The game.
         players: Both sides' players.
         state: The state of each game, `[games]`.
-        carried: The arrays that `carried` returned.
+        carried: The arrays that `flatten_carry` returned.
         actions: Actions of a side from outside, `[games, robots]`.
     """
     games = start_games(game, players, state)
@@ -157,7 +157,7 @@ def restore_games(
 
 class RunningGames(eqx.Module):
     """Games under way, the observations of the side from outside, and all else that games carry
-    (`carried`).
+    (`flatten_carry`).
     """
 
     state: GameState
@@ -183,7 +183,7 @@ class StepResult(eqx.Module):
 
 @dataclass(frozen=True)
 class GameBatch:
-    """Constants of many games, in which the player of side `role` is `Outside`.
+    """Constants of many games, in which the player of side `role` is `ExternalPolicy`.
 
     With `next_step` a game that has ended begins again in the next step, else in the same one.
     `pay` is as for `step_games`.

@@ -27,7 +27,7 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
 
     Actions are the 9 of Eq. 5, or two numbers in [-1, 1]. The reward is that side's of Eq. 8 or 9.
     `info["outcome"]` is `ongoing`, or the name of a row of Tables II and III. The options are those
-    of `apollonius.envs.single_game.LiveGame`.
+    of `apollonius.envs.single_game.SingleGame`.
 
     Raises InvalidInput for what is unknown, a side of several robots, and in a forked process:
     `gymnasium.vector.AsyncVectorEnv` has those unless it is given `context="spawn"`.

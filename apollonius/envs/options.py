@@ -110,8 +110,8 @@ def make_contest(
     reward: object,
     inside: Mapping[Role, PlayerOption],
 ) -> Contest:
-    """Make a game and its players: the package's where `inside` has one, and `Outside` on other
-    sides.
+    """Make a game and its players: the package's where `inside` has one, and `ExternalPolicy` on
+    other sides.
 
     Args:
         game: The game.

@@ -21,7 +21,7 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
     Actions are the 9 of Eq. 5, or two numbers in [-1, 1]; rewards are those of Eq. 8 and 9.
     `terminations`: the rules ended the game; `truncations`: the time limit stopped it.
     `infos[agent]["outcome"]` is `ongoing`, or the name of a row of Tables II and III. Arguments and
-    errors are those of `apollonius.envs.single_game.LiveGame`.
+    errors are those of `apollonius.envs.single_game.SingleGame`.
 
     In a game of teams a robot that is captured or fails leaves before the others: its termination
     is true in that step, and from then on it is not among `agents` and has neither action nor

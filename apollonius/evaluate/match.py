@@ -77,7 +77,8 @@ class Match:
             starts: Initial speeds, `rest` or `moving`; the game's own for None.
 
         Raises:
-            InvalidInput: As `find_game`, `find_player` and `starting`, and for other numbers.
+            InvalidInput: As `find_game`, `find_player` and `with_start_speeds`, and for other
+                numbers.
         """
         rules = with_start_speeds(find_game(game) if isinstance(game, str) else game, starts)
         names = BySide(pursuer, evader)

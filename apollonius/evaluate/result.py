@@ -71,7 +71,7 @@ class ByArena:
 
 
 def count_by_arena(scenario: Scenario, results: Results) -> ByArena:
-    """Count the games of a match, whose i-th game is at the i-th place of `Scenario.place_of`."""
+    """Count the games of a match, whose i-th game is at the i-th place of `Scenario.variant_of`."""
     outcome = np.asarray(results.outcome)
     arena = np.asarray(scenario.variant_of(np.arange(len(outcome)))) % scenario.count
     games = np.bincount(arena, minlength=scenario.count)

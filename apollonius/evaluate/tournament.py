@@ -42,7 +42,7 @@ _SHOWN = 8
 @dataclass(frozen=True)
 class Ratings:
     """Elo ratings of the players of one side, each with half the width of its 95 % interval
-    (`reach`).
+    (`half_widths`).
     """
 
     points: Float[np.ndarray, " players"]

@@ -96,8 +96,7 @@ class Player:
             player: `self.policy`.
             game: `self.game`.
             state: x [m], y [m], speed [m/s] and heading [rad] of every robot: its own, then its
-                mates', then its
-                opponents', `[robots, 4]`.
+                mates', then its opponents', `[robots, 4]`.
             active: Whether each robot is in play, `[robots]`; None for two robots.
             memory: The memory of the last step, or `self.memory` where a game begins.
             bits: 32 random bits.

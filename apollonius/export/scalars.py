@@ -121,7 +121,7 @@ _WHOLE = {
 asked of it.
 """
 OPERATIONS = (*_FLOATS, *_WHOLE)
-"""Operations of `apply`: names of JAX's primitives, apart from the two roundings."""
+"""Operations of `apply_operation`: names of JAX's primitives, apart from the two roundings."""
 
 
 def number(value: float | int | bool, kind: str) -> str:

@@ -80,14 +80,14 @@ class Chart(eqx.Module):
     def range(self, x: Scalar, y: Scalar, cos: Scalar, sin: Scalar) -> Scalar:
         """Return the distance [m] from a point to the first wall or obstacle in a direction.
 
-        Sphere tracing (Hart, 1996) with `GLANCES` steps: along a long wall the distance is too
-        short.
+        Sphere tracing (Hart, 1996) with `MAX_RAY_STEPS` steps: along a long wall the distance is
+        too short.
 
         Args:
             x, y: the point [m].
             cos, sin: cosine and sine of the direction.
 
-        Returns at most `FARTHEST`.
+        Returns at most `MAX_RANGE`.
         """
 
         def one_step(_: Int[Array, ""], distance: Scalar) -> Scalar:

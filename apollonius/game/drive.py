@@ -117,7 +117,7 @@ def limited_turn_rate(
         body: the robot's limits.
         turn_time: time to change the turn rate by u2_max [s], or None.
         rate: turn rate before the step [rad/s], or None.
-        asked: commanded turn rate [rad/s].
+        commanded: commanded turn rate [rad/s].
         dt: duration of the step [s].
     """
     if turn_time is None:

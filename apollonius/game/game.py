@@ -274,7 +274,7 @@ def reset_batch(game: Game, key: PRNGKeyArray, games: int) -> GameState:
 def sample_starts(game: Game, key: PRNGKeyArray, games: int) -> GameState:
     """Draw the starts of `reset_batch` block by block.
 
-    One compilation serves every number of games. Several arenas take turns (`Scenario.place_of`).
+    One compilation serves every number of games. Several arenas take turns (`Scenario.variant_of`).
     """
 
     def draw_block(first: int) -> GameState:

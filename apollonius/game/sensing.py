@@ -146,8 +146,8 @@ class Percept(eqx.Module):
     """The states of a side's robots and of its opponents with errors, and which opponents an active
     robot sees.
 
-    States of those that are not seen mean nothing. In a drop-out nothing is seen, and `looked` is
-    False.
+    States of those that are not seen mean nothing. In a drop-out nothing is seen, and `has_looked`
+    is False.
     """
 
     own: tuple[RobotState, ...]

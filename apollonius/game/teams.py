@@ -42,7 +42,7 @@ def nearest(
     The first of equally near robots counts, and the first of all if none is active.
 
     Args:
-        here: the robot from which distances are measured.
+        origin: the robot from which distances are measured.
         robots, active: the other robots, one at least, and whether each is in play.
         values: a value for each, pytrees of one structure.
     """
@@ -63,7 +63,7 @@ def by_distance(
     """Return all values, those of active robots first, from the nearest to the farthest.
 
     Args:
-        here, robots, active, values: as in `nearest`.
+        origin, robots, active, values: as in `nearest`.
     """
     distances = [
         jnp.where(is_active, distance_squared(origin, robot), jnp.inf)

@@ -49,8 +49,8 @@ def unknown_name(kind: str, name: str, choices: str, suggestion: str | None) -> 
     Args:
         kind: The kind of thing.
         name: The unknown name.
-        known: Sentence about the possible names.
-        meant: The nearest possible name, which replaces that sentence.
+        choices: Sentence about the possible names.
+        suggestion: The nearest possible name, which replaces that sentence.
     """
     remedy = f"did you mean '{suggestion}'?" if suggestion else f"{choices}."
     return f"unknown {kind} '{format_value(name)}'; {remedy}"

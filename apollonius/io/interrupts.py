@@ -62,12 +62,12 @@ def interrupt_status() -> int | None:
 def stopping_on_signals(
     again: bool = True, parent: int | None = None
 ) -> Generator[None, None, None]:
-    """Within the block, let a signal set `asked` instead of interrupting, so that work can be saved
-    first.
+    """Within the block, report signals by `should_stop` instead of interrupting, so that work can
+    be saved first.
 
     Args:
         again: Whether a second signal interrupts.
-        parent: Process whose end also sets `asked`.
+        parent: process whose end counts as a signal, too.
     """
     global _parent
 
@@ -87,8 +87,8 @@ def stopping_on_signals(
 
 
 def should_stop() -> bool:
-    """Check whether to stop, within a block of `asked_to_stop`; elsewhere a signal interrupts at
-    once.
+    """Check whether to stop, within a block of `stopping_on_signals`; elsewhere a signal interrupts
+    at once.
     """
     if _stop_signals:
         _has_answered.set()  # so that the listening thread lets the program save its work

@@ -45,7 +45,7 @@ Ending = tuple[str, Any]
 
 @dataclass(frozen=True)
 class Job:
-    """A call, which returns its result, or False if it was `asked` to stop."""
+    """A call, which returns its result, or False if it stopped early (`should_stop`)."""
 
     name: str
     work: Callable[..., Any]

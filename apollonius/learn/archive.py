@@ -26,7 +26,8 @@ class Archive(eqx.Module):
     """Earlier versions of one side, of which the first `count` are filled, and the version in each
     slot.
 
-    The `games` are recent ones of each version that count (`counted`), and those that it `lost`.
+    The `games` are recent ones of each version that count (`unbiased_endings`), and those that it
+    `lost`.
     """
 
     networks: Network
@@ -123,7 +124,8 @@ def record_results(
     outcome: Int[Array, "steps games"],
     over: Bool[Array, "steps games"],
 ) -> Archive:
-    """Return the archive with the games of its slots that end and count (`counted`) recorded.
+    """Return the archive with the games of its slots that end and count (`unbiased_endings`)
+    recorded.
 
     A game without a winner is lost by the pursuer.
     """

@@ -67,9 +67,7 @@ class RunConfig:
     dqn: DQNConfig = field(default_factory=DQNConfig)
     """How each side learns, by deep Q-learning, unless `sac` is given."""
     sac: SACConfig | None = None
-    """How each side learns by soft actor-critic, so that its actions are continuous; None where it
-    does not.
-    """
+    """The numbers of soft actor-critic, whose actions are continuous; None for other algorithms."""
     ppo: PPOConfig = field(default_factory=PPOConfig)
     """The algorithm by which the side of a response learns, proximal policy optimisation."""
     fixed_target: StageConfig = field(default_factory=StageConfig)

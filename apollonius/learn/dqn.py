@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
-from apollonius.agents.network import Network, QNetwork, make_network
+from apollonius.agents.network import Network, QNetwork, interpolate_weights, make_network
 from apollonius.game.types import Scalar, tree_where
 from apollonius.io.errors import require_positive, require_within
 from apollonius.learn.algorithm import ReplayConfig, interpolate_linearly
@@ -70,9 +70,7 @@ def adam_step(
     )
     average = network
     if averaging < 1:
-        average = jax.tree.map(
-            lambda old, new: old + averaging * (new - old), learner.average, network
-        )
+        average = interpolate_weights(learner.average, network, averaging)
     return DQNLearner(network, learner.target, average, optimiser, learner.updates + 1)
 
 

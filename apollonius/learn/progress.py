@@ -19,7 +19,7 @@ from apollonius.learn.folder import METRICS, Evaluation, load_config, lock_run
 from apollonius.learn.metrics import MetricsLine, last_lines
 
 STATE = "state.json"
-"""Name of the file in a run's folder with its `State`."""
+"""Name of the file in a run's folder with its `ProcessStatus`."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,8 @@ def load_status(path: Path) -> ProcessStatus:
 
 
 def record_status(folder: Path, train: Callable[[], bool]) -> bool:
-    """Hold a run's folder (`held`) while it is trained, keep its `State` on file, and return if it
-    finished.
+    """Hold a run's folder (`lock_run`) while it is trained, keep its `ProcessStatus` on file, and
+    return if it finished.
     """
 
     def write(state: ProcessStatus) -> None:

@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from apollonius.agents.network import Network, QNetwork, interpolate_networks
+from apollonius.agents.network import Network, QNetwork, interpolate_weights
 from apollonius.agents.pool import Pool, single_player
 from apollonius.agents.store import describe, save_agent
 from apollonius.agents.trained import greedy_policy, load_network
@@ -271,7 +271,7 @@ class TrainingRun:
         if self.config.stages == RESPONSE and initial_share:
             first = load_first_networks(self.config, self.config.response.side)
             if first is not None:
-                network = interpolate_networks(network, first, initial_share)
+                network = interpolate_weights(network, first, initial_share)
         if one_side is None or one_side.clearance_margin == 0:
             return network
         assert isinstance(network, QNetwork)

@@ -18,6 +18,7 @@ from apollonius.agents.network import (
     Layers,
     Network,
     apply_to_batch,
+    interpolate_weights,
     make_actor,
     make_layers,
 )
@@ -104,11 +105,6 @@ def actor_loss(
     actions, log_density = sample_actions(actor, batch.observation, noise)
     values = jnp.min(critics.batch(batch.observation, actions), axis=0)
     return jnp.mean(temperature * log_density - values), jnp.mean(log_density)
-
-
-def _move_towards(old: Any, new: Any, share: float) -> Any:
-    """Move weights a share of the distance towards others."""
-    return jax.tree.map(lambda leaf, new_leaf: leaf + share * (new_leaf - leaf), old, new)
 
 
 @dataclass(frozen=True)
@@ -219,8 +215,8 @@ class SACConfig(ReplayConfig):
         critics = eqx.apply_updates(
             learner.critics, jax.tree.map(lambda step: -learning_rate * step, of_critics)
         )
-        average = _move_towards(learner.average, network, self.averaging)
-        target = _move_towards(learner.target, critics, self.target_averaging)
+        average = interpolate_weights(learner.average, network, self.averaging)
+        target = interpolate_weights(learner.target, critics, self.target_averaging)
         log_temperature = learner.log_temperature - acts * learning_rate * of_temperature
         return SACLearner(
             network, average, critics, target, log_temperature, optimiser, learner.updates + 1

@@ -19,8 +19,8 @@ class SamplingPolicy(AbstractByNetwork):
     noise in PPO", 2024).
 
     Attributes:
-        wanted: clearance after braking [m], or 0.
-        price: what a lost game costs in the values.
+        clearance_margin: clearance after braking [m], or 0.
+        loss_value: what a lost game costs in the values.
         hold: steps for which a number is held, on average.
     """
 

@@ -32,11 +32,11 @@ def states_to_label(
     """Return states to learn from, as the student knows them and as they are, and which of its
     robots learn there.
 
-    A robot of a team learns while it is in play. Rows are those of `perceive`.
+    A robot of a team learns while it is in play. Rows are those of `observation_rows`.
 
     The teacher sees everything (Chen et al., "Learning by cheating", 2019), which says nothing to a
     student that has not seen an opponent for long. In games with tables whose robots see everything
-    the states are those of `query_states`, else those visited.
+    the states are those of `states_near`, else those visited.
     """
     game = task.game
     role = config.side

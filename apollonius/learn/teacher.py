@@ -46,8 +46,8 @@ COSTLIEST = 0.8
 
 
 class Clearance(eqx.Module):
-    """The cost of missing clearance, of what is `wanted` [m] after `_AHEAD` steps, by the table of
-    `solve_safety`.
+    """The cost of missing clearance, of what is less than the `margin` [m] after `_AHEAD` steps, by
+    the table of `solve_safety`.
     """
 
     motion: Motion

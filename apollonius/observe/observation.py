@@ -109,7 +109,7 @@ def clearances_ahead(
     """Return a body's clearances, clipped to [-1, 1] m: now, and at rest after straight braking.
 
     Args:
-        seen: the arena, or its chart.
+        surroundings: the arena, or its chart.
         robot: the robot.
         cos, sin: cosine and sine of its heading.
     """

@@ -43,7 +43,8 @@ class Track(eqx.Module):
         opponents: last sightings, dead-reckoned by the sensors' delay; for those never seen the
             middle of the arena, at rest.
         ages: for how long they have been hidden [s].
-        late: what they saw in the latest steps and do not know yet, the newest first; None without
+        pending: what they saw in the latest steps and do not know yet, the newest first; None
+            without
             a delay.
         belief: as old as what they know; None without a chart.
         sightings: in the game so far; None where nobody counts them.

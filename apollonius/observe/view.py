@@ -38,7 +38,8 @@ class Robot(eqx.Module):
         body, state: its limits, and its state as it is known.
         active: whether it is in play.
         age: for how long the robot has been hidden [s].
-        soon: its state when a command that is given now takes effect; None if that is now, or not
+        predicted_state: its state when a command that is given now takes effect; None if that is
+            now, or not
             known.
         turn_time: in which its drive changes the turn rate by u2_max [s]; None for one that does so
             at once.
@@ -177,7 +178,7 @@ def robot_rows(states: GameState, role: Role) -> tuple[GameState, Int[Array, " r
 
 
 def look_from_row(game: Game, role: Role, row: Row) -> View:
-    """Return the view of the robot of one row of `rows_of`."""
+    """Return the view of the robot of one row of `robot_rows`."""
     state, number = row
     return look(
         game if number is None else _with_robot_first(game.at(state), role, number), state, role

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 
 from apollonius.agents.policy import Memory, mix_bits
-from apollonius.agents.pool import AbstractPlayers, ObservationReader, Pool
+from apollonius.agents.pool import AbstractPlayers, Pool, Reader
 from apollonius.game.drive import drive_of, respond
 from apollonius.game.game import Game
 from apollonius.game.types import (
@@ -141,7 +141,7 @@ def stack_robots(values: Sequence[Array]) -> Array:
 
 def observe_both(
     game: Game, players: BySide[AbstractPlayers], games: Games, bits: UInt32[Array, "2 games"]
-) -> tuple[BySide[Track | None], BySide[tuple[ObservationReader, Any]]]:
+) -> tuple[BySide[Track | None], BySide[tuple[Reader, Any]]]:
     """Let both sides sense; return their tracks, and their perceptions as `observation_rows` gives
     them.
 
@@ -162,7 +162,7 @@ def observe_both(
 
     tracked = ROLES.map(tracked_state)
 
-    def perception(role: Role) -> tuple[ObservationReader, Any]:
+    def perception(role: Role) -> tuple[Reader, Any]:
         return observation_rows(players[role].observation, game, tracked[role][1], role)
 
     perceptions = ROLES.map(perception)
@@ -225,7 +225,7 @@ def step_games(
 def _numbers(
     players: AbstractPlayers,
     shape: tuple[int, int],
-    perception: tuple[ObservationReader, Any],
+    perception: tuple[Reader, Any],
     is_stored: bool,
 ) -> Float[Array, "games *robots numbers"]:
     """Return the observations of a side's robots as a transition stores them.
@@ -303,7 +303,7 @@ def step_driven(
 def decide_actions(
     players: AbstractPlayers,
     side: SideState,
-    observed: tuple[ObservationReader, Any],
+    observed: tuple[Reader, Any],
     bits: UInt32[Array, " games"],
 ) -> tuple[tuple[Actions, ...], Memory]:
     """Return the actions of a side's robots in many games, and their next memory.

@@ -134,7 +134,7 @@ def _pack(
     own: UInt8[Array, "9"],
     opponent_steps: UInt8[Array, "slices wide high 9"],
 ) -> UInt16[Array, "slices wide high"]:
-    """Find the actions that decide, and their times, packed as `Decided`.
+    """Find the actions that decide, and their times, packed as `ForcingActions`.
 
     Args:
         role: the side that moves first.

@@ -17,9 +17,9 @@ Interpolation in each of many sweeps spreads a robot over cells that it is not i
 x and y are taken for whole cells it does not: then the values are exact ones, of robots whose moves
 are off by up to half a cell a hold.
 
-Where an action decides the game by a capture (`capture.decisive`), it is worth that. Otherwise a
-hold that the first robot does not survive is lost at once, and one that the second does not survive
-is won at its end.
+Where an action decides the game by a capture (`capture.forcing_actions`), it is worth that.
+Otherwise a hold that the first robot does not survive is lost at once, and one that the second does
+not survive is won at its end.
 
 Robots do not touch until the game ends, so a table over both is a matrix: the nodes of one by those
 of the other. It is kept in tiles, each with all nodes of the robot that moves and a few of the one
@@ -56,8 +56,8 @@ BYTES_PER_PAIR = 3 * 4 + 2
 
 
 class Duel(eqx.Module):
-    """The two-robot game on a grid, from the side that moves first; `decided` is what
-    `capture.decisive` returns.
+    """The two-robot game on a grid, from the side that moves first; `forcing` is what
+    `capture.forcing_actions` returns.
     """
 
     zero_sum_game: ZeroSumGame

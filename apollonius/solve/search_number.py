@@ -41,8 +41,8 @@ Nodes = Bool[np.ndarray, " nodes"]
 
 
 def find_search_number(game: Game, space: FreeSpace, report: Callable[[float], None]) -> CopNumber:
-    """Judge a game's arena as `apollonius.solve.cop_number.how_many`, by the pursuers' line of
-    sight and range.
+    """Judge a game's arena as `apollonius.solve.cop_number.find_cop_number`, by the pursuers' line
+    of sight and range.
 
     Errors, delays and fields of view do not count; without sensors the pursuers have a line of
     sight.

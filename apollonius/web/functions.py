@@ -191,7 +191,7 @@ def search(
     `sight` says whether it was ever seen.
 
     Args:
-        known: before it; of a negative age where the game begins.
+        searcher: before it; of a negative age where the game begins.
         shares: random numbers from 0 to 1.
     """
     view, role = robots.view(floor.arena(field, chart), capture_distance, dt), Role.PURSUER
