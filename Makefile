@@ -7,7 +7,8 @@ BIN := $(VENV)/bin
 .PHONY: demo site page paper check test test-all mutants wheel bench lock clean
 .DELETE_ON_ERROR:
 
-# Trains a pursuer and an evader from nothing, in two minutes of a core; what they learned, and a report to open.
+# Trains a pursuer and an evader from nothing, in two to five minutes of a core; what they
+# learned, and a report to open.
 demo: $(VENV)/installed
 	$(BIN)/apollonius train --preset quick --out runs/demo --force
 	$(BIN)/apollonius report runs/demo

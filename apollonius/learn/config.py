@@ -219,8 +219,8 @@ PRESETS: dict[str, RunConfig] = {
         self_play=SelfPlayConfig(env_steps=6_000_000, evaluations=8, evaluation_games=500),
     ),
 }
-"""`quick`: a small network, two minutes of a core. `standard`: some three times that. `paper`:
-about the paper's 200,000 + 300,000 episodes.
+"""`quick`: a small network, two to five minutes of a core. `standard`: some three times that.
+`paper`: about the paper's 200,000 + 300,000 episodes.
 """
 
 
