@@ -22,6 +22,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from apollonius.learn.loop import train_chunk
+from apollonius.learn.stage_config import Plan, SelfPlayConfig
+from apollonius.learn.train_state import TrainState, start
 
 from apollonius import MatchResult
 from apollonius.agents.pool import Pool, single_player
@@ -33,9 +36,6 @@ from apollonius.game.game import Game, sample_starts
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.types import BySide, Outcome, Role, tree_where
 from apollonius.learn.config import FIXED_TARGET, PRESETS, SELF_PLAY, STAGES
-from apollonius.learn.loop import train_chunk
-from apollonius.learn.stage_config import Plan, SelfPlayConfig
-from apollonius.learn.train_state import TrainState, start
 from apollonius.play.random_bits import random_bits_of
 from apollonius.play.rollout import init_games, step_games
 from apollonius.reproduce.finding import (

@@ -13,7 +13,7 @@ import functools
 import os
 import statistics
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -21,17 +21,17 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
-from apollonius.agents.classical import Still, Uniform
+from apollonius.agents.classical import Uniform
 from apollonius.agents.pool import Pool, single_player
 from apollonius.arenas.file import find_game
 from apollonius.cli.values import nodes
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.presets import make_game
 from apollonius.game.types import NUM_ACTIONS, BySide, GameState, Role, Timestep, tree_where
+from apollonius.learn.config import FIXED_TARGET, SELF_PLAY
 from apollonius.learn.dqn import PROFILES, DQNConfig
-from apollonius.learn.loop import train_chunk
-from apollonius.learn.stage_config import Plan, SelfPlayConfig, StageConfig
-from apollonius.learn.train_state import start
+from apollonius.learn.fixed_target import FixedTargetConfig
+from apollonius.learn.self_play import SelfPlayConfig
 from apollonius.observe.registry import find_observation
 from apollonius.observe.view import look
 from apollonius.play.autoreset import RunningBatch, autoreset
@@ -179,26 +179,22 @@ def _stored_parts(step_result: Any) -> tuple[Array, ...]:
 
 def measure_training(config: DQNConfig, stage: str) -> dict[str, Any]:
     """Time training; updates are those of all sides that learn."""
-    game, key = make_game("paper"), jax.random.key(0)
-    fixed: Mapping[Role, Pool] = (
-        {} if stage == "self-play" else {Role.EVADER: single_player(Still())}
-    )
-    plan = Plan(config, StageConfig(env_steps=10**9) if fixed else SelfPlayConfig(env_steps=10**9))
-    state = start(plan, game, key, fixed)
+    stages = {FIXED_TARGET: FixedTargetConfig, SELF_PLAY: SelfPlayConfig}
+    trained = stages[stage](env_steps=10**9).make(config, make_game("paper"))
+    state = trained.init(jax.random.key(0))
 
     def run(repeat: int) -> Any:
         nonlocal state
-        state, metrics = train_chunk(plan, game, state, fixed)
+        state, metrics = trained.step(state)
         return metrics
 
     while int(state.env_steps) < config.learning_starts:
         run(0)
     seconds = timed(run, 9)
-    updates = len(state.learners) * plan.learner.iterations_per_chunk * config.updates_per_iteration
-    steps = plan.env_steps_per_chunk
+    updates = len(state.learners) * config.iterations_per_chunk * config.updates_per_iteration
     return {
         "games": config.games,
-        "env_steps_per_second": steps / seconds,
+        "env_steps_per_second": config.env_steps_per_chunk / seconds,
         "updates_per_second": updates / seconds,
     }
 
@@ -257,7 +253,7 @@ def main() -> None:
         "--profile", choices=PROFILES, default="fast", help="of train (default: %(default)s)"
     )
     parser.add_argument(
-        "--stage", choices=("fixed-target", "self-play"), default="fixed-target", help="of train"
+        "--stage", choices=(FIXED_TARGET, SELF_PLAY), default="fixed-target", help="of train"
     )
     parser.add_argument(
         "--grid", type=nodes, default="11x11x5x8", help="of solve, of two (default: %(default)s)"

@@ -114,19 +114,13 @@ class Watch:
 
 def apollonius_dqn(seed: int, watch: Watch) -> None:
     """Train by the preset `quick`, as `apollonius train` does."""
-    from apollonius.catalogue import find_pool
-    from apollonius.game.types import ROLES
-    from apollonius.learn import loop, train_state
     from apollonius.learn.config import PRESETS
-    from apollonius.learn.stage_config import Plan
 
     config = PRESETS["quick"]
-    plan = Plan(config.dqn, config.fixed_target)
-    game = plan.stage.trained_in(GAME)
-    evaders = {Role.EVADER: find_pool(config.evaders, Role.EVADER, game)}
-    key = jax.random.fold_in(jax.random.key(seed), 0)
-    first = train_state.start(plan, game, key, evaders, ROLES.map(lambda _: None))
-    for state, _ in loop.chunks(plan, game, first, evaders):
+    stage_1 = config.stages[0].make(config.algorithm, GAME)
+    state = stage_1.init(jax.random.fold_in(jax.random.key(seed), 0))
+    for _ in range(stage_1.chunks):
+        state, _ = stage_1.step(state)
         layers = state.learners[Role.PURSUER].learner.average.layers
         network = "relu", [(layer.weight, layer.bias) for layer in layers]
         if watch(int(state.env_steps), network):

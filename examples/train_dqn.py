@@ -29,9 +29,9 @@ from apollonius.learn.run import TrainingRun
 def main(env_steps: int = 8_000_000, games: int = 500, out: str = "runs/chase", **dqn: int) -> None:
     """Train in a new folder; `dqn` are other numbers of the learner, such as `width=64`."""
     preset = PRESETS["quick"]
-    stage = replace(preset.fixed_target, env_steps=env_steps, evaluation_games=games)
-    learner = replace(preset.dqn, **dqn)
-    config = replace(preset, stages="fixed-target", fixed_target=stage, dqn=learner)
+    stage_1 = replace(preset.stages[0], env_steps=env_steps, evaluation_games=games)
+    learner = replace(preset.algorithm, **dqn)
+    config = replace(preset, stages=(stage_1,), algorithm=learner)
 
     folder = Path(out)
     create_run(config, folder)

@@ -13,24 +13,21 @@ import jax
 
 from apollonius.agents.store import describe, save_agent
 from apollonius.arenas.file import to_dict
-from apollonius.catalogue import find_pool
 from apollonius.evaluate.match import Match, play_match
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
-from apollonius.game.types import BySide, Outcome, Role
+from apollonius.game.types import Outcome, Role
 from apollonius.io.document import to_json
-from apollonius.learn import loop, train_state
 from apollonius.learn.dqn import DQNConfig
-from apollonius.learn.stage_config import Plan, StageConfig
-from apollonius.learn.train_state import TrainState
+from apollonius.learn.fixed_target import FixedTargetConfig
+from apollonius.learn.stage import TrainState
 from apollonius.web.site import LEARNERS, LEARNING
 
 COMMAND = "python -m website.learners"
-PLAN = Plan(
-    DQNConfig(width=96, depth=3, learning_rate=1e-3),
-    StageConfig(env_steps=8_000_000, progress=10.0),
-)
-"""A small network. Progress weighs much, so that the first steps are seen early."""
+ALGORITHM = DQNConfig(width=96, depth=3, learning_rate=1e-3)
+"""A small network."""
+CONFIG = FixedTargetConfig(env_steps=8_000_000, progress=10.0)
+"""Progress weighs much, so that the first steps are seen early."""
 PUPILS = {0: 0, 20: 2, 120: 12, 195: 20, 977: 100}
 """Chunks of the training after which a pursuer is shown, each with the share of the training [%].
 """
@@ -65,11 +62,8 @@ def measured(game: Game, pursuer: str) -> dict[str, float]:
 def main() -> None:
     """Train; save and measure what has been learned after some chunks."""
     game = training_game()
-    evaders = find_pool(("still",), Role.EVADER, game)
-    trained = PLAN.stage.trained_in(game)
-    state = train_state.start(
-        PLAN, trained, jax.random.key(0), {Role.EVADER: evaders}, BySide(None, None)
-    )
+    stage = CONFIG.make(ALGORITHM, game)
+    state = stage.init(jax.random.key(0))
     curve: list[dict[str, float]] = []
     pupils: list[dict[str, Any]] = []
 
@@ -81,7 +75,7 @@ def main() -> None:
             name = f"learner-{share}"
             path = (LEARNERS if is_shown else Path(folder)) / f"{name}.safetensors"
             side = state.learners[Role.PURSUER].learner
-            network = side.average if chunk == PLAN.chunks else side.network
+            network = side.average if chunk == stage.chunks else side.network
             training = {"command": COMMAND, "env_steps": env_steps}
             save_agent(describe(network, Role.PURSUER, to_dict(game), training), path)
             shares = measured(game, str(path))
@@ -90,14 +84,13 @@ def main() -> None:
             pupils.append(
                 {"name": name, "label": f"{share}\u00a0%", "env_steps": env_steps, **shares}
             )
-        print(f"{chunk} of {PLAN.chunks}: {env_steps:,} env steps, {shares}", flush=True)
+        print(f"{chunk} of {stage.chunks}: {env_steps:,} env steps, {shares}", flush=True)
 
     judge(state, 0)
-    for chunk, (after, _) in enumerate(
-        loop.chunks(PLAN, trained, state, {Role.EVADER: evaders}), 1
-    ):
+    for chunk in range(1, stage.chunks + 1):
+        state, _ = stage.step(state)
         if chunk in MEASURED or chunk in PUPILS:
-            judge(after, chunk)
+            judge(state, chunk)
     pupils.append({"name": BEST, "label": "your red", "env_steps": None, **measured(game, BEST)})
     record = {"games": GAMES, "seconds": SECONDS, "curve": curve, "pupils": pupils}
     LEARNING.write_text(to_json(record, indent=1) + "\n", encoding="utf-8")

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Int, UInt32
+from jaxtyping import Array, Float, Int, UInt32
 
 from apollonius.agents.policy import AbstractPolicy, Memory
 from apollonius.game.types import Actions
@@ -87,12 +87,14 @@ class Pool(AbstractPlayers):
             try can last.
         rest: the policy's leaves that are no arrays, as the functions in a network, which all
             members share.
+        weights: shares of games that meet each member, which add up to 1; None for equal ones.
     """
 
     members: AbstractPolicy
     size: int = eqx.field(static=True, default=1)
     bits: UInt32[Array, " games"] | None = None
     rest: AbstractPolicy | None = eqx.field(static=True, default=None)
+    weights: Float[Array, " members"] | None = None
 
     @property
     def _first(self) -> AbstractPolicy:
@@ -116,6 +118,10 @@ class Pool(AbstractPlayers):
     def sample(self, bits: UInt32[Array, " games"]) -> Int[Array, " games"]:
         if self.size == 1:
             return jnp.zeros(bits.shape, jnp.int32)
+        if self.weights is not None:
+            ends = jnp.cumsum(self.weights)[:-1]
+            drawn = (bits >> 16).astype(jnp.float32) / 65536
+            return jnp.sum(drawn[:, None] >= ends, axis=1).astype(jnp.int32)
         return (((bits >> 16) * self.size) >> 16).astype(jnp.int32)
 
     def act(
@@ -133,65 +139,6 @@ class Pool(AbstractPlayers):
             return jnp.take_along_axis(by_member, index, axis=0)[0]
 
         return jax.tree.map(of_own_member, jax.vmap(of_member, axis_size=self.size)(self.members))
-
-
-class LearnerAndPast(AbstractPlayers):
-    """One player for most games of a batch, and others who each have a few games of their own, in a
-    row.
-
-    A batch meets many players and takes no more arithmetic than with one. Member 0 is the player at
-    large, members 1, 2, ... are the others, stacked: from the `first` game on each has some
-    `games`. Bits are as of a `Pool`.
-    """
-
-    learner: AbstractPolicy
-    past: AbstractPolicy
-    count: int = eqx.field(static=True)
-    first: int = eqx.field(static=True)
-    games: int = eqx.field(static=True)
-    bits: UInt32[Array, " games"] | None = None
-
-    @property
-    def observation(self) -> RawView:
-        return self.learner.observation
-
-    @property
-    def memory(self) -> Memory:
-        return self.learner.memory
-
-    def sample(self, bits: UInt32[Array, " games"]) -> Int[Array, " games"]:
-        game = jnp.arange(bits.shape[0]) - self.first
-        return jnp.where(
-            (game >= 0) & (game < self.count * self.games), game // self.games + 1, 0
-        ).astype(jnp.int32)
-
-    def act(
-        self, member: Int[Array, " rows"], read: Reader, rows: Any, memory: Memory, bits: RowBits
-    ) -> ActionsAndMemory:
-        end = self.first + self.count * self.games
-        arguments = (rows, memory, bits if self.bits is None else self.bits)
-        their_arguments = jax.tree.map(
-            lambda leaf: leaf[self.first : end].reshape(self.count, self.games, *leaf.shape[1:]),
-            arguments,
-        )
-        rest_arguments = jax.tree.map(
-            lambda leaf: jnp.concatenate([leaf[: self.first], leaf[end:]]), arguments
-        )
-        their_actions = jax.vmap(lambda policy, *arguments: act_in_rows(policy, read, *arguments))(
-            self.past, *their_arguments
-        )
-        rest_actions = act_in_rows(self.learner, read, *rest_arguments)
-
-        def in_order(rest_actions: Array, their_actions: Array) -> Array:
-            return jnp.concatenate(
-                [
-                    rest_actions[: self.first],
-                    their_actions.reshape(-1, *their_actions.shape[2:]),
-                    rest_actions[self.first :],
-                ]
-            )
-
-        return jax.tree.map(in_order, rest_actions, their_actions)
 
 
 class PartitionedPlayers(AbstractPlayers):

@@ -4,6 +4,7 @@ import os
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 import tomli_w
@@ -115,7 +116,13 @@ def to_dict(config: Any) -> dict[str, Any]:
     )
 
 
-def from_dict(kind: type[T], data: dict[str, Any], source: str, folder: Path = Path()) -> T:
+def from_dict(
+    kind: type[T],
+    data: dict[str, Any],
+    source: str,
+    folder: Path = Path(),
+    hooks: Hooks = MappingProxyType({}),
+) -> T:
     """Return a configuration from nested dictionaries; missing values have their defaults.
 
     A game within a configuration can be a name, as of `find_game`. The walls of an arena with a map
@@ -126,11 +133,12 @@ def from_dict(kind: type[T], data: dict[str, Any], source: str, folder: Path = P
         data: its values by name.
         source: where they are from, for messages.
         folder: the folder of files that they name.
+        hooks: functions by class, for further classes that a record holds in another form.
 
     Raises:
         InvalidInput: for an unknown key, and for a value of the wrong kind or an impossible one.
     """
-    hooks = {
+    own_hooks: Hooks = {
         Game: lambda data_or_name: (
             find_game(data_or_name) if isinstance(data_or_name, str) else data_or_name
         ),
@@ -138,7 +146,7 @@ def from_dict(kind: type[T], data: dict[str, Any], source: str, folder: Path = P
         Polygon: _read_document,
         Scenario: lambda value: value if isinstance(value, Scenario) else find_scenario(value),
     }
-    return read_record(kind, data, source, hooks, named=(Scenario, OccupancyMap))
+    return read_record(kind, data, source, {**own_hooks, **hooks}, named=(Scenario, OccupancyMap))
 
 
 def _name(scenario: Scenario) -> str:

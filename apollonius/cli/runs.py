@@ -77,7 +77,7 @@ def train_and_judge(folder: Path) -> bool:
 
     config = load_config(folder / "config.toml")
     is_finished = train(folder)
-    if is_finished and config.one_side is None:
+    if is_finished and config.is_judged:
         evaluate_run(folder, config.game)
     return is_finished
 

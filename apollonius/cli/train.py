@@ -21,15 +21,16 @@ from apollonius.cli.values import (
 from apollonius.io.errors import TRACKERS, require
 from apollonius.io.interrupts import set_resume_hint, stopping_on_signals
 from apollonius.io.limits import SEED
-from apollonius.learn.opponents import SCHEMES
 
 if TYPE_CHECKING:
     from apollonius.evaluate.match import Match, MatchResult
     from apollonius.learn.config import RunConfig
     from apollonius.learn.metrics import MetricsLine, Tracker
+    from apollonius.learn.stage import StageConfig
 
 ALGORITHMS = ("dqn", "sac")
 PROFILES = ("fast", "paper")
+SCHEMES = ("latest", "uniform", "prioritised-hard")
 STAGES = ("fixed-target", "self-play", "both")
 
 
@@ -90,7 +91,7 @@ def _add_sweep_options(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="FIELD=VALUES",
-        help="a run for each value of a field of config.toml: dqn.learning_rate=1e-4,3e-4 or "
+        help="a run for each value of a field of config.toml: algorithm.batch=64,128 or "
         "FIELD=FROM:TO:COUNT; several for all combinations",
     )
     add_workers(parser, "the runs of a sweep")
@@ -106,15 +107,17 @@ def add_resume(parser: argparse.ArgumentParser) -> None:
 
 def run_train(options: argparse.Namespace) -> int:
     from apollonius.learn.folder import create_run
+    from apollonius.learn.run import require_agents
 
     config = _requested_config(options)
     is_sweep = bool(options.vary or options.seeds)
     configs = _swept_configs(config, options) if is_sweep else {"": config}
     name = options.config.stem if options.config else options.preset
+    stages = "both" if len(config.stages) > 1 else config.stages[0].kind
     suffix = "sweep" if is_sweep else config.seed
-    folder: Path = options.out or Path("runs") / f"{name}-{config.stages}-{suffix}"
+    folder: Path = options.out or Path("runs") / f"{name}-{stages}-{suffix}"
     for run_config in configs.values():
-        _require_agents(run_config)  # before anything is written
+        require_agents(run_config)  # before anything is written
     if is_sweep and folder.exists():
         is_new = options.force or not any(folder.iterdir())
         bound = "a new folder, as this one is not empty; choose another or force it"
@@ -141,20 +144,6 @@ def _swept_configs(config: "RunConfig", options: argparse.Namespace) -> "dict[st
     return sweep(config, values)
 
 
-def _require_agents(config: "RunConfig") -> None:
-    """Refuse a run whose opponents or first networks cannot be loaded."""
-    from apollonius.catalogue import find_pool
-    from apollonius.game.types import Role
-    from apollonius.learn.run import load_first_networks
-    from apollonius.learn.training_task import require_players
-
-    find_pool(config.evaders, Role.EVADER, config.game)
-    for role in Role:
-        load_first_networks(config, role)
-    if config.one_side is not None:
-        require_players(config.one_side, config.game)
-
-
 def run_resume(options: argparse.Namespace) -> int:
     from apollonius.evaluate.pairings import EVALUATION
     from apollonius.learn.folder import load_config
@@ -163,7 +152,7 @@ def run_resume(options: argparse.Namespace) -> int:
     def is_over(run: Path) -> bool:
         if progress_of(run).state.state != "finished":
             return False
-        return (run / EVALUATION).is_file() or load_config(run / "config.toml").one_side is not None
+        return (run / EVALUATION).is_file() or not load_config(run / "config.toml").is_judged
 
     folder: Path = options.folder
     runs = runs_below(folder)
@@ -177,52 +166,66 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
     from dataclasses import replace
 
     from apollonius.arenas.file import find_game
-    from apollonius.learn.config import PRESETS, with_profile
+    from apollonius.learn.config import (
+        FIXED_TARGET,
+        PRESETS,
+        SELF_PLAY,
+        change_stages,
+        with_profile,
+    )
+    from apollonius.learn.dqn import DQNConfig
     from apollonius.learn.folder import load_config
     from apollonius.learn.sac import SACConfig
 
     config = load_config(options.config) if options.config else PRESETS[options.preset]
-    algorithm = options.algorithm or ("sac" if config.sac else "dqn")
+    kind = options.algorithm or config.algorithm.kind
     bound = "left out with --algorithm sac, whose numbers a --config says"
-    require(options.profile is None or algorithm == "dqn", "--profile", options.profile, bound)
-    config = replace(config, sac=(config.sac or SACConfig()) if algorithm == "sac" else None)
+    require(options.profile is None or kind == "dqn", "--profile", options.profile, bound)
+    if kind != config.algorithm.kind:
+        config = replace(config, algorithm=SACConfig() if kind == "sac" else DQNConfig())
     if options.profile:
         config = with_profile(config, options.profile)
-    self_play = config.self_play
+    if options.stage in (FIXED_TARGET, SELF_PLAY):
+        config = replace(config, stages=_chosen_stages(config, options.stage))
     if options.opponents:
-        self_play = replace(
-            self_play, opponents=replace(self_play.opponents, scheme=options.opponents)
-        )
+        config = change_stages(config, SELF_PLAY, opponents=options.opponents)
     changes: dict[str, Any] = {
-        "self_play": self_play,
-        "stages": options.stage,
         "seed": options.seed,
         "game": find_game(options.game) if options.game else None,
     }
     return replace(config, **{key: value for key, value in changes.items() if value is not None})
 
 
+def _chosen_stages(config: "RunConfig", kind: str) -> "tuple[StageConfig, ...]":
+    """Return the stages of one kind; raises InvalidInput where there is none."""
+    stages = tuple(stage for stage in config.stages if stage.kind == kind)
+    bound = f"one of this training, {', '.join(config.by_name)}"
+    require(stages, "--stage", kind, bound)
+    return stages
+
+
 def _train_and_judge(config: "RunConfig", folder: Path, options: argparse.Namespace) -> int:
     """Train to the end or to Ctrl-C; at the end judge the new agents."""
+    from apollonius.learn.folder import agent_file
+
     _train(config, folder, options)
-    if config.one_side is None:
+    if config.is_judged:
         _judge(config, folder, options)
         then = shell_command("report", folder)
     else:
-        from apollonius.learn.folder import agent_file
-
-        agent = agent_file(folder, f"{config.one_side.role[0].upper()}_{config.kind}")
-        then = shell_command("exploit", config.one_side.role, agent)
+        name, stage = list(config.by_name.items())[-1]
+        role = stage.roles[0]
+        agent = agent_file(folder, config.agent_name(name, role))
+        then = shell_command("exploit", role.name.lower(), agent)
     print_next_step(options, folder, then=then)
     return 0
 
 
 def _train(config: "RunConfig", folder: Path, options: argparse.Namespace) -> None:
     """Train to the end; raises KeyboardInterrupt after a Ctrl-C."""
-    from apollonius.arenas.suite import single_arena_games
     from apollonius.learn.metrics import Tracker
     from apollonius.learn.run import TrainingRun
-    from apollonius.learn.teacher import TABLES
+    from apollonius.learn.stage import TABLES
 
     trackers = list[Tracker]()
     display = options.display
@@ -234,9 +237,9 @@ def _train(config: "RunConfig", folder: Path, options: argparse.Namespace) -> No
 
     run = TrainingRun(config, folder, report)
     set_resume_hint(f"go on with: apollonius resume {folder}")
-    if config.stages == "distillation" and config.distillation.solves:
-        for game in single_arena_games(config.game):
-            solved_game(display, game, config.distillation.grid, folder / TABLES)
+    for stage in config.stages:
+        for game, grid in stage.games_to_solve(config.game):
+            solved_game(display, game, grid, folder / TABLES)
     trackers += [Tracker(options.track, folder, config)] if options.track else []
     display.begin_task("training")
     try:

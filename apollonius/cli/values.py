@@ -111,8 +111,8 @@ def seeds(text: str) -> tuple[int, ...]:
 
 
 def swept_field(text: str) -> tuple[str, tuple[Any, ...]]:
-    """Return a field of a training's config and its values, listed as `dqn.batch=64,128`, or spaced
-    as by `swept_number`.
+    """Return a field of a training's config and its values, listed as
+    `algorithm.batch=64,128`, or spaced as by `swept_number`.
     """
     field, equals, values_text = text.partition("=")
     if values_text.count(":") == 2:
@@ -121,7 +121,7 @@ def swept_field(text: str) -> tuple[str, tuple[Any, ...]]:
         )
     if not (field.strip() and equals and values_text):
         raise value_error(
-            text, "FIELD=VALUE,VALUE or FIELD=FROM:TO:COUNT, as dqn.learning_rate=1e-4,3e-4"
+            text, "FIELD=VALUE,VALUE or FIELD=FROM:TO:COUNT, as algorithm.batch=64,128"
         )
     try:
         return field, tuple(tomllib.loads(f"values = [{values_text}]")["values"])

@@ -36,8 +36,8 @@ def learning_curves(run: Path, config: RunConfig, report: Report = no_report) ->
 
     Self-play begins with the pursuer of stage 1, where there is one.
     """
-    curves = [stage1_curve(run, config)] if FIXED_TARGET in config.plans else []
-    if SELF_PLAY not in config.plans:
+    curves = [stage1_curve(run, config)] if FIXED_TARGET in config.by_name else []
+    if SELF_PLAY not in config.by_name:
         return curves
     matches = {
         (role, percent): _match(config, role, file)
@@ -59,26 +59,27 @@ def learning_curves(run: Path, config: RunConfig, report: Report = no_report) ->
 
 def stage1_curve(run: Path, config: RunConfig) -> Curve:
     """Read how often the pursuer of stage 1 captured in its evaluations."""
-    length = config.plans[FIXED_TARGET].stage.env_steps
+    stage = config.by_name[FIXED_TARGET]
     wins: dict[int, float] = {}
     for line in load_metrics(run / METRICS):
         if line.stage == FIXED_TARGET and line.evaluation is not None:
             outcomes = line.evaluation.outcomes
-            wins[round(100 * line.env_steps / length)] = outcomes["captured"] / sum(
+            wins[round(100 * line.env_steps / stage.env_steps)] = outcomes["captured"] / sum(
                 outcomes.values()
             )
-    return Curve(f"stage 1: pursuer catches {', '.join(config.evaders)}", wins)
+    return Curve(f"stage 1: pursuer catches {', '.join(stage.opponent_names)}", wins)
 
 
 def snapshots(run: Path, config: RunConfig, role: Role) -> dict[int, Path]:
     """Return the files of one side's agents in self-play by per cent of the stage, from its
     beginning.
     """
-    name = f"{role.name[0]}_{config.kind}"
+    name = config.agent_name(SELF_PLAY, role)
     files: dict[int, Path] = {}
-    first = last_agents(run).get(config.stage1_name)
-    if role == Role.PURSUER and first is not None:
-        files[0] = first
+    if role == Role.PURSUER and FIXED_TARGET in config.by_name:
+        first = last_agents(run).get(config.agent_name(FIXED_TARGET, role))
+        if first is not None:
+            files[0] = first
     for file in run.glob(f"agents/{name}-*.safetensors"):
         files[int(file.stem.rpartition("-")[2])] = file
     files[100] = run / "agents" / f"{name}.safetensors"

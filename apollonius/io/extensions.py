@@ -13,6 +13,8 @@ PLAYERS = "apollonius.players"
 """Group of policies, by names that begin with their package: `mine:policy`."""
 OBSERVATIONS = "apollonius.observations"
 """Group of observations, by the names that they have in files."""
+ALGORITHMS = "apollonius.algorithms"
+"""Group of algorithms of learning, by the kinds that they have in configs."""
 OBSTACLES = "apollonius.obstacles"
 """Group of kinds of obstacles, by the names of their tables in game files."""
 

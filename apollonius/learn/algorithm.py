@@ -1,14 +1,16 @@
 """The interface of the algorithms: their common numbers, and the functions that a stage calls.
 
-An algorithm is its config, a frozen dataclass, so it is static under `jit`. Its learner is a pytree
-with a `network`, which plays while it learns, an `average`, which plays in evaluations, and
+An algorithm is its numbers, a frozen dataclass, so it is static under `jit`. Its learner is a
+pytree with a `network`, which plays while it learns, an `average`, which plays in evaluations, and
 `updates`, their number so far.
 """
 
 from abc import abstractmethod
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar, Generic, Protocol, TypeVar, runtime_checkable
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
@@ -20,10 +22,20 @@ from apollonius.agents.network import (
     QNetwork,
     widen_inputs,
 )
-from apollonius.game.types import Real, Scalar
+from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.trained import load_network
+from apollonius.game.game import Game
+from apollonius.game.types import Real, Role, Scalar
 from apollonius.io.errors import require, require_positive, require_within
 from apollonius.io.limits import PARALLEL_GAMES, TRANSITIONS
-from apollonius.learn.replay_buffer import TransitionBatch
+from apollonius.learn.replay_buffer import (
+    ReplayBuffer,
+    Row,
+    TransitionBatch,
+    add,
+    init_buffer,
+    sample_batch,
+)
 from apollonius.observe.registry import find_observation
 
 _CHUNK_ENV_STEPS = 8192
@@ -53,13 +65,25 @@ class Learner(Protocol):
     def updates(self) -> Int[Array, ""]: ...
 
 
+L = TypeVar("L", bound=Learner)
+
+
+class LearningSide(eqx.Module, Generic[L]):
+    """One side that learns: its networks, and the data that it learns from."""
+
+    learner: L
+    buffer: ReplayBuffer[Any]
+
+
 @dataclass(frozen=True)
-class LearnerConfig:
+class Algorithm:
     """The numbers that all algorithms share. Intervals are in environment steps: one step of one
     game.
     """
 
-    network: ClassVar[type[QNetwork] | type[GaussianActor]]
+    kind: str = ""
+    """Name of the algorithm in a config."""
+    network: ClassVar[type[QNetwork] | type[GaussianActor]] = QNetwork
     """Class of the networks that it trains."""
     continuous: ClassVar[bool] = False
     """True for actions that are pairs of levels, False for the nine."""
@@ -124,9 +148,28 @@ class LearnerConfig:
         return self.steps_per_iteration * self.games
 
     @property
+    def env_steps_per_chunk(self) -> int:
+        """Env steps in one compiled call."""
+        return self.iterations_per_chunk * self.env_steps_per_iteration
+
+    @property
     def steps_before_learning(self) -> int:
         """Env steps before the first update."""
         return 0
+
+    def first_network(self, name: str, role: Role, game: Game, field: str = "") -> Network:
+        """Load the network of an agent that a side goes on from.
+
+        Args:
+            name: name or file of the agent.
+            role: the side.
+            game: the game of the training.
+            field: what messages call the agent; the side where it is left out.
+
+        Raises:
+            InvalidInput: for an unknown agent, and one that does not fit (`fit_network`).
+        """
+        return self.fit_network(load_network(name, role), field or role.name.lower(), name)
 
     def fit_network(self, network: Network, name: str, value: object) -> Network:
         """Return a network to go on from; one that reads a part of the observation has weights of 0
@@ -134,33 +177,22 @@ class LearnerConfig:
 
         Raises InvalidInput when it does not fit, by the name and value that the user gave.
         """
-        wanted = (
-            f"{self.network.__name__} of {self.depth} layers of {self.width} "
-            f"that reads '{self.observation}'"
-        )
+        reads = find_observation(self.observation)
         bound = (
-            f"a {wanted}, as this config trains, not one that reads "
+            f"a {self.network.__name__} of {self.depth} layers of {self.width} that reads "
+            f"'{self.observation}', as this config trains, not one that reads "
             f"'{network.observation.name}' or of another size"
         )
-        reads, size = (
-            find_observation(self.observation),
-            (len(network.layers) - 1, int(network.layers[0].out_features)),
-        )
-        alike = type(network) is self.network and network.observation.name in {
-            reads.name,
-            reads.extends,
-        }
+        size = len(network.layers) - 1, int(network.layers[0].out_features)
+        reads_alike = network.observation.name in {reads.name, reads.extends}
+        alike = type(network) is self.network and reads_alike
         require(alike and size == (self.depth, self.width), name, value, bound)
         whole = network if network.observation is reads else widen_inputs(network, reads)
-        return (
-            replace(whole, symmetric=True)
-            if self.symmetric and isinstance(whole, QNetwork)
-            else whole
-        )
+        return replace(whole, symmetric=True) if self.symmetric else whole
 
 
 @dataclass(frozen=True)
-class ReplayConfig(LearnerConfig):
+class ReplayAlgorithm(Algorithm):
     """The numbers of the algorithms that learn from a replay buffer."""
 
     n_step: int = 16
@@ -231,7 +263,7 @@ class ReplayConfig(LearnerConfig):
 
     @abstractmethod
     def init_learner(self, key: PRNGKeyArray, network: Network | None = None) -> Any:
-        """Return a learner that starts from a copy of a network, or from random weights. The key is
+        """Make a learner that starts from a copy of a network, or from random weights. The key is
         consumed.
         """
 
@@ -243,22 +275,90 @@ class ReplayConfig(LearnerConfig):
         consumed.
         """
 
-    def end_iteration(self, learner: Any, env_steps: Int[Array, ""]) -> Any:
-        """Return the learner at the end of an iteration, after `env_steps` of the stage."""
-        return learner
+    @abstractmethod
+    def explorer(self, network: Any, exploration: Scalar) -> AbstractPolicy:
+        """Return the player that acts in the games of training and explores, from 0 for not at all
+        to 1.
+        """
 
-    def exploration(self, first: float, stage: int, env_steps: Int[Array, ""]) -> Scalar:
-        """Return the amount of exploration of the acting network, from 0 to 1.
+    def exploration(self, first: float, stage_env_steps: int, env_steps: Int[Array, ""]) -> Scalar:
+        """Return the amount of exploration, from 0 to 1.
 
         Args:
             first: amount at the beginning of the stage.
-            stage: length of the stage [env steps].
-            env_steps: env steps that were made in it.
+            stage_env_steps: length of the stage.
+            env_steps: env steps of the stage so far.
         """
         return jnp.ones(())
+
+    def frozen(self, network: Any) -> AbstractPolicy:
+        """Return the player of an earlier version, which does not explore."""
+        return self.explorer(network, jnp.zeros(()))
+
+    def end_iteration(self, learner: Any, env_steps: Int[Array, ""]) -> Any:
+        """Return the learner at the end of an iteration, after `env_steps` of the stage."""
+        return learner
 
     def noise_block(self, iterations: Int[Array, ""]) -> Int[Array, ""] | None:
         """Return the number of the iterations that share their random bits; None where each step
         has its own.
         """
         return None
+
+    def init_side(
+        self, key: PRNGKeyArray, network: Network | None, robots: int, of_teams: bool
+    ) -> LearningSide[Any]:
+        """Make a side of some robots in each game, with an empty replay buffer. The key is
+        consumed.
+        """
+        buffer = init_buffer(
+            self.rows,
+            self.games * robots,
+            find_observation(self.observation).size,
+            self.continuous,
+            of_teams,
+        )
+        return LearningSide(self.init_learner(key, network), buffer)
+
+    def learn(
+        self,
+        side: LearningSide[L],
+        rows: Row,
+        stage_env_steps: int,
+        env_steps: Int[Array, ""],
+        key: PRNGKeyArray,
+    ) -> tuple[LearningSide[L], Scalar]:
+        """Store a side's transitions and make its updates (Algorithm 1, lines 8 to 11).
+
+        Args:
+            side: the side before.
+            rows: its latest transitions.
+            stage_env_steps: length of the stage, over which step size and n-step returns change.
+            env_steps: env steps of the stage, these transitions included.
+            key: draws the batches; it is consumed.
+
+        Returns:
+            The side after that, and the losses of its updates, added up.
+        """
+        buffer = add(side.buffer, rows)
+        learning_rate = interpolate_linearly(
+            self.learning_rate, self.final_learning_rate, stage_env_steps, env_steps
+        )
+        steps = interpolate_linearly(self.n_step, self.final_n_step, stage_env_steps, env_steps)
+        n_step = jnp.round(steps).astype(jnp.int32)
+
+        def update(learner: L, key: PRNGKeyArray) -> tuple[L, Scalar]:
+            batch = sample_batch(buffer, key, self.batch, self.n_step, n_step, self.gamma)
+            return self.update(learner, batch, learning_rate, key)
+
+        def updates(learner: L) -> tuple[L, Scalar]:
+            keys = jax.random.split(key, self.updates_per_iteration)
+            learner, losses = jax.lax.scan(update, learner, keys)
+            return learner, jnp.sum(losses)
+
+        def no_updates(learner: L) -> tuple[L, Scalar]:
+            return learner, jnp.zeros(())
+
+        is_ready = (env_steps >= self.learning_starts) & (buffer.filled > self.n_step)
+        learner, loss = jax.lax.cond(is_ready, updates, no_updates, side.learner)
+        return LearningSide(self.end_iteration(learner, env_steps), buffer), loss

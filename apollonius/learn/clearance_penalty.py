@@ -7,6 +7,7 @@ of each layer carry what each action lacks of a wanted clearance after braking
 """
 
 from dataclasses import replace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +17,6 @@ from jaxtyping import Array, Float
 
 from apollonius.agents.network import Network, QNetwork
 from apollonius.game.types import NUM_ACTIONS, Real
-from apollonius.learn.distillation import Labels
 from apollonius.learn.replay_buffer import ReplayBuffer
 from apollonius.observe.egocentric import BRAKING, ROOM
 
@@ -71,7 +71,7 @@ def with_clearance_penalty(
     return replace(network, layers=tuple(layers))
 
 
-def sample_observations(buffer: ReplayBuffer[Labels]) -> Float[Array, "rows size"]:
+def sample_observations(buffer: ReplayBuffer[Any]) -> Float[Array, "rows size"]:
     """Return observations of a student's buffer, evenly spaced, `_ROWS` or a few more."""
     filled = int(buffer.filled)
     return buffer.rows[0][: filled : max(1, filled // _ROWS)]

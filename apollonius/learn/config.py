@@ -5,51 +5,38 @@ sweeps.
 import difflib
 import itertools
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from apollonius.arenas.file import from_dict, to_dict
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
-from apollonius.game.types import BySide, Role
+from apollonius.game.types import ROLES, BySide, Role
 from apollonius.io.errors import InvalidInput, require
-from apollonius.io.limits import SEED, TRAININGS, require_memory
-from apollonius.learn.algorithm import LearnerConfig
+from apollonius.io.extensions import ALGORITHMS, load_extension
+from apollonius.io.limits import SEED, TRAININGS
+from apollonius.io.record import Hooks
+from apollonius.learn.algorithm import Algorithm
+from apollonius.learn.distillation import DistillationConfig
 from apollonius.learn.dqn import PROFILES, DQNConfig
-from apollonius.learn.ppo_config import PPOConfig
+from apollonius.learn.fixed_target import FixedTargetConfig
+from apollonius.learn.ppo import PPOConfig
+from apollonius.learn.response import ResponseConfig
 from apollonius.learn.sac import SACConfig
-from apollonius.learn.stage_config import (
-    DistillationConfig,
-    OneSideConfig,
-    Plan,
-    ResponseConfig,
-    SelfPlayConfig,
-    StageConfig,
-)
+from apollonius.learn.self_play import SelfPlayConfig
+from apollonius.learn.stage import StageConfig
 
-FIXED_TARGET = "fixed-target"
-SELF_PLAY = "self-play"
-DISTILLATION = "distillation"
-RESPONSE = "response"
-STAGES = (FIXED_TARGET, SELF_PLAY, DISTILLATION, RESPONSE)
-
-
-def require_pay_in_play(game: Game, role: Role) -> None:
-    """Refuse to train a team by a reward that comes after its robots can be out of play: in the
-    zero-sum profile.
-
-    A robot learns until it is out of play. By that profile it would not learn that its side lost or
-    won after that, and leaving early would cost nothing.
-    """
-    paid = len(game.bodies[role]) == 1 or game.reward.profile != "zero-sum"
-    require(
-        paid,
-        "reward.profile",
-        game.reward.profile,
-        "'paper' for a team that learns, which pays robots in play",
-    )
+FIXED_TARGET = FixedTargetConfig.kind
+SELF_PLAY = SelfPlayConfig.kind
+_STAGES: dict[str, type[StageConfig]] = {
+    stage.kind: stage
+    for stage in (FixedTargetConfig, SelfPlayConfig, DistillationConfig, ResponseConfig)
+}
+_ALGORITHMS: dict[str, type[Algorithm]] = {
+    algorithm.kind: algorithm for algorithm in (DQNConfig, SACConfig, PPOConfig)
+}
 
 
 @dataclass(frozen=True)
@@ -58,170 +45,137 @@ class RunConfig:
 
     seed: int = 0
     """Seed of everything random in the run."""
-    stages: Literal["fixed-target", "self-play", "both", "distillation", "response"] = "both"
-    """Algorithm 1, Algorithm 2 with both sides from scratch, or the curriculum of both; or one side
-    from a teacher, or against opponents that do not learn.
-    """
     game: Game = field(default_factory=lambda: make_game("paper"))
     """The game, number by number."""
-    dqn: DQNConfig = field(default_factory=DQNConfig)
-    """How each side learns, by deep Q-learning, unless `sac` is given."""
-    sac: SACConfig | None = None
-    """The numbers of soft actor-critic, whose actions are continuous; None for other algorithms."""
-    ppo: PPOConfig = field(default_factory=PPOConfig)
-    """The algorithm by which the side of a response learns, proximal policy optimisation."""
-    fixed_target: StageConfig = field(default_factory=StageConfig)
-    """Stage 1: the pursuer against evaders that do not learn."""
-    self_play: SelfPlayConfig = field(default_factory=SelfPlayConfig)
-    """Stage 2: both against each other."""
-    distillation: DistillationConfig = field(default_factory=DistillationConfig)
-    """One side from a teacher."""
-    response: ResponseConfig = field(default_factory=ResponseConfig)
-    """One side against opponents that do not learn."""
-    evaders: tuple[str, ...] = ("still",)
-    """Players that the pursuer of stage 1 learns to catch: `still`, as in Algorithm 1, or others,
-    of whom each game meets one.
-    """
+    algorithm: Algorithm = field(default_factory=DQNConfig)
+    """How each side learns."""
+    stages: tuple[StageConfig, ...] = (FixedTargetConfig(), SelfPlayConfig())
+    """The stages in their order: each goes on from the agents of those before it."""
     pursuer: str | None = None
-    """Agent that the pursuer of a lone stage starts from; None is from scratch. Where `team` is
-    trained, one that reads `egocentric` is extended by weights of 0 for what is new."""
+    """Agent that the pursuer starts from; None for random weights. Where `team` is trained, one
+    that reads `egocentric` is extended by weights of 0 for what is new.
+    """
     evader: str | None = None
-    """Agent that the evader of a lone stage starts from; None is from scratch (Algorithm 2)."""
+    """Agent that the evader starts from; None for random weights."""
 
     def __post_init__(self) -> None:
         SEED.require("seed", self.seed)
-        if self.sac is not None:
-            self.game.require_two("soft actor-critic")
-        for role in (Role.PURSUER,) if self.stages == FIXED_TARGET else Role:
-            require_pay_in_play(self.game, role)
-        self._check_past_opponents()
-        self._check_first_networks()
-        if self.one_side is not None:
-            bound = f"left out for a {self.stages}, whose actions are the nine"
-            require(self.sac is None, "sac", "given", bound)
-        if self.stages == RESPONSE:
-            self._check_response()
-        if self.stages == DISTILLATION:
-            self._check_distillation()
+        require(len(self.stages) >= 1, "stages", "none", "one at least")
+        if self.algorithm.continuous:
+            self.game.require_two(f"'{self.algorithm.kind}', whose actions are continuous")
+        for stage in self.stages:
+            stage.check(self.algorithm, self.game)
+        trained = {role for stage in self.stages for role in stage.roles}
+        for role in Role:
+            agent, side = self.first_agents[role], role.name.lower()
+            bound = f"left out where no {side} learns"
+            require(agent is None or role in trained, side, agent, bound)
 
-    def _check_past_opponents(self) -> None:
-        """Refuse earlier versions that games, memory or the time between two draws do not suffice
-        for.
+    @property
+    def first_agents(self) -> BySide[str | None]:
+        """The agents that both sides start from."""
+        return BySide(self.pursuer, self.evader)
+
+    @property
+    def is_judged(self) -> bool:
+        """True if matches between its agents judge the run at the end."""
+        return any(stage.is_judged for stage in self.stages)
+
+    @property
+    def by_name(self) -> dict[str, StageConfig]:
+        """The stages by their names: their kinds, with numbers where several are of one kind."""
+        counts = Counter[str]()
+        stages: dict[str, StageConfig] = {}
+        for stage in self.stages:
+            counts[stage.kind] += 1
+            number = counts[stage.kind]
+            stages[stage.kind if number == 1 else f"{stage.kind}-{number}"] = stage
+        return stages
+
+    def agent_name(self, name: str, role: Role) -> str:
+        """Return the name of the agent of a side that a stage trains, as P_curriculum."""
+        stage = self.by_name[name]
+        is_first = next(iter(self.by_name)) == name and self.pursuer is None
+        _, _, number = name.removeprefix(stage.kind).partition("-")
+        return f"{role.name[0]}_{stage.agent_kind(is_first)}{number and '_' + number}"
+
+    def stage_number(self, name: str) -> int:
+        """Return the number of a stage that its random key is made with: by its kind, and how many
+        of its kind come before.
         """
-        past = self.self_play.opponents
-        learner = self.sac or self.dqn
-        games = learner.games
-        fits = past.share == 0 or past.slot_games(games) > 0
-        require(
-            fits,
-            "games",
-            games,
-            f"more, so that {past.scheme} has one for each of 2 x {past.slots} slots",
-        )
-        copies = 2 * past.versions * (past.share > 0)
-        needed = copies * 4 * learner.depth * learner.width**2
-        require_memory("versions", past.versions, needed, "keep fewer, or train a smaller network")
-        longest = games * self.game.max_steps
-        bound = (
-            f"at least games x max_steps = {longest:,}, so that games that {past.scheme} "
-            "judges by can end"
-        )
-        require(past.renewal >= longest or past.share == 0, "renewal", past.renewal, bound)
+        number = list(self.by_name).index(name)
+        kind = self.stages[number].kind
+        repeats = sum(earlier.kind == kind for earlier in self.stages[:number])
+        return list(_STAGES).index(kind) + len(_STAGES) * repeats
 
-    def _check_first_networks(self) -> None:
-        """Refuse agents to start from, and evaders, that the stages do not use."""
-        used = {FIXED_TARGET: ("pursuer", "evaders"), "both": ()}.get(
-            self.stages, ("pursuer", "evader")
-        )
-        for name, default in (("pursuer", None), ("evader", None), ("evaders", ("still",))):
-            value = getattr(self, name)
-            bound = f"left out where stages is '{self.stages}', which begins without it"
-            shown = ", ".join(value) if name == "evaders" else value
-            require(value == default or name in used, name, shown, bound)
-
-    def _check_response(self) -> None:
-        games, bound = self.ppo.games, "as many at least as opponents, so that each has one"
-        require(games >= len(self.response.opponents), "ppo.games", games, bound)
-        first = BySide(self.pursuer, self.evader)[self.response.side]
-        share = self.response.initial_weight_share
-        bound = "0 for an agent from random weights"
-        require(first or share == 0, "response.initial_weight_share", share, bound)
-
-    def _check_distillation(self) -> None:
-        stage, games = self.distillation, self.dqn.games
-        if stage.solves:
-            self.game.require_two("a distillation by tables")
-        attackers = stage.near_sighted + stage.far_sighted
-        bound = f"more than the {attackers} of its attackers, so that each opponent has one"
-        require(games - attackers >= len(stage.opponents), "games", games, bound)
-
-    @property
-    def stage1_name(self) -> str:
-        """The name of the pursuer that learned to catch the evaders of stage 1."""
-        if self.evaders == ("still",):
-            return "P_stage1"
-        return f"P_{Path(self.evaders[0]).stem}" if len(self.evaders) == 1 else "P_pool"
-
-    @property
-    def kind(self) -> str:
-        """The name of agents of the last stage after their side, as in P_curriculum."""
-        if self.one_side is not None:
-            return {DISTILLATION: "distilled", RESPONSE: "response"}[self.stages]
-        return "scratch" if self.stages == SELF_PLAY and self.pursuer is None else "curriculum"
-
-    @property
-    def one_side(self) -> OneSideConfig | None:
-        """The stage in which one side learns, if that is the one."""
-        return {DISTILLATION: self.distillation, RESPONSE: self.response}.get(self.stages)
-
-    @property
-    def learner(self) -> LearnerConfig:
-        """The numbers of the algorithm that learns."""
-        return self.ppo if self.stages == RESPONSE else self.sac or self.dqn
-
-    @property
-    def plans(self) -> dict[str, Plan]:
-        """The plans of the stages in their order, by name; the tasks of a response are in its
-        settings.
+    def sides_with_networks(self, name: str) -> BySide[bool]:
+        """Return which sides have a network before a stage: from an agent, or from an earlier
+        stage.
         """
-        of_one_side = self.distillation, replace(self.response, tasks=())
-        stages = (self.fixed_target, self.self_play, *of_one_side)
-        selected = STAGES[:2] if self.stages == "both" else [self.stages]
-        return {
-            name: Plan(self.learner, stage)
-            for name, stage in zip(STAGES, stages, strict=True)
-            if name in selected
-        }
+        names = list(self.by_name)
+        before = self.stages[: names.index(name)]
+        trained = {role for stage in before for role in stage.roles}
+        return ROLES.map(lambda role: self.first_agents[role] is not None or role in trained)
 
-    def share(self, stage: str, env_steps: int) -> float:
+    def share(self, name: str, env_steps: int) -> float:
         """Return the share of the whole training that is done after some env steps of a stage;
         raises InvalidInput for a stage of another training. The work of a stage is its env steps,
         once for each side that learns.
         """
-        plans = self.plans
-        require(stage in plans, "stage", stage, f"one of this training, {', '.join(plans)}")
-        work = {
-            name: (2 if name == SELF_PLAY else 1) * plan.stage.env_steps
-            for name, plan in plans.items()
-        }
-        before = sum(work[name] for name in STAGES[: STAGES.index(stage)] if name in work)
-        return (before + work[stage] * plans[stage].share(env_steps)) / sum(work.values())
+        stages = self.by_name
+        require(name in stages, "stage", name, f"one of this training, {', '.join(stages)}")
+        work = {name: len(stage.roles) * stage.env_steps for name, stage in stages.items()}
+        names = list(stages)
+        before = sum(work[earlier] for earlier in names[: names.index(name)])
+        done = work[name] * stages[name].share(self.algorithm, env_steps)
+        return (before + done) / sum(work.values())
+
+
+def read_config(data: dict[str, Any], source: str) -> RunConfig:
+    """Return the config of a record, as of a `config.toml`; raises InvalidInput for a bad one."""
+    hooks: Hooks = {
+        Algorithm: lambda value: _read_kind(value, "algorithm", _ALGORITHMS, hooks),
+        StageConfig: lambda value: _read_kind(value, "stages", _STAGES, hooks),
+    }
+    return from_dict(RunConfig, data, source, hooks=hooks)
+
+
+def _read_kind(value: Any, name: str, kinds: Mapping[str, type[Any]], hooks: Hooks) -> Any:
+    """Read an algorithm or a stage by the class of its kind."""
+    if not isinstance(value, dict):
+        return value
+    require("kind" in value, f"{name}: kind", "nothing", f"one of {', '.join(kinds)}")
+    kind = value["kind"]
+    chosen = kinds.get(kind) if isinstance(kind, str) else None
+    if chosen is None and isinstance(kind, str) and name == "algorithm":
+        chosen = load_extension(ALGORITHMS, kind, "a subclass of ReplayAlgorithm")
+    require(chosen is not None, f"{name}: kind", kind, f"one of {', '.join(kinds)}")
+    assert chosen is not None
+    return from_dict(chosen, value, f"{name}, {kind}", hooks=hooks)
 
 
 PRESETS: dict[str, RunConfig] = {
     "paper": RunConfig(),
     "standard": RunConfig(
-        fixed_target=StageConfig(env_steps=6_000_000), self_play=SelfPlayConfig(env_steps=8_000_000)
+        stages=(FixedTargetConfig(env_steps=6_000_000), SelfPlayConfig(env_steps=8_000_000))
     ),
     "quick": RunConfig(
-        dqn=DQNConfig(width=128, depth=3, learning_rate=3e-3, exploration_fraction=0.1),
-        fixed_target=StageConfig(env_steps=8_000_000, evaluations=8, evaluation_games=500),
-        self_play=SelfPlayConfig(env_steps=6_000_000, evaluations=8, evaluation_games=500),
+        algorithm=DQNConfig(width=128, depth=3, learning_rate=3e-3, exploration_fraction=0.1),
+        stages=(
+            FixedTargetConfig(env_steps=8_000_000, evaluations=8, evaluation_games=500),
+            SelfPlayConfig(env_steps=6_000_000, evaluations=8, evaluation_games=500),
+        ),
     ),
 }
 """`quick`: a small network, two to five minutes of a core. `standard`: some three times that.
 `paper`: about the paper's 200,000 + 300,000 episodes.
 """
+
+
+def change_stages(config: RunConfig, kind: str, **changes: Any) -> RunConfig:
+    """Return a config with changed fields in all stages of a kind."""
+    stages = (replace(stage, **changes) if stage.kind == kind else stage for stage in config.stages)
+    return replace(config, stages=tuple(stages))
 
 
 def with_profile(config: RunConfig, profile: str) -> RunConfig:
@@ -231,17 +185,20 @@ def with_profile(config: RunConfig, profile: str) -> RunConfig:
     With c = 3 and games of 1,000 steps whose last state is bootstrapped, the values of standing
     still grow beyond all returns.
     """
-    changed = replace(config, dqn=PROFILES[profile])
+    changed = replace(config, algorithm=PROFILES[profile])
     if profile != "paper":
         return changed
-    stage1 = replace(config.fixed_target, progress=10.0, time_limit=200, limit_terminates=True)
-    return replace(changed, fixed_target=stage1)
+    return change_stages(
+        changed, FIXED_TARGET, progress=10.0, time_limit=200, limit_terminates=True
+    )
 
 
 def sweep(config: RunConfig, values: Mapping[str, Sequence[Any]]) -> dict[str, RunConfig]:
-    """Return the trainings of a sweep by name, as `dqn.batch=64,seed=3`: all combinations of the
-    values of fields, by their dotted paths; raises InvalidInput for an unknown field, an impossible
-    value, and too many trainings.
+    """Return the trainings of a sweep by name, as `algorithm.batch=64,seed=3`: all combinations of
+    the values of fields, by their dotted paths, in which a stage goes by its kind
+    (`stages.self-play.renewal`).
+
+    Raises InvalidInput for an unknown field, an impossible value, and too many trainings.
     """
     TRAININGS.require("trainings", math.prod(map(len, values.values())))
     combinations = list(itertools.product(*values.values()))
@@ -252,7 +209,7 @@ def sweep(config: RunConfig, values: Mapping[str, Sequence[Any]]) -> dict[str, R
         data = to_dict(config)
         for path, value in changes.items():
             _set(data, path, value)
-        runs[name] = from_dict(RunConfig, data, name)
+        runs[name] = read_config(data, name)
     require(len(runs) == len(combinations), "values", ", ".join(runs), "different ones")
     return runs
 
@@ -265,21 +222,29 @@ def _in_name(value: Any) -> str:
 def _set(data: dict[str, Any], field: str, value: Any) -> None:
     """Set a field of a config's record; one that is misspelt is refused when the record is read."""
     *tables, key = field.split(".")
-    inner = data
+    inner: Any = data
     for table in tables:
-        if not isinstance(inner.get(table), dict):
+        inner = _tables_in(inner).get(table)
+        if inner is None:
             near = difflib.get_close_matches(field, _dotted(data), n=1, cutoff=0.0)[0]
             raise InvalidInput(f"the training has no field '{field}'; did you mean '{near}'?")
-        inner = inner[table]
     inner[key] = value
 
 
-def _dotted(data: dict[str, Any]) -> list[str]:
-    inner = {
-        name: _dotted(value) if isinstance(value, dict) else None for name, value in data.items()
+def _tables_in(record: Any) -> dict[str, Any]:
+    """Return the tables within a table, or of a list of stages by their kinds."""
+    if isinstance(record, list):
+        return {table["kind"]: table for table in record if "kind" in table}
+    return {
+        name: value
+        for name, value in record.items()
+        if isinstance(value, dict) or (name == "stages" and isinstance(value, list))
     }
-    return [
-        f"{name}.{deeper}" if deeper else name
-        for name, below in inner.items()
-        for deeper in below or [""]
-    ]
+
+
+def _dotted(record: Any) -> list[str]:
+    """List the dotted paths of all fields."""
+    tables = _tables_in(record)
+    plain = [] if isinstance(record, list) else [name for name in record if name not in tables]
+    inner = [f"{name}.{path}" for name, table in tables.items() for path in _dotted(table)]
+    return plain + inner

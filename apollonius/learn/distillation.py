@@ -8,32 +8,55 @@ structured prediction to no-regret online learning", 2011; Rusu et al., "Policy 
 """
 
 import functools
-from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from apollonius.agents.action_repeat import ActionRepeat
 from apollonius.agents.network import Network, QNetwork
-from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
 from apollonius.agents.pool import AbstractPlayers, PartitionedPlayers, single_player
-from apollonius.agents.trained import exploring_policy, greedy_policy
-from apollonius.game.types import NUM_ACTIONS, BySide, Scalar
-from apollonius.learn.algorithm import interpolate_linearly
+from apollonius.agents.source import NamedPlayer
+from apollonius.agents.trained import greedy_policy
+from apollonius.arenas.suite import single_arena_games
+from apollonius.catalogue import TABLE, loss_value
+from apollonius.game.game import Game
+from apollonius.game.types import NUM_ACTIONS, BySide, Role, Scalar
+from apollonius.io.errors import require, require_positive, require_within
+from apollonius.learn.algorithm import Algorithm, LearningSide, interpolate_linearly
 from apollonius.learn.dqn import DQNConfig, DQNLearner, adam_step
-from apollonius.learn.loop import Metrics, after_iteration
+from apollonius.learn.one_side import (
+    LineUp,
+    OneSideConfig,
+    OneSideStage,
+    Players,
+    equal_parts,
+    resolve_players,
+)
 from apollonius.learn.replay_buffer import ReplayBuffer, add
-from apollonius.learn.stage_config import DistillationConfig, Plan
+from apollonius.learn.stage import (
+    NO_NETWORKS,
+    TABLES,
+    Counts,
+    Metrics,
+    TrainState,
+    end_iteration,
+    zero_counters,
+)
 from apollonius.learn.states_to_label import starts_of, states_to_label
-from apollonius.learn.teacher import DistillationTask
-from apollonius.learn.train_state import LearnerState, TrainState
-from apollonius.learn.training_task import equal_parts
+from apollonius.learn.teacher import Clearance, DistillationTask, motion_of_clearance
 from apollonius.observe.observation import observation_rows
 from apollonius.play.rollout import Games, collect, init_games
-from apollonius.solve.players import RolloutSearch
+from apollonius.solve.grid import make_grid
+from apollonius.solve.players import RolloutSearch, SaddlePolicy
+from apollonius.solve.safety import solve_safety
+from apollonius.solve.solving import cached_tables, reference_grid
 
 ORDER = 10.0
 """Weight of the differences between a state's actions, relative to their mean: the choice depends
@@ -45,134 +68,302 @@ followed further; one and two seconds, in a game with steps of 0.1 s.
 """
 
 
-Labels = tuple[Float[Array, "rows size"], Float[Array, "rows 9"]]
-"""Observations and the teacher's values of the nine actions there, NaN where there is nothing to
-learn.
-"""
-
-
-def start_distillation(
-    plan: Plan, tasks: Sequence[DistillationTask], key: PRNGKeyArray, network: Network | None = None
-) -> TrainState:
-    """Return the state before the first step, from random weights where there is no network. The
-    key is consumed.
+class Labels(eqx.Module):
+    """Observations, and the teacher's values of the nine actions there, NaN where there is nothing
+    to learn.
     """
-    network_key, start_key, train_key = jax.random.split(key, 3)
-    config = plan.learner
-    assert isinstance(config, DQNConfig)
-    learner = config.init_learner(network_key, network)
-    keys = jax.random.split(start_key, len(tasks))
-    first_games = [
-        _first_games(plan, learner.network, *each) for each in zip(tasks, keys, strict=True)
-    ]
-    label_states = functools.partial(states_to_label, _config(plan))
-    block = max(
-        len(jax.eval_shape(label_states, *each, key)[2])
-        for each in zip(tasks, first_games, strict=True)
+
+    observation: Float[Array, "rows size"]
+    values: Float[Array, "rows 9"]
+
+
+@dataclass(frozen=True)
+class DistillationConfig(OneSideConfig):
+    """One side learns a teacher's action values, in the states of its own games."""
+
+    algorithm_class = DQNConfig
+    kind: Literal["distillation"] = "distillation"
+    env_steps: int = 50_000_000
+    pursuer_epsilon: float = 0.04
+    """Share of random actions of a learning pursuer, each held for a round; constant."""
+    evader_epsilon: float = 0.04
+    """Share of random actions of a learning evader, each held for a round; constant."""
+    teacher: str = TABLE
+    """Source of the action values: `table`, the player by the game solved for that side, or an
+    agent trained by DQN.
+    """
+    opponents: tuple[str, ...] = (TABLE, "random", "pursuer", "P_curriculum", "intercept")
+    """Its opponents, each in an equal part of the games that attackers leave: `table` is the other
+    side's.
+    """
+    near_sighted: int = 192
+    """Games against an attacker that knows the student and looks one hold of ten steps ahead."""
+    far_sighted: int = 64
+    """Games against one that looks two holds ahead, at four times the cost."""
+    grid: Counts | None = None
+    """Nodes along x, y, v and heading on which the game is solved; None for those of `apollonius
+    solve game`.
+    """
+    clearance: float = 0.05
+    """Clearance [m] below which labels weigh it against the teacher's values; 0 ignores clearance.
+    """
+    updates: int = 8
+    """Updates in a round."""
+    informed: float = 3.0
+    """Time since a side with sensors saw an opponent [s] up to which it learns what its teacher,
+    who sees it, does.
+    """
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "updates")
+        require_within(self, 0, 10**9, "clearance", "near_sighted", "far_sighted", "informed")
+        bound = "left out: tables know the rules' own robots only"
+        require(not (self.randomise and self.solves), "randomise", "some numbers", bound)
+        require(
+            self.grid is None or len(self.grid) == 4,
+            "grid",
+            self.grid,
+            "four numbers of nodes, or left out",
+        )
+
+    def agent_kind(self, is_first: bool) -> str:
+        return "distilled"
+
+    def check(self, algorithm: Algorithm, game: Game) -> None:
+        """Refuse fewer games than opponents, and tables of other games than those of two, too."""
+        super().check(algorithm, game)
+        if self.solves:
+            game.require_two("a distillation by tables")
+        attackers = self.near_sighted + self.far_sighted
+        bound = f"more than the {attackers} of its attackers, so that each opponent has one"
+        has_room = algorithm.games - attackers >= len(self.opponents)
+        require(has_room, "games", algorithm.games, bound)
+
+    def games_to_solve(self, game: Game) -> list[tuple[Game, Counts | None]]:
+        if not self.solves:
+            return []
+        return [(alone, self.grid) for alone in single_arena_games(game)]
+
+    def make(self, algorithm: DQNConfig, game: Game, folder: Path | None = None) -> "Distillation":
+        return Distillation(
+            self, algorithm, tuple(distillation_tasks(self, game, folder and folder / TABLES))
+        )
+
+    def line_ups(self, game: Game) -> list[LineUp]:
+        return [
+            (task_game, names | {self.side: (self.teacher,)})
+            for task_game, names in super().line_ups(game)
+        ]
+
+    @property
+    def solves(self) -> bool:
+        """True if somebody needs the tables of solved games."""
+        searches = self.near_sighted + self.far_sighted + self.clearance > 0
+        return searches or TABLE in (self.teacher, *self.opponents)
+
+
+class Distillation(OneSideStage[DistillationTask]):
+    """A distillation in its games, with its opponents and the teacher."""
+
+    config: DistillationConfig = eqx.field(static=True)
+    algorithm: DQNConfig = eqx.field(static=True)
+    tasks: tuple[DistillationTask, ...]
+
+    @property
+    def evaluation_game(self) -> Game:
+        """The first task's, with the rewards of training."""
+        return self.tasks[0].game
+
+    def init(self, key: PRNGKeyArray, networks: BySide[Network | None] = NO_NETWORKS) -> TrainState:
+        network_key, start_key, train_key = jax.random.split(key, 3)
+        config, algorithm, tasks = self.config, self.algorithm, self.tasks
+        learner = algorithm.init_learner(network_key, networks[config.side])
+        keys = jax.random.split(start_key, len(tasks))
+        first_games = tuple(
+            _first_games(config, algorithm, learner.network, task, task_key)
+            for task, task_key in zip(tasks, keys, strict=True)
+        )
+        block = max(
+            _rows_per_round(config, task, games)
+            for task, games in zip(tasks, first_games, strict=True)
+        )
+        rows = max(1, algorithm.replay_capacity // block) * block
+        size = learner.network.observation.size
+        empty = Labels(jnp.zeros((rows, size)), jnp.zeros((rows, NUM_ACTIONS)))
+        head, filled = (jnp.zeros((), jnp.int32) for _ in range(2))
+        side = LearningSide(learner, ReplayBuffer(empty, head, filled))
+        return TrainState(first_games, {config.side: side}, train_key, **zero_counters())
+
+    def train_task(self, state: TrainState, task: DistillationTask) -> tuple[TrainState, Metrics]:
+        return train_task_chunk(self.config, self.algorithm, state, task)
+
+
+def distillation_tasks(
+    config: DistillationConfig, game: Game, folder: Path | None
+) -> list[DistillationTask]:
+    """Return the tasks of a run: one, or where tables are needed one in each arena.
+
+    Games are solved whose tables do not lie in the folder. The tasks in all arenas have one shape,
+    so that one compilation serves all. Raises InvalidInput when a player cannot be teacher,
+    the teacher does not value the nine actions, or robots of a solved game are of several kinds.
+    """
+    role, scenario = config.side, game.scenario
+    ((_, names),) = config.line_ups(game)
+    if not config.solves:
+        task_game, players = resolve_players(config.game_of_training(game), names)
+        return [_distillation_task(config, players, task_game, None)]
+    kinds = "robots of several kinds"
+    require(
+        scenario is None or scenario.kinds is None,
+        "game",
+        kinds,
+        "of one kind: the solved game has its robots",
     )
-    rows = max(1, config.replay_capacity // block) * block
-    size = learner.network.observation.size
-    head, filled, iterations, env_steps, episodes = (jnp.zeros((), jnp.int32) for _ in range(5))
-    buffer = ReplayBuffer((jnp.zeros((rows, size)), jnp.zeros((rows, NUM_ACTIONS))), head, filled)
-    learners = {_config(plan).side: LearnerState(learner, buffer)}
-    return TrainState(tuple(first_games), learners, train_key, iterations, env_steps, episodes)
+    alone = single_arena_games(game)
+    grids = [reference_grid(arena_game, role) for arena_game in alone]
+    counts = tuple(np.max([grid.counts for grid, _ in grids], axis=0).tolist())
+
+    def task_in(number: int, arena_game: Game) -> DistillationTask:
+        task_game = game if scenario is None else game.with_variant(jnp.asarray(number))
+        task_game, players = resolve_players(task_game, names)
+        tables = cached_tables(arena_game, config.grid, folder, played=task_game)
+        players |= {(TABLE, side): NamedPlayer(TABLE, tables[side]) for side in Role}
+        task = _distillation_task(config, players, task_game, tables[role.other])
+        if config.clearance == 0:
+            return task
+        grid = make_grid(task_game.arena, task_game.body(role), counts)
+        safety = solve_safety(task_game, role, grid, grids[0][1])
+        return replace(
+            task,
+            clearance=Clearance(
+                motion_of_clearance(task_game, role), grid, safety.table, config.clearance
+            ),
+        )
+
+    return [task_in(number, arena_game) for number, arena_game in enumerate(alone)]
 
 
-@functools.partial(jax.jit, static_argnames="plan")
-def _first_games(plan: Plan, network: QNetwork, task: DistillationTask, key: PRNGKeyArray) -> Games:
-    bits = jnp.zeros((2, plan.learner.games), jnp.uint32)
-    return init_games(
-        task.game,
-        starts_of(task, plan.learner.games, key),
-        _players(plan, network, task, key),
-        bits,
+def _distillation_task(
+    config: DistillationConfig, players: Players, game: Game, table: SaddlePolicy | None
+) -> DistillationTask:
+    teacher, other = players[config.teacher, config.side], config.side.other
+    policy, bound = (
+        teacher.policy,
+        "one that values the nine actions: table, or an agent trained by DQN",
     )
+    require(isinstance(policy, AbstractActionValuePolicy), "teacher", config.teacher, bound)
+    assert isinstance(policy, AbstractActionValuePolicy)
+    opponents = tuple(players[name, other].policy for name in config.opponents)
+    return DistillationTask(game, opponents, loss_value(teacher, game), policy, None, table)
 
 
-@functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
-def train_distillation_chunk(
-    plan: Plan, state: TrainState, task: DistillationTask
+def _rows_per_round(config: DistillationConfig, task: DistillationTask, games: Games) -> int:
+    """Count the states that are labelled in a round."""
+    label = functools.partial(states_to_label, config.side, config.informed)
+    _, _, learns = jax.eval_shape(label, task, games, jax.random.key(0))
+    return len(learns)
+
+
+@functools.partial(jax.jit, static_argnames=("config", "algorithm"))
+def _first_games(
+    config: DistillationConfig,
+    algorithm: DQNConfig,
+    network: QNetwork,
+    task: DistillationTask,
+    key: PRNGKeyArray,
+) -> Games:
+    bits = jnp.zeros((2, algorithm.games), jnp.uint32)
+    starts = starts_of(task, algorithm.games, key)
+    return init_games(task.game, starts, _players(config, algorithm, network, task, key), bits)
+
+
+@functools.partial(jax.jit, static_argnames=("config", "algorithm"), donate_argnames="state")
+def train_task_chunk(
+    config: DistillationConfig, algorithm: DQNConfig, state: TrainState, task: DistillationTask
 ) -> tuple[TrainState, Metrics]:
-    """Train one chunk in one setting, whose games are played on."""
-    after, metrics = jax.lax.scan(
-        lambda state, _: _iterate(plan, state, task), state, None, plan.learner.iterations_per_chunk
-    )
+    """Train one chunk in one task, whose games are played on. The state is consumed."""
+
+    def iterate(state: TrainState, _: None) -> tuple[TrainState, Metrics]:
+        return _iterate(config, algorithm, state, task)
+
+    after, metrics = jax.lax.scan(iterate, state, None, algorithm.iterations_per_chunk)
     return after, jax.tree.map(lambda leaf: jnp.sum(leaf, axis=0), metrics)
 
 
-def _iterate(plan: Plan, state: TrainState, task: DistillationTask) -> tuple[TrainState, Metrics]:
-    """Query the teacher, play some steps of every game, fit the student."""
-    role = _config(plan).side
-    game = task.game
-    config = plan.learner
-    side, key = state.learners[role], jax.random.fold_in(state.key, state.iterations)
-    query_key, player_key, play_key, start_key, learn_key = jax.random.split(key, 5)
-    assert isinstance(side.learner, DQNLearner)
+def _iterate(
+    config: DistillationConfig, algorithm: DQNConfig, state: TrainState, task: DistillationTask
+) -> tuple[TrainState, Metrics]:
+    """Ask the teacher, play some steps of every game, fit the student."""
+    role, game = config.side, task.game
+    side = state.learners[role]
+    key = jax.random.fold_in(state.key, state.iterations)
+    label_key, player_key, play_key, start_key, learn_key = jax.random.split(key, 5)
     network = side.learner.network
-    observed, states, learns = states_to_label(_config(plan), task, state.games, query_key)
-    _, student_rows = observation_rows(network.observation, game, observed, role)
-    values = task.values(states, role)
-    buffer = add(side.buffer, (student_rows, jnp.where(learns[:, None], values, jnp.nan)))
-    starts = jax.tree.map(lambda leaf: leaf[None], starts_of(task, config.games, start_key))
-    players = _players(plan, network, task, player_key)
+    observed, states, learns = states_to_label(role, config.informed, task, state.games, label_key)
+    _, observations = observation_rows(network.observation, game, observed, role)
+    values = jnp.where(learns[:, None], task.values(states, role), jnp.nan)
+    buffer = add(side.buffer, Labels(observations, values))
+    starts = jax.tree.map(lambda leaf: leaf[None], starts_of(task, algorithm.games, start_key))
+    players = _players(config, algorithm, network, task, player_key)
     games, played = collect(
-        game, players, state.games, starts, play_key, config.steps_per_iteration
+        game, players, state.games, starts, play_key, algorithm.steps_per_iteration
     )
-    env_steps = state.env_steps + config.env_steps_per_iteration
-    learner, loss = _fit(plan, side.learner, buffer, env_steps, learn_key)
-    return after_iteration(
-        state, games, played, env_steps, {role: (LearnerState(learner, buffer), loss)}
-    )
+    env_steps = state.env_steps + algorithm.env_steps_per_iteration
+    learner, loss = _fit(config, algorithm, side.learner, buffer, env_steps, learn_key)
+    learners = {role: (LearningSide(learner, buffer), loss)}
+    return end_iteration(state, games, played, env_steps, learners)
 
 
 def _players(
-    plan: Plan, network: QNetwork, task: DistillationTask, key: PRNGKeyArray
+    config: DistillationConfig,
+    algorithm: DQNConfig,
+    network: QNetwork,
+    task: DistillationTask,
+    key: PRNGKeyArray,
 ) -> BySide[AbstractPlayers]:
     """Return the student, whose random actions last for a round, and its opponents, each in games
     of its own.
     """
-    config = _config(plan)
-    table = task.table
-    games = plan.learner.games
+    games, table = algorithm.games, task.table
     robots = len(task.game.bodies[config.side])
-    explores = single_player(exploring_policy(network, jnp.float32(config.epsilon[config.side])))
-    student = replace(explores, bits=jax.random.bits(key, (games * robots,), jnp.uint32))
+    explorer = algorithm.explorer(network, jnp.float32(config.epsilon[config.side]))
+    bits = jax.random.bits(key, (games * robots,), jnp.uint32)
+    student = replace(single_player(explorer), bits=bits)
     players: list[AbstractPolicy] = [*task.opponents]
     if table is not None:
         searches = (
             RolloutSearch(table.zero_sum_game, table.table, greedy_policy(network), *ahead)
             for ahead in _PLANS
         )
-        players += [ActionRepeat(search, plan.learner.steps_per_iteration) for search in searches]
+        players += [ActionRepeat(search, algorithm.steps_per_iteration) for search in searches]
     left = games - config.near_sighted - config.far_sighted
     shares = [*equal_parts(left, len(task.opponents)), config.near_sighted, config.far_sighted]
     opponents = [pair for pair in zip(players, shares, strict=False) if pair[1]]
-    return BySide.of(
-        config.side, student, PartitionedPlayers(*map(tuple, zip(*opponents, strict=True)))
-    )
+    partitioned = PartitionedPlayers(*map(tuple, zip(*opponents, strict=True)))
+    return BySide[AbstractPlayers].of(config.side, student, partitioned)
 
 
 def _fit(
-    plan: Plan,
+    config: DistillationConfig,
+    algorithm: DQNConfig,
     learner: DQNLearner,
     buffer: ReplayBuffer[Labels],
     env_steps: Int[Array, ""],
     key: PRNGKeyArray,
 ) -> tuple[DQNLearner, Scalar]:
     """Make some updates from the labels; return their losses, added up."""
-    config = plan.learner
-    assert isinstance(config, DQNConfig)
     rate = interpolate_linearly(
-        config.learning_rate, config.final_learning_rate, plan.stage.env_steps, env_steps
+        algorithm.learning_rate, algorithm.final_learning_rate, config.env_steps, env_steps
     )
 
     def update(learner: DQNLearner, key: PRNGKeyArray) -> tuple[DQNLearner, Scalar]:
-        rows = jax.random.randint(key, (config.batch,), 0, buffer.filled)
+        rows = jax.random.randint(key, (algorithm.batch,), 0, buffer.filled)
         labels = jax.tree.map(lambda leaf: leaf[rows], buffer.rows)
         value, gradient = eqx.filter_value_and_grad(_error)(learner.network, labels)
-        return adam_step(learner, gradient, rate, config.averaging), value
+        return adam_step(learner, gradient, rate, algorithm.averaging), value
 
-    learner, losses = jax.lax.scan(update, learner, jax.random.split(key, _config(plan).updates))
+    learner, losses = jax.lax.scan(update, learner, jax.random.split(key, config.updates))
     return learner, jnp.sum(losses)
 
 
@@ -180,12 +371,8 @@ def _error(network: QNetwork, labels: Labels) -> Scalar:
     """Return the mean squared error of the differences between a state's actions, and of their
     mean.
     """
-    observation, values = labels
-    wrong = jnp.where(jnp.isnan(values), 0.0, network.batch(observation) - values)
+    wrong = jnp.where(
+        jnp.isnan(labels.values), 0.0, network.batch(labels.observation) - labels.values
+    )
     mean = jnp.mean(wrong, axis=1)
     return ORDER * jnp.mean(jnp.sum((wrong - mean[:, None]) ** 2, axis=1)) + jnp.mean(mean**2)
-
-
-def _config(plan: Plan) -> DistillationConfig:
-    assert isinstance(plan.stage, DistillationConfig)
-    return plan.stage

@@ -1,7 +1,7 @@
 """Deep Q-learning (section II-B): its numbers, targets, loss (Eq. 3), one update."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import equinox as eqx
 import jax
@@ -9,10 +9,11 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
-from apollonius.agents.network import Network, QNetwork, interpolate_weights, make_network
+from apollonius.agents.network import QNetwork, interpolate_weights, make_network
+from apollonius.agents.trained import EpsilonGreedy
 from apollonius.game.types import Scalar, tree_where
 from apollonius.io.errors import require_positive, require_within
-from apollonius.learn.algorithm import ReplayConfig, interpolate_linearly
+from apollonius.learn.algorithm import ReplayAlgorithm, interpolate_linearly
 from apollonius.learn.replay_buffer import TransitionBatch
 
 
@@ -75,9 +76,10 @@ def adam_step(
 
 
 @dataclass(frozen=True)
-class DQNConfig(ReplayConfig):
+class DQNConfig(ReplayAlgorithm):
     """Deep Q-learning (section II-B), for the nine discrete actions."""
 
+    kind: Literal["dqn"] = "dqn"
     network = QNetwork
     double: bool = True
     """Let the online network choose and the target network value the next action (double
@@ -100,18 +102,19 @@ class DQNConfig(ReplayConfig):
         if self.exploration_steps is not None:
             require_positive(self, "exploration_steps")
 
-    def exploration(self, first: float, stage: int, env_steps: Int[Array, ""]) -> Scalar:
-        """Return the share of random actions, from `first` at the beginning of a stage of this many
-        env steps.
-        """
-        over = self.exploration_steps or self.exploration_fraction * stage
+    def explorer(self, network: QNetwork, exploration: Scalar) -> EpsilonGreedy:
+        """Return the epsilon-greedy player (Algorithm 1, line 7)."""
+        return EpsilonGreedy(network, exploration)
+
+    def exploration(self, first: float, stage_env_steps: int, env_steps: Int[Array, ""]) -> Scalar:
+        """Return the share of random actions, which falls from `first` to `final_epsilon`."""
+        over = self.exploration_steps or self.exploration_fraction * stage_env_steps
         return interpolate_linearly(first, self.final_epsilon, over, env_steps)
 
-    def init_learner(self, key: PRNGKeyArray, network: Network | None = None) -> DQNLearner:
+    def init_learner(self, key: PRNGKeyArray, network: QNetwork | None = None) -> DQNLearner:
         first = network or make_network(
             self.observation, self.width, self.depth, key, self.symmetric
         )
-        assert isinstance(first, QNetwork)
         own, target, average = (jax.tree.map(jnp.copy, first) for _ in range(3))
         optimiser = _adam.init(eqx.filter(own, eqx.is_array))
         return DQNLearner(own, target, average, optimiser, jnp.zeros((), jnp.int32))

@@ -22,7 +22,7 @@ from apollonius.game.outcome import PURSUER_WINS, names_of, require_counts
 from apollonius.io.arrays import named_leaves, open_arrays, read_tree
 from apollonius.io.document import parse_json, parse_toml, read_bytes, to_json, write_atomically
 from apollonius.io.errors import InvalidInput, require, require_within
-from apollonius.learn.config import RunConfig
+from apollonius.learn.config import RunConfig, read_config
 
 FORMAT = "apollonius-checkpoint-2"
 METRICS = "metrics.jsonl"
@@ -113,7 +113,7 @@ def load_config(path: Path, within: Path | None = None) -> RunConfig:
     lead.
     """
     content = read_bytes(path, "a training's config.toml", "check the path", within=within)
-    return from_dict(RunConfig, parse_toml(content, path), str(path))
+    return read_config(parse_toml(content, path), str(path))
 
 
 @dataclass(frozen=True)
@@ -189,7 +189,7 @@ def load_checkpoint_meta(path: Path, config: RunConfig | None = None) -> Checkpo
         raise InvalidInput(f"'{path}' is no checkpoint of this version ({FORMAT}): train again.")
     record = parse_json(metadata[FORMAT], f"'{path}' holds no record of a run: train again")
     meta = from_dict(CheckpointMeta, record, f"the record of '{path}'")
-    if config and (meta.stage not in config.plans or meta.ended not in ("", _digest(config))):
+    if config and (meta.stage not in config.by_name or meta.ended not in ("", _digest(config))):
         raise InvalidInput(f"'{path}' is of another training than its config.toml: train again.")
     return meta
 

@@ -20,8 +20,7 @@ from apollonius.io.document import parse_json, read_bytes, to_json
 from apollonius.io.errors import TRACKERS, InvalidInput, require, require_within
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import CheckpointMeta, Evaluation
-from apollonius.learn.loop import Metrics
-from apollonius.learn.train_state import TrainState
+from apollonius.learn.stage import Metrics, TrainState
 
 _MOST_BYTES = 2**24
 """Largest `metrics.jsonl` [bytes]: some 40,000 chunks."""

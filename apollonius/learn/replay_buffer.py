@@ -13,6 +13,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
+from apollonius.game.types import Role
+from apollonius.play.rollout import Transition
+
 
 class Row(eqx.Module):
     """Transitions of one side at one or more time steps of every game."""
@@ -89,15 +92,33 @@ def add(buffer: ReplayBuffer[Rows], new: Rows) -> ReplayBuffer[Rows]:
     )
 
 
-def truncate_latest(buffer: ReplayBuffer[Row], games: Bool[Array, " games"]) -> ReplayBuffer[Row]:
-    """Return the ring after some games were broken off: their latest transitions are truncated,
-    unless terminated.
+def rows_of(played: Transition, role: Role, limit_terminates: bool = False) -> Row:
+    """Return one side's transitions, of a team those of each robot, whose game is over when it is
+    out of play.
+
+    Args:
+        played: the transitions of a batch of games.
+        role: the side.
+        limit_terminates: whether the time limit is an end by the rules, without a value beyond.
     """
-    rows, columns = buffer.rows.reward.shape
-    latest, broken_off = (buffer.head - 1) % rows, jnp.repeat(games, columns // games.shape[0])
-    truncated = buffer.rows.truncated[latest] | (broken_off & ~buffer.rows.terminated[latest])
-    return eqx.tree_at(
-        lambda ring: ring.rows.truncated, buffer, buffer.rows.truncated.at[latest].set(truncated)
+    side = played.sides[role]
+    terminated, truncated = played.terminated, played.truncated
+    if limit_terminates:
+        terminated, truncated = played.ended, jnp.zeros_like(played.ended)
+    content = side.observation, side.action, side.reward, side.next_observation
+    if side.active is None or side.lost is None:
+        return Row(*content, terminated, truncated)
+    robots = side.reward.size // terminated.size
+
+    def of_robots(flag: Array) -> Array:
+        return jnp.repeat(flag, robots, axis=1).reshape(flag.shape[0], -1, robots)
+
+    row = Row(
+        *content, of_robots(terminated) | side.lost, of_robots(truncated) & ~side.lost, side.active
+    )
+    steps, games = terminated.shape
+    return jax.tree.map(
+        lambda leaf: leaf.reshape(steps, games * robots, *leaf.shape[side.reward.ndim :]), row
     )
 
 

@@ -5,7 +5,7 @@ paper's.
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import equinox as eqx
 import jax
@@ -16,15 +16,15 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 from apollonius.agents.network import (
     GaussianActor,
     Layers,
-    Network,
     apply_to_batch,
     interpolate_weights,
     make_actor,
     make_layers,
 )
+from apollonius.agents.trained import SquashedGaussian
 from apollonius.game.types import Scalar
 from apollonius.io.errors import require, require_positive, require_within
-from apollonius.learn.algorithm import ReplayConfig
+from apollonius.learn.algorithm import ReplayAlgorithm
 from apollonius.learn.replay_buffer import TransitionBatch
 from apollonius.observe.registry import find_observation
 
@@ -108,11 +108,12 @@ def actor_loss(
 
 
 @dataclass(frozen=True)
-class SACConfig(ReplayConfig):
+class SACConfig(ReplayAlgorithm):
     """Soft actor-critic (Haarnoja et al., "Soft actor-critic algorithms and applications", 2018),
     for pairs of action levels; n-step returns as in deep Q-learning.
     """
 
+    kind: Literal["sac"] = "sac"
     network = GaussianActor
     continuous = True
     depth: int = 3
@@ -152,12 +153,16 @@ class SACConfig(ReplayConfig):
         bound = f"a multiple of env_steps_per_update / games = {self.steps_per_iteration}"
         require(whole, "noise_steps", self.noise_steps, bound)
 
+    def explorer(self, network: GaussianActor, exploration: Scalar) -> SquashedGaussian:
+        """Return the player that draws from the actor's distributions."""
+        return SquashedGaussian(network, exploration)
+
     def noise_block(self, iterations: Int[Array, ""]) -> Int[Array, ""] | None:
         if self.noise_steps <= self.steps_per_iteration:
             return None
         return iterations // (self.noise_steps // self.steps_per_iteration)
 
-    def init_learner(self, key: PRNGKeyArray, network: Network | None = None) -> SACLearner:
+    def init_learner(self, key: PRNGKeyArray, network: GaussianActor | None = None) -> SACLearner:
         """Return a learner that starts from a copy of an actor, or from random weights; its critics
         begin from random weights. The key is consumed.
         """
@@ -165,7 +170,6 @@ class SACConfig(ReplayConfig):
         if actor is None:
             actor_key, key = jax.random.split(key)
             actor = make_actor(self.observation, self.width, self.depth, actor_key)
-        assert isinstance(actor, GaussianActor)
         sizes = [find_observation(self.observation).size + 2, *[self.width] * self.depth, 1]
         critics = Critics(*(make_layers(sizes, critic_key) for critic_key in jax.random.split(key)))
         own, average, critics, target = (

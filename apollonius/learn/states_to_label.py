@@ -12,8 +12,7 @@ from jaxtyping import Array, Bool, PRNGKeyArray
 
 from apollonius.game.dynamics import Unicycle, wrap_angle
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.types import GameState, Real, RobotState, Scalar, tree_where
-from apollonius.learn.stage_config import DistillationConfig
+from apollonius.game.types import GameState, Real, RobotState, Role, Scalar, tree_where
 from apollonius.learn.teacher import DistillationTask
 from apollonius.observe.tracking import sense_and_update
 from apollonius.play.rollout import Games
@@ -27,7 +26,7 @@ _EDGE = 0.02
 
 
 def states_to_label(
-    config: DistillationConfig, task: DistillationTask, games: Games, key: PRNGKeyArray
+    role: Role, informed: float, task: DistillationTask, games: Games, key: PRNGKeyArray
 ) -> tuple[GameState, GameState, Bool[Array, " rows"]]:
     """Return states to learn from, as the student knows them and as they are, and which of its
     robots learn there.
@@ -39,8 +38,7 @@ def states_to_label(
     the states are those of `states_near`, else those visited.
     """
     game = task.game
-    role = config.side
-    track = games.sides[config.side].track
+    track = games.sides[role].track
     if task.table is not None and track is None:
         states = states_near(game, games.state, key)
         return states, states, jnp.ones(states.steps.shape, bool)
@@ -54,7 +52,7 @@ def states_to_label(
         if believed.sight is None
         else jnp.stack(believed.sight.ages)
     )
-    fresh = jnp.min(ages, axis=0) < config.informed
+    fresh = jnp.min(ages, axis=0) < informed
     return (
         believed,
         games.state,

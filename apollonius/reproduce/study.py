@@ -30,20 +30,15 @@ def run_configs(preset: RunConfig, seed: int) -> dict[str, RunConfig]:
     half the env steps of both stages: its games are so much shorter that this is more episodes than
     those of both stages.
     """
-    preset = replace(preset, seed=seed)
-    half = (preset.fixed_target.env_steps + preset.self_play.env_steps) // 2
-    return {
-        "curriculum": preset,
-        "scratch": replace(
-            preset, stages="self-play", self_play=replace(preset.self_play, pursuer_epsilon=1.0)
-        ),
-        "random": replace(
-            preset,
-            stages="fixed-target",
-            evaders=("random",),
-            fixed_target=replace(preset.fixed_target, env_steps=half),
-        ),
+    stage_1, stage_2 = preset.stages
+    half = (stage_1.env_steps + stage_2.env_steps) // 2
+    against_random = replace(stage_1, env_steps=half, evaders=("random",))
+    stages = {
+        "curriculum": preset.stages,
+        "scratch": (replace(stage_2, pursuer_epsilon=1.0),),
+        "random": (against_random,),
     }
+    return {name: replace(preset, seed=seed, stages=own) for name, own in stages.items()}
 
 
 @dataclass

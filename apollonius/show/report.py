@@ -21,7 +21,6 @@ from apollonius.game.game import Game
 from apollonius.game.outcome import PURSUER_WINS, names_of
 from apollonius.io.document import parse_json, read_bytes, write_atomically
 from apollonius.io.errors import require
-from apollonius.learn.config import FIXED_TARGET, SELF_PLAY
 from apollonius.learn.folder import load_config
 from apollonius.learn.metrics import load_metrics
 from apollonius.play.replay import Replay, as_data
@@ -123,9 +122,7 @@ def report_of(folder: Path) -> dict[str, Any]:
     """
     config = load_config(folder / "config.toml", folder)
     lines = load_metrics(folder / "metrics.jsonl", within=folder)
-    stages = {
-        name: plan.stage for name, plan in config.plans.items() if name in (FIXED_TARGET, SELF_PLAY)
-    }
+    stages = config.by_name
     by_stage = {name: [line for line in lines if line.stage == name] for name in stages}
     env_steps = {name: lines[-1].env_steps if lines else 0 for name, lines in by_stage.items()}
     matches = load_matches(folder / "evaluation.json")
@@ -153,7 +150,7 @@ def report_of(folder: Path) -> dict[str, Any]:
         "matches": matches,
         "stages": {name: (plan, by_stage[name]) for name, plan in stages.items()},
         "pictures": {
-            name: learning_pictures(stage_lines, config.evaders)
+            name: learning_pictures(stage_lines, stages[name].opponent_names)
             for name, stage_lines in by_stage.items()
             if stage_lines
         },
