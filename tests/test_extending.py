@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from apollonius.learn.archive import resample_opponents
 
 from apollonius import catalogue
 from apollonius.agents.classical import Still
@@ -32,7 +33,6 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import BySide, Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import opponents
-from apollonius.learn.archive import resample_opponents
 from apollonius.observe import registry
 from apollonius.observe.registry import register_observation
 from apollonius.observe.view import look

@@ -113,7 +113,7 @@ def run_train(options: argparse.Namespace) -> int:
     is_sweep = bool(options.vary or options.seeds)
     configs = _swept_configs(config, options) if is_sweep else {"": config}
     name = options.config.stem if options.config else options.preset
-    stages = "both" if len(config.stages) > 1 else config.stages[0].kind
+    stages = "both" if len(config.stages) > 1 else next(iter(config.by_name))
     suffix = "sweep" if is_sweep else config.seed
     folder: Path = options.out or Path("runs") / f"{name}-{stages}-{suffix}"
     for run_config in configs.values():

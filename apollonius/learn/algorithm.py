@@ -28,14 +28,7 @@ from apollonius.game.game import Game
 from apollonius.game.types import Real, Role, Scalar
 from apollonius.io.errors import require, require_positive, require_within
 from apollonius.io.limits import PARALLEL_GAMES, TRANSITIONS
-from apollonius.learn.replay_buffer import (
-    ReplayBuffer,
-    Row,
-    TransitionBatch,
-    add,
-    init_buffer,
-    sample_batch,
-)
+from apollonius.learn.replay_buffer import Row, TransitionBatch, add, init_buffer, sample_batch
 from apollonius.observe.registry import find_observation
 
 _CHUNK_ENV_STEPS = 8192
@@ -69,10 +62,12 @@ L = TypeVar("L", bound=Learner)
 
 
 class LearningSide(eqx.Module, Generic[L]):
-    """One side that learns: its networks, and the data that it learns from."""
+    """One side that learns: its networks, and the replay buffer that it learns from, if it has
+    one.
+    """
 
     learner: L
-    buffer: ReplayBuffer[Any]
+    buffer: Any = None
 
 
 @dataclass(frozen=True)
@@ -262,7 +257,7 @@ class ReplayAlgorithm(Algorithm):
         return self.learning_starts
 
     @abstractmethod
-    def init_learner(self, key: PRNGKeyArray, network: Network | None = None) -> Any:
+    def init_learner(self, key: PRNGKeyArray, network: Any = None) -> Any:
         """Make a learner that starts from a copy of a network, or from random weights. The key is
         consumed.
         """

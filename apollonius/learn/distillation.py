@@ -146,9 +146,8 @@ class DistillationConfig(OneSideConfig):
         return [(alone, self.grid) for alone in single_arena_games(game)]
 
     def make(self, algorithm: DQNConfig, game: Game, folder: Path | None = None) -> "Distillation":
-        return Distillation(
-            self, algorithm, tuple(distillation_tasks(self, game, folder and folder / TABLES))
-        )
+        tasks = distillation_tasks(self, game, folder and folder / TABLES)
+        return Distillation(self, algorithm, tasks[0].game, tuple(tasks))
 
     def line_ups(self, game: Game) -> list[LineUp]:
         return [
@@ -168,12 +167,8 @@ class Distillation(OneSideStage[DistillationTask]):
 
     config: DistillationConfig = eqx.field(static=True)
     algorithm: DQNConfig = eqx.field(static=True)
+    evaluation_game: Game
     tasks: tuple[DistillationTask, ...]
-
-    @property
-    def evaluation_game(self) -> Game:
-        """The first task's, with the rewards of training."""
-        return self.tasks[0].game
 
     def init(self, key: PRNGKeyArray, networks: BySide[Network | None] = NO_NETWORKS) -> TrainState:
         network_key, start_key, train_key = jax.random.split(key, 3)

@@ -111,7 +111,7 @@ class DQNConfig(ReplayAlgorithm):
         over = self.exploration_steps or self.exploration_fraction * stage_env_steps
         return interpolate_linearly(first, self.final_epsilon, over, env_steps)
 
-    def init_learner(self, key: PRNGKeyArray, network: QNetwork | None = None) -> DQNLearner:
+    def init_learner(self, key: PRNGKeyArray, network: Any = None) -> DQNLearner:
         first = network or make_network(
             self.observation, self.width, self.depth, key, self.symmetric
         )

@@ -92,6 +92,7 @@ class TrainingTask(eqx.Module):
 
 
 T = TypeVar("T", bound=TrainingTask)
+S = TypeVar("S", bound=TrainState)
 
 
 class OneSideStage(Stage, Generic[T]):
@@ -103,7 +104,7 @@ class OneSideStage(Stage, Generic[T]):
     def train_task(self, state: Any, task: T) -> tuple[Any, Metrics]:
         """Train one chunk in one task, whose games are the state's. The state is consumed."""
 
-    def step(self, state: TrainState) -> tuple[TrainState, Metrics]:
+    def step(self, state: S) -> tuple[S, Metrics]:
         chunk = int(state.iterations) // self.algorithm.iterations_per_chunk
         number = chunk % len(self.tasks)
         games = list(state.games)

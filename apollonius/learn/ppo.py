@@ -8,7 +8,7 @@ than in the games that it is learned from.
 
 import functools
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import equinox as eqx
 import jax
@@ -18,6 +18,7 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from apollonius.agents.network import (
     Layers,
+    Network,
     QNetwork,
     apply_to_batch,
     infer,
@@ -169,14 +170,14 @@ class PPOConfig(Algorithm):
     def iterations_per_chunk(self) -> int:
         return 1
 
-    def first_network(self, name: str, role: Role, game: Game, field: str = "") -> QNetwork:
+    def first_network(self, name: str, role: Role, game: Game, field: str = "") -> Network:
         """Load the network of an agent that a side goes on from: its values become logits."""
         network = super().first_network(name, role, game, field)
         value = loss_value(find_player(name, role, game), game)
         return scale_outputs(without_clearance_penalty(network), self.loss_value / value)
 
     def init_learner(
-        self, network_key: PRNGKeyArray, critic_key: PRNGKeyArray, network: QNetwork | None = None
+        self, network_key: PRNGKeyArray, critic_key: PRNGKeyArray, network: Any = None
     ) -> PPOLearner:
         """Make a learner that starts from a copy of a network, or from random weights; its critic
         begins from random weights. Both keys are consumed.

@@ -90,7 +90,7 @@ class ResponseConfig(OneSideConfig):
 
     def make(self, algorithm: PPOConfig, game: Game, folder: Path | None = None) -> "Response":
         tasks = training_tasks(self, algorithm, game)
-        return Response(replace(self, tasks=()), algorithm, with_chart(game), tuple(tasks))
+        return Response(replace(self, tasks=()), algorithm, tasks[0].game, tuple(tasks))
 
 
 def training_tasks(config: ResponseConfig, algorithm: PPOConfig, game: Game) -> list[TrainingTask]:
@@ -137,12 +137,8 @@ class Response(OneSideStage[TrainingTask]):
 
     config: ResponseConfig = eqx.field(static=True)
     algorithm: PPOConfig = eqx.field(static=True)
+    evaluation_game: Game
     tasks: tuple[TrainingTask, ...]
-
-    @property
-    def evaluation_game(self) -> Game:
-        """The first task's, with the rewards of training."""
-        return self.tasks[0].game
 
     def init(
         self, key: PRNGKeyArray, networks: BySide[Network | None] = NO_NETWORKS
@@ -158,7 +154,7 @@ class Response(OneSideStage[TrainingTask]):
         mixes = self.config.initial_weight_share > 0
         return ResponseState(
             first_games,
-            {side: LearningSide(learner, None)},
+            {side: LearningSide(learner)},
             train_key,
             **zero_counters(),
             first=jax.tree.map(jnp.copy, learner.network) if mixes else None,
@@ -232,7 +228,7 @@ def train_round(
         learn_key,
     )
     lost = add_losses(before.lost_states, game, before.games.state, played.outcome, side)
-    learners = {side: (LearningSide(after, None), error)}
+    learners = {side: (LearningSide(after), error)}
     return end_iteration(state, RestartBuffer(games, lost), played, env_steps, learners)
 
 

@@ -162,7 +162,7 @@ class SACConfig(ReplayAlgorithm):
             return None
         return iterations // (self.noise_steps // self.steps_per_iteration)
 
-    def init_learner(self, key: PRNGKeyArray, network: GaussianActor | None = None) -> SACLearner:
+    def init_learner(self, key: PRNGKeyArray, network: Any = None) -> SACLearner:
         """Return a learner that starts from a copy of an actor, or from random weights; its critics
         begin from random weights. The key is consumed.
         """

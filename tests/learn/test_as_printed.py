@@ -15,12 +15,8 @@ import jax
 import numpy as np
 import pytest
 
-from apollonius.agents.classical import Still
-from apollonius.agents.pool import single_player
-from apollonius.game.types import Role
-from apollonius.learn import algorithm, train_state
-from apollonius.learn.config import FIXED_TARGET, SELF_PLAY, STAGES, RunConfig, with_profile
-from apollonius.learn.loop import train_chunk
+from apollonius.learn import algorithm
+from apollonius.learn.config import FIXED_TARGET, SELF_PLAY, RunConfig, with_profile
 from tests.documents import REPOSITORY
 
 SEED, STEPS, UPDATES = 3, 1_300, 1_000
@@ -34,14 +30,12 @@ CAPACITY = 700
 def trained_by_the_package(stage):
     """Return the learners of a chunk of one stage of the profile `paper`."""
     algorithm._CHUNK_ENV_STEPS = STEPS
-    config = with_profile(RunConfig(seed=SEED, stages=stage), "paper")
-    config = replace(config, dqn=replace(config.dqn, **NUMBERS, replay_capacity=CAPACITY))
-    plan = config.plans[stage]
-    game = plan.stage.trained_in(config.game)
-    fixed = {Role.EVADER: single_player(Still())} if stage == FIXED_TARGET else {}
-    key = jax.random.fold_in(jax.random.key(SEED), STAGES.index(stage))
-    state = jax.jit(train_state.start, static_argnums=0)(plan, game, key, fixed)
-    state, _ = train_chunk(plan, game, state, fixed)
+    config = with_profile(RunConfig(seed=SEED), "paper")
+    numbers = replace(config.algorithm, **NUMBERS, replay_capacity=CAPACITY)
+    trained = config.by_name[stage].make(numbers, config.game)
+    key = jax.random.fold_in(jax.random.key(SEED), config.stage_number(stage))
+    state = jax.jit(type(trained).init)(trained, key)
+    state, _ = trained.step(state)
     return [side.learner for side in state.learners.values()]
 
 

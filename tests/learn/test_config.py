@@ -9,23 +9,26 @@ from functools import partial
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from apollonius.learn.ppo import PPOConfig
 
-from apollonius.arenas.file import find_game, to_dict
+from apollonius.arenas.file import find_game
 from apollonius.arenas.suite import find_scenario
 from apollonius.game.game import Game
 from apollonius.game.presets import in_teams, make_game
 from apollonius.game.scenario import Spread
+from apollonius.game.types import Role
 from apollonius.io.document import to_json
 from apollonius.io.errors import InvalidInput
 from apollonius.learn.algorithm import interpolate_linearly
-from apollonius.learn.config import PRESETS, RunConfig, sweep, with_profile
+from apollonius.learn.config import FIXED_TARGET, PRESETS, SELF_PLAY, RunConfig, change_stages, sweep, with_profile
+from apollonius.learn.distillation import DistillationConfig
 from apollonius.learn.dqn import PROFILES, DQNConfig
+from apollonius.learn.fixed_target import FixedTargetConfig
 from apollonius.learn.folder import create_run, load_config
-from apollonius.learn.opponents import OpponentConfig
-from apollonius.learn.ppo_config import PPOConfig
 from apollonius.learn.progress import STATE, ProcessStatus, progress_of, record_status
+from apollonius.learn.response import ResponseConfig, Task
 from apollonius.learn.sac import SACConfig
-from apollonius.learn.stage_config import DistillationConfig, ResponseConfig, SelfPlayConfig, StageConfig, Task
+from apollonius.learn.self_play import SelfPlayConfig
 from tests.documents import REPOSITORY
 from tests.learn.tiny import RUN
 
@@ -37,9 +40,10 @@ TASK = Task(make_game("paper"), ("still", "flee"))
 
 
 def met_by(scheme, **numbers):
-    return SelfPlayConfig(opponents=OpponentConfig(scheme=scheme, **numbers))
+    return {"stages": (SelfPlayConfig(opponents=scheme, **numbers),)}
 
 
+STAGE_1 = (FixedTargetConfig(),)
 SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
 
 
@@ -51,39 +55,37 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
         (DQNConfig, {"replay_capacity": 10**12}, "replay_capacity = 1000000000000 .*at least 1"),
         (DQNConfig, {"n_step": 2**31}, "n_step = 2147483648 .* at most 2,147,483,647"),
         (PPOConfig, {"epochs": 10**12}, "epochs = 1000000000000 .* at most 2,147,483,647"),
-        (RunConfig, {"self_play": met_by("uniform", versions=10**9)}, "versions = 1000000000 needs .* GiB of memory"),
+        (RunConfig, met_by("uniform", versions=10**9), "versions = 1000000000 needs .* GiB of memory"),
         (DQNConfig, {"depth": 10**6}, "depth = 1000000 .*from 1 to 64"),
         (DQNConfig, {"width": 10**6}, "width = 1000000 .*from 1 to 8,192"),
-        (StageConfig, {"evaluation_games": 10**10}, "evaluation_games = 10000000000 .*at least 1"),
+        (FixedTargetConfig, {"evaluation_games": 10**10}, "evaluation_games = 10000000000 .*at least 1"),
         (DQNConfig, {"gamma": 1.01}, "gamma = 1.01 .*from 0 to 1"),
         (DQNConfig, {"averaging": 0.0}, "averaging = 0.0 .*more than 0"),
         (DQNConfig, {"final_epsilon": -0.1}, "final_epsilon = -0.1 .*from 0 to 1"),
         (DQNConfig, {"n_step": 3, "final_n_step": 4}, "final_n_step = 4 .*at most n_step = 3"),
         (DQNConfig, {"games": 64, "env_steps_per_update": 96}, "env_steps_per_update = 96 .*games = 64"),
         (DQNConfig, SMALL | {"replay_capacity": 4000}, "replay_capacity = 4000 .*at least 4352"),
-        (StageConfig, {"env_steps": 0}, "env_steps = 0 .*from 1 to"),
-        (StageConfig, {"env_steps": 10, "evaluation_games": 0}, "evaluation_games = 0 .*more than 0"),
+        (FixedTargetConfig, {"env_steps": 0}, "env_steps = 0 .*from 1 to"),
+        (FixedTargetConfig, {"env_steps": 10, "evaluation_games": 0}, "evaluation_games = 0 .*more than 0"),
         (SelfPlayConfig, {"snapshots": 0}, "snapshots = 0 .*from 1 to 100"),
-        (RunConfig, {"evaders": ("random",)}, "evaders = random .*left out .*'both'"),
-        (StageConfig, {"progress": -1.0}, "progress = -1.0 .*from 0 to"),
-        (StageConfig, {"failure": float("inf")}, "failure = inf .*from 0 to"),
+        (FixedTargetConfig, {"progress": -1.0}, "progress = -1.0 .*from 0 to"),
+        (FixedTargetConfig, {"failure": float("inf")}, "failure = inf .*from 0 to"),
         (DQNConfig, {"observation": "raster"}, "unknown observation .raster.; .*paper, encoded, egocentric"),
         (RunConfig, {"seed": 2**32}, "seed = 4294967296 .*at least 0"),
-        (RunConfig, {"stages": "both", "pursuer": "P_stage1"}, "pursuer = P_stage1 .*left out .*'both'"),
-        (RunConfig, {"stages": "distillation", "game": TEAM}, "robots = 2 v 1 .* a distillation by tables knows"),
-        (RunConfig, {"sac": SACConfig(), "game": TEAM}, "robots = 2 v 1 .* soft actor-critic knows"),
-        (RunConfig, {"game": WINS, "stages": "fixed-target"}, "reward.profile = zero-sum .*'paper'"),
-        (RunConfig, {"game": WINS, "stages": "self-play"}, "reward.profile = zero-sum .*'paper'"),
-        (RunConfig, {"game": HUNTED, "stages": "self-play"}, "reward.profile = zero-sum .*'paper'"),
+        (RunConfig, {"stages": ()}, "stages = none .*one at least"),
+        (RunConfig, {"stages": STAGE_1, "evader": "E_scratch"}, "evader = E_scratch .*left out where no evader"),
+        (RunConfig, {"stages": (DistillationConfig(),), "game": TEAM}, "robots = 2 v 1 .* a distillation by tables knows"),
+        (RunConfig, {"algorithm": SACConfig(), "game": TEAM}, "robots = 2 v 1 .* 'sac', .* knows"),
+        (RunConfig, {"game": WINS, "stages": STAGE_1}, "reward.profile = zero-sum .*'paper'"),
+        (RunConfig, {"game": WINS, "stages": (SelfPlayConfig(),)}, "reward.profile = zero-sum .*'paper'"),
+        (RunConfig, {"game": HUNTED, "stages": (SelfPlayConfig(),)}, "reward.profile = zero-sum .*'paper'"),
         (SACConfig, {"noise_steps": 0}, "noise_steps = 0 .*a multiple of env_steps_per_update"),
         (SACConfig, {"noise_steps": 6, "env_steps_per_update": 4096}, "noise_steps = 6 .*a multiple"),
-        (OpponentConfig, {"scheme": "newest"}, "scheme = newest .*one of latest, uniform"),
-        (OpponentConfig, {"past_share": 0.0}, "past_share = 0.0"),
-        (OpponentConfig, {"slots": 0}, "slots = 0"),
-        (OpponentConfig, {"versions": 0}, "versions = 0"),
-        (OpponentConfig, {"renewal": 0}, "renewal = 0"),
-        (RunConfig, {"self_play": met_by("uniform", slots=129)}, "games = 512 .* slots"),
-        (RunConfig, {"self_play": met_by("prioritised-hard", renewal=511_999)}, r"renewal = 511999 .* = 512,000"),
+        (SelfPlayConfig, {"opponents": "newest"}, "opponents = newest .*one of latest, uniform"),
+        (SelfPlayConfig, {"past_share": 0.0}, "past_share = 0.0"),
+        (SelfPlayConfig, {"versions": 0}, "versions = 0"),
+        (SelfPlayConfig, {"renewal": 0}, "renewal = 0"),
+        (RunConfig, met_by("prioritised-hard", renewal=511_999), r"renewal = 511999 .* = 512,000"),
         (DistillationConfig, {"opponents": ()}, "opponents = none"),
         (DistillationConfig, {"clearance": -0.1}, "clearance = -0.1"),
         (DistillationConfig, {"far_sighted": -1}, "far_sighted = -1"),
@@ -93,16 +95,13 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
         (ResponseConfig, {"initial_weight_share": 1.5}, "initial_weight_share = 1.5"),
         (ResponseConfig, {"restart_fraction": 1.5}, "restart_fraction = 1.5"),
         (PPOConfig, {"hold": 0.5}, "hold = 0.5"),
-        (
-            RunConfig,
-            {"stages": "response", "response": ResponseConfig(initial_weight_share=0.5)},
-            "response.initial_weight_share = 0.5 .*random",
-        ),
         (ResponseConfig, {"tasks": (TASK,)}, "tasks: opponents = given .* 1 names"),
-        (StageConfig, {"time_limit": 0}, "time_limit = 0"),
+        (FixedTargetConfig, {"time_limit": 0}, "time_limit = 0"),
         (DQNConfig, {"exploration_steps": 0}, "exploration_steps = 0"),
-        (RunConfig, {"stages": "distillation", "sac": SACConfig()}, "sac = given .*must be left out"),
-        (RunConfig, {"stages": "distillation", "dqn": DQNConfig(games=256)}, "games = 256 .*more than the 256"),
+        (RunConfig, {"stages": (DistillationConfig(),), "algorithm": SACConfig()}, "algorithm = sac .*'distillation'"),
+        (RunConfig, {"stages": (ResponseConfig(),)}, "algorithm = dqn .*'response'"),
+        (RunConfig, {"stages": STAGE_1, "algorithm": PPOConfig()}, "algorithm = ppo .*'fixed-target'"),
+        (RunConfig, {"stages": (DistillationConfig(),), "algorithm": DQNConfig(games=256)}, "games = 256 .*than the 256"),
     ],
 )
 def test_configs_refuse_impossible_values(kind, values, named):
@@ -122,9 +121,9 @@ def test_dqn_profiles_have_the_documented_numbers():
 
 def test_paper_profile_changes_dqn_and_stage_1_only():
     config = with_profile(RunConfig(), "paper")
-    assert config.dqn is PROFILES["paper"]
-    assert config.self_play == RunConfig().self_play
-    trained, judged = config.fixed_target.trained_in(config.game), config.game
+    assert config.algorithm is PROFILES["paper"]
+    assert config.stages[1] == RunConfig().stages[1]
+    trained, judged = config.stages[0].game_of_training(config.game), config.game
     assert (trained.max_steps, judged.max_steps, trained.reward.progress) == (200, 1000, 10)
     assert with_profile(RunConfig(), "fast") == RunConfig()
 
@@ -137,9 +136,9 @@ def test_exploration_steps_are_independent_of_the_stage_length():
 
 def test_configs_at_their_limits_are_accepted():
     assert DQNConfig(**SMALL, replay_capacity=4352).rows == 34
-    RunConfig(self_play=met_by("uniform", renewal=512_000, slots=128))
-    RunConfig(self_play=met_by("latest", renewal=1))
-    RunConfig(game=HUNTED, stages="fixed-target")  # its game is over when it is out
+    RunConfig(**met_by("uniform", renewal=512_000))
+    RunConfig(**met_by("latest", renewal=1))
+    RunConfig(game=HUNTED, stages=STAGE_1)  # its game is over when it is out
 
 
 @pytest.mark.parametrize("config", PRESETS.values(), ids=PRESETS)
@@ -153,7 +152,7 @@ def test_example_recipes_load_as_configs(monkeypatch):
     monkeypatch.setattr("apollonius.arenas.file.find_scenario", lambda name: few)  # hundreds take their time
     for name in ("any_chase", "evader", "optimal_evader", "pursuer", "response", "robust"):
         assert load_config(REPOSITORY / "examples" / "recipes" / f"{name}.toml") != RunConfig()
-    tasks = load_config(REPOSITORY / "examples" / "recipes" / "pursuer.toml").response.tasks
+    tasks = load_config(REPOSITORY / "examples" / "recipes" / "pursuer.toml").stages[0].tasks
     assert make_game("zero-sum") in [task.game for task in tasks], "with its discs"
 
 
@@ -163,7 +162,8 @@ def test_config_takes_a_game_by_name_or_table_and_fills_in_defaults(tmp_path):
         ('game = "team-3v1"', RunConfig(game=make_game("team-3v1"))),
         ('game = "team-2v1/blocks"', RunConfig(game=find_game("team-2v1/blocks"))),
         ("[game]\ndt = 0.05", RunConfig(game=Game(dt=0.05))),
-        ("[self_play]\nevaluations = 3\n", RunConfig(self_play=SelfPlayConfig(evaluations=3))),
+        ('[[stages]]\nkind = "self-play"\nevaluations = 3\n', RunConfig(stages=(SelfPlayConfig(evaluations=3),))),
+        ('[algorithm]\nkind = "sac"\nbatch = 8', RunConfig(algorithm=SACConfig(batch=8))),
     ):
         path.write_text(text)
         assert load_config(path) == config
@@ -191,22 +191,23 @@ def test_linear_schedule_stays_at_its_end(end, over, env_steps, value):
 
 
 def test_sweep_has_every_combination_and_changes_nothing_else():
-    found = sweep(RUN, {"dqn.batch": [16, 32], "game.pursuer.v_max": [1.2, 2], "seed": [0, 3]})
-    assert len(found) == 8
-    one = found["dqn.batch=32,game.pursuer.v_max=2,seed=3"]
-    assert (one.dqn.batch, one.game.pursuer.v_max, one.seed) == (32, 2.0, 3)
-    same, own = (to_dict(one) for one in (found["dqn.batch=16,game.pursuer.v_max=1.2,seed=0"], RUN))
-    assert (same["dqn"], same["game"]["pursuer"], same["seed"]) == (own["dqn"], own["game"]["pursuer"], own["seed"])
+    runs = sweep(RUN, {"algorithm.batch": [16, 32], "stages.self-play.progress": [1.5, 2], "seed": [0, 3]})
+    assert len(runs) == 8
+    last = runs["algorithm.batch=32,stages.self-play.progress=2,seed=3"]
+    assert (last.algorithm.batch, last.stages[1].progress, last.seed) == (32, 2.0, 3)
+    same = runs["algorithm.batch=16,stages.self-play.progress=1.5,seed=0"]
+    assert same == change_stages(RUN, SELF_PLAY, progress=1.5)
 
 
 @pytest.mark.parametrize(
     ("field", "values", "naming"),
     [
-        ("dqn.batsh", [1], "did you mean 'batch'"),
-        ("dnq.batch", [1], "did you mean 'dqn.batch'"),
-        ("sac.gamma", [0.9], "did you mean 'ppo.gamma'"),
+        ("algorithm.batsh", [1], "did you mean 'batch'"),
+        ("algoritm.batch", [1], "did you mean 'algorithm.batch'"),
+        ("stages.self_play.progress", [1], "did you mean 'stages.self-play.progress'"),
+        ("stages.self-play.progres", [1], "did you mean 'progress'"),
         ("learning_rate", [1e-3], "move it to"),
-        ("dqn.batch", [0], "batch = 0"),
+        ("algorithm.batch", [0], "batch = 0"),
         ("seed", [1, 1], "different ones"),
         ("seed", range(1001), "at most 1,000"),
     ],
@@ -214,6 +215,52 @@ def test_sweep_has_every_combination_and_changes_nothing_else():
 def test_sweep_refuses_unknown_fields_and_bad_values(field, values, naming):
     with pytest.raises(InvalidInput, match=naming):
         sweep(RUN, {field: values})
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('[algorithm]\nbatch = 3', "algorithm: kind = nothing .*one of dqn, sac, ppo"),
+        ('[algorithm]\nkind = "dnq"', "algorithm: kind = dnq .*one of dqn, sac, ppo"),
+        ('[algorithm]\nkind = "dqn"\nbatsh = 3', "algorithm, dqn: unknown key 'batsh'; did you mean 'batch'"),
+        ('[[stages]]\nkind = "selfplay"', "stages: kind = selfplay .*one of fixed-target, self-play"),
+        ('[[stages]]\nkind = "self-play"\nevaders = ["still"]', "stages, self-play: unknown key 'evaders'"),
+        ('[stages]\nkind = "self-play"', "stages = .*must be a list"),
+        ("stages = [3]", "stages"),
+        ("algorithm = 3", "algorithm"),
+    ],
+)
+def test_config_names_the_stage_or_algorithm_that_is_wrong(text, message, tmp_path):
+    path = tmp_path / "config.toml"
+    path.write_text(text)
+    with pytest.raises(InvalidInput, match=message):
+        load_config(path)
+
+
+def test_stages_of_one_kind_have_names_keys_and_agents_of_their_own():
+    twice = RunConfig(stages=(FixedTargetConfig(), SelfPlayConfig(), SelfPlayConfig(opponents="uniform")))
+    assert list(twice.by_name) == [FIXED_TARGET, SELF_PLAY, "self-play-2"]
+    assert [twice.stage_number(name) for name in twice.by_name] == [0, 1, 5]
+    names = [twice.agent_name(name, Role.EVADER) for name in (SELF_PLAY, "self-play-2")]
+    assert names == ["E_curriculum", "E_curriculum_2"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "names"),
+    [
+        ({}, ["P_stage1", "P_curriculum"]),
+        ({"stages": (SelfPlayConfig(),)}, ["P_scratch"]),
+        ({"stages": (SelfPlayConfig(),), "pursuer": "P_stage1"}, ["P_curriculum"]),
+        ({"stages": (FixedTargetConfig(evaders=("random",)),)}, ["P_random"]),
+        ({"stages": (FixedTargetConfig(evaders=("a/E_scratch.safetensors",)),)}, ["P_E_scratch"]),
+        ({"stages": (FixedTargetConfig(evaders=("random", "still")),)}, ["P_pool"]),
+        ({"stages": (DistillationConfig(),)}, ["P_distilled"]),
+        ({"stages": (ResponseConfig(),), "algorithm": PPOConfig()}, ["P_response"]),
+    ],
+)
+def test_agents_are_called_by_what_their_stage_taught(changes, names):
+    config = RunConfig(**changes)
+    assert [config.agent_name(name, Role.PURSUER) for name in config.by_name] == names
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from apollonius.learn.stage_config import DistillationConfig
 
 from apollonius.agents.network import make_network
 from apollonius.agents.pool import single_player
@@ -23,7 +24,6 @@ from apollonius.learn.clearance_penalty import COST, with_clearance_penalty, wit
 from apollonius.learn.config import RunConfig
 from apollonius.learn.dqn import DQNConfig
 from apollonius.learn.run import TrainingRun
-from apollonius.learn.stage_config import DistillationConfig
 from apollonius.learn.states_to_label import fresh_starts, starts_of, states_near, states_to_label
 from apollonius.learn.teacher import COSTLIEST, DEEPEST, STEEPNESS, Clearance, DistillationTask, distillation_tasks
 from apollonius.observe.egocentric import EGOCENTRIC

@@ -10,18 +10,17 @@ import optax
 import pytest
 from scipy.stats import chisquare, norm
 
-from apollonius.agents.classical import Uniform
 from apollonius.agents.network import make_actor, make_layers, make_network
-from apollonius.agents.pool import single_player
 from apollonius.game.types import Role
 from apollonius.learn import dqn, replay_buffer, sac
+from apollonius.learn.algorithm import LearningSide
 from apollonius.learn.dqn import DQNConfig
-from apollonius.learn.loop import train_chunk
+from apollonius.learn.fixed_target import FixedTargetConfig
 from apollonius.learn.sac import SACConfig
-from apollonius.learn.stage_config import Plan, SelfPlayConfig, StageConfig
-from apollonius.learn.train_state import LearnerState, TrainState, players
+from apollonius.learn.self_play import SelfPlayConfig, SelfPlayState
+from apollonius.learn.stage import zero_counters
 from tests.acting import identical
-from tests.learn.tiny import CHUNK, GAME, SMALL, start
+from tests.learn.tiny import CHUNK, SMALL, make_stage, start
 
 ROWS, GAMES, GAMMA = 12, 3, 0.9
 
@@ -82,14 +81,6 @@ def test_replay_samples_match_plain_lists_and_are_uniform(steps, n_step, max_n_s
     np.testing.assert_allclose(batch.reward[:512], reward, rtol=1e-5, atol=1e-6)
     np.testing.assert_allclose(batch.discount[:512], discount, rtol=1e-6)
     np.testing.assert_array_equal(batch.next_observation[:512], next_observation)
-
-
-def test_truncate_latest_leaves_finished_games_unchanged():
-    """In the latest row the first of three games was ended by the rules and the last one by the time limit."""
-    history = play(np.random.default_rng(5), ROWS + 3)
-    history["terminated"][-1], history["truncated"][-1] = (True, False, False), (False, False, True)
-    cut = replay_buffer.truncate_latest(memory := remember(history), jnp.array([True, False, False]))
-    assert cut.rows.truncated[memory.head - 1].tolist() == [False, False, True]
 
 
 loss = jax.jit(jax.value_and_grad(dqn.loss), static_argnums=3)
@@ -273,16 +264,15 @@ def test_actor_and_temperature_take_steps_of_adam():
 
 def test_exploration_noise_is_held_for_noise_steps_and_differs_by_side():
     """Sixteen steps are eight iterations of two."""
-    plan = Plan(replace(CONFIG, games=64, noise_steps=16, env_steps_per_update=128), SelfPlayConfig())
-    both = dict.fromkeys(
-        Role, LearnerState(init(CONFIG, jax.random.key(1)), replay_buffer.init_buffer(ROWS, GAMES, size=2))
-    )
-    state = TrainState(None, both, jax.random.key(0), *[jnp.zeros((), jnp.int32)] * 3)
+    lasting = replace(CONFIG, games=64, noise_steps=16, env_steps_per_update=128)
+    stage_2 = make_stage(SelfPlayConfig(), lasting)
+    both = dict.fromkeys(Role, LearningSide(init(CONFIG, jax.random.key(1))))
+    state = SelfPlayState(None, both, jax.random.key(0), **zero_counters())
 
     @jax.jit
     @jax.vmap
     def words(iterations):
-        return [side.bits for side in players(plan, replace(state, iterations=iterations), {})]
+        return [side.bits for side in stage_2.players(replace(state, iterations=iterations))]
 
     chased, fled = (np.asarray(one).reshape(3, 8, 64) for one in words(jnp.arange(24)))
     for each in (chased, fled):
@@ -294,17 +284,17 @@ def test_exploration_noise_is_held_for_noise_steps_and_differs_by_side():
 def test_sac_stores_continuous_actions_and_learns_from_them():
     """Against a side that plays discrete ones; both play in one game."""
     config = SACConfig(**SMALL, learning_starts=CHUNK, critics_first=8)
-    plan, evader = Plan(config, StageConfig(env_steps=4 * CHUNK)), {Role.EVADER: single_player(Uniform())}
-    state = start(plan, GAME, jax.random.key(0), evader)
+    stage_1 = make_stage(FixedTargetConfig(env_steps=4 * CHUNK, evaders=("random",)), config)
+    state = start(stage_1, jax.random.key(0))
     before = jax.tree.map(np.array, state.learners[Role.PURSUER].learner.network)
-    state, metrics = train_chunk(plan, GAME, state, evader)
+    state, metrics = stage_1.step(state)
     actions = np.asarray(state.learners[Role.PURSUER].buffer.rows.action)
     assert actions.shape == (128, 64, 2)
     assert (np.abs(actions) <= 1).all()
     assert actions.std() > 0.1  # an actor that knows nothing has deviations of exp(-2)
     assert metrics.updates == 1
     assert metrics.outcomes.sum() > 0
-    state, metrics = train_chunk(plan, GAME, state, evader)
+    state, metrics = stage_1.step(state)
     assert metrics.updates == 128
     assert np.isfinite(metrics.losses.pursuer)
     assert not identical(state.learners[Role.PURSUER].learner.network, before)

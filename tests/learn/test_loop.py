@@ -13,9 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.classical import Still
 from apollonius.agents.network import make_network
-from apollonius.agents.pool import single_player
 from apollonius.agents.store import describe, save_agent
 from apollonius.arenas.file import find_game
 from apollonius.game.game import Game
@@ -23,14 +21,10 @@ from apollonius.game.presets import in_teams
 from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import dqn, replay_buffer
-from apollonius.learn.loop import resample_all_opponents, train_chunk
-from apollonius.learn.opponents import OpponentConfig
-from apollonius.learn.run import load_first_networks
-from apollonius.learn.stage_config import Plan, SelfPlayConfig
+from apollonius.learn.run import load_first_network
+from apollonius.learn.stage import train_chunk
 from tests.acting import identical
-from tests.learn.tiny import CHUNK, DQN, GAME, PLAN, RUN, STAGE, start
-
-EVADER = {Role.EVADER: single_player(Still())}
+from tests.learn.tiny import CHUNK, DQN, GAME, RUN, SELF_PLAY, STAGE, make_stage, start
 
 
 def copy(tree):
@@ -48,21 +42,23 @@ def snapshot(state, metrics=None):
 
 @pytest.fixture(scope="module")
 def stage():
-    state = start(PLAN, GAME, jax.random.key(0), EVADER)
+    trained = make_stage()
+    state = start(trained, jax.random.key(0))
     moments = [snapshot(state)]
     for _ in range(4):
-        state, metrics = train_chunk(PLAN, GAME, state, EVADER)
+        state, metrics = trained.step(state)
         moments.append(snapshot(state, metrics))
     return moments
 
 
 def test_updates_wait_for_a_full_window_and_the_buffer_is_donated():
     """In a chunk that begins late in a stage, but with an empty replay."""
-    begun = start(PLAN, GAME, jax.random.key(0), EVADER)
+    stage_1 = make_stage()
+    begun = start(stage_1, jax.random.key(0))
     begun = eqx.tree_at(lambda state: state.env_steps, begun, jnp.asarray(20_000, jnp.int32))
     before = begun.learners[Role.PURSUER].buffer.rows.observation
     address = before.unsafe_buffer_pointer()
-    state, metrics = train_chunk(PLAN, GAME, begun, EVADER)
+    state, metrics = stage_1.step(begun)
     after = state.learners[Role.PURSUER]
     assert 128 - 3 <= after.learner.updates < 128
     assert metrics.updates == after.learner.updates
@@ -130,9 +126,8 @@ def test_play_explores_as_scheduled_and_then_is_greedy(stage):
 
 @pytest.mark.parametrize("terminates", [False, True])
 def test_training_games_end_at_the_time_limit_of_their_stage(terminates):
-    plan = replace(PLAN, stage=replace(STAGE, time_limit=5, limit_terminates=terminates))
-    game = plan.stage.trained_in(GAME)
-    state, _ = train_chunk(plan, game, start(plan, game, jax.random.key(0), EVADER), EVADER)
+    short = make_stage(replace(STAGE, time_limit=5, limit_terminates=terminates))
+    state, _ = short.step(start(short, jax.random.key(0)))
     rows = state.learners[Role.PURSUER].buffer.rows
     assert int(jnp.max(state.games.state.steps)) < 5
     assert bool(jnp.any(rows.truncated)) is not terminates
@@ -145,10 +140,11 @@ def test_stage_is_traced_once(monkeypatch):
     monkeypatch.setattr(Game, "step_controls", lambda *given: traces.append("step") or step_controls(*given))
     seeing = replace(GAME, sensors=find_game("lidar").sensors)
     for seed, game in enumerate((seeing, replace(seeing, capture_distance=0.4, max_steps=90))):
-        state = start(PLAN, game, jax.random.key(seed), EVADER)
+        stage_1 = make_stage(game=game)
+        state = start(stage_1, jax.random.key(seed))
         for chunk in range(2):
             before = len(traces)
-            state, _ = train_chunk.eval_shape(PLAN, game, state, EVADER)
+            state, _ = train_chunk.eval_shape(stage_1, state)
             assert (len(traces) > before) == (seed == chunk == 0)
 
 
@@ -160,10 +156,10 @@ def test_buffer_stores_each_robot_of_a_team_until_it_is_out():
     """Of two pursuers, rows `[steps, games, robots]`. One that is out is not active until the next game begins, which
     is when its mate's is over too.
     """
-    plan = replace(PLAN, learner=replace(DQN, learning_starts=CHUNK // 2))
-    first = start(plan, TEAM, jax.random.key(0), EVADER)
+    stage_1 = make_stage(algorithm=replace(DQN, learning_starts=CHUNK // 2), game=TEAM)
+    first = start(stage_1, jax.random.key(0))
     before = copy(first.learners[Role.PURSUER].learner.network)
-    state, metrics = train_chunk(plan, TEAM, first, EVADER)
+    state, metrics = stage_1.step(first)
     side = copy(state.learners[Role.PURSUER])
     assert not identical(before, side.learner.network)
     rows = jax.tree.map(lambda leaf: leaf.reshape(-1, DQN.games, PURSUERS, *leaf.shape[2:]), side.buffer.rows)
@@ -205,20 +201,14 @@ def test_dqn_loss_ignores_inactive_robots():
 
 @pytest.mark.slow
 def test_both_teams_learn_against_earlier_versions():
-    """Two against two: every robot of a team is in its game's slot, and broken-off games are cut for all."""
-    opponents = OpponentConfig(scheme="uniform", versions=4, slots=2, renewal=CHUNK)
-    plan = Plan(DQN, SelfPlayConfig(**vars(STAGE) | {"opponents": opponents}))
-    game = in_teams(GAME, 2, 2)
-    state = start(plan, game, jax.random.key(0), {})
-    for chunk in range(4):
-        if chunk == 3:
-            state = resample_all_opponents(plan, game, state)
-            rows = state.learners[Role.EVADER].buffer.rows
-            latest = int(state.learners[Role.EVADER].buffer.head) - 1
-            over = np.asarray(rows.terminated | rows.truncated | ~rows.active)[latest].reshape(-1, 2)
-            assert over[:32].all()
-            assert not over[32:].all()
-        state, metrics = train_chunk(plan, game, state, {})
+    """Two against two: team mates are the same version."""
+    config = replace(SELF_PLAY, opponents="uniform", versions=4, renewal=CHUNK)
+    stage_2 = make_stage(config, game=in_teams(GAME, 2, 2))
+    state = start(stage_2, jax.random.key(0))
+    for _ in range(4):
+        state, metrics = stage_2.step(state)
+    assert [int(earlier.turn) for earlier in state.earlier] == [3, 3]
+    assert [int(earlier.count) for earlier in state.earlier] == [4, 4]
     assert metrics.updates == 128
     assert np.isfinite(metrics.losses.pursuer)
     assert np.isfinite(metrics.losses.evader)
@@ -229,14 +219,15 @@ def test_egocentric_agent_initializes_a_team_network(tmp_path):
     path = tmp_path / "P.safetensors"
     network = make_network("egocentric", 16, 1, jax.random.key(0))
     save_agent(describe(network, Role.PURSUER, {}, {}), path)
-    config = replace(RUN, stages="fixed-target", game=TEAM, pursuer=str(path), dqn=replace(DQN, observation="team"))
-    wide = load_first_networks(config, Role.PURSUER)
+    team = replace(DQN, observation="team")
+    config = replace(RUN, stages=(STAGE,), game=TEAM, pursuer=str(path), algorithm=team)
+    wide = load_first_network(config, Role.PURSUER)
     weight = np.asarray(wide.layers[0].weight)
     np.testing.assert_array_equal(weight[:, : network.observation.size], network.layers[0].weight)
     assert not weight[:, network.observation.size :].any()
     assert not wide.symmetric
-    assert load_first_networks(replace(config, dqn=replace(config.dqn, symmetric=True)), Role.PURSUER).symmetric
+    assert load_first_network(replace(config, algorithm=replace(team, symmetric=True)), Role.PURSUER).symmetric
     save_agent(describe(replace(network, symmetric=True), Role.PURSUER, {}, {}), path)
-    assert load_first_networks(config, Role.PURSUER).symmetric
+    assert load_first_network(config, Role.PURSUER).symmetric
     with pytest.raises(InvalidInput, match="'paper'"):
-        load_first_networks(replace(config, dqn=replace(DQN, observation="paper")), Role.PURSUER)
+        load_first_network(replace(config, algorithm=replace(DQN, observation="paper")), Role.PURSUER)

@@ -7,6 +7,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from apollonius.learn.ppo_config import PPOConfig
+from apollonius.learn.sampling_policy import SamplingPolicy
+from apollonius.learn.stage_config import ResponseConfig, Task
+from apollonius.learn.training_task import require_players, training_tasks
 
 from apollonius.agents.network import apply_to_batch, make_network
 from apollonius.agents.store import describe, load_agent, save_agent
@@ -17,12 +21,8 @@ from apollonius.io.errors import InvalidInput
 from apollonius.learn import ppo
 from apollonius.learn.clearance_penalty import COST, clearance_penalty
 from apollonius.learn.config import RunConfig
-from apollonius.learn.ppo_config import PPOConfig
 from apollonius.learn.replay_buffer import Row
 from apollonius.learn.run import TrainingRun, load_first_networks
-from apollonius.learn.sampling_policy import SamplingPolicy
-from apollonius.learn.stage_config import ResponseConfig, Task
-from apollonius.learn.training_task import require_players, training_tasks
 from apollonius.observe.egocentric import BRAKING, EGOCENTRIC, ROOM
 from apollonius.observe.registry import find_observation
 from tests.learn.test_run import agents, assert_same_end, begin, metrics, stop_after

@@ -20,14 +20,15 @@ from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.store import describe, load_agent, save_agent
 from apollonius.game.types import BySide, Outcome, Role
 from apollonius.io.errors import InvalidInput
-from apollonius.learn import loop, train_state
 from apollonius.learn import run as run_module
+from apollonius.learn import stage as stage_module
 from apollonius.learn.folder import FORMAT, create_run, load_checkpoint_meta, load_config, lock_run
-from apollonius.learn.opponents import OpponentConfig
 from apollonius.learn.progress import ProcessStatus, progress_of, runs_below
-from apollonius.learn.run import TrainingRun, load_first_networks
+from apollonius.learn.run import TrainingRun, load_first_network
+from apollonius.learn.self_play import SelfPlay
+from apollonius.learn.stage import Metrics, ReplayStage
 from apollonius.play.playout import Results
-from tests.learn.tiny import CHUNK, DQN, RUN
+from tests.learn.tiny import CHUNK, DQN, RUN, SELF_PLAY, STAGE
 
 CHECKPOINT = "checkpoint.safetensors"
 TIMES = ("seconds", "env_steps_per_second")
@@ -86,7 +87,7 @@ def test_every_chunk_has_a_line_of_metrics(uninterrupted):
         assert [line["episodes"] for line in stage] == finished.tolist()
         assert [line["updates"] for line in stage] == [0, 0, 72, 200]
         assert [line["evaluation"]["env_steps"] for line in stage] == [line["env_steps"] for line in stage]
-        assert {sum(line["evaluation"]["outcomes"].values()) for line in stage} == {RUN.self_play.evaluation_games}
+        assert {sum(line["evaluation"]["outcomes"].values()) for line in stage} == {SELF_PLAY.evaluation_games}
     assert set(lines[0]["losses"]) == {"pursuer"}
     assert set(lines[4]["losses"]) == {"pursuer", "evader"}
     file = uninterrupted / "metrics.jsonl"
@@ -98,8 +99,8 @@ def test_every_chunk_has_a_line_of_metrics(uninterrupted):
 
 @pytest.mark.slow
 def test_resumed_run_restores_past_opponents(tmp_path):
-    past = OpponentConfig(scheme="prioritised-hard", versions=4, slots=2, renewal=CHUNK)
-    config = replace(RUN, stages="self-play", self_play=replace(RUN.self_play, opponents=past))
+    past = replace(SELF_PLAY, opponents="prioritised-hard", versions=4, renewal=CHUNK)
+    config = replace(RUN, stages=(past,))
     whole, broken = begin(tmp_path / "whole", config), begin(tmp_path / "broken", config)
     assert TrainingRun(config, whole).execute()
     assert not TrainingRun(config, broken, should_stop=stop_after(2)).execute()
@@ -192,15 +193,13 @@ def test_symbolic_links_in_a_run_are_refused(tmp_path):
 @pytest.fixture
 def self_play_starts(monkeypatch):
     """The pursuer's and the evader's network with which each self-play began."""
-    networks = []
-    start = train_state.start
+    networks, init = [], SelfPlay.init
 
-    def recorded(plan, game, key, fixed, first):
-        if not fixed:
-            networks.append(jax.tree.map(jnp.copy, tuple(first)))
-        return start(plan, game, key, fixed, first)
+    def recorded(stage, key, first):
+        networks.append(jax.tree.map(jnp.copy, tuple(first)))
+        return init(stage, key, first)
 
-    monkeypatch.setattr(train_state, "start", recorded)
+    monkeypatch.setattr(SelfPlay, "init", recorded)
     return networks
 
 
@@ -216,7 +215,7 @@ def script_evaluations(monkeypatch):
             evaluated.append(jax.tree.map(jnp.copy, players))
             return Results(jnp.where(captured, Outcome.CAPTURED, Outcome.NO_RESULT), jnp.ones(64, jnp.int32))
 
-        monkeypatch.setattr(run_module, "play_out", evaluate)
+        monkeypatch.setattr(stage_module, "play_out", evaluate)
         return evaluated
 
     return script
@@ -224,13 +223,13 @@ def script_evaluations(monkeypatch):
 
 def test_self_play_starts_from_the_best_pursuer_of_stage_1(self_play_starts, script_evaluations, tmp_path, monkeypatch):
     """Of its four evaluations, the third is the first of the best. Progress weighs less from then on."""
-    evaluated, weights, play_and_learn = script_evaluations(3, 4, 9, 9, 0), [], loop.train_chunk
+    evaluated, weights, play_and_learn = script_evaluations(3, 4, 9, 9, 0), [], ReplayStage.step
 
-    def recorded(plan, game, *rest):
-        weights.append(game.reward.progress)
-        return play_and_learn(plan, game, *rest)
+    def recorded(stage, state):
+        weights.append(stage.game.reward.progress)
+        return play_and_learn(stage, state)
 
-    monkeypatch.setattr(loop, "train_chunk", recorded)
+    monkeypatch.setattr(ReplayStage, "step", recorded)
     folder = begin(tmp_path / "run")
     assert (progress_of(folder).state, progress_of(folder).share) == (ProcessStatus(), 0.0)
     assert not TrainingRun(RUN, folder, should_stop=stop_after(5)).execute()
@@ -248,7 +247,7 @@ def test_self_play_starts_from_the_best_pursuer_of_stage_1(self_play_starts, scr
     assert (found.state.state, found.state.machine) == ("stopped", platform.node())
     assert found.line.stage == "self-play"
     assert found.share == pytest.approx(1 / 3), "self-play, which has not learned yet, has two learners"
-    assert sum(found.evaluation.outcomes.values()) == RUN.self_play.evaluation_games
+    assert sum(found.evaluation.outcomes.values()) == SELF_PLAY.evaluation_games
     assert found.age < 600
     assert runs_below(tmp_path) == [folder]
 
@@ -256,17 +255,17 @@ def test_self_play_starts_from_the_best_pursuer_of_stage_1(self_play_starts, scr
 def test_given_pursuer_trains_against_several_evaders(uninterrupted, script_evaluations, tmp_path, monkeypatch):
     """No update is made, so what is kept is what was given: of the last evaluation, not of that with most captures."""
     evaluated, seen, no_games = script_evaluations(3, 1), [], jnp.zeros(len(Outcome), jnp.int32)
-    nothing = loop.Metrics(no_games, *[BySide(jnp.zeros(()), jnp.zeros(()))] * 2, jnp.asarray(0))
+    nothing = Metrics(no_games, *[BySide(jnp.zeros(()), jnp.zeros(()))] * 2, jnp.asarray(0))
 
-    def chunks(plan, game, state, fixed, done):
-        seen.append(fixed[Role.EVADER].size)
-        return iter([(state, nothing)] * 2)
+    def step(stage, state):
+        seen.append(stage.evaders.size)
+        return state, nothing
 
-    monkeypatch.setattr(loop, "chunks", chunks)
+    monkeypatch.setattr(ReplayStage, "step", step)
     mine = uninterrupted / "agents"
     evaders = (str(mine / "E_curriculum.safetensors"), str(mine / "E_curriculum-25.safetensors"))
-    config = replace(RUN, stages="fixed-target", evaders=evaders, pursuer=str(mine / "P_stage1.safetensors"))
-    config = replace(config, fixed_target=replace(config.fixed_target, env_steps=2 * CHUNK, evaluations=2))
+    stage_1 = replace(STAGE, evaders=evaders, env_steps=2 * CHUNK, evaluations=2)
+    config = replace(RUN, stages=(stage_1,), pursuer=str(mine / "P_stage1.safetensors"))
     folder = begin(tmp_path / "run", config)
     assert TrainingRun(config, folder).execute()
     assert list(agents(folder)) == ["P_pool"]
@@ -274,7 +273,7 @@ def test_given_pursuer_trains_against_several_evaders(uninterrupted, script_eval
     assert eqx.tree_equal(given.network, kept.network)
     assert kept.header.training["outcomes"]["captured"] == 1
     seen += [one.evader.size for one in evaluated]
-    assert seen == [2, 2, 2], "the same evaders in training and in both evaluations"
+    assert seen == [2, 2, 2, 2], "the same evaders in training and in both evaluations"
 
 
 def test_self_play_starts_from_given_agents_and_resumes_without_files(uninterrupted, self_play_starts, tmp_path):
@@ -282,7 +281,7 @@ def test_self_play_starts_from_given_agents_and_resumes_without_files(uninterrup
     for path, name in zip(first, ("P_stage1", "E_curriculum"), strict=True):
         path.write_bytes(agents(uninterrupted)[name])
     networks = tuple(load_agent(path).network for path in first)
-    config = replace(RUN, stages="self-play", pursuer=str(first[0]), evader=str(first[1]))
+    config = replace(RUN, stages=(SELF_PLAY,), pursuer=str(first[0]), evader=str(first[1]))
     folder = begin(tmp_path / "run", config)
     assert not TrainingRun(config, folder, should_stop=stop_after(2)).execute()
     assert eqx.tree_equal(self_play_starts, [networks])
@@ -306,11 +305,11 @@ def test_initial_pursuer_of_another_network_kind_is_refused(tmp_path, make, size
     path = tmp_path / "P.safetensors"
     save_agent(describe(make(*size, jax.random.key(0)), Role.PURSUER, {}, {}), path)
     with pytest.raises(InvalidInput, match=f"{path}.*a QNetwork of 1 layers of 16 that reads 'paper', as this config"):
-        load_first_networks(replace(RUN, stages="self-play", pursuer=str(path)), Role.PURSUER)
+        load_first_network(replace(RUN, stages=(SELF_PLAY,), pursuer=str(path)), Role.PURSUER)
 
 
 def test_self_play_can_start_from_scratch(uninterrupted, self_play_starts, tmp_path):
-    config = replace(RUN, stages="self-play")
+    config = replace(RUN, stages=(SELF_PLAY,))
     folder = begin(tmp_path / "run", config)
     assert not TrainingRun(config, folder, should_stop=stop_after(1)).execute()
     assert self_play_starts == [(None, None)]
@@ -341,7 +340,7 @@ def stopped(tmp_path_factory):
 @pytest.mark.parametrize("source", ["stopped", "uninterrupted"])
 @pytest.mark.parametrize(
     "changed",
-    [{"dqn": replace(DQN, depth=2)}, {"dqn": replace(DQN, replay_capacity=2 * CHUNK)}, {"stages": "fixed-target"}],
+    [{"algorithm": replace(DQN, depth=2)}, {"algorithm": replace(DQN, replay_capacity=2 * CHUNK)}, {"stages": (STAGE,)}],
 )
 def test_checkpoint_of_another_config_is_refused(source, tmp_path, changed, request):
     config = replace(RUN, **changed)

@@ -8,16 +8,21 @@ import jax
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.presets import make_game
 from apollonius.game.starts import Starts
-from apollonius.learn import train_state
 from apollonius.learn.config import RunConfig
 from apollonius.learn.dqn import DQNConfig
-from apollonius.learn.stage_config import Plan, SelfPlayConfig, StageConfig
+from apollonius.learn.fixed_target import FixedTarget, FixedTargetConfig
+from apollonius.learn.self_play import SelfPlayConfig
+from apollonius.learn.stage import NO_NETWORKS, ReplayStage
 
 CHUNK = 8192
 """Env steps of a chunk: 128 iterations of 64 games."""
 
-start = jax.jit(train_state.start, static_argnums=0)
-"""Of many small parts, which are compiled as one."""
+
+@jax.jit
+def start(stage: ReplayStage, key, networks=NO_NETWORKS):
+    """The state before the first step: of many small parts, which are compiled as one."""
+    return stage.init(key, networks)
+
 
 SMALL: dict[str, Any] = {
     "observation": "paper",
@@ -42,8 +47,8 @@ DQN = DQNConfig(
 )
 """The replay holds one chunk. Play explores in the first chunk only; learning begins in the third."""
 
-STAGE = StageConfig(env_steps=4 * CHUNK, evaluations=4, evaluation_games=64)
-PLAN = Plan(DQN, STAGE)
+STAGE = FixedTargetConfig(env_steps=4 * CHUNK, evaluations=4, evaluation_games=64)
+SELF_PLAY = SelfPlayConfig(env_steps=4 * CHUNK, evaluations=4, evaluation_games=64, pursuer_epsilon=1.0)
 GAME = replace(
     make_game("one-large"),
     pursuer=Unicycle(v_min=0.6),
@@ -53,6 +58,11 @@ GAME = replace(
     starts=Starts(clearance=0.8, separation=2.5),
 )
 """Neither robot can stop, so that all kinds of outcomes are common, though none within 8 steps of the start."""
-RUN = RunConfig(game=GAME, dqn=DQN, fixed_target=STAGE, self_play=SelfPlayConfig(**vars(replace(STAGE, progress=1.0))))
+RUN = RunConfig(game=GAME, algorithm=DQN, stages=(STAGE, SELF_PLAY))
 STOPPING = replace(RUN, game=replace(GAME, pursuer=Unicycle(), evader=Unicycle()))
 """Of robots that can stop: no start at rest is lost, and shields can help."""
+
+
+def make_stage(config=STAGE, algorithm=DQN, game=GAME) -> FixedTarget:
+    """A stage in the game, by default the first."""
+    return config.make(algorithm, game)
