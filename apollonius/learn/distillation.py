@@ -16,11 +16,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
-from apollonius.agents.action_repeat import ActionRepeat
 from apollonius.agents.network import Network, QNetwork
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.pool import AbstractPlayers, PartitionedPlayers, single_player
 from apollonius.agents.trained import exploring_policy, greedy_policy
+from apollonius.agents.wrappers.action_repeat import ActionRepeat
 from apollonius.game.types import NUM_ACTIONS, BySide, Scalar
 from apollonius.learn.algorithm import interpolate_linearly
 from apollonius.learn.dqn import DQNConfig, DQNLearner, adam_step
@@ -108,6 +108,7 @@ def _iterate(plan: Plan, state: TrainState, task: DistillationTask) -> tuple[Tra
     side, key = state.learners[role], jax.random.fold_in(state.key, state.iterations)
     query_key, player_key, play_key, start_key, learn_key = jax.random.split(key, 5)
     assert isinstance(side.learner, DQNLearner)
+    assert side.buffer is not None
     network = side.learner.network
     observed, states, learns = states_to_label(_config(plan), task, state.games, query_key)
     _, student_rows = observation_rows(network.observation, game, observed, role)

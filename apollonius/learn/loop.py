@@ -163,6 +163,7 @@ def _learn(
     """Store one side's transitions and make its updates; return their losses, added up."""
     config, stage = plan.learner, plan.stage.env_steps
     assert isinstance(config, ReplayConfig)
+    assert side.buffer is not None
     buffer = replay_buffer.add(side.buffer, new)
     rate = interpolate_linearly(config.learning_rate, config.final_learning_rate, stage, env_steps)
     n_step = jnp.round(
@@ -250,10 +251,12 @@ def resample_all_opponents(plan: Plan, game: Game, state: TrainState) -> TrainSt
     fresh_games = init_games(
         game, reset_batch(game, start_key, games), players(plan, state, {}), bits
     )
-    learners = {
-        role: replace(side, buffer=replay_buffer.truncate_latest(side.buffer, in_slots))
-        for role, side in state.learners.items()
-    }
+
+    def break_off(side: LearnerState) -> LearnerState:
+        assert side.buffer is not None
+        return replace(side, buffer=replay_buffer.truncate_latest(side.buffer, in_slots))
+
+    learners = {role: break_off(side) for role, side in state.learners.items()}
     broken_off = jax.vmap(tree_where)(in_slots, fresh_games, state.games)
     return replace(state, games=broken_off, learners=learners, archives=archives)
 

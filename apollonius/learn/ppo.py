@@ -30,10 +30,9 @@ from apollonius.catalogue import find_player, loss_value
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import BySide, Role, Scalar
 from apollonius.learn.algorithm import interpolate_linearly
-from apollonius.learn.clearance_penalty import without_clearance_penalty
 from apollonius.learn.loop import Metrics, after_iteration, row_of
 from apollonius.learn.ppo_config import PPOConfig
-from apollonius.learn.replay_buffer import ReplayBuffer, Row, add
+from apollonius.learn.replay_buffer import Row
 from apollonius.learn.restarts import RestartBuffer, add_losses, empty_restarts, mix_in_restarts
 from apollonius.learn.sampling_policy import SamplingPolicy
 from apollonius.learn.stage_config import Plan, ResponseConfig
@@ -45,10 +44,6 @@ _HIDDEN = 256, 256
 """Units of the critic's hidden layers."""
 _STARTS = 8
 """Starts of each column of games in a round; shorter games begin from some again."""
-_ROUNDS_SEEN = 16
-"""Rounds of which some observations are kept, to find the units that a network has little use for
-in all its games.
-"""
 _adam = tuple(
     optax.chain(optax.clip_by_global_norm(most), optax.scale_by_adam()) for most in (0.5, 1.0)
 )
@@ -57,11 +52,9 @@ _adam = tuple(
 def first_network(
     network: Network, learner: PPOConfig, name: str, role: Role, game: Game
 ) -> Network:
-    """Return an agent's network as the first one of a response: without caution, its values as
-    logits.
-    """
-    price = loss_value(find_player(name, role, game), game)
-    return scale_outputs(without_clearance_penalty(network), learner.loss_value / price)
+    """Return an agent's network as the first one of a response: its values as logits."""
+    value = loss_value(find_player(name, role, game), game)
+    return scale_outputs(network, learner.loss_value / value)
 
 
 def start_response(
@@ -84,15 +77,8 @@ def start_response(
         adam.init(eqx.filter(part, eqx.is_array))
         for adam, part in zip(_adam, (own, critic), strict=True)
     )
-    head, filled, iterations, env_steps, episodes, updates = (
-        jnp.zeros((), jnp.int32) for _ in range(6)
-    )
-    observations = ReplayBuffer(
-        (jnp.zeros((_ROUNDS_SEEN * _num_observations(config), size)),), head, filled
-    )
-    learners = {
-        stage.side: LearnerState(PPOLearner(own, critic, optimisers, updates), observations)
-    }
+    iterations, env_steps, episodes, updates = (jnp.zeros((), jnp.int32) for _ in range(4))
+    learners = {stage.side: LearnerState(PPOLearner(own, critic, optimisers, updates), None)}
     keys = jax.random.split(start_key, len(tasks))
     first_games = tuple(_first_games(plan, own, *each) for each in zip(tasks, keys, strict=True))
     return TrainState(first_games, learners, train_key, iterations, env_steps, episodes)
@@ -148,24 +134,11 @@ def train_response_chunk(
     after, error = _learn(
         plan, learner, _in_units(game, row), state.iterations, env_steps, learn_key
     )
-    observations, num_kept = (
-        row.observation.reshape(-1, row.observation.shape[-1]),
-        _num_observations(config),
-    )
-    buffer = add(
-        state.learners[stage.side].buffer,
-        (observations[:: len(observations) // num_kept][:num_kept],),
-    )
     lost = add_losses(before.lost_states, game, before.games.state, played.outcome, stage.side)
     restart_buffer = RestartBuffer(games, lost)
     return after_iteration(
-        state, restart_buffer, played, env_steps, {stage.side: (LearnerState(after, buffer), error)}
+        state, restart_buffer, played, env_steps, {stage.side: (LearnerState(after, None), error)}
     )
-
-
-def _num_observations(config: PPOConfig) -> int:
-    """Return the number of observations that are stored of each round."""
-    return max(1, config.env_steps_per_iteration // _ROUNDS_SEEN)
 
 
 def _in_units(game: Game, row: Row) -> Row:

@@ -43,7 +43,8 @@ class PPOConfig(LearnerConfig):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_within(self, 1, 256, "hold")
-        require_positive(self, "steps", "epochs", "clip", "temperature", "critic_learning_rate")
+        require_within(self, 1e-9, 10**9, "temperature")
+        require_positive(self, "steps", "epochs", "clip", "critic_learning_rate")
         require_within(self, 0, 1, "clip", "trace", "entropy", "critic_learning_rate")
         require_within(self, 0, 2**31, "critic_first")
         TRANSITIONS.require("games x steps", self.env_steps_per_iteration)
@@ -57,7 +58,7 @@ class PPOConfig(LearnerConfig):
 
     @property
     def loss_value(self) -> float:
-        """The price of a lost game in the logits."""
+        """The value of a lost game in the logits."""
         return 1 / self.temperature
 
     @property

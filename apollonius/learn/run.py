@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from apollonius.agents.network import Network, QNetwork, interpolate_weights
+from apollonius.agents.network import Network, interpolate_weights
 from apollonius.agents.pool import Pool, single_player
 from apollonius.agents.store import describe, save_agent
 from apollonius.agents.trained import greedy_policy, load_network
@@ -30,7 +30,6 @@ from apollonius.game.outcome import counts_by_name
 from apollonius.game.types import ROLES, BySide, Outcome, Role
 from apollonius.io.interrupts import should_stop
 from apollonius.learn import distillation, loop, ppo, train_state
-from apollonius.learn.clearance_penalty import sample_observations, with_clearance_penalty
 from apollonius.learn.config import (
     DISTILLATION,
     FIXED_TARGET,
@@ -106,6 +105,17 @@ class TrainingRun:
         if self.config.stages == DISTILLATION:
             return distillation_tasks(self.config, self.game, self.folder / TABLES)
         return training_tasks(self.config.response, self.config.ppo, self.game)
+
+    @property
+    def clearance_margin(self) -> float:
+        """Clearance after braking [m] that the agent keeps, or 0."""
+        one_side = self.config.one_side
+        return 0.0 if one_side is None else one_side.clearance_margin
+
+    @property
+    def loss_value(self) -> float | None:
+        """Value of a lost game to a side that learns alone, in its network's units."""
+        return None if self.config.one_side is None else float(self.tasks[0].loss_value)
 
     def execute(self) -> bool:
         """Train to the end of the last stage; return False if stopped early. Raises InvalidInput
@@ -213,11 +223,10 @@ class TrainingRun:
             game, fixed = self.tasks[0].game, single_player(self.tasks[0].opponents[0])
 
         def players(role: Role) -> Pool:
-            return (
-                single_player(greedy_policy(self._finish_stage(train.learners[role])))
-                if role in train.learners
-                else fixed
-            )
+            if role not in train.learners:
+                return fixed
+            network = self._finish_stage(train.learners[role])
+            return single_player(greedy_policy(network, self.clearance_margin, self.loss_value))
 
         start_key, play_key = jax.random.split(jax.random.key(_EVALUATION_SEED))
         starts = sample_starts(game, start_key, self.plans[stage].stage.evaluation_games)
@@ -247,8 +256,6 @@ class TrainingRun:
             "env_steps": int(train.env_steps),
             "episodes": int(train.episodes),
         }
-        if self.config.one_side is not None:
-            record["price"] = float(self.tasks[0].loss_value)
         for percent in (round(100 * number / times) for number in range(1, times + 1)):
             if before < -(-plan.chunks * percent // 100) <= meta.chunks:
                 for role, side in train.learners.items():
@@ -262,25 +269,14 @@ class TrainingRun:
                     )
 
     def _finish_stage(self, side: LearnerState) -> Network:
-        """Return the network of the agent: the averaged one, of a response mixed with its first;
-        with its penalty.
-        """
+        """Return the network of the agent: the averaged one, of a response mixed with its first."""
         network = side.learner.average
-        one_side = self.config.one_side
         initial_share = self.config.response.initial_weight_share
         if self.config.stages == RESPONSE and initial_share:
             first = load_first_networks(self.config, self.config.response.side)
             if first is not None:
                 network = interpolate_weights(network, first, initial_share)
-        if one_side is None or one_side.clearance_margin == 0:
-            return network
-        assert isinstance(network, QNetwork)
-        return with_clearance_penalty(
-            network,
-            sample_observations(side.buffer),
-            one_side.clearance_margin,
-            self.tasks[0].loss_value,
-        )
+        return network
 
     def _save_agent(
         self,
@@ -300,7 +296,14 @@ class TrainingRun:
             **record,
             "config": config,
         }
-        agent = describe(network, role, to_dict(self.config.game), training)
+        agent = describe(
+            network,
+            role,
+            to_dict(self.config.game),
+            training,
+            clearance_margin=self.clearance_margin,
+            loss_value=self.loss_value,
+        )
         save_agent(agent, agent_file(self.folder, name, percent))
 
 

@@ -7,8 +7,8 @@ from jaxtyping import Array, Float, Int
 
 from apollonius.agents.network import QNetwork, infer
 from apollonius.agents.trained import AbstractByNetwork
+from apollonius.agents.wrappers.clearance_penalty import clearance_penalty
 from apollonius.game.types import RandomBits
-from apollonius.learn.clearance_penalty import clearance_penalty
 
 
 class SamplingPolicy(AbstractByNetwork):

@@ -110,7 +110,7 @@ class OneSideConfig(StageConfig):
     """Its opponents, each in an equal part of the games."""
     clearance_margin: float = 0.0
     """Clearance [m] that an action should leave after braking
-    (`apollonius.learn.clearance_penalty`); 0 for none.
+    (`apollonius.agents.wrappers.clearance_penalty`); 0 for none.
     """
 
     def __post_init__(self) -> None:

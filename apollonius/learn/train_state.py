@@ -47,10 +47,12 @@ NO_NETWORKS: BySide[Network | None] = BySide(None, None)
 
 
 class LearnerState(eqx.Module):
-    """One learning side: its networks and its replay buffer."""
+    """One learning side: its networks and its replay buffer; None where each round is learned from
+    at once.
+    """
 
     learner: Learner
-    buffer: replay_buffer.ReplayBuffer[Any]
+    buffer: replay_buffer.ReplayBuffer[Any] | None
 
 
 class TrainState(eqx.Module):

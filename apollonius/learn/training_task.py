@@ -40,7 +40,7 @@ def equal_parts(games: int, kinds: int) -> list[int]:
 
 def training_tasks(stage: ResponseConfig, learner: PPOConfig, game: Game) -> list[TrainingTask]:
     """Return the run's own game and the further tasks; raises InvalidInput when an opponent cannot
-    be found, and where caution is wanted of a network that knows no room to brake.
+    be found, and where a clearance margin is wanted of a network that knows no room to brake.
     """
     require_room_to_brake(stage, learner)
     reads = find_observation(learner.observation).needs_chart
@@ -61,10 +61,10 @@ def training_tasks(stage: ResponseConfig, learner: PPOConfig, game: Game) -> lis
 
 
 def require_room_to_brake(stage: OneSideConfig, learner: LearnerConfig) -> None:
-    """Refuse caution of a network whose observation does not have the room to brake."""
+    """Refuse a clearance margin of a network whose observation does not have the room to brake."""
     reads, bound = (
         learner.observation,
-        "egocentric or team, which know the room to brake, or no caution",
+        "egocentric or team, which know the room to brake, or no clearance_margin",
     )
     require(
         stage.clearance_margin == 0 or find_observation(reads).needs_chart,
