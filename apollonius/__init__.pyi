@@ -5,11 +5,11 @@ what is used.
 from apollonius.agents.policy import AbstractPolicy as AbstractPolicy
 from apollonius.agents.pool import single_player as single_player
 from apollonius.agents.pool import stack as stack
-from apollonius.agents.shield import with_shield as with_shield
 from apollonius.agents.source import NamedPlayer as NamedPlayer
 from apollonius.agents.store import load_agent as load_agent
 from apollonius.agents.store import save_agent as save_agent
 from apollonius.agents.trained import Greedy as Greedy
+from apollonius.agents.wrappers.shield import with_shield as with_shield
 from apollonius.arenas.file import find_game as find_game
 from apollonius.catalogue import find_player as find_player
 from apollonius.conformance.game import check_game as check_game

@@ -9,19 +9,19 @@ import jax.numpy as jnp
 
 from apollonius.agents.built_in import BuiltIn
 from apollonius.agents.classical import BRAKE_STRAIGHT, Still, Uniform
-from apollonius.agents.departure import Departing
 from apollonius.agents.extension import Extension
 from apollonius.agents.names import SEARCHING, SHIELDED
 from apollonius.agents.network import QNetwork, one_action_network
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
 from apollonius.agents.pool import Pool, single_player, stack
-from apollonius.agents.searching import Searching
-from apollonius.agents.shield import with_shield
 from apollonius.agents.source import NamedPlayer, PlayerSource, unknown_player
-from apollonius.agents.trained import Greedy, SquashedMean, Trained, exploring_policy
+from apollonius.agents.trained import EpsilonGreedy, Greedy, SquashedMean, Trained, exploring_policy
+from apollonius.agents.wrappers.clearance_penalty import ClearancePenalty
+from apollonius.agents.wrappers.departure import Departing
+from apollonius.agents.wrappers.searching import Searching
+from apollonius.agents.wrappers.shield import with_shield
 from apollonius.game.game import Game
 from apollonius.game.types import Role
-from apollonius.game.validation import MAX_SIZE
 from apollonius.io.errors import require
 from apollonius.solve.solving import SolvedGame
 
@@ -40,10 +40,11 @@ def find_player(name: str | AbstractPolicy, role: Role, game: Game) -> NamedPlay
     was trained. A policy is returned under the name of its class.
 
     Args:
-        name: `shielded:` before it puts the player behind a shield (`apollonius.agents.shield`),
-            then `searching:` makes a pursuer search (`apollonius.agents.searching`). `RUN/NAME` is
-            an agent of a training run, by the run's folder or its name among `runs`; `zoo/NAME` is
-            one of the zoo, `PACKAGE:NAME` one of another package (`apollonius.agents.extension`).
+        name: `shielded:` before it puts the player behind a shield
+            (`apollonius.agents.wrappers.shield`), then `searching:` makes a pursuer search
+            (`apollonius.agents.wrappers.searching`). `RUN/NAME` is an agent of a training run, by
+            the run's folder or its name among `runs`; `zoo/NAME` is one of the zoo, `PACKAGE:NAME`
+            one of another package (`apollonius.agents.extension`).
 
     Raises:
         InvalidInput: when nobody has it, its file is bad or of another game, it plays the other
@@ -92,23 +93,17 @@ def find_player(name: str | AbstractPolicy, role: Role, game: Game) -> NamedPlay
 def loss_value(player: NamedPlayer, game: Game) -> float:
     """Return about what a lost game costs in the units of a player's action values.
 
-    It is 1 for a solved game's player, the price in the record of a student, which has its
-    teacher's, and the reward of a failure for those who learned by rewards. Raises InvalidInput for
-    a record of no possible price.
+    It is 1 for a player without a file, the value in an agent's header, and the reward of a failure
+    where that has none. Raises InvalidInput where that is 0.
     """
     if player.header is None:
         return 1.0
-    price = player.header.training.get("price")
-    if price is None:
-        return float(game.reward.failure)
-    possible = type(price) in (int, float) and 0 < price <= MAX_SIZE
-    require(
-        possible,
-        f"the header of '{player.name}': price",
-        price,
-        f"a number above 0, at most {MAX_SIZE:g}",
-    )
-    return float(price)
+    if player.header.loss_value is not None:
+        return player.header.loss_value
+    failure = float(game.reward.failure)
+    bound = f"above 0, as it is the value of a lost game to '{player.name}'"
+    require(failure > 0, "failure", failure, bound)
+    return failure
 
 
 def player_names(role: Role, game: Game) -> list[str]:
@@ -133,31 +128,50 @@ def find_pool(names: Sequence[str], role: Role, game: Game) -> Pool:
     if len(policies) == 1:
         return single_player(policies[0])
     policies = [policy.policy if isinstance(policy, Departing) else policy for policy in policies]
-    networks = [policy.network for policy in policies if isinstance(policy, Greedy | SquashedMean)]
+    bare = [
+        policy.policy if isinstance(policy, ClearancePenalty) else policy for policy in policies
+    ]
+    networks = [policy.network for policy in bare if isinstance(policy, Greedy | SquashedMean)]
     bound = (
         "one player, or trained agents with networks of one shape, and random and still beside "
         "discrete ones"
     )
-    together = all(
-        isinstance(policy, Greedy | SquashedMean | Uniform | Still) for policy in policies
-    )
+    together = all(isinstance(policy, Greedy | SquashedMean | Uniform | Still) for policy in bare)
     shapes = {
         (jax.tree.structure(network), *(leaf.shape for leaf in jax.tree.leaves(network)))
         for network in networks
     }
     require(together and len(shapes) == 1, side, listed, bound)
     network = networks[0]
-    require(len(networks) == len(policies) or isinstance(network, QNetwork), side, listed, bound)
+    if not isinstance(network, QNetwork):
+        require(len(networks) == len(policies), side, listed, bound)
+        return stack([exploring_policy(network, jnp.asarray(0.0)) for network in networks])
+    return stack(_of_one_structure(policies, network))
 
-    def of_one_structure(policy: AbstractPolicy) -> AbstractPolicy:
-        """Return the player as one with a network: who explores always is random, and who values
-        one action still.
-        """
-        if isinstance(policy, Greedy | SquashedMean):
-            return exploring_policy(policy.network, jnp.asarray(0.0))
-        assert isinstance(network, QNetwork)
+
+def _of_one_structure(
+    policies: Sequence[AbstractPolicy], network: QNetwork
+) -> list[AbstractPolicy]:
+    """Return players as such with networks of this shape: who explores always is random, and who
+    values one action still. Each has a clearance penalty if one of them has, of 0 if it had none.
+    """
+    some_penalty = any(isinstance(policy, ClearancePenalty) for policy in policies)
+
+    def valuing(policy: AbstractPolicy) -> AbstractActionValuePolicy:
+        if isinstance(policy, Greedy | ClearancePenalty):
+            return policy
         if isinstance(policy, Still):
-            return exploring_policy(one_action_network(network, BRAKE_STRAIGHT), jnp.asarray(0.0))
-        return exploring_policy(network, jnp.asarray(1.0))
+            return Greedy(one_action_network(network, BRAKE_STRAIGHT))
+        return Greedy(network)
 
-    return stack([of_one_structure(policy) for policy in policies])
+    def penalised(policy: AbstractActionValuePolicy) -> AbstractActionValuePolicy:
+        if not some_penalty or isinstance(policy, ClearancePenalty):
+            return policy
+        return ClearancePenalty(policy, margin=0.0, loss_value=0.0)
+
+    return [
+        EpsilonGreedy(
+            penalised(valuing(policy)), jnp.asarray(1.0 if isinstance(policy, Uniform) else 0.0)
+        )
+        for policy in policies
+    ]

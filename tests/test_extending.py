@@ -14,10 +14,10 @@ from apollonius import catalogue
 from apollonius.agents.classical import Still
 from apollonius.agents.network import make_network
 from apollonius.agents.pool import single_player
-from apollonius.agents.shield import Shielded, with_shield
 from apollonius.agents.source import NamedPlayer, PlayerSource
 from apollonius.agents.store import describe, load_agent, save_agent
 from apollonius.agents.trained import Greedy, trained_elsewhere
+from apollonius.agents.wrappers.shield import Shielded, with_shield
 from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import find_game, from_dict, to_dict
 from apollonius.arenas.survey import survey

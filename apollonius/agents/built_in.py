@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from apollonius.agents.classical import AbstractClassical, Still, Uniform
 from apollonius.agents.guidance import Flee, FleeAware, Intercept, PurePursuit, Territory
 from apollonius.agents.names import BUILT_IN
+from apollonius.agents.path_following import Hide, Search
 from apollonius.agents.policy import AbstractPolicy
-from apollonius.agents.searching import Hide, Search
 from apollonius.agents.source import NamedPlayer, PlayerSource
 from apollonius.agents.surrounding import Encirclement, VoronoiPursuit
 from apollonius.game.game import Game

@@ -3,7 +3,7 @@ memory out.
 """
 
 from abc import abstractmethod
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import equinox as eqx
 import jax
@@ -13,9 +13,14 @@ from jaxtyping import Array, Bool, Float, Int, PyTree, UInt32
 from apollonius.game.dynamics import action_levels
 from apollonius.game.types import NUM_ACTIONS, Action, RandomBits, Scalar
 from apollonius.observe.observation import RAW_VIEW, RawView
+from apollonius.observe.view import View
 
 Memory = PyTree[Array]
 """What a player carries from step to step of a game; `()` for one that carries nothing."""
+
+
+Inner = TypeVar("Inner", bound="AbstractPolicy")
+"""Kind of the player within a wrapper."""
 
 
 def mix_bits(
@@ -107,10 +112,13 @@ class AbstractActionValuePolicy(AbstractPolicy):
         return jnp.argmax(jnp.where(allowed, scores, -jnp.inf)).astype(jnp.int32)
 
 
-class AbstractWrapper(AbstractPolicy):
-    """A player around another one, with its memory and its kind of actions."""
+class AbstractWrapper(AbstractPolicy, Generic[Inner]):
+    """A player around another one, with its memory and its kind of actions.
 
-    policy: AbstractPolicy
+    It reads what the other one reads or, for `score_view`, the whole view.
+    """
+
+    policy: Inner
 
     @property
     def needs_chart(self) -> bool:
@@ -123,6 +131,26 @@ class AbstractWrapper(AbstractPolicy):
     @property
     def memory(self) -> Memory:
         return self.policy.memory
+
+    def score_view(self, view: View, memory: Memory, bits: RandomBits) -> tuple[Any, Memory]:
+        """Score a view by the other player, whose memory this is."""
+        return self.policy.score(self.policy.observation(view), memory, bits)
+
+
+class AbstractValueWrapper(AbstractWrapper[AbstractActionValuePolicy], AbstractActionValuePolicy):
+    """A player around one that values the nine actions, whose `score` changes the view or the
+    values.
+    """
+
+    def values(self, observation: Any, /) -> Float[Array, "9"]:
+        """Return the values of the nine actions in a game's first step."""
+        return self.score(observation, self.memory, jnp.uint32(0))[0]
+
+    @abstractmethod
+    def score(
+        self, observation: Any, /, memory: Memory, bits: RandomBits
+    ) -> tuple[Float[Array, "9"], Memory]:
+        """Return the values of the nine actions."""
 
 
 class AbstractContinuous(AbstractPolicy):

@@ -24,9 +24,13 @@ from apollonius.game.types import NUM_ACTIONS, Role
 from apollonius.game.validation import require_usual_numbers
 from apollonius.io.arrays import named_leaves, open_arrays, read_header, read_tree, write_arrays
 from apollonius.io.errors import InvalidInput, format_value, require, require_within
+from apollonius.observe.egocentric import EGOCENTRIC
+from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.registry import OBSERVATIONS, has_observation
 
 FORMAT = "apollonius-agent", 1
+LARGEST = 10**9
+"""Largest clearance margin [m] and value of a lost game."""
 _MAKE = {"values": make_network, "gaussian": make_actor}
 _ACTIONS = {"values": NUM_ACTIONS, "gaussian": 0}
 
@@ -55,11 +59,24 @@ class AgentHeader:
     """Kind of its network: the `values` of the actions, or the `gaussian` of their levels."""
     symmetric: bool = False
     """True if the network treats left and right alike (`apollonius.agents.network.QNetwork`)."""
+    clearance_margin: float = 0.0
+    """Clearance after braking [m] that it keeps
+    (`apollonius.agents.wrappers.clearance_penalty`); 0 for none."""
+    loss_value: float | None = None
+    """Value of a lost game in the network's units; None where it is the game's reward of a
+    failure."""
 
     def __post_init__(self) -> None:
         require(self.role in ("pursuer", "evader"), "role", self.role, "pursuer or evader")
         require_within(self, 1, MOST_WIDTH, "width")
         require_within(self, 1, MOST_LAYERS, "depth")
+        require_within(self, 0, LARGEST, "clearance_margin")
+        require(
+            self.loss_value is None or 0 < self.loss_value <= LARGEST,
+            "loss_value",
+            self.loss_value,
+            f"above 0, at most {LARGEST:,}",
+        )
 
 
 @dataclass(frozen=True)
@@ -70,7 +87,14 @@ class Agent:
     header: AgentHeader
 
 
-def describe(network: Network, role: Role, game: dict[str, Any], training: dict[str, Any]) -> Agent:
+def describe(
+    network: Network,
+    role: Role,
+    game: dict[str, Any],
+    training: dict[str, Any],
+    clearance_margin: float = 0.0,
+    loss_value: float | None = None,
+) -> Agent:
     """Return an agent with a header that fits its network.
 
     Args:
@@ -78,6 +102,9 @@ def describe(network: Network, role: Role, game: dict[str, Any], training: dict[
         role: the side that it plays.
         game: the game of its training, as of `to_dict`.
         training: how it was trained.
+        clearance_margin: clearance after braking that it keeps [m], or 0.
+        loss_value: value of a lost game in the network's units, if that is not the game's reward of
+            a failure.
     """
     kind = "values" if isinstance(network, QNetwork) else "gaussian"
     width = network.layers[0].out_features
@@ -92,6 +119,8 @@ def describe(network: Network, role: Role, game: dict[str, Any], training: dict[
         num_actions=_ACTIONS[kind],
         network=kind,
         symmetric=isinstance(network, QNetwork) and network.symmetric,
+        clearance_margin=clearance_margin,
+        loss_value=loss_value,
     )
     return Agent(network, header)
 
@@ -160,4 +189,23 @@ def _check_agent(path: Path, fields: dict[str, Any]) -> AgentHeader:
         True,
         f"false where a network is of '{header.observation}'",
     )
+    if header.clearance_margin > 0:
+        _require_penalised(header, own_observation)
     return header
+
+
+def _require_penalised(header: AgentHeader, observation: AbstractObservation) -> None:
+    """Refuse a clearance margin of an agent whose values cannot have a penalty."""
+    reads_braking = EGOCENTRIC.name in (observation.name, observation.extends)
+    require(
+        header.network == "values" and reads_braking,
+        "clearance_margin",
+        header.clearance_margin,
+        f"0 where a network does not value actions, or reads '{observation.name}'",
+    )
+    require(
+        header.loss_value is not None,
+        "loss_value",
+        "missing",
+        "a number above 0 beside a clearance margin",
+    )

@@ -13,22 +13,24 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from apollonius.agents.classical import uniform_action
-from apollonius.agents.departure import Departing
 from apollonius.agents.names import AGENTS, FROM_ZOO, ZOO, agents_folders, zoo_names
 from apollonius.agents.network import GaussianActor, Network, QNetwork, infer
 from apollonius.agents.policy import (
     AbstractActionValuePolicy,
     AbstractContinuous,
     AbstractPolicy,
+    AbstractWrapper,
     Memory,
 )
 from apollonius.agents.source import NamedPlayer, PlayerSource, unknown_player
 from apollonius.agents.store import Agent, load_agent, load_header
+from apollonius.agents.wrappers.clearance_penalty import ClearancePenalty
+from apollonius.agents.wrappers.departure import Departing
 from apollonius.arenas.file import from_dict, to_dict
 from apollonius.game.game import Game
 from apollonius.game.types import BySide, RandomBits, Role, Scalar
 from apollonius.io.errors import InvalidInput
-from apollonius.observe.observation import AbstractObservation
+from apollonius.observe.observation import AbstractObservation, RawView
 from apollonius.observe.registry import find_observation
 
 ANY = BySide("pursuer", "evader")
@@ -57,16 +59,21 @@ class Greedy(AbstractByNetwork, AbstractActionValuePolicy):
         return infer(self.network, observation)
 
 
-class EpsilonGreedy(AbstractByNetwork):
-    """A uniformly random action with probability `epsilon` (to 1.5e-5), else the greedy one."""
+class EpsilonGreedy(AbstractWrapper[AbstractActionValuePolicy]):
+    """A uniformly random action with probability `epsilon` (to 1.5e-5), else that of a player that
+    values actions.
+    """
 
-    network: QNetwork
     epsilon: Scalar
 
+    @property
+    def observation(self) -> RawView:
+        return self.policy.observation
+
     def __call__(
-        self, observation: Float[Array, " size"], memory: Memory, bits: RandomBits
+        self, observation: Any, memory: Memory, bits: RandomBits
     ) -> tuple[Int[Array, ""], Memory]:
-        best = jnp.argmax(infer(self.network, observation)).astype(jnp.int32)
+        best, memory = self.policy(observation, memory, bits)
         explore = (bits & 0xFFFF).astype(jnp.float32) < self.epsilon * 65536
         return jnp.where(explore, uniform_action(bits), best), memory
 
@@ -109,9 +116,30 @@ def normal_pair(bits: RandomBits) -> Float[Array, "2"]:
     return radius * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
 
 
-def greedy_policy(network: Network) -> Greedy | SquashedMean:
-    """Return the player that does what the network values most."""
-    return Greedy(network) if isinstance(network, QNetwork) else SquashedMean(network)
+def greedy_policy(
+    network: Network, clearance_margin: float = 0.0, loss_value: float | None = None
+) -> Greedy | SquashedMean | ClearancePenalty:
+    """Return the player that does what the network values most.
+
+    Args:
+        network: the network.
+        clearance_margin: the clearance that an action should leave a robot that then brakes [m],
+            or 0.
+        loss_value: value of a lost game in the network's units; not needed without a margin.
+    """
+    if not isinstance(network, QNetwork):
+        return SquashedMean(network)
+    policy = Greedy(network)
+    if clearance_margin == 0:
+        return policy
+    assert loss_value is not None
+    return ClearancePenalty(policy, clearance_margin, loss_value)
+
+
+def agent_policy(agent: Agent) -> Greedy | SquashedMean | ClearancePenalty:
+    """Return the player of an agent, greedy and with the clearance margin of its header."""
+    header = agent.header
+    return greedy_policy(agent.network, header.clearance_margin, header.loss_value)
 
 
 def exploring_policy(network: Network, amount: Scalar) -> EpsilonGreedy | SquashedGaussian:
@@ -120,7 +148,7 @@ def exploring_policy(network: Network, amount: Scalar) -> EpsilonGreedy | Squash
     The amount is the share of random actions, or a factor of the standard deviations; 0 for none.
     """
     if isinstance(network, QNetwork):
-        return EpsilonGreedy(network, amount)
+        return EpsilonGreedy(Greedy(network), amount)
     return SquashedGaussian(network, amount)
 
 
@@ -139,8 +167,9 @@ class Trained(PlayerSource):
         if agent_path(name) is None:
             return None
         agent, path = find_trained(name, role)
-        policy = greedy_policy(agent.network)
-        if role is Role.PURSUER and policy.needs_chart and isinstance(policy, Greedy):
+        policy = agent_policy(agent)
+        values_actions = isinstance(policy, AbstractActionValuePolicy)
+        if role is Role.PURSUER and policy.needs_chart and values_actions:
             policy = Departing(policy)
         return NamedPlayer(
             name if name.startswith(FROM_ZOO) else display_name(path), policy, agent.header

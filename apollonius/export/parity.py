@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool, Float32, PRNGKeyArray, UInt32
 from apollonius.agents.classical import Uniform
 from apollonius.agents.policy import AbstractActionValuePolicy
 from apollonius.agents.pool import Pool, single_player
-from apollonius.agents.shield import MARGIN, Shielded
+from apollonius.agents.wrappers.shield import MARGIN, Shielded
 from apollonius.export.c import CompiledProgram, Program
 from apollonius.export.player import LARGEST, Player, pack_memory, tracked_state
 from apollonius.game.game import Game, reset_batch

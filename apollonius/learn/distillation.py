@@ -18,12 +18,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
-from apollonius.agents.action_repeat import ActionRepeat
 from apollonius.agents.network import Network, QNetwork
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
 from apollonius.agents.pool import AbstractPlayers, PartitionedPlayers, single_player
 from apollonius.agents.source import NamedPlayer
 from apollonius.agents.trained import greedy_policy
+from apollonius.agents.wrappers.action_repeat import ActionRepeat
 from apollonius.arenas.suite import single_arena_games
 from apollonius.catalogue import TABLE, loss_value
 from apollonius.game.game import Game

@@ -38,7 +38,7 @@ class OneSideConfig(StageConfig):
     """Its opponents, each in an equal part of the games."""
     clearance_margin: float = 0.0
     """Clearance [m] that an action should leave after braking
-    (`apollonius.agents.clearance_penalty`); 0 for none.
+    (`apollonius.agents.wrappers.clearance_penalty`); 0 for none.
     """
 
     def __post_init__(self) -> None:
@@ -118,8 +118,11 @@ class OneSideStage(Stage, Generic[T]):
         return single_player(self.tasks[0].opponents[0])
 
     @property
+    def clearance_margin(self) -> float:
+        return self.config.clearance_margin
+
+    @property
     def loss_value(self) -> float:
-        """Value of a lost game in the units of its network."""
         return float(self.tasks[0].loss_value)
 
 

@@ -27,13 +27,13 @@ from apollonius.agents.network import (
     scale_outputs,
 )
 from apollonius.agents.trained import AbstractByNetwork
+from apollonius.agents.wrappers.clearance_penalty import clearance_penalty
 from apollonius.catalogue import find_player, loss_value
 from apollonius.game.game import Game
 from apollonius.game.types import RandomBits, Role, Scalar
 from apollonius.io.errors import require, require_positive, require_within
 from apollonius.io.limits import TRANSITIONS
 from apollonius.learn.algorithm import Algorithm, interpolate_linearly
-from apollonius.learn.clearance_penalty import clearance_penalty, without_clearance_penalty
 from apollonius.learn.replay_buffer import Row
 
 _HIDDEN = 256, 256
@@ -145,7 +145,8 @@ class PPOConfig(Algorithm):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_within(self, 1, 256, "hold")
-        require_positive(self, "steps", "epochs", "clip", "temperature", "critic_learning_rate")
+        require_within(self, 1e-9, 10**9, "temperature")
+        require_positive(self, "steps", "epochs", "clip", "critic_learning_rate")
         require_within(self, 0, 1, "clip", "trace", "entropy", "critic_learning_rate")
         require_within(self, 0, 2**31, "critic_first")
         TRANSITIONS.require("games x steps", self.env_steps_per_iteration)
@@ -159,7 +160,7 @@ class PPOConfig(Algorithm):
 
     @property
     def loss_value(self) -> float:
-        """The price of a lost game in the logits."""
+        """The value of a lost game in the logits."""
         return 1 / self.temperature
 
     @property
@@ -174,7 +175,7 @@ class PPOConfig(Algorithm):
         """Load the network of an agent that a side goes on from: its values become logits."""
         network = super().first_network(name, role, game, field)
         value = loss_value(find_player(name, role, game), game)
-        return scale_outputs(without_clearance_penalty(network), self.loss_value / value)
+        return scale_outputs(network, self.loss_value / value)
 
     def init_learner(
         self, network_key: PRNGKeyArray, critic_key: PRNGKeyArray, network: Any = None

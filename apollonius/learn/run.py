@@ -199,10 +199,16 @@ class TrainingRun:
             "seed": self.config.seed,
             "stage": name,
             **record,
-            **stage.header,
             "config": to_dict(self.config),
         }
-        agent = describe(network, role, to_dict(self.config.game), training)
+        agent = describe(
+            network,
+            role,
+            to_dict(self.config.game),
+            training,
+            clearance_margin=stage.clearance_margin,
+            loss_value=stage.loss_value,
+        )
         save_agent(agent, agent_file(self.folder, self.config.agent_name(name, role), percent))
 
 

@@ -252,9 +252,16 @@ class Stage(eqx.Module):
         """The opponents in evaluations; None where both sides learn."""
 
     @property
-    def header(self) -> dict[str, object]:
-        """What the records of its agents say besides their training."""
-        return {}
+    def clearance_margin(self) -> float:
+        """Clearance after braking [m] that its agents keep, or 0."""
+        return 0.0
+
+    @property
+    def loss_value(self) -> float | None:
+        """Value of a lost game in the units of its networks; None for that of the game's
+        rewards.
+        """
+        return None
 
     @property
     def chunks(self) -> int:
@@ -273,7 +280,8 @@ class Stage(eqx.Module):
 
         def players(role: Role) -> Pool:
             if role in agents:
-                return single_player(greedy_policy(agents[role]))
+                policy = greedy_policy(agents[role], self.clearance_margin, self.loss_value)
+                return single_player(policy)
             assert self.opponents is not None
             return self.opponents
 

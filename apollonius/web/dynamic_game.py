@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from apollonius.agents.shield import Backup, BrakingMotion
+from apollonius.agents.wrappers.shield import Backup, BrakingMotion
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.chart import Chart
 from apollonius.game.dynamics import Unicycle
@@ -164,7 +164,7 @@ class Robots(eqx.Module):
 
 class SearcherState(eqx.Module):
     """Knowledge of a robot with a line of sight, and the cell that it searches
-    (`apollonius.agents.searching`).
+    (`apollonius.agents.wrappers.searching`).
     """
 
     track: Track

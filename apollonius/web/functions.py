@@ -12,8 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from apollonius.agents.searching import search_view
-from apollonius.agents.shield import MARGIN
+from apollonius.agents.path_following import search_view
+from apollonius.agents.wrappers.shield import MARGIN
 from apollonius.arenas.charting import clearances, paths
 from apollonius.game.chart import NO_PATH, Chart, entries
 from apollonius.game.dynamics import MIRRORED, Unicycle

@@ -16,11 +16,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Int
 
 from apollonius.agents.classical import AbstractClassical
-from apollonius.agents.departure import departure_costs
 from apollonius.agents.guidance import Flee, FleeAware, Intercept, PurePursuit, Territory
 from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.surrounding import Encirclement, VoronoiPursuit
+from apollonius.agents.wrappers.departure import departure_costs
 from apollonius.export.c import Program, compile_texts, files
 from apollonius.export.translate import translate_block
 from apollonius.game.arena import MOST_DISCS, MOST_EDGES, Disc

@@ -12,7 +12,7 @@ import pytest
 from apollonius.agents import built_in
 from apollonius.agents.classical import AbstractClassical
 from apollonius.agents.guidance import Flee, FleeAware, Intercept, PurePursuit, nearest_reach
-from apollonius.agents.searching import Search
+from apollonius.agents.path_following import Search
 from apollonius.agents.surrounding import Encirclement, VoronoiPursuit, even_bearings, path_length_to, path_lengths_from
 from apollonius.arenas.charting import with_chart
 from apollonius.catalogue import find_player, player_names

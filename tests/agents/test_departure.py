@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.departure import NEAR, Departing, departures
 from apollonius.agents.policy import AbstractActionValuePolicy
+from apollonius.agents.wrappers.departure import NEAR, Departing, departures
 from apollonius.arenas.charting import with_chart
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle

@@ -12,7 +12,6 @@ import pytest
 from safetensors.numpy import save_file
 from scipy.stats import chisquare, kstest, norm
 
-from apollonius.agents.action_repeat import ActionRepeat
 from apollonius.agents.classical import Still, Uniform, uniform_action
 from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.policy import AbstractPolicy
@@ -26,6 +25,7 @@ from apollonius.agents.trained import (
     greedy_policy,
     normal_pair,
 )
+from apollonius.agents.wrappers.action_repeat import ActionRepeat
 from apollonius.arenas.file import to_dict
 from apollonius.catalogue import find_pool
 from apollonius.cli.main import main
@@ -60,7 +60,7 @@ def test_uniform_action_splits_the_random_words_evenly():
 
 @pytest.mark.parametrize("epsilon", [0.0, 0.3, 1.0])
 def test_epsilon_is_the_share_of_uniformly_random_actions(epsilon):
-    player = EpsilonGreedy(network_with(np.eye(NUM_ACTIONS)[4]), jnp.asarray(epsilon))
+    player = EpsilonGreedy(Greedy(network_with(np.eye(NUM_ACTIONS)[4])), jnp.asarray(epsilon))
     counts = np.bincount(jax.vmap(partial(act, player, NOTHING))(WORDS), minlength=NUM_ACTIONS)
     shares = np.full(NUM_ACTIONS, epsilon / NUM_ACTIONS)
     shares[4] += 1 - epsilon
@@ -177,7 +177,7 @@ def test_symmetric_network_is_equivariant_under_reflection(observation):
 @pytest.mark.parametrize(
     "player",
     [
-        EpsilonGreedy(make_network("encoded", 64, 2, jax.random.key(0)), jnp.float32(0.3)),
+        EpsilonGreedy(Greedy(make_network("encoded", 64, 2, jax.random.key(0))), jnp.float32(0.3)),
         SquashedGaussian(make_actor("encoded", 64, 2, jax.random.key(0)), jnp.float32(1.0)),
     ],
     ids=["discrete", "continuous"],

@@ -57,7 +57,9 @@ STANDING = CheckpointMeta("self-play", 3, 1.5, Evaluation(8, 2, COUNTS), 9)
 
 
 def write_agent(path):
-    save_agent(describe(make_network("paper", 4, 2, jax.random.key(0)), Role.EVADER, to_dict(GAME), {"price": 3}), path)
+    save_agent(
+        describe(make_network("paper", 4, 2, jax.random.key(0)), Role.EVADER, to_dict(GAME), {}, loss_value=3.0), path
+    )
 
 
 def read_agent(path):
@@ -184,7 +186,15 @@ LIES = [
     ("agent", {"network": "gaussian"}, "do not fit"), ("agent", {"network": "sideways"}, "of the kind sideways"),
     ("agent", {"depth": 10**6}), ("agent", {"depth": 1e300}), ("agent", {"width": True}),
     ("agent", {"observation": {}}), ("agent", {"observation_size": None}), ("agent", {"role": "referee"}),
-    *[("agent", {"training": {"price": price}}, "price") for price in ("x", {}, [], True, 0, -1.0, 1e300, 10**400)],
+    *[
+        ("agent", {"loss_value": value}, "loss_value")
+        for value in ("x", {}, [], True, 0, -1.0, 1e300, float("nan"), 10**400)
+    ],
+    *[
+        ("agent", {"clearance_margin": margin}, "clearance_margin")
+        for margin in ("x", {}, [], True, None, -1.0, 1e300, float("nan"), 10**400)
+    ],
+    ("agent", {"clearance_margin": 0.05}, "0 where a network does not value actions, or reads 'paper'"),
     ("agent", {"game": 3}), ("agent", {"num_actions": 8}), ("agent", {"version": 10**4000}),
     ("table", {"format": "another"}), ("table", {"version": 99}),
     ("table", {"problem": None}), ("table", {"sweeps": -1}), ("table", {"residual": float("nan")}),

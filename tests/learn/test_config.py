@@ -9,7 +9,6 @@ from functools import partial
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from apollonius.learn.ppo import PPOConfig
 
 from apollonius.arenas.file import find_game
 from apollonius.arenas.suite import find_scenario
@@ -25,6 +24,7 @@ from apollonius.learn.distillation import DistillationConfig
 from apollonius.learn.dqn import PROFILES, DQNConfig
 from apollonius.learn.fixed_target import FixedTargetConfig
 from apollonius.learn.folder import create_run, load_config
+from apollonius.learn.ppo import PPOConfig
 from apollonius.learn.progress import STATE, ProcessStatus, progress_of, record_status
 from apollonius.learn.response import ResponseConfig, Task
 from apollonius.learn.sac import SACConfig
@@ -74,7 +74,11 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
         (RunConfig, {"seed": 2**32}, "seed = 4294967296 .*at least 0"),
         (RunConfig, {"stages": ()}, "stages = none .*one at least"),
         (RunConfig, {"stages": STAGE_1, "evader": "E_scratch"}, "evader = E_scratch .*left out where no evader"),
-        (RunConfig, {"stages": (DistillationConfig(),), "game": TEAM}, "robots = 2 v 1 .* a distillation by tables knows"),
+        (
+            RunConfig,
+            {"stages": (DistillationConfig(),), "game": TEAM},
+            "robots = 2 v 1 .* a distillation by tables knows",
+        ),
         (RunConfig, {"algorithm": SACConfig(), "game": TEAM}, "robots = 2 v 1 .* 'sac', .* knows"),
         (RunConfig, {"game": WINS, "stages": STAGE_1}, "reward.profile = zero-sum .*'paper'"),
         (RunConfig, {"game": WINS, "stages": (SelfPlayConfig(),)}, "reward.profile = zero-sum .*'paper'"),
@@ -101,7 +105,11 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
         (RunConfig, {"stages": (DistillationConfig(),), "algorithm": SACConfig()}, "algorithm = sac .*'distillation'"),
         (RunConfig, {"stages": (ResponseConfig(),)}, "algorithm = dqn .*'response'"),
         (RunConfig, {"stages": STAGE_1, "algorithm": PPOConfig()}, "algorithm = ppo .*'fixed-target'"),
-        (RunConfig, {"stages": (DistillationConfig(),), "algorithm": DQNConfig(games=256)}, "games = 256 .*than the 256"),
+        (
+            RunConfig,
+            {"stages": (DistillationConfig(),), "algorithm": DQNConfig(games=256)},
+            "games = 256 .*than the 256",
+        ),
     ],
 )
 def test_configs_refuse_impossible_values(kind, values, named):
@@ -220,7 +228,7 @@ def test_sweep_refuses_unknown_fields_and_bad_values(field, values, naming):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ('[algorithm]\nbatch = 3', "algorithm: kind = nothing .*one of dqn, sac, ppo"),
+        ("[algorithm]\nbatch = 3", "algorithm: kind = nothing .*one of dqn, sac, ppo"),
         ('[algorithm]\nkind = "dnq"', "algorithm: kind = dnq .*one of dqn, sac, ppo"),
         ('[algorithm]\nkind = "dqn"\nbatsh = 3', "algorithm, dqn: unknown key 'batsh'; did you mean 'batch'"),
         ('[[stages]]\nkind = "selfplay"', "stages: kind = selfplay .*one of fixed-target, self-play"),

@@ -20,19 +20,17 @@ from apollonius.game.sensing import Sensing, Sensors
 from apollonius.game.types import NUM_ACTIONS, BySide, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import distillation
-from apollonius.learn.clearance_penalty import COST, with_clearance_penalty, without_clearance_penalty
 from apollonius.learn.config import RunConfig
 from apollonius.learn.dqn import DQNConfig
 from apollonius.learn.run import TrainingRun
 from apollonius.learn.states_to_label import fresh_starts, starts_of, states_near, states_to_label
 from apollonius.learn.teacher import COSTLIEST, DEEPEST, STEEPNESS, Clearance, DistillationTask, distillation_tasks
-from apollonius.observe.egocentric import EGOCENTRIC
 from apollonius.play.rollout import collect
 from apollonius.play.rollout import init_games as begin_games
 from apollonius.solve.grid import Solved
 from apollonius.solve.motion import motion_of
 from apollonius.solve.solving import reference_grid
-from tests.acting import of_views
+from tests.acting import identical, of_views
 from tests.learn.test_run import agents, assert_same_end, begin, metrics, stop_after
 from tests.solve.small import FEW, SMALL
 
@@ -124,24 +122,6 @@ def test_teacher_preferences_scale_with_the_remaining_clearance(visited_states, 
     )
 
 
-def test_clearance_penalty_lowers_values_and_can_be_removed():
-    """The units that never vary are given up, whatever they add."""
-    network, keys = make_network("egocentric", 32, 2, jax.random.key(0)), jax.random.split(jax.random.key(1), 2)
-    for number in (0, 1):
-        layer = network.layers[number]
-        still = layer.weight.at[5:14].set(0.0), layer.bias.at[5:14].set(0.7)
-        network = eqx.tree_at(lambda one, at=number: (one.layers[at].weight, one.layers[at].bias), network, still)
-    seen = jax.random.uniform(keys[0], (200, EGOCENTRIC.size), minval=-1, maxval=1)
-    careful = with_clearance_penalty(network, seen, 0.06, 2.0)
-    missing = np.maximum(0.06 - 0.3 * np.asarray(seen)[:, -NUM_ACTIONS:], 0)
-    assert 0.3 < np.mean(missing > 0) < 0.8
-    np.testing.assert_allclose(careful.batch(seen), network.batch(seen) - 2 * COST * missing, atol=2e-5)
-    assert jax.tree.structure(careful) == jax.tree.structure(network)
-    np.testing.assert_allclose(without_clearance_penalty(careful).batch(seen), network.batch(seen), atol=2e-5)
-    for never in (network, make_network("encoded", 32, 2, jax.random.key(0))):
-        assert without_clearance_penalty(never) is never
-
-
 def test_clearance_margin_needs_an_observation_with_braking_clearance():
     config = replace(
         RUN, dqn=replace(FITTING, observation="encoded"), distillation=replace(SEEING, clearance_margin=0.05)
@@ -151,16 +131,16 @@ def test_clearance_margin_needs_an_observation_with_braking_clearance():
 
 
 @pytest.mark.slow
-def test_trained_agent_has_the_configured_clearance_penalty(tmp_path):
+def test_clearance_margin_is_in_the_header_and_not_in_the_weights(tmp_path):
     fitting = replace(FITTING, observation="egocentric", games=32, env_steps_per_update=32)
     daring = replace(RUN, dqn=fitting, distillation=replace(SEEING, env_steps=8192, evaluation_games=8))
     careful = replace(daring, distillation=replace(daring.distillation, clearance_margin=0.06))
     folders = begin(tmp_path / "daring", daring), begin(tmp_path / "careful", careful)
     assert all(TrainingRun(config, folder).execute() for config, folder in zip((daring, careful), folders, strict=True))
-    made, wary = (load_agent(folder / "agents" / "P_distilled.safetensors").network for folder in folders)
-    (pressed,) = jnp.zeros((1, EGOCENTRIC.size)).at[:, -1].set(-1.0)
-    given_up = np.abs(np.asarray(made(pressed) - wary(pressed)))
-    assert given_up[-1] > 5 * given_up[:-1].max(), "accelerating to the left"
+    plain, wary = (load_agent(folder / "agents" / "P_distilled.safetensors") for folder in folders)
+    assert (plain.header.clearance_margin, wary.header.clearance_margin) == (0.0, 0.06)
+    assert plain.header.loss_value == wary.header.loss_value == 10.0, "the reward of a failure, by which it is taught"
+    assert identical(plain.network, wary.network)
 
 
 @pytest.fixture(scope="module")
@@ -199,7 +179,7 @@ def test_distillation_run_learns_the_values_of_the_table(uninterrupted, setting,
     agent = load_agent(uninterrupted / "agents" / "E_distilled.safetensors")
     assert agent.header.role == "evader"
     assert agent.header.training["config"]["distillation"]["teacher"] == "table"
-    assert agent.header.training["price"] == 1.0
+    assert agent.header.loss_value == 1.0
     losses = [line["losses"]["evader"] for line in metrics(uninterrupted)]
     assert losses[-1] < losses[0] / 2
     asked = jax.jit(states_near)(GAME, visited_states, jax.random.key(5))

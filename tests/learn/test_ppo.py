@@ -14,12 +14,12 @@ from apollonius.learn.training_task import require_players, training_tasks
 
 from apollonius.agents.network import apply_to_batch, make_network
 from apollonius.agents.store import describe, load_agent, save_agent
+from apollonius.agents.wrappers.clearance_penalty import COST, clearance_penalty
 from apollonius.arenas.file import find_game, to_dict
 from apollonius.game.presets import make_game
 from apollonius.game.types import BySide, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import ppo
-from apollonius.learn.clearance_penalty import COST, clearance_penalty
 from apollonius.learn.config import RunConfig
 from apollonius.learn.replay_buffer import Row
 from apollonius.learn.run import TrainingRun, load_first_networks
@@ -102,8 +102,8 @@ def test_clearance_penalty_lowers_the_logits_of_unsafe_actions():
     network = make_network("egocentric", 8, 1, jax.random.key(0))
     room = jnp.full(9, 0.4).at[4].set(0.03 / ROOM)
     seen = jax.random.normal(jax.random.key(1), (EGOCENTRIC.size,)).at[BRAKING:].set(room)
-    bold, careful = (SamplingPolicy(network, wanted, 5.0, 1.0) for wanted in (0.0, 0.05))
-    differences = [each.penalise(network(seen), seen) for each in (bold, careful)]
+    plain, careful = (SamplingPolicy(network, wanted, 5.0, 1.0) for wanted in (0.0, 0.05))
+    differences = [each.penalise(network(seen), seen) for each in (plain, careful)]
     np.testing.assert_allclose(differences[0] - differences[1], 0.02 * COST * 5.0 * np.eye(9)[4], atol=1e-4)
     np.testing.assert_allclose(clearance_penalty(seen, 0.05, 5.0), differences[0] - differences[1], atol=1e-4)
 
@@ -257,7 +257,7 @@ def uninterrupted(tmp_path_factory):
 def test_response_run_in_teams_and_alone_saves_one_agent(uninterrupted):
     assert list(agents(uninterrupted)) == ["P_response"]
     header = load_agent(uninterrupted / "agents" / "P_response.safetensors").header
-    assert header.training["price"] == 1 / TEAMS.ppo.temperature
+    assert (header.clearance_margin, header.loss_value) == (0.05, 1 / TEAMS.ppo.temperature)
     lines = metrics(uninterrupted)
     assert [line["env_steps"] for line in lines] == [128, 256, 384, 512]
     assert sum(lines[-1]["evaluation"]["outcomes"].values()) == 8

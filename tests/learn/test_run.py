@@ -340,7 +340,11 @@ def stopped(tmp_path_factory):
 @pytest.mark.parametrize("source", ["stopped", "uninterrupted"])
 @pytest.mark.parametrize(
     "changed",
-    [{"algorithm": replace(DQN, depth=2)}, {"algorithm": replace(DQN, replay_capacity=2 * CHUNK)}, {"stages": (STAGE,)}],
+    [
+        {"algorithm": replace(DQN, depth=2)},
+        {"algorithm": replace(DQN, replay_capacity=2 * CHUNK)},
+        {"stages": (STAGE,)},
+    ],
 )
 def test_checkpoint_of_another_config_is_refused(source, tmp_path, changed, request):
     config = replace(RUN, **changed)

@@ -11,7 +11,7 @@ import pytest
 
 from apollonius.agents.guidance import FleeAware, PurePursuit
 from apollonius.agents.network import make_network
-from apollonius.agents.trained import EpsilonGreedy
+from apollonius.agents.trained import EpsilonGreedy, Greedy
 from apollonius.game.arena import Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import reset_batch
@@ -200,7 +200,7 @@ def test_search_of_two_holds_matches_all_sequences(role, starts):
 
 def test_narrow_search_keeps_the_values_and_games_do_not_mix(starts):
     """Against chance too, whose course depends on the game's own bits and on nothing else."""
-    chance = EpsilonGreedy(make_network("paper", 4, 1, jax.random.key(0)), jnp.asarray(0.5))
+    chance = EpsilonGreedy(Greedy(make_network("paper", 4, 1, jax.random.key(0))), jnp.asarray(0.5))
     bits = jax.random.bits(jax.random.key(3), (STARTED,), jnp.uint32)
     every, few = (search(Role.PURSUER, 2, width, chance) for width in (9, 2))
     own, other = starts.pursuer, starts.evader

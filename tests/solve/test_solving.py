@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
-from apollonius.agents.shield import Shielded
+from apollonius.agents.wrappers.shield import Shielded
 from apollonius.arenas.file import to_dict
 from apollonius.catalogue import find_player
 from apollonius.evaluate.solved import describe_solution

@@ -147,7 +147,7 @@ class Backup(eqx.Module):
         return BrakingMotion(robot.body.move(motion.state, u1, mean, self.dt), rate)
 
 
-class Shielded(AbstractWrapper):
+class Shielded(AbstractWrapper[AbstractPolicy]):
     """Another player, held back from actions after which the robot could not brake to rest without
     touching anything.
 
@@ -164,7 +164,7 @@ class Shielded(AbstractWrapper):
     backup: Backup
 
     def __call__(self, view: View, memory: Memory, bits: RandomBits) -> tuple[Action, Memory]:
-        scores, memory = self.policy.score(self.policy.observation(view), memory, bits)
+        scores, memory = self.score_view(view, memory, bits)
         return _shield(self, view, scores), memory
 
     def preferred_action(self, scores: Any) -> Action:

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Int
 
 from apollonius.agents.classical import AbstractSteering, direction
 from apollonius.agents.guidance import arc_speed
-from apollonius.agents.policy import AbstractActionValuePolicy, Memory, mix_bits
+from apollonius.agents.policy import Memory, mix_bits
 from apollonius.game.chart import COARSE, Chart
 from apollonius.game.sensing import Sensors
 from apollonius.game.teams import separation
@@ -34,7 +34,7 @@ _AT_HAND = 1.0
 """Length of a path [m] up to which a cell is at hand."""
 _SAFE_LENGTH = 8.0
 """Length of a pursuer's way [m] beyond which a place is no safer."""
-_NOWHERE = -1
+NOWHERE = -1
 """In place of the coarse cell that a robot drives to: none."""
 
 
@@ -92,7 +92,7 @@ class Search(AbstractPathFollower):
     @property
     def memory(self) -> Int[Array, ""]:
         """The coarse cell that it drives to; -1 for none."""
-        return jnp.full((), _NOWHERE, jnp.int32)
+        return jnp.full((), NOWHERE, jnp.int32)
 
     def score(
         self, view: View, memory: Int[Array, ""], bits: RandomBits
@@ -102,36 +102,6 @@ class Search(AbstractPathFollower):
 
     def course(self, view: View) -> tuple[Scalar, Scalar]:
         return self.course_to(view, view.opponent.state)
-
-
-class Searching(AbstractActionValuePolicy):
-    """Another pursuer, which hunts for its opponent at the places of `Search` while it does not see
-    it.
-
-    It drives there as it drives to an opponent, so it keeps what it knows of walls, its body and
-    its drive.
-    """
-
-    policy: AbstractActionValuePolicy
-
-    @property
-    def needs_chart(self) -> bool:
-        return True
-
-    @property
-    def memory(self) -> tuple[Memory, Int[Array, ""]]:
-        """The memory of the pursuer, and the coarse cell that it drives to; -1 for none."""
-        return self.policy.memory, jnp.full((), _NOWHERE, jnp.int32)
-
-    def values(self, view: View) -> Float[Array, "9"]:
-        return self.policy.values(self.policy.observation(view))
-
-    def score(
-        self, view: View, memory: tuple[Memory, Int[Array, ""]], bits: RandomBits
-    ) -> tuple[Float[Array, "9"], Memory]:
-        sought, cell = search_view(view, memory[1], random_shares(bits))
-        values, own_memory = self.policy.score(self.policy.observation(sought), memory[0], bits)
-        return values, (own_memory, cell)
 
 
 class Hide(AbstractPathFollower):
@@ -188,7 +158,7 @@ def search_view(
         replace(robot, state=tree_where(opponent_found, robot.state, target))
         for robot in view.opponents
     )
-    return replace(view, opponents=opponents), jnp.where(opponent_found, _NOWHERE, place)
+    return replace(view, opponents=opponents), jnp.where(opponent_found, NOWHERE, place)
 
 
 def random_shares(bits: RandomBits) -> Float[Array, " coarse"]:

@@ -18,7 +18,7 @@ _DECIDE = 16
 """Rows of a batch that decide at a time."""
 
 
-class ActionRepeat(AbstractWrapper):
+class ActionRepeat(AbstractWrapper[AbstractPolicy]):
     """A player that is asked in every n-th step of a game, and whose action is held in between."""
 
     steps: int = eqx.field(static=True)

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from apollonius.agents.policy import AbstractActionValuePolicy, Memory
+from apollonius.agents.policy import AbstractValueWrapper, Memory
 from apollonius.game.dynamics import wrap_angle
 from apollonius.game.types import NUM_ACTIONS, RandomBits, Scalar
 from apollonius.observe.view import View
@@ -79,24 +79,15 @@ def departure_costs(view: View) -> Float[Array, "9"]:
     return jnp.where(departures(view), 0.0, _FORBIDDEN)
 
 
-class Departing(AbstractActionValuePolicy):
+class Departing(AbstractValueWrapper):
     """Another pursuer, which at rest does only what `departures` allows."""
-
-    policy: AbstractActionValuePolicy
 
     @property
     def needs_chart(self) -> bool:
         return True
 
-    @property
-    def memory(self) -> Memory:
-        return self.policy.memory
-
-    def values(self, view: View) -> Float[Array, "9"]:
-        return self.score(view, self.memory, jnp.uint32(0))[0]
-
     def score(
         self, view: View, memory: Memory, bits: RandomBits
     ) -> tuple[Float[Array, "9"], Memory]:
-        values, memory = self.policy.score(self.policy.observation(view), memory, bits)
+        values, memory = self.score_view(view, memory, bits)
         return values - departure_costs(view), memory
