@@ -43,6 +43,7 @@ from apollonius.game.types import Outcome as Outcome
 from apollonius.game.types import RobotState as RobotState
 from apollonius.game.types import Role as Role
 from apollonius.game.types import Timestep as Timestep
+from apollonius.learn.config import register_algorithm as register_algorithm
 from apollonius.observe.observation import AbstractObservation as AbstractObservation
 from apollonius.observe.registry import find_observation as find_observation
 from apollonius.observe.registry import register_observation as register_observation

@@ -13,6 +13,7 @@ SMALL = {
     "as_printed": {"steps": 40, "width": 8, "capacity": 64, "learning_starts": 20, "report_period": 40},
     "evaluate": {"games": 8, "evader": "flee-aware", "pursuers": ("intercept",)},
     "fake_odometry": {"seconds": 5},
+    "own_algorithm": {"env_steps": 65_536, "games": 8, "width": 8, "depth": 1, "batch": 16},
     "own_network": {"states": 256, "updates": 2, "games": 8, "width": 8},
     "own_observation": {"games": 8, "degrees": (120,)},
     "own_obstacle": {"games": 8, "pursuer": "intercept", "evader": "flee-aware"},
@@ -25,6 +26,7 @@ SMALL = {
 """Arguments of `main` with which a script takes seconds; one without any takes seconds as it is."""
 FILES = {
     "export_c": {"chase.c", "chase.h"},
+    "own_algorithm": {"runs"},
     "own_obstacle": {"round.png"},
     "play": {"game.png", "game.json"},
     "solve_reach": {"reach.png"},

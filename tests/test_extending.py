@@ -8,7 +8,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from apollonius.learn.archive import resample_opponents
 
 from apollonius import catalogue
 from apollonius.agents.classical import Still
@@ -32,7 +31,8 @@ from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.types import BySide, Outcome, Role
 from apollonius.io.errors import InvalidInput
-from apollonius.learn import opponents
+from apollonius.learn.earlier_versions import SCHEMES, draw_version
+from apollonius.learn.self_play import SelfPlayConfig
 from apollonius.observe import registry
 from apollonius.observe.registry import register_observation
 from apollonius.observe.view import look
@@ -45,7 +45,7 @@ from tests.capsule import Capsule
 from tests.car import Car
 from tests.documents import REPOSITORY
 from tests.export.test_translate import needs_gcc
-from tests.learn.test_opponents import archive_of
+from tests.learn.test_earlier_versions import versions_of
 
 DOCUMENT = (REPOSITORY / "docs" / "how-to" / "extend.md").read_text()
 
@@ -151,11 +151,12 @@ def test_new_scheme_is_read_from_configs_and_draws_opponents(monkeypatch):
     line = '"recent": lambda lost: 2.0 ** jnp.arange(len(lost), dtype=jnp.float32),'
     assert line in DOCUMENT
     recent = eval(f"{{{line}}}", {"jnp": jnp})["recent"]
-    monkeypatch.setitem(opponents.SCHEMES, "recent", recent)
-    config = from_dict(opponents.OpponentConfig, {"scheme": "recent", "versions": 4, "slots": 7000}, "a config")
-    assert config.share == 0.5
-    slots = resample_opponents(archive_of(3, config), config, jax.random.key(0)).slots
-    np.testing.assert_allclose(np.bincount(slots) / 7000, [1 / 7, 2 / 7, 4 / 7], atol=0.03)
+    monkeypatch.setitem(SCHEMES, "recent", recent)
+    config = from_dict(SelfPlayConfig, {"opponents": "recent", "versions": 4}, "a config")
+    assert config.has_earlier_versions
+    keys = jax.random.split(jax.random.key(0), 7000)
+    drawn = jax.jit(jax.vmap(lambda key: draw_version(versions_of(3), "recent", key).drawn[1]))(keys)
+    np.testing.assert_allclose(np.bincount(drawn) / 7000, [1 / 7, 2 / 7, 4 / 7], atol=0.03)
 
 
 def test_new_robot_is_read_from_files_and_turns_as_it_is_steered():

@@ -121,7 +121,7 @@ class Pool(AbstractPlayers):
         if self.weights is not None:
             ends = jnp.cumsum(self.weights)[:-1]
             drawn = (bits >> 16).astype(jnp.float32) / 65536
-            return jnp.sum(drawn[:, None] >= ends, axis=1).astype(jnp.int32)
+            return jnp.sum(drawn[:, None] >= ends[None], axis=1).astype(jnp.int32)
         return (((bits >> 16) * self.size) >> 16).astype(jnp.int32)
 
     def act(

@@ -131,6 +131,15 @@ class RunConfig:
         return (before + done) / sum(work.values())
 
 
+def register_algorithm(algorithm: type[Algorithm]) -> None:
+    """Make an algorithm known by its `kind`, so that configs can be read that name it; raises
+    InvalidInput where another one has that name.
+    """
+    registered = _ALGORITHMS.setdefault(algorithm.kind, algorithm)
+    bound = "a name that no other algorithm has"
+    require(registered == algorithm, "kind", algorithm.kind, bound)
+
+
 def read_config(data: dict[str, Any], source: str) -> RunConfig:
     """Return the config of a record, as of a `config.toml`; raises InvalidInput for a bad one."""
     hooks: Hooks = {

@@ -10,7 +10,7 @@ import optax
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from apollonius.agents.network import QNetwork, interpolate_weights, make_network
-from apollonius.agents.trained import EpsilonGreedy
+from apollonius.agents.trained import EpsilonGreedy, Greedy
 from apollonius.game.types import Scalar, tree_where
 from apollonius.io.errors import require_positive, require_within
 from apollonius.learn.algorithm import ReplayAlgorithm, interpolate_linearly
@@ -104,7 +104,7 @@ class DQNConfig(ReplayAlgorithm):
 
     def explorer(self, network: QNetwork, exploration: Scalar) -> EpsilonGreedy:
         """Return the epsilon-greedy player (Algorithm 1, line 7)."""
-        return EpsilonGreedy(network, exploration)
+        return EpsilonGreedy(Greedy(network), exploration)
 
     def exploration(self, first: float, stage_env_steps: int, env_steps: Int[Array, ""]) -> Scalar:
         """Return the share of random actions, which falls from `first` to `final_epsilon`."""

@@ -189,6 +189,7 @@ def test_slice_draws_an_agent_that_reads_a_chart(capsys, monkeypatch):
     assert Path("new/s.png").read_bytes().startswith(b"\x89PNG")
 
 
+RESPONSE, DISTILLATION = (REPOSITORY / f"examples/recipes/{name}.toml" for name in ("response", "optimal_evader"))
 REFUSED = {
     "play --no-browser": "unrecognized arguments: --no-browser; see apollonius play --help",
     "fly": "apollonius: unknown command 'fly'; see apollonius --help\n",
@@ -202,10 +203,11 @@ REFUSED = {
     "evaluate P_curriculum still --game ofice": "did you mean 'office'",
     "evaluate P_curriculum still --game team-3v1/ofice": "did you mean 'office'",
     "train --game chess": "paper, four-small, one-large, zero-sum",
-    'train --stage fixed-target --vary evaders=["nobody"]': "'nobody'; apollonius players lists all",
-    'train --stage fixed-target --vary evaders=["random","still"]': "random, still is not possible",
-    'train --vary stages=response --vary response.opponents=["nobody"]': "'nobody'; apollonius players lists all",
-    "train --vary stages=distillation --vary distillation.teacher=nobody": "'nobody'; apollonius players lists all",
+    'train --stage fixed-target --vary stages.fixed-target.evaders=["nobody"]': "'nobody'; apollonius players",
+    'train --stage fixed-target --vary stages.fixed-target.evaders=["random","still"]': "random, still is not",
+    f'train --config {RESPONSE} --vary stages.response.opponents=["nobody"]': "'nobody'; apollonius players",
+    f"train --config {DISTILLATION} --vary stages.distillation.teacher=nobody": "'nobody'; apollonius players",
+    f"train --config {RESPONSE} --stage self-play": "--stage = self-play is not possible: it must be one of",
     "train --stage self-play --vary evader=random": "unknown agent 'random'",
     "evaluate random still --games 5 --record 6": "--record = 6 is not possible: it must be from 0 to --games = 5",
     "evaluate random still --vary pursuer.radius=0:6:2": "with pursuer.radius = 6",
@@ -222,11 +224,11 @@ REFUSED = {
     "resume folder": "no such folder of training runs: 'folder'",
     "runs folder": "no such folder of training runs: 'folder'",
     "train --seeds 3-1": "seeds as 0-9", "train --seeds x": "--seeds = x",
-    "train --seed 1 --seeds 0-1": "left out with --seeds", "train --vary dqn.batch": "FIELD=VALUE,VALUE",
-    "train --vary dqn.batch=1:2": "dqn.batch", "train --vary lr=1": "unknown key 'lr'; remove it",
+    "train --seed 1 --seeds 0-1": "left out with --seeds", "train --vary algorithm.batch": "FIELD=VALUE,VALUE",
+    "train --vary algorithm.batch=1:2": "algorithm.batch", "train --vary lr=1": "unknown key 'lr'; remove it",
     "train --seeds 0-999,1000": "at most 1,000",
-    f"train --vary evaders={'[' * 5_000}": "evaders",
-    "train --seeds 0-999 --vary dqn.batch=1:100:100 --vary dqn.width=1:100:100 --vary dqn.depth=1:100:100":
+    f"train --vary stages.fixed-target.evaders={'[' * 5_000}": "evaders",
+    "train --seeds 0-999 --vary algorithm.batch=1:100:100 --vary algorithm.width=1:99:99 --vary dt=1:99:99":
     "trainings = 1000000000 is not possible: it must be a whole number, at least 1, at most 1,000",
     "train --vary seed=1 --seeds 0-1": "of different fields", 
     "train --on moon": "unknown choice 'moon'; choose one of processes, slurm, ray; see",
@@ -303,10 +305,9 @@ AMONG_FILES = [
      ["'both.toml': arena", "scenario"]),
     ({"drive.toml": "mas = 3.0"}, "simulate random still --drive drive.toml", ["drive.toml", "did you mean 'mass'"]),
     *[({"config.toml": text}, "train --config config.toml --out run", naming) for text, naming in (
-        ("[dqn]\nlearning_rat = 0.1", ["config.toml", "learning_rat", "'learning_rate'"]),
-        ("learning_rate = 0.1", ["learning_rate", "move it to [dqn] or [sac]"]),
-        ("[dqn]\nseed = 1", ["seed", "move it to the top"]),
-        ("[dqn]\nbatch = 0", ["batch = 0", "more than 0"]),
+        ('[algorithm]\nkind = "dqn"\nlearning_rat = 0.1', ["config.toml", "learning_rat", "'learning_rate'"]),
+        ("learning_rate = 0.1", ["learning_rate", "move it to [algorithm]"]),
+        ('[algorithm]\nkind = "dqn"\nbatch = 0', ["batch = 0", "more than 0"]),
         ("seed = ", ["config.toml", "no TOML"]),
     )],
 ]  # fmt: skip
@@ -455,7 +456,7 @@ def test_runs_lists_malformed_runs_without_control_characters(capsys):
     }
     for name, (file, record) in odd.items():
         Path("runs", name).mkdir(parents=True)
-        Path("runs", name, "config.toml").write_text('stages = "self-play"', encoding="utf-8")
+        Path("runs", name, "config.toml").write_text('[[stages]]\nkind = "self-play"', encoding="utf-8")
         Path("runs", name, file).write_text(json.dumps(record) + "\n", encoding="utf-8")
     os.utime("runs/sound/metrics.jsonl", (2**40, 2**40))
     assert run_main("runs") == 0

@@ -8,7 +8,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from apollonius.learn.stage_config import DistillationConfig
 
 from apollonius.agents.network import make_network
 from apollonius.agents.pool import single_player
@@ -21,10 +20,11 @@ from apollonius.game.types import NUM_ACTIONS, BySide, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import distillation
 from apollonius.learn.config import RunConfig
+from apollonius.learn.distillation import DistillationConfig, Labels, distillation_tasks
 from apollonius.learn.dqn import DQNConfig
 from apollonius.learn.run import TrainingRun
 from apollonius.learn.states_to_label import fresh_starts, starts_of, states_near, states_to_label
-from apollonius.learn.teacher import COSTLIEST, DEEPEST, STEEPNESS, Clearance, DistillationTask, distillation_tasks
+from apollonius.learn.teacher import COSTLIEST, DEEPEST, STEEPNESS, Clearance, DistillationTask
 from apollonius.play.rollout import collect
 from apollonius.play.rollout import init_games as begin_games
 from apollonius.solve.grid import Solved
@@ -43,7 +43,7 @@ FITTING = DQNConfig(
     width=32, depth=1, learning_rate=3e-3, final_learning_rate=1e-3, averaging=0.1, batch=64, games=128,
     env_steps_per_update=640, replay_capacity=20_000,
 )  # fmt: skip
-RUN = RunConfig(stages="distillation", game=GAME, dqn=FITTING, distillation=STAGE)
+RUN = RunConfig(game=GAME, algorithm=FITTING, stages=(STAGE,))
 SEEING = replace(
     STAGE, role="pursuer", teacher="P_curriculum", opponents=("still", "flee"), near_sighted=0, far_sighted=0,
     clearance=0.0, informed=0.35, evaluations=1,
@@ -61,11 +61,11 @@ def test_opponents_of_unequal_shares_play_all_games(monkeypatch):
         monkeypatch.setattr(
             f"apollonius.solve.{part}.iterate_values", lambda sweep, table, *rest: Solved(table, 1, 0.0)
         )
-    (setting,) = distillation_tasks(RUN, GAME, None)
-    plan = replace(RUN, distillation=replace(STAGE, near_sighted=15)).plans["distillation"]
+    (task,) = distillation_tasks(STAGE, GAME, None)
+    config = replace(STAGE, near_sighted=15)
     network = make_network("encoded", 32, 1, jax.random.key(0))
-    players = distillation._players(plan, network, setting, jax.random.key(1))
-    assert players[plan.stage.side.other].games == (55, 54, 15, 4)
+    players = distillation._players(config, FITTING, network, task, jax.random.key(1))
+    assert players[config.side.other].games == (55, 54, 15, 4)
 
 
 def test_states_near_are_visited_perturbed_close_and_random_ones(visited_states):
@@ -123,18 +123,17 @@ def test_teacher_preferences_scale_with_the_remaining_clearance(visited_states, 
 
 
 def test_clearance_margin_needs_an_observation_with_braking_clearance():
-    config = replace(
-        RUN, dqn=replace(FITTING, observation="encoded"), distillation=replace(SEEING, clearance_margin=0.05)
-    )
+    blind, careful = replace(FITTING, observation="encoded"), replace(SEEING, clearance_margin=0.05)
     with pytest.raises(InvalidInput, match=r"observation = encoded is not possible.*egocentric or team"):
-        distillation_tasks(config, GAME, None)
+        replace(RUN, algorithm=blind, stages=(careful,))
 
 
 @pytest.mark.slow
 def test_clearance_margin_is_in_the_header_and_not_in_the_weights(tmp_path):
     fitting = replace(FITTING, observation="egocentric", games=32, env_steps_per_update=32)
-    daring = replace(RUN, dqn=fitting, distillation=replace(SEEING, env_steps=8192, evaluation_games=8))
-    careful = replace(daring, distillation=replace(daring.distillation, clearance_margin=0.06))
+    short = replace(SEEING, env_steps=8192, evaluation_games=8)
+    daring = replace(RUN, algorithm=fitting, stages=(short,))
+    careful = replace(daring, stages=(replace(short, clearance_margin=0.06),))
     folders = begin(tmp_path / "daring", daring), begin(tmp_path / "careful", careful)
     assert all(TrainingRun(config, folder).execute() for config, folder in zip((daring, careful), folders, strict=True))
     plain, wary = (load_agent(folder / "agents" / "P_distilled.safetensors") for folder in folders)
@@ -145,7 +144,7 @@ def test_clearance_margin_is_in_the_header_and_not_in_the_weights(tmp_path):
 
 @pytest.fixture(scope="module")
 def setting():
-    return distillation_tasks(RUN, GAME, None)[0]
+    return distillation_tasks(STAGE, GAME, None)[0]
 
 
 @pytest.fixture(scope="module")
@@ -160,9 +159,9 @@ def test_each_of_several_arenas_has_its_own_teacher(setting, visited_states, mon
     """All have one shape, so that compiled steps serve all; what is taught is the arena's own."""
     arenas = [GAME.arena, Arena(x_min=-1.0, x_max=2.0, y_max=4.0)]
     monkeypatch.setattr(
-        "apollonius.learn.teacher.single_arena_games", lambda game: [replace(GAME, arena=one) for one in arenas]
+        "apollonius.learn.distillation.single_arena_games", lambda game: [replace(GAME, arena=one) for one in arenas]
     )
-    settings = distillation_tasks(RUN, in_arenas(GAME, arenas), None)
+    settings = distillation_tasks(STAGE, in_arenas(GAME, arenas), None)
     assert len(settings) == 2
     assert len({jax.tree.structure(one) for one in settings}) == 1
     assert len({tuple(map(np.shape, jax.tree.leaves(one))) for one in settings}) == 1
@@ -178,7 +177,7 @@ def test_distillation_run_learns_the_values_of_the_table(uninterrupted, setting,
     assert len(list((uninterrupted / "tables").iterdir())) == 2
     agent = load_agent(uninterrupted / "agents" / "E_distilled.safetensors")
     assert agent.header.role == "evader"
-    assert agent.header.training["config"]["distillation"]["teacher"] == "table"
+    assert agent.header.training["config"]["stages"][0]["teacher"] == "table"
     assert agent.header.loss_value == 1.0
     losses = [line["losses"]["evader"] for line in metrics(uninterrupted)]
     assert losses[-1] < losses[0] / 2
@@ -198,7 +197,7 @@ SHORT_SIGHTED = replace(GAME, sensors=Sensing(pursuer=Sensors(range=1.5)))
 
 def learning(game, student):
     """The setting of a student with that game, and a function from starts that says what it is asked after a time."""
-    (setting,) = distillation_tasks(replace(RUN, game=game, distillation=SEEING), game, None)
+    (setting,) = distillation_tasks(SEEING, game, None)
     players = BySide(single_player(student), single_player(setting.opponents[1]))
 
     @functools.partial(jax.jit, static_argnames="steps")
@@ -206,7 +205,7 @@ def learning(game, student):
         games = begin_games(game, starts, players, jnp.zeros((2, len(starts.steps)), jnp.uint32))
         key, again = jax.random.key(1), jax.tree.map(lambda leaf: leaf[None], starts)
         games, _ = collect(game, players, games, again, key, steps) if steps else (games, None)
-        known, states, learns = states_to_label(SEEING, setting, games, key)
+        known, states, learns = states_to_label(Role.PURSUER, SEEING.informed, setting, games, key)
         return games, known, states, learns, setting.values(states, Role.PURSUER)
 
     return setting, asked
@@ -237,7 +236,8 @@ def test_distillation_error_ignores_rows_without_teacher_values(student):
     rows, values = jax.random.normal(jax.random.key(1), (8, 8)), jax.random.normal(jax.random.key(2), (8, 9))
     half = values.at[::2].set(jnp.nan)
     slope = jax.jit(jax.grad(distillation._error))
-    some, all_known = slope(student.network, (rows, half)), slope(student.network, (rows[1::2], values[1::2]))
+    some = slope(student.network, Labels(rows, half))
+    all_known = slope(student.network, Labels(rows[1::2], values[1::2]))
     for one, other in zip(jax.tree.leaves(some), jax.tree.leaves(all_known), strict=True):
         np.testing.assert_allclose(one, other / 2, atol=1e-6)
 
@@ -246,7 +246,7 @@ def test_distillation_error_ignores_rows_without_teacher_values(student):
 def test_distillation_with_sensors_lowers_the_loss(tmp_path):
     longer = replace(SEEING, updates=24, env_steps=163_840)
     wider = replace(FITTING, width=64, depth=2)
-    run = replace(RUN, game=SHORT_SIGHTED, dqn=wider, distillation=longer)
+    run = replace(RUN, game=SHORT_SIGHTED, algorithm=wider, stages=(longer,))
     folder = begin(tmp_path / "run", run)
     assert TrainingRun(run, folder).execute()
     losses = [line["losses"]["pursuer"] for line in metrics(folder)]
@@ -272,6 +272,4 @@ def test_stopped_distillation_resumes_to_the_same_end(uninterrupted, tmp_path):
 )
 def test_unsuitable_teachers_and_opponents_are_refused(change, message):
     with pytest.raises(InvalidInput, match=message):
-        distillation_tasks(
-            replace(RUN, game=SHORT_SIGHTED, distillation=replace(SEEING, **change)), SHORT_SIGHTED, None
-        )
+        distillation_tasks(replace(SEEING, **change), SHORT_SIGHTED, None)

@@ -111,7 +111,8 @@ def test_games_are_counted_for_the_version_that_played_them(role):
     nothing = jnp.zeros(shape)
 
     def side(members):
-        return Experience(nothing, nothing, nothing, nothing, nothing, jnp.asarray(members))
+        actions = nothing.astype(jnp.int32)
+        return Experience(nothing[..., None], actions, nothing, nothing[..., None], nothing, jnp.asarray(members))
 
     played = Transition(
         BySide.of(role, side(member), side(other)), jnp.asarray(outcome), jnp.asarray(ended), ended & False

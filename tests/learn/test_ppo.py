@@ -7,22 +7,21 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from apollonius.learn.ppo_config import PPOConfig
-from apollonius.learn.sampling_policy import SamplingPolicy
-from apollonius.learn.stage_config import ResponseConfig, Task
-from apollonius.learn.training_task import require_players, training_tasks
 
 from apollonius.agents.network import apply_to_batch, make_network
-from apollonius.agents.store import describe, load_agent, save_agent
+from apollonius.agents.store import load_agent
+from apollonius.agents.trained import load_network
 from apollonius.agents.wrappers.clearance_penalty import COST, clearance_penalty
-from apollonius.arenas.file import find_game, to_dict
+from apollonius.arenas.file import find_game
 from apollonius.game.presets import make_game
 from apollonius.game.types import BySide, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import ppo
 from apollonius.learn.config import RunConfig
+from apollonius.learn.ppo import LearnBatch, PPOConfig, SamplingPolicy, advantages
 from apollonius.learn.replay_buffer import Row
-from apollonius.learn.run import TrainingRun, load_first_networks
+from apollonius.learn.response import ResponseConfig, Task, _in_units_of_a_capture, train_round, training_tasks
+from apollonius.learn.run import TrainingRun, load_first_network, require_agents
 from apollonius.observe.egocentric import BRAKING, EGOCENTRIC, ROOM
 from apollonius.observe.registry import find_observation
 from tests.learn.test_run import agents, assert_same_end, begin, metrics, stop_after
@@ -32,8 +31,7 @@ PPO = PPOConfig(
     learning_rate=3e-3, final_learning_rate=3e-3, gamma=0.9, trace=0.8, entropy=0.01,
 )  # fmt: skip
 STAGE = ResponseConfig(opponents=("still", "random"), env_steps=2048, evaluations=1, evaluation_games=8)
-RUN = RunConfig(stages="response", game=replace(make_game("paper"), max_steps=40), ppo=PPO, response=STAGE)
-PLAN = RUN.plans["response"]
+RUN = RunConfig(stages=(STAGE,), game=replace(make_game("paper"), max_steps=40), algorithm=PPO)
 SIZE = find_observation("encoded").size
 
 
@@ -54,20 +52,20 @@ def random_row(key, **changes):
 
 @pytest.fixture(scope="module")
 def learner():
-    (setting,) = training_tasks(STAGE, PPO, RUN.game)
-    state = ppo.start_response(PLAN, [setting], jax.random.key(1))
-    return state.learners[Role.EVADER].learner
+    return PPO.init_learner(*jax.random.split(jax.random.key(1)))
 
 
-def update_learner(learner, row, plan=PLAN, iterations=0):
-    return eqx.filter_jit(ppo._learn)(plan, learner, row, jnp.int32(iterations), jnp.int32(0), jax.random.key(2))
+@eqx.filter_jit
+def update_learner(learner, row, algorithm=PPO, iterations=0):
+    rates = algorithm.learning_rates(jnp.int32(iterations), jnp.int32(0), STAGE.env_steps)
+    return algorithm.learn(learner, row, rates, 0.0, jax.random.key(2))
 
 
 def test_unknown_opponents_are_refused_in_every_task():
     known, unknown = (Task(RUN.game, ("still", name)) for name in ("random", "nobody"))
-    require_players(replace(STAGE, tasks=(known,)), RUN.game)
+    replace(STAGE, tasks=(known,)).require_players(RUN.game)
     with pytest.raises(InvalidInput, match="'nobody'"):
-        require_players(replace(STAGE, tasks=(known, unknown)), RUN.game)
+        replace(STAGE, tasks=(known, unknown)).require_players(RUN.game)
 
 
 def test_sampling_policy_draws_actions_by_softmax_of_their_values():
@@ -111,7 +109,7 @@ def test_clearance_penalty_lowers_the_logits_of_unsafe_actions():
 def test_advantages_match_generalised_advantage_estimation():
     """By the sum over the steps that follow, each of one game alone."""
     row, values = random_row(jax.random.key(0)), np.asarray(jax.random.normal(jax.random.key(9), (16, 32)))
-    found = np.asarray(ppo.advantages(PPO, row, jnp.asarray(values)))
+    found = np.asarray(advantages(PPO, row, jnp.asarray(values)))
     ended = np.asarray(row.terminated | row.truncated)
     for game in range(32):
         for first in (0, 5, 15):
@@ -127,9 +125,9 @@ def test_advantages_match_generalised_advantage_estimation():
             np.testing.assert_allclose(found[first, game], expected, atol=1e-4)
 
 
-def lesson_of(learner, key, **changes):
+def batch_of(key, **changes):
     keys = jax.random.split(key, 4)
-    lesson = ppo._LearnBatch(
+    batch = LearnBatch(
         observation=jax.random.normal(keys[0], (64, SIZE)),
         action=jax.random.randint(keys[1], (64,), 0, 9),
         probability=-2.2 + 0.3 * jax.random.normal(keys[2], (64,)),
@@ -137,21 +135,21 @@ def lesson_of(learner, key, **changes):
         value=jnp.linspace(-1, 1, 64),
         counts=jnp.arange(64) % 4 > 0,
     )
-    return replace(lesson, **changes)
+    return replace(batch, **changes)
 
 
 def test_ppo_loss_matches_schulman_et_al_over_active_rows(learner):
-    lesson = lesson_of(learner, jax.random.key(3))
-    found, error = ppo._loss((learner.network, learner.critic), PLAN, lesson)
-    values, some = np.asarray(learner.network.batch(lesson.observation), float), np.asarray(lesson.counts)
+    batch = batch_of(jax.random.key(3))
+    found, error = ppo.loss((learner.network, learner.critic), PPO, batch, 0.0)
+    values, some = np.asarray(learner.network.batch(batch.observation), float), np.asarray(batch.counts)
     odds = np.exp(values) / np.exp(values).sum(axis=1, keepdims=True)
-    ratio = odds[np.arange(64), lesson.action] / np.exp(np.asarray(lesson.probability, float))
-    gained = np.asarray(lesson.advantage, float)
+    ratio = odds[np.arange(64), batch.action] / np.exp(np.asarray(batch.probability, float))
+    gained = np.asarray(batch.advantage, float)
     gained = (gained - gained[some].mean()) / gained[some].std()
     gains = np.minimum(ratio * gained, np.clip(ratio, 0.9, 1.1) * gained)[some].mean()
     entropy = -(odds * np.log(odds)).sum(axis=1)[some].mean()
-    judged = np.asarray(apply_to_batch(learner.critic, lesson.observation))[:, 0]
-    expected = ((judged - np.asarray(lesson.value)) ** 2)[some].mean()
+    judged = np.asarray(apply_to_batch(learner.critic, batch.observation))[:, 0]
+    expected = ((judged - np.asarray(batch.value)) ** 2)[some].mean()
     np.testing.assert_allclose(error, expected, rtol=1e-4)
     np.testing.assert_allclose(found, expected - gains - 0.01 * entropy, rtol=1e-4, atol=1e-5)
 
@@ -162,12 +160,12 @@ def test_update_raises_the_rewarded_action_less_with_a_narrow_clip(learner):
     row = replace(row, reward=(row.action == 3).astype(jnp.float32))
 
     def share(learner):
-        logarithms = ppo._sampling_policy(PLAN, learner.network).log_probabilities(row.observation.reshape(-1, SIZE))
+        logarithms = PPO.explorer(learner.network, 0.0).log_probabilities(row.observation.reshape(-1, SIZE))
         return np.exp(np.asarray(logarithms))[:, 3]
 
     after, _ = update_learner(learner, row)
     assert np.mean(share(after) > share(learner)) > 0.99
-    freely, _ = update_learner(learner, row, replace(PLAN, learner=replace(PPO, clip=1.0)))
+    freely, _ = update_learner(learner, row, replace(PPO, clip=1.0))
     assert np.median(share(after)) < 0.9 * np.median(share(freely))
     assert int(after.updates) == 3 * 4
     for _ in range(30):
@@ -177,11 +175,11 @@ def test_update_raises_the_rewarded_action_less_with_a_narrow_clip(learner):
 
 
 def test_critic_learns_first_and_inactive_robots_teach_nothing(learner):
-    row, plan = random_row(jax.random.key(5)), replace(PLAN, learner=replace(PPO, critic_first=2))
-    waits, _ = update_learner(learner, row, plan, iterations=1)
+    row, patient = random_row(jax.random.key(5)), replace(PPO, critic_first=2)
+    waits, _ = update_learner(learner, row, patient, iterations=1)
     assert eqx.tree_equal(waits.network, learner.network)
     assert not eqx.tree_equal(waits.critic, learner.critic)
-    assert not eqx.tree_equal(update_learner(learner, row, plan, iterations=2)[0].network, learner.network)
+    assert not eqx.tree_equal(update_learner(learner, row, patient, iterations=2)[0].network, learner.network)
     active = jnp.arange(32) % 2 == 0
     halves = [
         replace(row, active=jnp.broadcast_to(active, (16, 32)), reward=jnp.where(active, row.reward, other))
@@ -193,18 +191,18 @@ def test_critic_learns_first_and_inactive_robots_teach_nothing(learner):
 
 def test_games_restart_from_states_of_lost_games():
     """A pursuer that stands marks its game: it is where it was at the start."""
-    stage, learner = replace(STAGE, opponents=("still",), restart_fraction=1.0), replace(PPO, steps=128)
-    plan = replace(PLAN, learner=learner, stage=stage)
-    (setting,) = training_tasks(stage, learner, replace(RUN.game, max_steps=1000))
-    state = ppo.start_response(plan, [setting], jax.random.key(1))
+    config, algorithm = replace(STAGE, opponents=("still",), restart_fraction=1.0), replace(PPO, steps=128)
+    response = config.make(algorithm, replace(RUN.game, max_steps=1000))
+    state = response.init(jax.random.key(1))
     begun = np.asarray(state.games[0].games.state.evader.x)
-    after, _ = ppo.train_response_chunk(plan, replace(state, games=state.games[0]), setting)
+    (task,) = response.tasks
+    after, _ = train_round(config, algorithm, replace(state, games=state.games[0]), task)
     ring = after.games.lost_states
     lost = jax.tree.map(lambda leaf: np.asarray(leaf)[: int(ring.filled)], ring.rows)
     assert 0 < len(lost.steps) < 32
     assert np.isin(lost.evader.x, begun).all(), "as they were before the round"
     under_way = np.asarray(after.games.games.state.steps)
-    again, _ = ppo.train_response_chunk(plan, after, setting)
+    again, _ = train_round(config, algorithm, after, task)
     games = again.games.games.state
     new = np.asarray(games.steps) != under_way + 128
     assert new.any()
@@ -214,34 +212,34 @@ def test_games_restart_from_states_of_lost_games():
 @pytest.mark.parametrize(("profile", "unit"), [("paper", 8.0), ("zero-sum", 1.0)])
 def test_rewards_are_scaled_to_units_of_a_capture(profile, unit):
     row, reward = random_row(jax.random.key(6)), replace(RUN.game.reward, profile=profile, capture=8.0)
-    found = ppo._in_units(replace(RUN.game, reward=reward), row)
+    found = _in_units_of_a_capture(replace(RUN.game, reward=reward), row)
     np.testing.assert_allclose(found.reward, row.reward / unit, rtol=1e-6)
 
 
 def test_initial_values_of_a_response_become_logits():
     """A lost game costs 10 in the values of `E_scratch`, and at a temperature of 0.1 of one 10 in its logits."""
-    given = replace(RUN, evader="E_scratch", ppo=replace(PPO, width=256, depth=4, temperature=0.1))
-    first, agent = (
-        load_first_networks(given, Role.EVADER),
-        load_first_networks(replace(given, stages="self-play"), Role.EVADER),
-    )
+    wide = replace(PPO, width=256, depth=4, temperature=0.1)
+    given = replace(RUN, evader="E_scratch", algorithm=wide)
+    first, agent = load_first_network(given, Role.EVADER), load_network("E_scratch", Role.EVADER)
     seen = jax.random.normal(jax.random.key(0), (5, SIZE))
     np.testing.assert_allclose(first.batch(seen), agent.batch(seen), rtol=1e-5)
-    colder = load_first_networks(replace(given, ppo=replace(given.ppo, temperature=0.01)), Role.EVADER)
+    colder = load_first_network(replace(given, algorithm=replace(wide, temperature=0.01)), Role.EVADER)
     np.testing.assert_allclose(colder.batch(seen), 10 * agent.batch(seen), rtol=1e-5)
 
 
 TEAMS = replace(
     RUN,
     game=replace(find_game("team-2v1"), max_steps=30),
-    ppo=replace(PPO, observation="team", games=8, steps=16, batch=32, hold=4.0),
-    response=replace(
-        STAGE,
-        role="pursuer",
-        env_steps=512,
-        clearance_margin=0.05,
-        restart_fraction=0.5,
-        tasks=(Task(replace(make_game("paper"), max_steps=30)),),
+    algorithm=replace(PPO, observation="team", games=8, steps=16, batch=32, hold=4.0),
+    stages=(
+        replace(
+            STAGE,
+            role="pursuer",
+            env_steps=512,
+            clearance_margin=0.05,
+            restart_fraction=0.5,
+            tasks=(Task(replace(make_game("paper"), max_steps=30)),),
+        ),
     ),
 )
 
@@ -257,7 +255,7 @@ def uninterrupted(tmp_path_factory):
 def test_response_run_in_teams_and_alone_saves_one_agent(uninterrupted):
     assert list(agents(uninterrupted)) == ["P_response"]
     header = load_agent(uninterrupted / "agents" / "P_response.safetensors").header
-    assert (header.clearance_margin, header.loss_value) == (0.05, 1 / TEAMS.ppo.temperature)
+    assert (header.clearance_margin, header.loss_value) == (0.05, 1 / TEAMS.algorithm.temperature)
     lines = metrics(uninterrupted)
     assert [line["env_steps"] for line in lines] == [128, 256, 384, 512]
     assert sum(lines[-1]["evaluation"]["outcomes"].values()) == 8
@@ -272,47 +270,36 @@ def test_stopped_response_resumes_to_the_same_end(uninterrupted, tmp_path):
 
 
 @pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
-def test_agent_keeps_the_configured_share_of_its_initial_weights(share, tmp_path):
-    first = tmp_path / "first.safetensors"
-    save_agent(describe(make_network("encoded", 32, 1, jax.random.key(3)), Role.EVADER, to_dict(RUN.game), {}), first)
-    run = replace(RUN, evader=str(first), response=replace(STAGE, initial_weight_share=share))
-    begun, (after,) = (
-        load_first_networks(run, Role.EVADER).layers,
-        make_network("encoded", 32, 1, jax.random.key(4)).layers[:1],
-    )
-    side = (
-        TrainingRun(run, tmp_path)
-        .start("response", BySide(None, load_first_networks(run, Role.EVADER)))
-        .train.learners[Role.EVADER]
-    )
-    moved = eqx.tree_at(lambda learner: learner.network.layers[0], side.learner, after)
-    (weight, *_) = jax.tree.leaves(TrainingRun(run, tmp_path)._finish_stage(replace(side, learner=moved)).layers)
-    np.testing.assert_allclose(weight, share * begun[0].weight + (1 - share) * after.weight, atol=1e-6)
+def test_agent_keeps_the_configured_share_of_its_initial_weights(share):
+    first, later = (make_network("encoded", 32, 1, jax.random.key(seed)) for seed in (3, 4))
+    response = replace(STAGE, initial_weight_share=share).make(PPO, RUN.game)
+    state = response.init(jax.random.key(0), BySide(None, first))
+    moved = eqx.tree_at(lambda state: state.learners[Role.EVADER].learner.network, state, later)
+    agent = response.agents(moved)[Role.EVADER]
+    weights = (network.layers[0].weight for network in (agent, first, later))
+    own, before, after = weights
+    np.testing.assert_allclose(own, share * before + (1 - share) * after, atol=1e-6)
 
 
 def test_training_tasks_have_their_own_games_and_opponents():
     tasks = Task(make_game("paper")), Task(find_game("office"), opponents=("flee", "still"))
-    settings = training_tasks(replace(STAGE, role="pursuer", tasks=tasks), PPO, RUN.game)
-    kinds = [[type(one).__name__ for one in setting.opponents] for setting in settings]
+    tasks_ = training_tasks(replace(STAGE, role="pursuer", tasks=tasks), PPO, RUN.game)
+    kinds = [[type(one).__name__ for one in task.opponents] for task in tasks_]
     assert kinds == [["Still", "Uniform"], ["Still", "Uniform"], ["Flee", "Still"]]
-    assert settings[2].game.arena.x_max > settings[1].game.arena.x_max == settings[0].game.arena.x_max
+    assert tasks_[2].game.arena.x_max > tasks_[1].game.arena.x_max == tasks_[0].game.arena.x_max
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"ppo": replace(PPO, games=1, batch=16)}, "ppo.games = 1"),
-        ({"response": replace(STAGE, opponents=("nobody", "still"))}, "unknown agent 'nobody'"),
-        ({"response": replace(STAGE, clearance_margin=0.05)}, "know the room to brake"),
+        ({"algorithm": replace(PPO, games=1, batch=16)}, "games = 1 .*as many at least as opponents"),
+        ({"stages": (replace(STAGE, opponents=("nobody", "still")),)}, "unknown agent 'nobody'"),
+        ({"stages": (replace(STAGE, clearance_margin=0.05),)}, "know the room to brake"),
     ],
 )
 def test_impossible_responses_are_refused(change, message):
-    def settings():
-        one = replace(RUN, **change)
-        return training_tasks(one.response, one.ppo, one.game)
-
     with pytest.raises(InvalidInput, match=message):
-        settings()
+        require_agents(replace(RUN, **change))
 
 
 def test_batch_must_divide_the_transitions_of_a_round():

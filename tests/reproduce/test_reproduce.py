@@ -146,12 +146,16 @@ def test_study_is_not_overwritten_by_another(study):
 def test_run_configs_are_the_three_trainings_of_the_paper():
     runs = run_configs(PRESETS["paper"], 3)
     assert {run.seed for run in runs.values()} == {3}
-    stages = {"curriculum": "both", "scratch": "self-play", "random": "fixed-target"}
-    assert {name: run.stages for name, run in runs.items()} == stages
-    assert runs["random"].evaders == ("random",)
-    both = runs["curriculum"].fixed_target.env_steps + runs["curriculum"].self_play.env_steps
-    assert runs["random"].fixed_target.env_steps == both // 2
-    assert runs["scratch"].self_play == replace(runs["curriculum"].self_play, pursuer_epsilon=1.0)
+    names = {name: list(run.by_name) for name, run in runs.items()}
+    assert names == {
+        "curriculum": ["fixed-target", "self-play"],
+        "scratch": ["self-play"],
+        "random": ["fixed-target"],
+    }
+    assert runs["random"].stages[0].evaders == ("random",)
+    stage_1, stage_2 = runs["curriculum"].stages
+    assert [stage.env_steps for stage in runs["random"].stages] == [(stage_1.env_steps + stage_2.env_steps) // 2]
+    assert runs["scratch"].stages == (replace(stage_2, pursuer_epsilon=1.0),)
 
 
 def test_outcome_table_has_intervals_for_several_seeds_only():
