@@ -19,10 +19,6 @@ Memory = PyTree[Array]
 """What a player carries from step to step of a game; `()` for one that carries nothing."""
 
 
-Inner = TypeVar("Inner", bound="AbstractPolicy")
-"""Kind of the player within a wrapper."""
-
-
 def mix_bits(
     bits: UInt32[Array, "*rows"], number: UInt32[Array, "*numbers"]
 ) -> UInt32[Array, "..."]:
@@ -110,6 +106,10 @@ class AbstractActionValuePolicy(AbstractPolicy):
     def select(self, scores: Float[Array, "9"], allowed: Bool[Array, "9"]) -> Int[Array, ""]:
         """Return the allowed action of highest value."""
         return jnp.argmax(jnp.where(allowed, scores, -jnp.inf)).astype(jnp.int32)
+
+
+Inner = TypeVar("Inner", bound=AbstractPolicy)
+"""Kind of the player within a wrapper."""
 
 
 class AbstractWrapper(AbstractPolicy, Generic[Inner]):
