@@ -110,8 +110,10 @@ def rows_of(played: Transition, role: Role, limit_terminates: bool = False) -> R
         return Row(*content, terminated, truncated)
     robots = side.reward.size // terminated.size
 
+    shape = side.lost.shape
+
     def of_robots(flag: Array) -> Array:
-        return jnp.repeat(flag, robots, axis=1).reshape(flag.shape[0], -1, robots)
+        return jnp.repeat(flag, robots, axis=1).reshape(shape)
 
     row = Row(
         *content, of_robots(terminated) | side.lost, of_robots(truncated) & ~side.lost, side.active

@@ -115,7 +115,7 @@ def test_games_are_counted_for_the_version_that_played_them(role):
         return Experience(nothing[..., None], actions, nothing, nothing[..., None], nothing, jnp.asarray(members))
 
     played = Transition(
-        BySide.of(role, side(member), side(other)), jnp.asarray(outcome), jnp.asarray(ended), ended & False
+        BySide.of(role, side(member), side(other)), jnp.asarray(outcome), jnp.asarray(ended), jnp.zeros(shape, bool)
     )
     before = replace(versions_of(4), drawn=jnp.asarray([2, 0]))
     after = jax.jit(earlier_versions.record_results, static_argnums=1)(before, role, played)
