@@ -2,9 +2,9 @@
 
     python examples/own_algorithm.py
 
-Vieillard, Pietquin and Geist (2020) add to each reward the logarithm of the probability of the
-action, by a softmax of its values. The run is as of `apollonius train`: a folder with checkpoints,
-metrics, agents and a report. Start the script again after Ctrl-C, and it goes on to the same bits.
+Each reward is raised by the log probability of the action (Vieillard, Pietquin and Geist, 2020).
+The run is a folder with checkpoints, metrics, agents and a report, as of `apollonius train`. Start
+the script again after Ctrl-C, and it goes on to the same bits.
 """
 
 from dataclasses import dataclass, replace
@@ -50,8 +50,8 @@ class Munchausen(ReplayAlgorithm):
 
     def init_learner(self, key, network=None):
         first = network or make_network(self.observation, self.width, self.depth, key)
-        copies = [jax.tree.map(jnp.copy, first) for _ in range(2)]
-        return Learner(*copies, ADAM.init(eqx.filter(first, eqx.is_array)), jnp.int32(0))
+        own, average = (jax.tree.map(jnp.copy, first) for _ in range(2))
+        return Learner(own, average, ADAM.init(eqx.filter(own, eqx.is_array)), jnp.int32(0))
 
     def exploration(self, first, stage_env_steps, env_steps):
         return interpolate_linearly(first, 0.02, 0.1 * stage_env_steps, env_steps)
@@ -74,8 +74,8 @@ class Munchausen(ReplayAlgorithm):
             return jnp.mean((targets - of_actions(network.batch(batch.observation))) ** 2)
 
         error, gradient = eqx.filter_value_and_grad(loss)(learner.network)
-        steps, optimiser = ADAM.update(gradient, learner.optimiser)
-        steps = jax.tree.map(lambda step: -learning_rate * step, steps)
+        direction, optimiser = ADAM.update(gradient, learner.optimiser)
+        steps = jax.tree.map(lambda step: -learning_rate * step, direction)
         network = eqx.apply_updates(learner.network, steps)
         average = interpolate_weights(learner.average, network, self.averaging)
         return Learner(network, average, optimiser, learner.updates + 1), error

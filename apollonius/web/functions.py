@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from apollonius.agents.path_following import search_view
+from apollonius.agents.wrappers import clearance_penalty as penalties
 from apollonius.agents.wrappers.shield import MARGIN
 from apollonius.arenas.charting import clearances, paths
 from apollonius.game.chart import NO_PATH, Chart, entries
@@ -149,6 +150,19 @@ def network(
 
     total = jax.lax.fori_loop(0, 1 + symmetric, add_side, jnp.zeros(UNITS, jnp.float32))
     return total / (1 + symmetric).astype(jnp.float32)
+
+
+def clearance_penalty(
+    inputs: Float[Array, " inputs"], margin: Scalar, loss_value: Scalar
+) -> Float[Array, "9"]:
+    """Compute the penalty of each action that leaves less than the clearance margin.
+
+    Args:
+        inputs: the numbers of `egocentric` and any others after them.
+        margin: the clearance that an action should leave a robot that then brakes [m].
+        loss_value: value of a lost game.
+    """
+    return penalties.clearance_penalty(inputs, margin, loss_value)
 
 
 def clearance_after(

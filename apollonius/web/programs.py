@@ -115,6 +115,7 @@ def page_programs() -> Iterator[Program]:
         functions.chart,
         functions.arrival_advantage,
         functions.network,
+        functions.clearance_penalty,
         functions.search,
     ):
         yield _make_program(function)
@@ -163,6 +164,7 @@ def _examples() -> dict[str, Any]:
         "sizes": whole(MOST_LAYERS + 2),
         "inputs": real(MOST_WIDTH),
         **dict.fromkeys(("x", "y", "side", "radius", "capture_distance", "dt"), number),
+        **dict.fromkeys(("margin", "loss_value"), number),
         **dict.fromkeys(("left", "count", "symmetric"), whole()),
     }
 

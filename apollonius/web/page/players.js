@@ -65,8 +65,14 @@ const PREFERENCES = { values: byValue, gaussian: (said) => byNearness(said.subar
 
 /** A trained agent without exploration: as a player, and its values of the nine actions; null of one without values. */
 export function trained(agent) {
-  const { observation, network = "values", role } = agent.header;
-  const values = (...seen) => outputs(agent, observe(observation, ...seen));
+  const { observation, network = "values", role, clearance_margin: margin = 0, loss_value: lossValue } = agent.header;
+  const bare = (...seen) => outputs(agent, observe(observation, ...seen));
+  const penalised = (...seen) => {
+    const values = bare(...seen);
+    const penalty = run.clearance_penalty(margin, lossValue); // by the observation, which `outputs` has left in memory
+    return values.map((value, action) => value - penalty[action]);
+  };
+  const values = margin > 0 ? penalised : bare;
   const departing = (...seen) => {
     const costs = observe("departure_costs", ...seen);
     return values(...seen).map((value, action) => value - costs[action]);
