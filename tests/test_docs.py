@@ -1,6 +1,7 @@
 """The code in the documents runs; commands can be given as they stand there."""
 
 import argparse
+import ast
 import importlib
 import json
 import re
@@ -318,3 +319,45 @@ def test_python_in_a_guide_runs(name):
         if block.language == "python":
             exec(block.code, names)
     assert eval(HOLDS[name], names)
+
+
+PAPER = (DOCS / "concepts" / "paper.md").read_text(encoding="utf-8")
+PLACE = re.compile(r"((?:`[\w.]+`(?:, | and )?)+) in `([\w/]+\.py)`")
+
+
+def defined_names(path):
+    """The functions and classes of a module, and the methods of these."""
+    names = set()
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.ClassDef | ast.FunctionDef):
+            names.add(node.name)
+        if isinstance(node, ast.ClassDef):
+            names |= {f"{node.name}.{inner.name}" for inner in node.body if isinstance(inner, ast.FunctionDef)}
+    return names
+
+
+def test_equations_and_lines_of_the_paper_are_where_the_table_says():
+    """Each row names functions that exist, and the file of an equation or algorithm mentions it."""
+    rows = [line.strip("| ").split(" | ") for line in PAPER.splitlines() if line.startswith("| ") and ".py`" in line]
+    assert len(rows) >= 12
+    for label, package, _ in rows:
+        places = PLACE.findall(package)
+        assert places, package
+        texts = []
+        for names, file in places:
+            path = REPOSITORY / "apollonius" / file
+            texts.append(path.read_text(encoding="utf-8"))
+            assert set(re.findall(r"`([\w.]+)`", names)) <= defined_names(path), (names, file)
+        kind = re.match(r"(Eq\.|Fig\.|Algorithm) ?(\d)", label)
+        if kind:
+            assert any(f"{kind[1]} {kind[2]}" in text for text in texts), (label, package)
+
+
+@pytest.mark.parametrize(("number", "file", "last"), [(1, "fixed_target", 11), (2, "self_play", 12)])
+def test_every_line_of_an_algorithm_is_a_comment_in_its_file(number, file, last):
+    text = (REPOSITORY / "apollonius" / "learn" / f"{file}.py").read_text(encoding="utf-8")
+    lines = set()
+    for comment in re.findall(r"# (Algorithm .*)", text):
+        for first, _, end in re.findall(r"[Ll]ines? (\d+)( to (\d+))?", comment):
+            lines |= set(range(int(first), int(end or first) + 1))
+    assert lines == set(range(1, last + 1))
