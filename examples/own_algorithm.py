@@ -4,7 +4,7 @@
 
 Each reward is raised by the log probability of the action (Vieillard, Pietquin and Geist, 2020).
 The run is a folder with checkpoints, metrics, agents and a report, as of `apollonius train`. Start
-the script again after Ctrl-C, and it goes on to the same bits.
+the script again after Ctrl-C: it continues to the same bits.
 """
 
 from dataclasses import dataclass, replace

@@ -197,7 +197,7 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
 
 
 def _chosen_stages(config: "RunConfig", kind: str) -> "tuple[StageConfig, ...]":
-    """Return the stages of one kind; raises InvalidInput where there is none."""
+    """Return the stages of one kind; raises InvalidInput for a training without one."""
     stages = tuple(stage for stage in config.stages if stage.kind == kind)
     bound = f"one of this training, {', '.join(config.by_name)}"
     require(stages, "--stage", kind, bound)
@@ -223,9 +223,9 @@ def _train_and_judge(config: "RunConfig", folder: Path, options: argparse.Namesp
 
 def _train(config: "RunConfig", folder: Path, options: argparse.Namespace) -> None:
     """Train to the end; raises KeyboardInterrupt after a Ctrl-C."""
+    from apollonius.learn.distillation import TABLES
     from apollonius.learn.metrics import Tracker
     from apollonius.learn.run import TrainingRun
-    from apollonius.learn.stage import TABLES
 
     trackers = list[Tracker]()
     display = options.display

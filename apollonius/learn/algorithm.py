@@ -44,6 +44,22 @@ def interpolate_linearly(start: Real, end: Real, over: Real, env_steps: Int[Arra
     return value
 
 
+def require_reward_in_play(game: Game, role: Role) -> None:
+    """Refuse to train a team by a reward that comes after its robots can be out of play: in the
+    zero-sum profile.
+
+    A robot learns until it is out of play. By that profile it would not learn that its side lost or
+    won after that, and leaving early would cost nothing.
+    """
+    is_paid = len(game.bodies[role]) == 1 or game.reward.profile != "zero-sum"
+    require(
+        is_paid,
+        "reward.profile",
+        game.reward.profile,
+        "'paper' for a team that learns, which pays robots in play",
+    )
+
+
 @runtime_checkable
 class Learner(Protocol):
     """One side's networks and optimisers: `network` plays while it learns, `average` in
@@ -153,7 +169,7 @@ class Algorithm:
         return 0
 
     def first_network(self, name: str, role: Role, game: Game, field: str = "") -> Network:
-        """Load the network of an agent that a side goes on from.
+        """Load the network that a side starts from, an agent's.
 
         Args:
             name: name or file of the agent.

@@ -50,7 +50,7 @@ class RunConfig:
     algorithm: Algorithm = field(default_factory=DQNConfig)
     """How each side learns."""
     stages: tuple[StageConfig, ...] = (FixedTargetConfig(), SelfPlayConfig())
-    """The stages in their order: each goes on from the agents of those before it."""
+    """The stages in their order: each starts from the agents of the earlier ones."""
     pursuer: str | None = None
     """Agent that the pursuer starts from; None for random weights. Where `team` is trained, one
     that reads `egocentric` is extended by weights of 0 for what is new.
@@ -109,7 +109,7 @@ class RunConfig:
         return list(_STAGES).index(kind) + len(_STAGES) * repeats
 
     def sides_with_networks(self, name: str) -> BySide[bool]:
-        """Return which sides have a network before a stage: from an agent, or from an earlier
+        """Tell the sides that have a network before a stage: from an agent, or from an earlier
         stage.
         """
         names = list(self.by_name)

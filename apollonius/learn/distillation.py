@@ -40,15 +40,7 @@ from apollonius.learn.one_side import (
     resolve_players,
 )
 from apollonius.learn.replay_buffer import ReplayBuffer, add
-from apollonius.learn.stage import (
-    NO_NETWORKS,
-    TABLES,
-    Counts,
-    Metrics,
-    TrainState,
-    end_iteration,
-    zero_counters,
-)
+from apollonius.learn.stage import NO_NETWORKS, Metrics, TrainState, end_iteration, zero_counters
 from apollonius.learn.states_to_label import starts_of, states_to_label
 from apollonius.learn.teacher import Clearance, DistillationTask, motion_of_clearance
 from apollonius.observe.observation import observation_rows
@@ -58,6 +50,8 @@ from apollonius.solve.players import RolloutSearch, SaddlePolicy
 from apollonius.solve.safety import solve_safety
 from apollonius.solve.solving import cached_tables, reference_grid
 
+TABLES = "tables"
+"""Folder of solved games in that of a run."""
 ORDER = 10.0
 """Weight of the differences between a state's actions, relative to their mean: the choice depends
 on them alone.
@@ -100,7 +94,7 @@ class DistillationConfig(OneSideConfig):
     """Games against an attacker that knows the student and looks one hold of ten steps ahead."""
     far_sighted: int = 64
     """Games against one that looks two holds ahead, at four times the cost."""
-    grid: Counts | None = None
+    grid: tuple[int, ...] | None = None
     """Nodes along x, y, v and heading on which the game is solved; None for those of `apollonius
     solve game`.
     """
@@ -140,7 +134,7 @@ class DistillationConfig(OneSideConfig):
         has_room = algorithm.games - attackers >= len(self.opponents)
         require(has_room, "games", algorithm.games, bound)
 
-    def games_to_solve(self, game: Game) -> list[tuple[Game, Counts | None]]:
+    def games_to_solve(self, game: Game) -> list[tuple[Game, tuple[int, ...] | None]]:
         if not self.solves:
             return []
         return [(alone, self.grid) for alone in single_arena_games(game)]

@@ -40,7 +40,7 @@ class EarlierVersions(eqx.Module):
 
     Attributes:
         networks: their weights, leaves `[versions, ...]`.
-        count: number of versions that there are.
+        count: number of versions.
         games: recent games of each against the learner of the other side.
         lost: those that it lost.
         drawn: the two versions that play, the latest draw at `turn % 2`.

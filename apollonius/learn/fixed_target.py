@@ -16,10 +16,10 @@ from apollonius.game.game import Game
 from apollonius.game.types import BySide, GameState, Role
 from apollonius.learn.algorithm import ReplayAlgorithm
 from apollonius.learn.replay_buffer import rows_of
+from apollonius.learn.replay_stage import ReplayStage
 from apollonius.learn.stage import (
     NO_NETWORKS,
     Metrics,
-    ReplayStage,
     StageConfig,
     TrainState,
     end_iteration,

@@ -172,7 +172,7 @@ class PPOConfig(Algorithm):
         return 1
 
     def first_network(self, name: str, role: Role, game: Game, field: str = "") -> Network:
-        """Load the network of an agent that a side goes on from: its values become logits."""
+        """Load the network that a side starts from, an agent's: its values become logits."""
         network = super().first_network(name, role, game, field)
         value = loss_value(find_player(name, role, game), game)
         return scale_outputs(network, self.loss_value / value)
@@ -268,7 +268,7 @@ class PPOConfig(Algorithm):
         it.
         """
         networks = learner.network, learner.critic
-        (_, error), gradients = eqx.filter_value_and_grad(loss, has_aux=True)(
+        (_, error), gradients = eqx.filter_value_and_grad(clipped_loss, has_aux=True)(
             networks, self, batch, clearance_margin
         )
         of_network, of_critic = gradients
@@ -321,7 +321,7 @@ class LearnBatch(eqx.Module):
     counts: Bool[Array, " rows"]
 
 
-def loss(
+def clipped_loss(
     networks: tuple[QNetwork, Layers], config: PPOConfig, batch: LearnBatch, clearance_margin: float
 ) -> tuple[Scalar, Scalar]:
     """Return the loss of both networks on a batch, and the critic's mean squared error in it."""

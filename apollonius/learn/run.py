@@ -44,7 +44,7 @@ CHECKPOINT_SECONDS = 60.0
 
 
 class CheckpointContent(eqx.Module):
-    """Content of a checkpoint: the training state, the networks that later stages go on from, and
+    """Content of a checkpoint: the training state, the networks that later stages start from, and
     the best ones of this stage so far, where it keeps them.
     """
 
@@ -113,7 +113,7 @@ class TrainingRun:
         return config.by_name[name].make(config.algorithm, self.game, self.folder)
 
     def begin(self, name: str, stage: Stage, networks: BySide[Network | None]) -> CheckpointContent:
-        """Return the beginning of a stage that goes on from these networks."""
+        """Return the beginning of a stage that starts from these networks."""
         seed_key = jax.random.key(self.config.seed)
         key = jax.random.fold_in(seed_key, self.config.stage_number(name))
         train = stage.init(key, networks)
@@ -218,7 +218,7 @@ def _is_best(stage: Stage, evaluation: Evaluation, meta: CheckpointMeta) -> bool
 
 
 def _networks_after(stage: Stage, content: CheckpointContent) -> BySide[Network | None]:
-    """Return the networks that later stages go on from: the best ones of this stage, or its last
+    """Return the networks that later stages start from: the best ones of this stage, or its last
     ones.
     """
     agents: dict[Role, Any] = content.best or stage.agents(content.train)

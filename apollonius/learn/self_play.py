@@ -28,10 +28,10 @@ from apollonius.learn.earlier_versions import (
     record_results,
 )
 from apollonius.learn.replay_buffer import rows_of
+from apollonius.learn.replay_stage import ReplayStage
 from apollonius.learn.stage import (
     NO_NETWORKS,
     Metrics,
-    ReplayStage,
     StageConfig,
     TrainState,
     end_iteration,

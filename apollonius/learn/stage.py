@@ -1,10 +1,8 @@
 """A stage of training: its numbers, its state, and what a run asks of it.
 
-A run is a list of stages. It knows what stands here of them, not of what kind they are: `init`,
-`step`, `agents`, `evaluate`.
+A run knows its stages by `init`, `step`, `agents` and `evaluate`, not by their kinds.
 """
 
-import functools
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -18,33 +16,26 @@ import numpy as np
 from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.agents.network import Network
-from apollonius.agents.policy import AbstractPolicy
-from apollonius.agents.pool import AbstractPlayers, Pool, single_player
+from apollonius.agents.pool import Pool, single_player
 from apollonius.agents.trained import greedy_policy
-from apollonius.game.game import MAX_STEPS, Game, reset_batch, sample_starts
+from apollonius.game.game import MAX_STEPS, Game, sample_starts
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.presets import randomised
 from apollonius.game.scenario import Spread
-from apollonius.game.types import ROLES, BySide, GameState, Outcome, Role, Scalar
+from apollonius.game.types import ROLES, BySide, Outcome, Role, Scalar
 from apollonius.io.errors import require, require_positive, require_within
 from apollonius.io.limits import GAMES
-from apollonius.learn.algorithm import Algorithm, LearningSide, ReplayAlgorithm
-from apollonius.play.autoreset import row_at_turn
+from apollonius.learn.algorithm import (
+    Algorithm,
+    LearningSide,
+    ReplayAlgorithm,
+    require_reward_in_play,
+)
 from apollonius.play.playout import play_out
-from apollonius.play.rollout import Transition, init_games
+from apollonius.play.rollout import Transition
 
-TABLES = "tables"
-"""Folder of solved games in that of a run."""
-Counts = tuple[int, ...]
-"""Nodes of a grid along x, y, v and heading."""
 _EVALUATION_SEED = 20_200
 """Seed of the games of evaluations, the same for all runs; the final evaluation uses others."""
-_STARTS_PER_CHUNK = 4096
-"""Initial states drawn before each chunk; a game that ends takes one."""
-_STARTS_IN_ARENAS = 1024
-"""Initial states drawn in games of several arenas, where each takes as long to draw as some ten
-steps to play.
-"""
 
 
 @dataclass(frozen=True)
@@ -125,7 +116,7 @@ class StageConfig:
         for role in self.roles:
             require_reward_in_play(game, role)
 
-    def games_to_solve(self, game: Game) -> list[tuple[Game, Counts | None]]:
+    def games_to_solve(self, game: Game) -> list[tuple[Game, tuple[int, ...] | None]]:
         """Return the games whose tables the stage needs, each with the numbers of nodes of its
         grid, None for the usual ones.
         """
@@ -159,22 +150,6 @@ class StageConfig:
         idle = algorithm.steps_before_learning
         idle = idle if idle < total else 0
         return max(0, env_steps - idle) / (total - idle)
-
-
-def require_reward_in_play(game: Game, role: Role) -> None:
-    """Refuse to train a team by a reward that comes after its robots can be out of play: in the
-    zero-sum profile.
-
-    A robot learns until it is out of play. By that profile it would not learn that its side lost or
-    won after that, and leaving early would cost nothing.
-    """
-    is_paid = len(game.bodies[role]) == 1 or game.reward.profile != "zero-sum"
-    require(
-        is_paid,
-        "reward.profile",
-        game.reward.profile,
-        "'paper' for a team that learns, which pays robots in play",
-    )
 
 
 class Metrics(eqx.Module):
@@ -300,85 +275,6 @@ class Stage(eqx.Module):
         the last ones count.
         """
         return False
-
-
-class ReplayStage(Stage):
-    """A stage whose sides learn from the transitions of their games, stored in replay buffers.
-
-    Attributes:
-        game: the game of training.
-    """
-
-    algorithm: eqx.AbstractVar[ReplayAlgorithm]
-    game: eqx.AbstractVar[Game]
-
-    @abstractmethod
-    def players(self, state: Any) -> BySide[AbstractPlayers]:
-        """Return the players of both sides in the games of training."""
-
-    @abstractmethod
-    def iterate(self, state: Any, starts: GameState) -> tuple[Any, Metrics]:
-        """Play some steps of every game, store the transitions, update each learning side."""
-
-    def step(self, state: Any) -> tuple[Any, Metrics]:
-        return train_chunk(self, state)
-
-    def init_side(
-        self, role: Role, key: PRNGKeyArray, network: Network | None
-    ) -> LearningSide[Any]:
-        """Make a side that learns, with an empty replay buffer. The key is consumed."""
-        robots = len(self.game.bodies[role])
-        return self.algorithm.init_side(key, network, robots, self.game.teams is not None)
-
-    def begin_games(self, state: S, key: PRNGKeyArray, member_key: PRNGKeyArray) -> S:
-        """Return a state that has no games with games at their starts. Both keys are consumed."""
-        games = self.algorithm.games
-        bits = jax.random.bits(member_key, (2, games), jnp.uint32)
-        starts = reset_batch(self.game, key, games)
-        first_games = init_games(self.game, starts, self.players(state), bits)
-        # Apart: at the start what a side knows is the state itself.
-        return replace(state, games=jax.tree.map(jnp.array, first_games))
-
-    def explorer_policy(self, state: TrainState, role: Role) -> AbstractPolicy:
-        """Return the player that explores for a side that learns."""
-        amount = self.algorithm.exploration(
-            self.config.epsilon[role], self.config.env_steps, state.env_steps
-        )
-        return self.algorithm.explorer(state.learners[role].learner.network, amount)
-
-    def explorer(self, state: TrainState, role: Role) -> Pool:
-        """Return the players of a side that learns: one, with noise that lasts where the algorithm
-        says so.
-        """
-        pool = single_player(self.explorer_policy(state, role))
-        return replace(pool, bits=self.noise(state, role))
-
-    def noise(self, state: TrainState, role: Role) -> Array | None:
-        """Return the random bits by which a side explores in each game; None where each step has
-        its own.
-        """
-        noise_block = self.algorithm.noise_block(state.iterations)
-        if noise_block is None:
-            return None
-        key = jax.random.fold_in(jax.random.fold_in(state.key, 4 + role), noise_block)
-        return jax.random.bits(key, (self.algorithm.games,), jnp.uint32)
-
-
-@functools.partial(jax.jit, donate_argnames="state")
-def train_chunk(stage: ReplayStage, state: S) -> tuple[S, Metrics]:
-    """Train a chunk. The state is consumed: replay buffers are updated in place."""
-    algorithm = stage.algorithm
-    games, steps = algorithm.games, algorithm.steps_per_iteration
-    drawn_at_once = _STARTS_PER_CHUNK if stage.game.scenario is None else _STARTS_IN_ARENAS
-    rows = max(1, drawn_at_once // (games * steps))
-    drawn = reset_batch(stage.game, state.iteration_key(0), rows * steps * games)
-    starts = jax.tree.map(lambda leaf: leaf.reshape(rows, steps, games), drawn)
-
-    def iterate(state: S, index: Int[Array, ""]) -> tuple[S, Metrics]:
-        return stage.iterate(state, row_at_turn(starts, index))
-
-    after, metrics = jax.lax.scan(iterate, state, jnp.arange(algorithm.iterations_per_chunk))
-    return after, jax.tree.map(lambda leaf: jnp.sum(leaf, axis=0), metrics)
 
 
 def end_iteration(

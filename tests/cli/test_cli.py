@@ -228,7 +228,7 @@ REFUSED = {
     "train --vary algorithm.batch=1:2": "algorithm.batch", "train --vary lr=1": "unknown key 'lr'; remove it",
     "train --seeds 0-999,1000": "at most 1,000",
     f"train --vary stages.fixed-target.evaders={'[' * 5_000}": "evaders",
-    "train --seeds 0-999 --vary algorithm.batch=1:100:100 --vary algorithm.width=1:99:99 --vary dt=1:99:99":
+    "train --seeds 0-999 --vary algorithm.batch=1:100:100 --vary algorithm.width=1:100:100 --vary dt=1:100:100":
     "trainings = 1000000000 is not possible: it must be a whole number, at least 1, at most 1,000",
     "train --vary seed=1 --seeds 0-1": "of different fields", 
     "train --on moon": "unknown choice 'moon'; choose one of processes, slurm, ray; see",
@@ -428,8 +428,8 @@ def test_resume_skips_finished_and_evaluated_runs_of_a_sweep(tiny, capsys, monke
     asked.clear()
     assert main(["resume", "sweep"]) == 0
     assert asked == runs[1:]
-    text = Path(runs[1], "config.toml").read_text(encoding="utf-8")
-    Path(runs[1], "config.toml").write_text(text.replace('"both"', '"response"'), encoding="utf-8")
+    response = '[algorithm]\nkind = "ppo"\n[[stages]]\nkind = "response"\n'
+    Path(runs[1], "config.toml").write_text(response, encoding="utf-8")
     asked.clear()
     assert main(["resume", "sweep"]) == 0
     assert asked == runs[2:], "one side that learned alone is not judged"

@@ -140,7 +140,7 @@ def batch_of(key, **changes):
 
 def test_ppo_loss_matches_schulman_et_al_over_active_rows(learner):
     batch = batch_of(jax.random.key(3))
-    found, error = ppo.loss((learner.network, learner.critic), PPO, batch, 0.0)
+    found, error = ppo.clipped_loss((learner.network, learner.critic), PPO, batch, 0.0)
     values, some = np.asarray(learner.network.batch(batch.observation), float), np.asarray(batch.counts)
     odds = np.exp(values) / np.exp(values).sum(axis=1, keepdims=True)
     ratio = odds[np.arange(64), batch.action] / np.exp(np.asarray(batch.probability, float))

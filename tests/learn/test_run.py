@@ -24,9 +24,10 @@ from apollonius.learn import run as run_module
 from apollonius.learn import stage as stage_module
 from apollonius.learn.folder import FORMAT, create_run, load_checkpoint_meta, load_config, lock_run
 from apollonius.learn.progress import ProcessStatus, progress_of, runs_below
+from apollonius.learn.replay_stage import ReplayStage
 from apollonius.learn.run import TrainingRun, load_first_network
 from apollonius.learn.self_play import SelfPlay
-from apollonius.learn.stage import Metrics, ReplayStage
+from apollonius.learn.stage import Metrics
 from apollonius.play.playout import Results
 from tests.learn.tiny import CHUNK, DQN, RUN, SELF_PLAY, STAGE
 

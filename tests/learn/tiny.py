@@ -11,8 +11,9 @@ from apollonius.game.starts import Starts
 from apollonius.learn.config import RunConfig
 from apollonius.learn.dqn import DQNConfig
 from apollonius.learn.fixed_target import FixedTarget, FixedTargetConfig
+from apollonius.learn.replay_stage import ReplayStage
 from apollonius.learn.self_play import SelfPlayConfig
-from apollonius.learn.stage import NO_NETWORKS, ReplayStage
+from apollonius.learn.stage import NO_NETWORKS
 
 CHUNK = 8192
 """Env steps of a chunk: 128 iterations of 64 games."""
