@@ -153,7 +153,7 @@ def _of_one_structure(
     policies: Sequence[AbstractPolicy], network: QNetwork
 ) -> list[AbstractPolicy]:
     """Return players as such with networks of this shape: who explores always is random, and who
-    values one action still. Each has a clearance penalty if one of them has, of 0 if it had none.
+    values one action still. Each has a clearance penalty if any has, of 0 where it had none.
     """
     some_penalty = any(isinstance(policy, ClearancePenalty) for policy in policies)
 

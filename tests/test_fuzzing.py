@@ -232,7 +232,7 @@ def use_config(path):
     copy = path.with_name("copy.toml")
     copy.write_bytes(tomli_w.dumps(to_dict(config)).encode())
     assert to_dict(load_config(copy)) == to_dict(config)
-    assert {name: plan.chunks for name, plan in config.plans.items()}
+    assert {name: plan.chunks for name, plan in config.by_name.items()}
 
 
 def metrics_of(chunks):

@@ -27,7 +27,7 @@ from apollonius.agents.network import (
     scale_outputs,
 )
 from apollonius.agents.trained import AbstractByNetwork
-from apollonius.agents.wrappers.clearance_penalty import clearance_penalty
+from apollonius.agents.wrappers.clearance_penalty import action_penalties
 from apollonius.catalogue import find_player, loss_value
 from apollonius.game.game import Game
 from apollonius.game.types import RandomBits, Role, Scalar
@@ -103,7 +103,7 @@ class SamplingPolicy(AbstractByNetwork):
         self, values: Float[Array, "*rows 9"], observations: Float[Array, "*rows size"]
     ) -> Array:
         return (
-            values - clearance_penalty(observations, self.clearance_margin, self.loss_value)
+            values - action_penalties(observations, self.clearance_margin, self.loss_value)
             if self.clearance_margin
             else values
         )

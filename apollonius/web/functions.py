@@ -162,7 +162,7 @@ def clearance_penalty(
         margin: the clearance that an action should leave a robot that then brakes [m].
         loss_value: value of a lost game.
     """
-    return penalties.clearance_penalty(inputs, margin, loss_value)
+    return penalties.action_penalties(inputs, margin, loss_value)
 
 
 def clearance_after(

@@ -11,7 +11,7 @@ import pytest
 from apollonius.agents.network import apply_to_batch, make_network
 from apollonius.agents.store import load_agent
 from apollonius.agents.trained import load_network
-from apollonius.agents.wrappers.clearance_penalty import COST, clearance_penalty
+from apollonius.agents.wrappers.clearance_penalty import COST, action_penalties
 from apollonius.arenas.file import find_game
 from apollonius.game.presets import make_game
 from apollonius.game.types import BySide, Role
@@ -103,7 +103,7 @@ def test_clearance_penalty_lowers_the_logits_of_unsafe_actions():
     plain, careful = (SamplingPolicy(network, wanted, 5.0, 1.0) for wanted in (0.0, 0.05))
     differences = [each.penalise(network(seen), seen) for each in (plain, careful)]
     np.testing.assert_allclose(differences[0] - differences[1], 0.02 * COST * 5.0 * np.eye(9)[4], atol=1e-4)
-    np.testing.assert_allclose(clearance_penalty(seen, 0.05, 5.0), differences[0] - differences[1], atol=1e-4)
+    np.testing.assert_allclose(action_penalties(seen, 0.05, 5.0), differences[0] - differences[1], atol=1e-4)
 
 
 def test_advantages_match_generalised_advantage_estimation():

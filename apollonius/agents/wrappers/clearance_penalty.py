@@ -23,7 +23,7 @@ most of one.
 """
 
 
-def clearance_penalty(
+def action_penalties(
     observations: Float[Array, "*rows size"], margin: Real, loss_value: Real
 ) -> Float[Array, "*rows 9"]:
     """Compute the penalty of each action that leaves less than the clearance margin.
@@ -57,4 +57,4 @@ class ClearancePenalty(AbstractValueWrapper):
         self, observation: Any, memory: Memory, bits: RandomBits
     ) -> tuple[Float[Array, "9"], Memory]:
         values, memory = self.policy.score(observation, memory, bits)
-        return values - clearance_penalty(observation, self.margin, self.loss_value), memory
+        return values - action_penalties(observation, self.margin, self.loss_value), memory
