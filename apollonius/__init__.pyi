@@ -19,7 +19,6 @@ from apollonius.evaluate.match import Match as Match
 from apollonius.evaluate.match import play_match as play_match
 from apollonius.evaluate.match import record_game as record_game
 from apollonius.evaluate.result import MatchResult as MatchResult
-from apollonius.export.writing import translate as translate
 from apollonius.game.arena import Arena as Arena
 from apollonius.game.arena import Disc as Disc
 from apollonius.game.arena import register_obstacle as register_obstacle

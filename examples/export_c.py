@@ -17,7 +17,7 @@ from pathlib import Path
 
 import jax.numpy as jnp
 
-import apollonius
+import jaxpr2c
 
 
 def chase(robot, target):
@@ -36,8 +36,8 @@ def main() -> None:
     target = jnp.array([7.0, 6.0])
     in_jax = chase(robot, target)
 
-    files = apollonius.translate(chase, robot, target, name="chase")
-    for name, text in files.items():
+    program = jaxpr2c.translate(chase, robot, target, name="chase")
+    for name, text in program.files().items():
         Path(name).write_text(text, encoding="utf-8")
         print(f"{name}: {len(text.splitlines())} lines")
     print(f"JAX: {in_jax['acceleration']:.4f} m/s^2, {in_jax['turn_rate']:.4f} rad/s")

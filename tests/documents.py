@@ -19,6 +19,7 @@ DOCUMENTS = (
     REPOSITORY / "CHANGELOG.md",
     REPOSITORY / "SECURITY.md",
     REPOSITORY / "examples" / "README.md",
+    REPOSITORY / "jaxpr2c" / "README.md",
     *sorted((REPOSITORY / "docs").rglob("*.md")),
     *PAGES,
 )

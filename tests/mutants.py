@@ -22,7 +22,7 @@ from cosmic_ray.mutating import mutate_and_test  # pyright: ignore[reportMissing
 from cosmic_ray.work_db import use_db  # pyright: ignore[reportMissingImports]
 from cosmic_ray.work_item import MutationSpec, TestOutcome  # pyright: ignore[reportMissingImports]
 
-ROOT, PACKAGE = Path(__file__).parents[1], "apollonius"
+ROOT, PACKAGES = Path(__file__).parents[1], ("apollonius", "jaxpr2c")
 NOISE = re.compile(r"core/(ReplaceBinaryOperator_BitOr_|RemoveDecorator|ExceptionReplacer)")
 """Changes of annotations (`int | None`), and such that hardly anything survives."""
 PYTEST = f"{sys.executable} -m pytest -x -q -n 0 -p no:cacheprovider --timeout 300"
@@ -31,7 +31,7 @@ PYTEST = f"{sys.executable} -m pytest -x -q -n 0 -p no:cacheprovider --timeout 3
 def sample(number: int, seed: int) -> list[MutationSpec]:
     """Return mutants of the tree here, each at a place of its own, drawn evenly from all."""
     with tempfile.TemporaryDirectory() as folder, use_db(f"{folder}/all.sqlite") as found:
-        init(sorted(Path(PACKAGE).rglob("*.py")), found, {})
+        init(sorted(path for package in PACKAGES for path in Path(package).rglob("*.py")), found, {})
         every = [item.mutations[0] for item in found.work_items]
     every = sorted(
         (one for one in every if not NOISE.match(one.operator_name)),
@@ -44,7 +44,8 @@ def sample(number: int, seed: int) -> list[MutationSpec]:
 
 def tests_of(file: Path) -> list[str]:
     """Return the files of tests of a file's room, its own first, and those that import it."""
-    module, room = ".".join(file.with_suffix("").parts), Path("tests").joinpath(file.parts[1])
+    module = ".".join(file.with_suffix("").parts)
+    room = Path("tests").joinpath(file.parts[file.parts[0] == "apollonius"])
     found = sorted(
         (path.name != f"test_{file.name}", str(path))
         for path in Path("tests").rglob("test_*.py")

@@ -3,12 +3,13 @@
 import ast
 import graphlib
 import re
+import sys
 from collections import Counter
 
 import pytest
 
 from tests.documents import REPOSITORY
-from website.house import imported, room_of, rooms, sources, table
+from website.house import PACKAGE, TRANSLATOR, imported, room_of, rooms, sources, table
 
 HOUSE = (REPOSITORY / "docs" / "concepts" / "architecture.md").read_text()
 FILES = sources()
@@ -43,13 +44,21 @@ def violations(module, source):
 
 
 def test_package_has_no_architecture_violations():
-    assert {"apollonius", "apollonius.play.rollout", "apollonius.game.arena"} <= set(FILES)
+    assert {"apollonius", "apollonius.play.rollout", "apollonius.game.arena", "jaxpr2c.translator"} <= set(FILES)
     assert [found for module, source in FILES.items() for found in violations(module, source)] == []
 
 
 def test_document_has_the_actual_rooms_and_imports():
     assert table(rooms(FILES)) in HOUSE, "python -m website.house draws the table"
-    assert sum(count > 1 for count in Counter(map(room_of, FILES)).values()) <= 18
+    own = [module for module in FILES if module.startswith(PACKAGE)]
+    assert sum(count > 1 for count in Counter(map(room_of, own)).values()) <= 18
+
+
+def test_translator_imports_jax_and_numpy_alone():
+    allowed = {TRANSLATOR, "jax", "numpy", *sys.stdlib_module_names}
+    for module, source in FILES.items():
+        if room_of(module) == TRANSLATOR:
+            assert {name.split(".")[0] for name in imported(ast.parse(source), set())} <= allowed, module
 
 
 @pytest.mark.parametrize(

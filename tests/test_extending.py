@@ -21,10 +21,8 @@ from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import find_game, from_dict, to_dict
 from apollonius.arenas.survey import survey
 from apollonius.catalogue import find_player, find_pool
-from apollonius.export.c import CompiledProgram, header
 from apollonius.export.parity import cases_of, compare_decisions
 from apollonius.export.player import find_exportable
-from apollonius.export.translate import translate_block
 from apollonius.game.arena import Arena, Disc, register_obstacle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
@@ -39,12 +37,13 @@ from apollonius.observe.view import look
 from apollonius.play.playout import play_out
 from apollonius.show.canvas import Canvas
 from apollonius.show.palette import OBSTACLE
+from jaxpr2c import CompiledProgram, translate
 from tests.acting import act, act_in_rows, robot, state
 from tests.bearing import BEARING, Bearing
 from tests.capsule import Capsule
 from tests.car import Car
 from tests.documents import REPOSITORY
-from tests.export.test_translate import needs_gcc
+from tests.jaxpr2c.gcc import needs_gcc
 from tests.learn.test_earlier_versions import versions_of
 
 DOCUMENT = (REPOSITORY / "docs" / "how-to" / "extend.md").read_text()
@@ -140,7 +139,7 @@ def test_new_observation_works_in_networks_games_and_files(tmp_path, monkeypatch
     assert read.observation == BEARING
     assert read.layers[0].in_features == 6
     exported = find_exportable(str(tmp_path / "agent.safetensors"), Role.PURSUER, game)
-    assert "void bearing(" in header(translate_block(exported.decide, *exported.arguments, name="bearing"))
+    assert "void bearing(" in translate(exported.decide, *exported.arguments, name="bearing").header()
     starts = jax.jit(reset_batch, static_argnums=2)(game, jax.random.key(0), 4)
     player = Greedy(make_network("encoded", 8, 2, jax.random.key(1)))
     results = play_out(game, BySide(single_player(Greedy(read)), single_player(player)), starts, jax.random.key(1))
@@ -176,7 +175,7 @@ def test_new_robot_is_read_from_files_and_turns_as_it_is_steered():
 def test_new_robot_is_the_same_in_c_and_its_shield_prevents_crashes():
     game = from_dict(WithCars, STEERED, "a file")
     player = find_exportable("shielded:P_curriculum", Role.PURSUER, game)
-    in_c, cases = CompiledProgram(translate_block(player.decide, *player.arguments, name="car")), cases_of(player, 500)
+    in_c, cases = CompiledProgram(translate(player.decide, *player.arguments, name="car")), cases_of(player, 500)
     assert compare_decisions(lambda *given: in_c(player.policy, player.game, *given)[:2], player, cases).errors == 0
     starts = jax.jit(reset_batch, static_argnums=2)(game, jax.random.key(0), 200)
     uniform = find_exportable("random", Role.EVADER, game).package

@@ -18,7 +18,7 @@ from packaging.requirements import Requirement
 from apollonius.arenas.file import to_dict
 from apollonius.io.cache import VARIABLE
 from apollonius.version import __version__
-from tests.documents import REPOSITORY
+from tests.documents import REPOSITORY, blocks
 from tests.learn.tiny import RUN
 
 pytestmark = pytest.mark.slow
@@ -81,6 +81,16 @@ def test_wheel_without_extras_plays_exports_and_writes_the_page(archives, tmp_pa
     assert (tmp_path / "game.gif").read_bytes().startswith(b"GIF89a")
 
 
+def test_wheel_has_the_translator_as_a_package_that_stands_alone(archives, tmp_path):
+    bin_ = environment(tmp_path / "plain", archives)
+    (example,) = (block.code for block in blocks(REPOSITORY / "jaxpr2c" / "README.md") if block.language == "python")
+    modules = 'import sys\nprint(jaxpr2c.__file__, "apollonius" in sys.modules, "equinox" in sys.modules)'
+    (tmp_path / "example.py").write_text(f"{example}\n{modules}\n", encoding="utf-8")
+    file, *others = run(bin_ / "python", "example.py", cwd=tmp_path).split()
+    assert (file.startswith(f"{tmp_path / 'plain'}/lib"), others) == (True, ["False", "False"])
+    assert {"pendulum.c", "pendulum.h", "pendulum.weights"} <= {path.name for path in tmp_path.iterdir()}
+
+
 def test_wheel_with_extras_reports_and_makes_an_environment(archives, tmp_path):
     bin_ = environment(tmp_path / "extras", archives, "plot", "gym")
     (tmp_path / "tiny.toml").write_text(tomli_w.dumps(to_dict(RUN)))
@@ -96,8 +106,9 @@ def test_wheel_and_source_archive_have_their_metadata(archives):
     check = [sys.executable, "-m", "twine", "check", "--strict", *archives.iterdir()]
     subprocess.run(check, check=True, capture_output=True, timeout=120)
     names = zipfile.ZipFile(archives / f"apollonius-{__version__}-py3-none-any.whl").namelist()
-    assert {"apollonius/py.typed", f"apollonius-{__version__}.dist-info/licenses/LICENSE"} <= set(names)
-    assert not [name for name in names if not name.startswith("apollonius")]
+    files = {"apollonius/py.typed", "jaxpr2c/py.typed", "jaxpr2c/__init__.pyi", "jaxpr2c/README.md"}
+    assert files | {f"apollonius-{__version__}.dist-info/licenses/LICENSE"} <= set(names)
+    assert not [name for name in names if not name.startswith(("apollonius", "jaxpr2c/"))]
     with tarfile.open(archives / f"apollonius-{__version__}.tar.gz") as archive:
         inside = {name.split("/", 1)[1] for name in archive.getnames()}
     assert {"LICENSE", "README.md", "CHANGELOG.md", "CITATION.cff", "tests/test_packaging.py"} <= inside

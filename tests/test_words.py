@@ -14,9 +14,12 @@ import pytest
 
 REPOSITORY = Path(__file__).parents[1]
 PACKAGE = REPOSITORY / "apollonius"
+TRANSLATOR = REPOSITORY / "jaxpr2c"
 ROOMS = {"apollonius": sorted(PACKAGE.glob("*.py"))} | {
     folder.name: sorted(folder.rglob("*.py"))
-    for folder in sorted([*PACKAGE.iterdir(), *(REPOSITORY / name for name in ("benchmarks", "examples", "website"))])
+    for folder in sorted(
+        [*PACKAGE.iterdir(), TRANSLATOR, *(REPOSITORY / name for name in ("benchmarks", "examples", "website"))]
+    )
     if any(folder.glob("*.py"))
 }
 """The files of each room."""
@@ -83,12 +86,13 @@ def test_names_are_nouns_of_the_field(room):
     assert [wrong for path in ROOMS[room] for wrong in misnomers(path)] == []
 
 
-def test_one_name_means_one_thing_in_the_whole_package():
+@pytest.mark.parametrize("package", [PACKAGE, TRANSLATOR], ids=lambda package: package.name)
+def test_one_name_means_one_thing_in_the_whole_package(package):
     homes = defaultdict(list)
-    for path in PACKAGE.rglob("*.py"):
+    for path in package.rglob("*.py"):
         for node in ast.parse(path.read_text()).body:
             if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
-                homes[node.name].append(str(path.relative_to(PACKAGE)))
+                homes[node.name].append(str(path.relative_to(package)))
     several = {name: paths for name, paths in homes.items() if len(paths) > 1}
     assert several.keys() <= BY_ANOTHER_NAME.keys(), several
 

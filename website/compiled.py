@@ -8,8 +8,6 @@ import sys
 from collections.abc import Iterable
 from typing import Any
 
-from apollonius.export.c import Program
-from apollonius.export.record import Record
 from apollonius.web.programs import (
     OF_PAGE,
     compile_programs,
@@ -18,6 +16,8 @@ from apollonius.web.programs import (
     sources_digest,
 )
 from apollonius.web.site import PAGE
+from jaxpr2c.program import Program
+from jaxpr2c.record import Record
 
 COMPILED = PAGE / "compiled.js"
 
@@ -40,7 +40,7 @@ def _layouts(programs: Iterable[Program]) -> dict[str, Any]:
     functions: dict[str, Any] = {}
     for program in programs:
         for record in program.arguments:
-            if not record.lone or record.leaves[0].size > 1:
+            if not record.is_array or record.leaves[0].size > 1:
                 arguments[record.name] = max(arguments.get(record.name, (0, [])), layout(record))
         results = {record.name: layout(record) for record in program.results}
         functions[program.name] = [[record.name for record in program.arguments], results]

@@ -1,4 +1,4 @@
-"""The rooms of the package: `python -m website.house` prints them with the arrows between them."""
+"""The rooms of the packages: `python -m website.house` prints them with the arrows between them."""
 
 import ast
 import graphlib
@@ -6,12 +6,16 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-PACKAGE = Path(__file__).parents[1] / "apollonius"
+REPOSITORY = Path(__file__).parents[1]
+PACKAGE = "apollonius"
+"""The package that has rooms."""
+TRANSLATOR = "jaxpr2c"
+"""The package beside it, which is one room."""
 
 
 @dataclass(frozen=True)
 class Room:
-    """A folder of the package, or a file that lies beside the folders."""
+    """A folder of the package, a file that lies beside the folders, or the package beside it."""
 
     purpose: str
     """The first line of its docstring."""
@@ -22,10 +26,16 @@ class Room:
 def sources() -> dict[str, str]:
     """Return the text of every module by its full name; a stub belongs to its module."""
     texts: dict[str, str] = {}
-    for path in [*PACKAGE.rglob("*.py"), *PACKAGE.rglob("*.pyi")]:
-        name = ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(
-            ".__init__"
-        )
+    folders = [REPOSITORY / name for name in (PACKAGE, TRANSLATOR)]
+    paths = [
+        path
+        for suffix in ("py", "pyi")
+        for folder in folders
+        for path in folder.rglob(f"*.{suffix}")
+    ]
+    for path in paths:
+        name = ".".join(path.relative_to(REPOSITORY).with_suffix("").parts)
+        name = name.removesuffix(".__init__")
         texts[name] = texts.get(name, "") + path.read_text(encoding="utf-8")
     return texts
 
@@ -33,7 +43,7 @@ def sources() -> dict[str, str]:
 def room_of(module: str) -> str:
     """Return the room of a module: `apollonius.game.arena` is in `game`."""
     package, *inside = module.split(".")
-    return inside[0] if package == PACKAGE.name and inside else package
+    return inside[0] if package == PACKAGE and inside else package
 
 
 def imported(tree: ast.AST, modules: Collection[str]) -> set[str]:
@@ -59,7 +69,9 @@ def rooms(texts: Mapping[str, str]) -> dict[str, Room]:
     arrows: dict[str, set[str]] = {}
     for module, text in texts.items():
         names = {
-            name for name in imported(ast.parse(text), texts) if name.split(".")[0] == PACKAGE.name
+            name
+            for name in imported(ast.parse(text), texts)
+            if name.split(".")[0] in (PACKAGE, TRANSLATOR)
         }
         own_room = room_of(module)
         arrows.setdefault(own_room, set()).update({room_of(name) for name in names} - {own_room})
@@ -70,7 +82,7 @@ def rooms(texts: Mapping[str, str]) -> dict[str, Room]:
         )
     all_rooms: dict[str, Room] = {}
     for name in sorted(behind, key=lambda name: (len(behind[name]), name)):
-        first = texts.get(f"{PACKAGE.name}.{name}", texts.get(name, ""))
+        first = texts.get(f"{PACKAGE}.{name}", texts.get(name, ""))
         direct = frozenset(
             imported_room
             for imported_room in arrows[name]

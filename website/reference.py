@@ -8,16 +8,19 @@ import re
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import Any, get_args
 
 from sphinx.pycode import ModuleAnalyzer  # pyright: ignore[reportMissingImports]
 
 import apollonius
+import jaxpr2c
 from apollonius.cli.main import build_parser
 from apollonius.game.chart import Chart
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.scenario import Scenario
 from apollonius.learn.config import RunConfig
+from website.house import room_of
 
 _NOT_FOR_CALLERS = {"reproduce", "__main__", "cli", "version"}
 """Rooms of the command, and data."""
@@ -31,13 +34,14 @@ def write_reference(folder: Path) -> None:
     """Write the reference's pages as MyST sources."""
     api = folder / "api"
     api.mkdir(parents=True)
-    rooms: dict[str, list[str]] = {}
-    for module in pkgutil.walk_packages(apollonius.__path__, "apollonius."):
-        room = module.name.split(".")[1]
-        if room not in _NOT_FOR_CALLERS and not any(
-            part.startswith("_") for part in module.name.split(".")
-        ):
-            rooms.setdefault(room, []).append(module.name)
+    rooms: dict[str, list[str]] = {"jaxpr2c": ["jaxpr2c"]}
+    for package in (apollonius, jaxpr2c):
+        for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+            room = room_of(module.name)
+            if room not in _NOT_FOR_CALLERS and not any(
+                part.startswith("_") for part in module.name.split(".")
+            ):
+                rooms.setdefault(room, []).append(module.name)
     for room, modules in rooms.items():
         (api / f"{room}.md").write_text(_room(room, modules), encoding="utf-8")
     (folder / "command.md").write_text(_command_line(build_parser()), encoding="utf-8")
@@ -47,10 +51,7 @@ def write_reference(folder: Path) -> None:
 
 def _index(rooms: list[str]) -> str:
     """Return the front page: every public name, and the rooms."""
-    public = [getattr(apollonius, name) for name in dir(apollonius)]
-    names = "\n".join(
-        f"   ~{documented.__module__}.{documented.__qualname__}" for documented in public
-    )
+    names, names_of_translator = map(_summary, (apollonius, jaxpr2c))
     contents = "\n".join(["```{toctree}", *rooms, "```"])
     return f"""# Python API
 
@@ -59,12 +60,13 @@ Most programs need only these names: `apollonius.make_game`, and so on. The modu
 
 ## The public names
 
-```{{eval-rst}}
-.. autosummary::
-   :nosignatures:
-
 {names}
-```
+
+## The public names of the translator
+
+`jaxpr2c` is [a package beside it](../../jaxpr2c.md), of the same wheel.
+
+{names_of_translator}
 
 ## Modules
 
@@ -72,14 +74,18 @@ Most programs need only these names: `apollonius.make_game`, and so on. The modu
 """
 
 
+def _summary(package: ModuleType) -> str:
+    """Return a table of the public names of a package."""
+    public = [getattr(package, name) for name in dir(package)]
+    names = [f"   ~{documented.__module__}.{documented.__qualname__}" for documented in public]
+    return "\n".join(["```{eval-rst}", ".. autosummary::", "   :nosignatures:", "", *names, "```"])
+
+
 def _room(room: str, modules: list[str]) -> str:
-    sections = [f"# apollonius.{room}"]
+    title = room if room == "jaxpr2c" else f"apollonius.{room}"
+    sections = [f"# {title}"]
     for name in modules:
-        heading = (
-            []
-            if name == f"apollonius.{room}"
-            else [f"## {name.removeprefix(f'apollonius.{room}.')}"]
-        )
+        heading = [] if name == title else [f"## {name.removeprefix(f'{title}.')}"]
         sections += ["\n".join([*heading, "", "```{eval-rst}", f".. automodule:: {name}", "```"])]
     return "\n\n".join(sections) + "\n"
 

@@ -26,10 +26,13 @@ PARTS = {
         "runs extend evaluate solve environments jax teams lidar export ros2 turtlebot "
         "pictures reproduce cache",
     ),
-    "Reference": _folder(
-        "reference",
-        "command config api/index rules game_files run_folder agents arenas browser ros_node "
-        "glossary",
+    "Reference": (
+        *_folder(
+            "reference",
+            "command config api/index rules game_files run_folder agents arenas browser ros_node "
+            "glossary",
+        ),
+        "jaxpr2c",
     ),
     "Concepts": _folder(
         "concepts",
@@ -46,8 +49,9 @@ BESIDE = {
     "SECURITY.md": "security.md",
     "LICENSE": "licence.md",
     "README.md": "index.md",
+    "jaxpr2c/README.md": "jaxpr2c.md",
 }
-"""Files of the repository's root, and the pages that stand for them."""
+"""Files outside of the documents' folder, and the pages that stand for them."""
 _ONLY_IN_THE_REPOSITORY = {"laboratory.md"}
 _BLOCK = re.compile(r"^(```(?:python|sh|toml)\n.*?^```\n)", re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"(?<!!)\[((?:[^][]|\[[^]]*\])*)\]\(([^)\s]+)\)")
@@ -201,10 +205,11 @@ def at_home(text: str, document: Path) -> str:
         if "://" in to or not file:
             return link[0]
         target = (document.parent / file).resolve()
-        if target.parent == REPOSITORY and target.name in BESIDE:
+        beside = BESIDE.get(os.path.relpath(target, REPOSITORY))
+        if beside is not None:
             # The home page has none of the README's headings.
-            anchored = mark + anchor if target.name != "README.md" else ""
-            return f"[{words}]({os.path.relpath(DOCS / BESIDE[target.name], folder)}{anchored})"
+            anchored = mark + anchor if beside != "index.md" else ""
+            return f"[{words}]({os.path.relpath(DOCS / beside, folder)}{anchored})"
         if (
             target.is_relative_to(DOCS)
             and target.is_file()

@@ -9,6 +9,7 @@ from jax.errors import JAXIndexError, JAXTypeError
 from jax.extend.core import ClosedJaxpr
 
 from apollonius.io.errors import InvalidInput, format_value, require
+from jaxpr2c.errors import TranslationError
 
 _TRACED = (
     "JAX compiles it and so knows no values of arrays: use jnp for np, jnp.where or "
@@ -34,7 +35,7 @@ def require_all(part: str, properties: Mapping[str, Callable[[], object]]) -> No
     for name, demand in properties.items():
         try:
             demand()
-        except InvalidInput as error:
+        except (InvalidInput, TranslationError) as error:
             defects.append(f"{name}: {error}")
         except (JAXTypeError, JAXIndexError) as error:
             defects.append(f"{name}: {_TRACED} ({type(error).__name__}).")

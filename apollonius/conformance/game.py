@@ -10,13 +10,13 @@ from jaxtyping import Array, Bool, Float
 
 from apollonius.arenas.file import as_game, from_dict, to_dict
 from apollonius.conformance.defects import require_all, require_pure, require_rows
-from apollonius.export.translate import translate_block
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.obstacle import AbstractObstacle
 from apollonius.game.types import NUM_ACTIONS, ROLES, GameState, RobotState
 from apollonius.io.errors import require
+from jaxpr2c.translator import translate
 
 Segments = Float[np.ndarray, " segments"]
 
@@ -88,7 +88,7 @@ def _check_export(arena: Arena) -> None:
         )
         return {"along": along, "hit": hit, "hidden": arena.hides(before, after)}
 
-    translate_block(queries, replace(arena, chart=None), robot, robot, name="arena")
+    translate(queries, replace(arena, chart=None), robot, robot, name="arena")
 
 
 def _check_obstacle(obstacle: AbstractObstacle, arena: Arena) -> None:

@@ -12,10 +12,8 @@ from apollonius.agents.policy import AbstractPolicy
 from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import as_game
 from apollonius.conformance.defects import require_all, require_pure, require_rows
-from apollonius.export.c import CompiledProgram, has_compiler
 from apollonius.export.parity import Cases, cases_of, compare_decisions
 from apollonius.export.player import Player, find_exportable, tracked_state
-from apollonius.export.translate import translate_block
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import is_continuous
 from apollonius.game.game import Game, reset_batch
@@ -23,6 +21,8 @@ from apollonius.game.types import NUM_ACTIONS, RobotState, Role
 from apollonius.io.errors import require
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.view import look
+from jaxpr2c.compiler import CompiledProgram, has_compiler
+from jaxpr2c.translator import translate
 
 _CASES = 200
 """States of games against a random opponent, in which a policy is asked."""
@@ -202,7 +202,7 @@ class _Checks:
 
     def export(self, cases: Cases) -> None:
         player = self.player
-        program = translate_block(player.decide, *player.arguments, name="player")
+        program = translate(player.decide, *player.arguments, name="player")
         if has_compiler():
             compiled = CompiledProgram(program)
 

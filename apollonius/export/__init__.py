@@ -1,1 +1,1 @@
-"""JAX functions as programs in C, and players as C or ONNX, checked against the package's own."""
+"""Players as C, by `jaxpr2c`, or as ONNX, checked against the package's own."""

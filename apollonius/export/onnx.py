@@ -16,8 +16,8 @@ from jax2onnx import to_onnx  # pyright: ignore[reportMissingImports]
 
 from apollonius.export.parity import Decide
 from apollonius.export.player import Player
-from apollonius.export.translate import CALLED
 from apollonius.io.errors import InvalidInput
+from jaxpr2c.translator import CALLED
 
 OPSET = 21
 """Of 2024: onnxruntime 1.18 and later."""

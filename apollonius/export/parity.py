@@ -1,29 +1,24 @@
-"""Whether a program in C does what its JAX function does, and an exported policy what the package's
-player does.
-"""
+"""Whether an exported policy decides what the package's player does."""
 
 import functools
 import timeit
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.extend.core import jaxpr_as_fun
 from jaxtyping import Array, Bool, Float32, PRNGKeyArray, UInt32
 
 from apollonius.agents.classical import Uniform
 from apollonius.agents.policy import AbstractActionValuePolicy
 from apollonius.agents.pool import Pool, single_player
 from apollonius.agents.wrappers.shield import MARGIN, Shielded
-from apollonius.export.c import CompiledProgram, Program
 from apollonius.export.player import LARGEST, Player, pack_memory, tracked_state
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.sensing import sense
 from apollonius.game.types import ROLES, BySide, GameState, RandomBits, Role, tree_where
-from apollonius.io.errors import InvalidInput
 from apollonius.observe.tracking import Track, apply_delay
 from apollonius.observe.view import look
 from apollonius.play.rollout import Games, SideState, collect, init_games
@@ -39,11 +34,6 @@ _SPACING = 5
 """Steps between two compared states: those in between are similar."""
 _CHUNK = 500
 _AROUND = 64
-_NEAR = (0.1, 0.01)
-"""Distance from its arguments at which a program is tried: a share of a number, and its least size.
-"""
-_NEARBY = 3
-"""Arguments near the first ones with which a program is tried."""
 
 Decide = Callable[[Float32[np.ndarray, "robots 4"], Any, Any, Any], tuple[np.ndarray, np.ndarray]]
 """From state, who is in play, memory and random bits to action and controls, as `Player.decide`."""
@@ -238,69 +228,6 @@ def _is_tie(player: Player, cases: Cases, place: int, driven: np.ndarray) -> boo
     if player.policy.continuous:
         controls = np.clip(driven, controls.min(axis=0), controls.max(axis=0))[None]
     return bool((np.abs(controls - driven) <= TOLERANCE * player.largest).all(axis=1).any())
-
-
-def require_same(program: Program, function: Callable[..., Any], arguments: Sequence[Any]) -> None:
-    """Require that a program in C has the results of its JAX function, for the arguments and some
-    near them.
-
-    A result must be between the results of JAX near the arguments, to `TOLERANCE` of the largest
-    number.
-
-    Raises:
-        InvalidInput: If the results differ.
-    """
-    closed_jaxpr = jax.make_jaxpr(function)(*arguments)
-    in_c = CompiledProgram(program)
-    in_jax = jax.jit(jaxpr_as_fun(closed_jaxpr))
-    rng = np.random.default_rng(0)
-    leaves, shape = jax.tree.flatten(tuple(arguments))
-
-    def example(leaf: Any, aval: Any) -> np.ndarray:
-        if isinstance(leaf, jax.ShapeDtypeStruct):
-            return np.ones(aval.shape, aval.dtype)
-        return np.asarray(leaf, aval.dtype)
-
-    first = [*map(example, leaves, closed_jaxpr.in_avals)]
-
-    def near(numbers: list[np.ndarray], breadth: float, least: float) -> list[np.ndarray]:
-        """Return the numbers with random offsets of real ones, in shares of their size, at least of
-        `least`.
-        """
-        sizes = [
-            breadth * np.maximum(abs(array), least) * (array.dtype == np.float32)
-            for array in numbers
-        ]
-
-        def offset(array: np.ndarray, size: Any) -> np.ndarray:
-            sample = array + size * rng.uniform(-1, 1, array.shape)
-            return np.where(np.isfinite(array), sample, array).astype(array.dtype)
-
-        return [*map(offset, numbers, sizes)]
-
-    for numbers in (first, *(near(first, *_NEAR) for _ in range(_NEARBY))):
-        results = in_c(*jax.tree.unflatten(shape, numbers))
-        answers = [in_jax(*numbers)]
-        if not _is_among(results, answers):
-            answers += [in_jax(*near(numbers, BREADTH, 1.0)) for _ in range(_AROUND)]
-        if not _is_among(results, answers):
-            title = f"the program {program.name} in C"
-            raise InvalidInput(f"{title} differs from JAX: report this as an error.")
-
-
-def _is_among(results: Sequence[np.ndarray], answers: Sequence[Sequence[Any]]) -> bool:
-    """Test whether all numbers are between those of the answers, or are NaN where an answer is."""
-    for result, *several in zip(results, *answers, strict=True):
-        rows = np.array(several, float)
-        largest = abs(rows[np.isfinite(rows)]).max(initial=1e-3)
-        slack = TOLERANCE * largest * (result.dtype == np.float32)
-        low = np.fmin.reduce(rows) - slack
-        high = np.fmax.reduce(rows) + slack
-        is_between = (low <= result) & (result <= high)
-        is_nan = np.isnan(rows).any(axis=0) & np.isnan(result)
-        if not (is_between | is_nan).all():
-            return False
-    return True
 
 
 def microseconds(call: Callable[[], object]) -> float:

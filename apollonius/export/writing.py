@@ -1,6 +1,7 @@
 """A player written in another language, checked against the package's own before it is kept."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
@@ -10,13 +11,15 @@ import numpy as np
 
 from apollonius.agents.names import SHIELDED
 from apollonius.arenas.file import to_dict
-from apollonius.export.c import CompiledProgram, Program, files, has_compiler, header, source
-from apollonius.export.parity import Decide, cases_of, compare_decisions, microseconds, require_same
+from apollonius.export.parity import Decide, cases_of, compare_decisions, microseconds
 from apollonius.export.player import LARGEST, Player
-from apollonius.export.record import Record
-from apollonius.export.translate import translate_block
 from apollonius.io.document import to_json, write_atomically
 from apollonius.io.errors import InvalidInput, require, require_extra
+from jaxpr2c.compiler import CompiledProgram, has_compiler
+from jaxpr2c.errors import TranslationError
+from jaxpr2c.program import Program
+from jaxpr2c.record import Record
+from jaxpr2c.translator import translate
 
 ABOUT = ".robot.json"
 """Ending of the file that tells a robot's program about an exported player; `ros2/` has one that
@@ -30,23 +33,16 @@ Written = tuple[list[Path], list[str]]
 """The files of an exported player, and lines that describe it and the results of its check."""
 
 
-def translate(
-    function: Callable[..., Any], *arguments: Any, name: str = "program"
-) -> dict[str, str]:
-    """Return a JAX function as a program in C99 that needs no JAX: the texts of a source and its
-    header, by name.
-
-    The arguments are pytrees of arrays or numbers, of the shapes that the program shall take. Where
-    gcc is installed, the program is compared with JAX for these arguments and some near them.
-    Raises InvalidInput for a primitive or a number type that cannot be translated, with the line
-    that it comes from, for names that C cannot have, and for a program that differs from JAX.
-    """
-    program = translate_block(function, *arguments, name=name)
-    if has_compiler():
-        require_same(program, function, arguments)
-    return files(program)
+@contextmanager
+def refuse_untranslatable() -> Generator[None]:
+    """Turn a refusal or a failure of the translator into InvalidInput."""
+    try:
+        yield
+    except TranslationError as reason:
+        raise InvalidInput(str(reason)) from reason
 
 
+@refuse_untranslatable()
 def write_c(player: Player, out: Path, constants: bool = False, states: int = STATES) -> Written:
     """Write a player as C99: a source, its header, and files of its data.
 
@@ -66,11 +62,11 @@ def write_c(player: Player, out: Path, constants: bool = False, states: int = ST
     """
     arguments = player.arguments[1:] if constants else player.arguments
     decide = partial(player.decide, player.policy) if constants else player.decide
-    program = translate_block(decide, *arguments, name=out.stem)
+    program = translate(decide, *arguments, name=out.stem)
     report_lines = _check(program, player, arguments[:-4], states)
     contents = {
-        out: source(program).encode(),
-        out.with_suffix(".h"): header(program, _about(program, player)).encode(),
+        out: program.source().encode(),
+        out.with_suffix(".h"): program.header(_about(program, player)).encode(),
     }
     for record, argument in zip(program.arguments, arguments, strict=False):
         if record.name in ("player", "game", "memory") and record.leaves:
@@ -153,7 +149,7 @@ def _facts(program: Program, player: Player, files: Mapping[Path, bytes]) -> dic
     digests = {file.suffix[1:]: sha256(content).hexdigest() for file, content in files.items()}
 
     def fact(record: Record) -> dict[str, Any]:
-        number = record.leaves[0].kind if record.lone and record.leaves[0].size == 1 else None
+        number = record.leaves[0].kind if record.is_array and record.leaves[0].size == 1 else None
         digest = digests.get(record.name)
         return {
             "name": record.name,

@@ -1,6 +1,6 @@
 """The functions that the page runs: the rules, charts, observations, and players.
 
-Each is an ordinary JAX function of the package's own parts, which `apollonius.export` translates.
+Each is an ordinary JAX function of the package's own parts, which `jaxpr2c` translates.
 The numbers of robots, obstacles, cells and units are data, so that one program serves every game
 and agent of the page.
 """

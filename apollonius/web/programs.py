@@ -21,8 +21,7 @@ from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.surrounding import Encirclement, VoronoiPursuit
 from apollonius.agents.wrappers.departure import departure_costs
-from apollonius.export.c import Program, compile_texts, files
-from apollonius.export.translate import translate_block
+from apollonius.export.writing import refuse_untranslatable
 from apollonius.game.arena import MOST_DISCS, MOST_EDGES, Disc
 from apollonius.game.chart import COARSE, SIDE, Chart
 from apollonius.game.polygon import Edge
@@ -37,6 +36,9 @@ from apollonius.observe.view import View
 from apollonius.web import functions
 from apollonius.web.dynamic_game import Field, Floor, Robots, SearcherState
 from apollonius.web.site import READS, ROBOTS
+from jaxpr2c.compiler import compile_texts
+from jaxpr2c.program import Program
+from jaxpr2c.translator import translate
 
 T = TypeVar("T")
 _ENDLESS = 2**28
@@ -62,7 +64,7 @@ def _make_program(function: Callable[..., Any], name: str | None = None, **shape
     shapes = jax.eval_shape(_examples) | shapes
     arguments = (shapes[parameter] for parameter in inspect.signature(function).parameters)
     with jax.numpy_dtype_promotion("standard"):  # numbers that are Python's elsewhere are data here
-        return translate_block(function, *arguments, name=name or function.__name__, whole=True)
+        return translate(function, *arguments, name=name or function.__name__, keep_unused=True)
 
 
 def _of_view(name: str, answer: Callable[[View], Array]) -> Program:
@@ -186,7 +188,7 @@ _OF_PLAYER = (
 
 def sources(programs: Iterable[Program]) -> dict[str, str]:
     """Return the C files of all programs by their names."""
-    return {name: text for program in programs for name, text in files(program).items()}
+    return {name: text for program in programs for name, text in program.files().items()}
 
 
 def sources_digest(files: dict[str, str]) -> str:
@@ -214,6 +216,7 @@ def compile_programs(programs: Sequence[Program], flags: Sequence[str]) -> bytes
         return module.read_bytes()
 
 
+@refuse_untranslatable()
 def write_player(player: AbstractPolicy, path: Path) -> None:
     """Write a player as a file that `apollonius play --against FILE` takes; raises InvalidInput for
     a player that the page cannot play, or where the compiler is not installed.

@@ -21,10 +21,8 @@ from apollonius.arenas.file import find_game
 from apollonius.arenas.suite import suite_arena, suite_names
 from apollonius.cli.main import main
 from apollonius.export import writing
-from apollonius.export.c import CompiledProgram
 from apollonius.export.parity import Cases, _is_as_good, cases_of, compare_decisions, reference, sensor_inputs
 from apollonius.export.player import Player, exported_side, find_exportable
-from apollonius.export.translate import translate_block
 from apollonius.export.writing import check, write_c
 from apollonius.game.drive import Drive, Drives
 from apollonius.game.game import reset_batch
@@ -32,8 +30,9 @@ from apollonius.game.scenario import stack_arenas
 from apollonius.game.types import BySide, Outcome, Role
 from apollonius.io.errors import InvalidInput, missing_extra
 from apollonius.play.rollout import init_games, step_games
+from jaxpr2c import CompiledProgram, translate
 from tests.documents import REPOSITORY, blocks
-from tests.export.test_translate import STRICT, needs_gcc
+from tests.jaxpr2c.gcc import STRICT, needs_gcc
 from tests.web.test_parity import as_on_the_page, ask, needs_node
 
 needs_onnx = pytest.mark.skipif(bool(missing_extra("export")), reason=f"needs {missing_extra('export')}")
@@ -90,7 +89,7 @@ def in_c(players, asked):
     for player in players:
         shape = str(jax.tree.map(jnp.shape, (player.policy, player.game)))
         compiled = programs.get(shape) or programs.setdefault(
-            shape, CompiledProgram(translate_block(player.decide, *player.arguments, name="robot"))
+            shape, CompiledProgram(translate(player.decide, *player.arguments, name="robot"))
         )
         yield lambda *given: compiled(player.policy, player.game, *given)[:2]  # noqa: B023
     print(len(programs), "programs")
@@ -297,6 +296,20 @@ def test_export_command_writes_files_and_describes_them(tmp_path, capsys, monkey
     assert "chaser_player" not in text
 
 
+@pytest.mark.parametrize(
+    ("out", "needle"), [("chaser.c", "gcc fails (exit status 3)"), ("main.c", "the program's name = 'main'")]
+)
+def test_export_command_shows_an_error_of_the_translator_in_one_line(tmp_path, capsys, monkeypatch, out, needle):
+    (tmp_path / "gcc").write_text("#!/bin/sh\nexit 3\n")
+    (tmp_path / "gcc").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+    (tmp_path / "out").mkdir()
+    assert main(["export", "intercept", "--to", "c", "--out", str(tmp_path / "out" / out)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert needle in line
+    assert not [*(tmp_path / "out").iterdir()]
+
+
 @pytest.mark.slow
 @needs_gcc
 def test_whole_games_in_c_match_the_package_without_pursuer_crashes():
@@ -322,7 +335,7 @@ def test_whole_games_in_c_match_the_package_without_pursuer_crashes():
     given = pursuer.policy, evader.policy, pursuer.game
     starts = jax.device_get(reset_batch(pursuer.game, jax.random.key(0), games))
     first = jax.tree.map(lambda leaf: leaf[0], starts)
-    compiled = CompiledProgram(translate_block(play, *given, first, name="played"))
+    compiled = CompiledProgram(translate(play, *given, first, name="played"))
     ends = [compiled(*given, jax.tree.map(lambda leaf: leaf[place], starts)) for place in range(games)]  # noqa: B023
     outcomes = np.array([int(outcome) for outcome, _ in ends])
     crashes = {Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE, Outcome.BOTH_FAILED}

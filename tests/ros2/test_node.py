@@ -25,7 +25,7 @@ from apollonius.arenas.file import find_game
 from apollonius.export.player import find_exportable
 from apollonius.export.writing import write_c
 from apollonius.game.types import Role
-from tests.export.test_translate import needs_gcc
+from tests.jaxpr2c.gcc import needs_gcc
 
 PACKAGE = Path(__file__).parents[2] / "ros2" / "apollonius_ros"
 OWN, OPPONENT, MATE = (2.0, 3.0, 0.5, 0.1), (7.0, 6.0, 0.0, -1.5), (2.0, 4.0, 0.5, 0.1)

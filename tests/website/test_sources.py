@@ -30,6 +30,8 @@ def test_each_document_belongs_to_one_part():
         (DOCUMENT, "[[`games`](../../tests/golden)]", "[`games`]"),
         (DOCUMENT, "[home](../../README.md#use)", "[home](../index.md)"),
         (DOCUMENT, "[licence](../../LICENSE)", "[licence](../licence.md)"),
+        (DOCUMENT, "[C](../../jaxpr2c/README.md#layout)", "[C](../jaxpr2c.md#layout)"),
+        (REPOSITORY / "jaxpr2c" / "README.md", "[export](../docs/how-to/export.md)", "[export](how-to/export.md)"),
         (HOME, "[start](docs/start.md)", "[start](start.md)"),
         (HOME, "[cite](CITATION.cff)", "cite"),
     ],

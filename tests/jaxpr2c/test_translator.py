@@ -1,35 +1,16 @@
 """Programs in C do what JAX does, primitive by primitive, loop by loop."""
 
 import itertools
-import os
-import subprocess
-from shutil import which
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.export import c
-from apollonius.export.c import FLAGS, CompiledProgram, c_names, header, source
-from apollonius.export.names import is_taken, require_name
-from apollonius.export.record import record_of
-from apollonius.export.scalars import HELPERS
-from apollonius.export.translate import translate_block
-from apollonius.export.writing import translate
-from apollonius.io.errors import InvalidInput
+from jaxpr2c import CompiledProgram, Unsupported, translate
+from tests.jaxpr2c.gcc import SANITIZED, STRICT, needs_gcc
 
-needs_gcc = pytest.mark.skipif(which("gcc") is None, reason="needs gcc: install the package gcc")
-STRICT = (*FLAGS, "-Wall", "-Wextra", "-Wpedantic", "-Werror")
-SANITIZED = (*STRICT, "-fsanitize=undefined", "-fno-sanitize-recover")
 lax = jax.lax
-
-
-@pytest.fixture(autouse=True)
-def anything_goes():
-    """Whatever JAX takes, as users write it."""
-    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
-        yield
 
 
 def real(x, y):
@@ -153,14 +134,14 @@ CASES = [
 @needs_gcc
 @pytest.mark.parametrize(("function", "cases"), CASES)
 def test_c_programs_match_jax(function, cases):
-    program = translate_block(function, *cases[0], name="tried")
+    program = translate(function, *cases[0], name="tried")
     compiled, by_jax = CompiledProgram(program, SANITIZED), jax.jit(function)
     for arguments in cases:
         made = jax.tree.leaves(dict(sorted(by_jax(*arguments).items())))
         for found, wanted in zip(compiled(*arguments), made, strict=True):
             np.testing.assert_allclose(found, wanted, rtol=2e-6, atol=2e-6)
     if function is calls:  # a function that is called stays one, and equal ones are one
-        assert (len(program.functions), source(program).count("op_long_1(")) == (1, 4)
+        assert (len(program.functions), program.source().count("op_long_1(")) == (1, 4)
 
 
 def test_translation_is_deterministic_and_describes_the_argument_layout():
@@ -169,15 +150,15 @@ def test_translation_is_deterministic_and_describes_the_argument_layout():
         return arena["walls"][0] + number, {"far": arena["discs"].sum() * number}
 
     given = {"walls": (np.float32(1), np.int8(2)), "discs": np.ones((2, 3), np.float32)}, np.float32(2)
-    program, again = (translate_block(shifted, *given, name="moved") for _ in range(2))
-    assert (source(program), header(program)) == (source(again), header(again))
+    program, again = (translate(shifted, *given, name="moved") for _ in range(2))
+    assert (program.source(), program.header()) == (again.source(), again.header())
     arena, number = program.arguments
     assert [leaf.name for leaf in arena.leaves] == ["discs", "walls_0"]
     assert (*arena.offsets, arena.layout.itemsize) == (0, 24, 28)  # nobody reads the second wall
-    assert number.lone
-    assert "void moved(const moved_arena *arena, float number, moved_result *result);" in header(program)
-    assert "float discs[6]; /* 2 x 3 */" in header(program)
-    assert not {"sinf", "static"} & set(source(program).split())
+    assert number.is_array
+    assert "void moved(const moved_arena *arena, float number, moved_result *result);" in program.header()
+    assert "float discs[6]; /* 2 x 3 */" in program.header()
+    assert not {"sinf", "static"} & set(program.source().split())
     discs, wall = arena.unpack(arena.pack(given[0]))
     np.testing.assert_array_equal(discs, given[0]["discs"])
     assert wall == 1
@@ -203,7 +184,7 @@ def ends(a, b):
 
 def the_same(function, *arguments, flags=SANITIZED):
     """Whether a program's results are JAX's to the bit, signs of zeros too."""
-    results = CompiledProgram(translate_block(function, *arguments, name="tried"), flags)(*arguments)
+    results = CompiledProgram(translate(function, *arguments, name="tried"), flags)(*arguments)
     for result, wanted in zip(results, jax.tree.leaves(jax.jit(function)(*arguments)), strict=True):
         np.testing.assert_array_equal(result, wanted)
         np.testing.assert_array_equal(np.signbit(result), np.signbit(wanted))
@@ -232,122 +213,15 @@ def test_casts_saturate_and_signed_zeros_match_jax():
 
 
 @needs_gcc
-@pytest.mark.parametrize("flag", ["-ffast-math", "-Ofast", "-ffinite-math-only"])
-def test_fast_math_compiler_flags_are_refused(flag):
-    with pytest.raises(InvalidInput, match="compile without -Ofast, -ffast-math"):
-        CompiledProgram(translate_block(lambda x: x + 1, X), (*FLAGS, flag))
-
-
-@needs_gcc
 def test_short_internal_names_are_free_for_arguments():
     def act(k1, a1, s1, i1, p1, r1, long_1, time):
         sums = jnp.cumsum(s1) + A[0] * k1 + long(a1, i1)[0] + p1 * r1
         return {"s2": sums @ sums, "k2": jnp.sin(sums) + A[1], "i2": long_1 + time, "time": time}
 
     given = [X + number for number in range(8)]
-    results = CompiledProgram(translate_block(act, *given, name="a2"), STRICT)(*given)
+    results = CompiledProgram(translate(act, *given, name="a2"), STRICT)(*given)
     for result, wanted in zip(results, jax.tree.leaves(act(*given)), strict=True):
         np.testing.assert_allclose(result, wanted, rtol=2e-6)
-
-
-@pytest.mark.parametrize(("function", "cases"), CASES)
-def test_names_used_inside_a_program_are_refused(function, cases):
-    program = translate_block(function, *cases[0], name="tried")
-    given = {record.name for record in program.records} | {*map("{0.name}->".format, program.records)}
-    used = c_names("".join([program.body, *program.functions, *HELPERS.values()]))
-    local = {"a", "b", "x", "by", "most", "bits", "both"}  # of the helpers, which no argument reaches
-    for word in used - given - local:
-        if "->" not in word:
-            with pytest.raises(InvalidInput, match="mean nothing in C and C"):
-                require_name("name", word)
-
-
-HEADERS = """assert complex ctype errno fenv float inttypes iso646 limits locale math setjmp signal stdarg stdbool
-stddef stdint stdio stdlib string tgmath time wchar wctype"""
-
-
-@needs_gcc
-def test_names_of_c_macros_and_library_functions_are_taken():
-    headers = "".join(f"#include <{name}.h>\n" for name in HEADERS.split())
-    for standard, text in (("c99", headers), ("gnu99", "")):
-        run = ["gcc", f"-std={standard}", "-dM", "-E", "-"]
-        lines = subprocess.run(run, input=text, capture_output=True, text=True, check=True).stdout.splitlines()
-        macros = {line.split()[1] for line in lines}
-        objects = {name for name in macros if "(" not in name and not name.startswith("_")}
-        assert {"NULL", "INT32_MAX", "stdin"} <= objects or objects == {"linux", "unix"}
-        assert [name for name in sorted(objects) if not is_taken(name)] == []
-    for name in ("main", "printf", "sin", "class", "9x", "a b", "../x", "", "übung"):
-        with pytest.raises(InvalidInput, match="program's name"):
-            translate_block(lambda x: x + 1, X, name=name)
-
-
-@pytest.mark.parametrize(
-    ("function", "name"),
-    [
-        (lambda sinf: sinf + 1, "name of an argument = 'sinf'"),
-        (lambda NAN: NAN + 1, "name of an argument = 'NAN'"),
-        (lambda tried_y: {"y": tried_y + 1}, "does not begin with tried_"),
-        (lambda x: {"class": x + 1}, "name of a result = 'class'"),
-        (lambda x: {9: x + 1}, "name of a result = '9'"),
-        (lambda x: {"x": x, "next_x": x}, "next_x is not possible: it must be the name of no other"),
-        (lambda *x: x[0] + 1, "number of arguments = 1 .* at most 0"),
-        (lambda x: x[4:], r"shape of result = \(0,\)"),
-        (lambda x: x + np.zeros((1001, 1000, 4)), "constant array = .* make it an argument"),
-        (lambda x: x.astype(jnp.float16), "kind 'float16'"),
-    ],
-)
-def test_names_and_shapes_that_c_cannot_have_are_refused(function, name):
-    with pytest.raises(InvalidInput, match=name):
-        translate_block(function, X, name="tried")
-
-
-@pytest.mark.parametrize("argument", [jax.random.key(0), np.zeros((0, 3), np.float32), np.float16(1), 1j])
-def test_arguments_of_types_unknown_to_c_are_refused(argument):
-    with pytest.raises(InvalidInput, match="of x = "):
-        translate_block(lambda x: x, argument)
-
-
-def test_leaf_names_are_valid_and_unique_in_c():
-    tree = {"A": X, "a": X, "a_2": X, "class": X, "9": X, "ü": X, "linux": X, "x y": X}
-    names = [leaf.name for leaf in record_of("tree", tree).leaves]
-    assert names == ["value_9", "a", "a_2", "a_2_2", "class_", "linux_", "x_y", "value"]
-
-
-@needs_gcc
-def test_translate_compares_with_jax_up_to_rounding(monkeypatch):
-    def act(x, n):
-        return {"low": jnp.floor(2 * lax.logistic(x)), "nan": jnp.log(x) + n}
-
-    given = np.float32([0, 1, -1]), 3
-    monkeypatch.setitem(HELPERS, "logistic", HELPERS["logistic"].replace("expf(-x))", "expf(-x)) - 1e-7f"))
-    assert "floorf" in translate(act, *given, name="tried")["tried.c"]
-    monkeypatch.setitem(HELPERS, "logistic", HELPERS["logistic"].replace("- 1e-7f", "+ 1.0f"))
-    with pytest.raises(InvalidInput, match="tried in C differs from JAX"):
-        translate(act, *given, name="tried")
-    shapes = jax.eval_shape(lambda: given)
-    with pytest.raises(InvalidInput, match="differs"):
-        translate(act, *shapes, name="tried")
-
-
-@pytest.mark.parametrize(
-    ("script", "needle"),
-    [
-        ("echo 'x.h:1: fatal error: no stdint.h' >&2; exit 1", "gcc fails .x.h:1: fatal error: no stdint.h"),
-        ("exit 3", "gcc fails .exit status 3"),
-        ("sleep 60; exit 0", "gcc does not work here .* timed out"),
-        ("touch program", "gcc compiled cannot be loaded"),
-    ],
-)
-def test_compiler_failure_is_one_line_and_a_missing_one_is_skipped(tmp_path, monkeypatch, script, needle):
-    (tmp_path / "gcc").write_text(f"#!/bin/sh\n{script}\n")
-    (tmp_path / "gcc").chmod(0o755)
-    monkeypatch.setattr(c, "_LONGEST", 0.5)
-    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
-    with pytest.raises(InvalidInput, match=needle) as refused:
-        translate(lambda x: x + 1, X)
-    assert "\n" not in str(refused.value)
-    monkeypatch.setenv("PATH", str(tmp_path / "nothing"))
-    assert translate(lambda x: x + 1, X).keys() == {"program.h", "program.c"}
 
 
 @pytest.mark.parametrize(
@@ -360,7 +234,7 @@ def test_compiler_failure_is_one_line_and_a_missing_one_is_skipped(tmp_path, mon
     ],
 )
 def test_untranslatable_primitives_are_refused_with_their_source_line(function, needle):
-    with pytest.raises(InvalidInput, match=needle) as refused:
-        translate_block(lambda x: function(x), X)
+    with pytest.raises(Unsupported, match=needle) as refused:
+        translate(lambda x: function(x), X)
     assert "line unknown" not in str(refused.value)
-    assert "test_translate.py" in str(refused.value)
+    assert "test_translator.py" in str(refused.value)

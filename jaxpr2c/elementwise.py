@@ -7,8 +7,8 @@ from typing import Any
 
 import jax
 
-from apollonius.export.block import Block, Index, Value, scalar, shift, value_at
-from apollonius.export.scalars import OPERATIONS, apply_operation, bits_of, convert, number
+from jaxpr2c.block import Block, Index, Value, scalar, shift, value_at
+from jaxpr2c.scalars import OPERATIONS, apply_operation, bits_of, convert, number
 
 Params = Mapping[str, Any]
 Rule = Callable[[Block, list[Value], Params, Any], Value]
@@ -17,7 +17,7 @@ result.
 """
 
 
-def along(value: Value, index: Index) -> str:
+def broadcast_element(value: Value, index: Index) -> str:
     """Return an operand's element: axes of length 1 are broadcast, and so is a lone number."""
     steps = zip(index[: len(value.shape)], value.shape, strict=True)
     return value.read(tuple("0" if length == 1 else step for step, length in steps))
@@ -34,7 +34,10 @@ def elementwise(operation: str) -> Rule:
 
         def read(index: Index) -> str:
             return apply_operation(
-                operation, kind, operand_kind, *(along(operand, index) for operand in operands)
+                operation,
+                kind,
+                operand_kind,
+                *(broadcast_element(operand, index) for operand in operands),
             )
 
         return Value(kind, out.shape, read, pending=True)
@@ -98,11 +101,11 @@ def _select(block: Block, operands: list[Value], params: Params, out: Any) -> Va
     which, *cases = operands
 
     def read(index: Index) -> str:
-        expression = along(cases[-1], index)
-        case_text = along(which, index)
+        expression = broadcast_element(cases[-1], index)
+        case_text = broadcast_element(which, index)
         for case in range(len(cases) - 2, -1, -1):
             test = is_at_most(case_text, which.kind, case)
-            expression = f"({test} ? {along(cases[case], index)} : {expression})"
+            expression = f"({test} ? {broadcast_element(cases[case], index)} : {expression})"
         return expression
 
     return Value(str(out.dtype), out.shape, read, pending=True)
@@ -156,7 +159,7 @@ def _reverse(block: Block, operands: list[Value], params: Params, out: Any) -> V
 
 
 def _reshape(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
-    value = block.whole(operands[0])
+    value = block.as_contiguous(operands[0])
     if value.location is None or value.size == 1:
         return scalar(value.kind, value.first, out.shape)
     return value_at(value.kind, out.shape, value.location.buffer, value.location.offset)

@@ -8,8 +8,8 @@ import ctypes
 import errno
 import re
 
-from apollonius.export.scalars import FUNCTIONS
-from apollonius.io.errors import require
+from jaxpr2c.errors import require
+from jaxpr2c.scalars import FUNCTIONS
 
 _PLAIN = re.compile("[A-Za-z][A-Za-z0-9_]*")
 _WORDS = """
@@ -52,7 +52,7 @@ def is_taken(word: str) -> bool:
 
 
 def require_name(kind: str, word: str, is_public: bool = False) -> None:
-    """Refuse, by InvalidInput, a word that cannot be a name in C, a public one also if the C
+    """Refuse, by Unsupported, a word that cannot be a name in C, a public one also if the C
     library has it.
     """
     free = _PLAIN.fullmatch(word) and not is_taken(word)

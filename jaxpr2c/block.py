@@ -8,7 +8,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from math import prod
 
-from apollonius.export.scalars import TYPES, plus, times
+from jaxpr2c.scalars import TYPES, plus, times
 
 Shape = tuple[int, ...]
 Index = tuple[str, ...]
@@ -223,7 +223,7 @@ class Block:
         """Return the value, its elements computed here unless they are known."""
         return self.copy_of(value) if value.pending else value
 
-    def whole(self, value: Value) -> Value:
+    def as_contiguous(self, value: Value) -> Value:
         """Return the value as one that lies in an array in C row by row; a number as it is."""
         strides = value.location.strides if value.location else None
         is_whole = value.size == 1 or strides == _contiguous(value.shape)

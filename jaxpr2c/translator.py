@@ -18,15 +18,16 @@ import numpy as np
 from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, Var, jaxprs_in_params
 from jax.interpreters.partial_eval import dce_jaxpr
 
-from apollonius.export.arrays import CONTROL, FOLDS, OTHERS
-from apollonius.export.block import Block, Value, buffer_of, scalar, value_at
-from apollonius.export.c import Program, c_names
-from apollonius.export.elementwise import COMPUTED, VIEWS
-from apollonius.export.indexing import INDEXED
-from apollonius.export.names import require_name
-from apollonius.export.record import Leaf, Record, record_of
-from apollonius.export.scalars import TYPES, number
-from apollonius.io.errors import InvalidInput, require
+from jaxpr2c.arrays import FOLDS, MULTIPLE_READS
+from jaxpr2c.block import Block, Value, buffer_of, scalar, value_at
+from jaxpr2c.control import CONTROL
+from jaxpr2c.elementwise import COMPUTED, VIEWS
+from jaxpr2c.errors import Unsupported, require
+from jaxpr2c.indexing import INDEXED
+from jaxpr2c.names import require_name
+from jaxpr2c.program import Program, c_names
+from jaxpr2c.record import Leaf, Record, record_of
+from jaxpr2c.scalars import TYPES, number
 
 CALLED = {
     **{"jit": "jaxpr", "remat2": "jaxpr", "closed_call": "call_jaxpr"},
@@ -37,13 +38,13 @@ CALLED = {
     },
 }
 """Primitives that call a function, and the parameter that is this function."""
-RULES = COMPUTED | VIEWS | FOLDS | OTHERS | INDEXED
+RULES = COMPUTED | VIEWS | FOLDS | MULTIPLE_READS | INDEXED
 """All others with one result, by name."""
 _READS_ONCE = {*COMPUTED, *FOLDS, "squeeze", "transpose"}
 """Primitives that read each element of an operand once, if it has their result's size or they fold
 it.
 """
-_STAYS = 24
+_LEAST_EQUATIONS = 24
 """Fewest equations of a called function that stays a function."""
 _LARGEST_CONSTANT = 1_000_000
 """Numbers of an array in the source, which takes 15 bytes for each."""
@@ -51,45 +52,47 @@ _LIBRARIES = f"{Path(jax.__file__).parents[1]}/"
 """The folder of JAX and of other libraries."""
 
 
-def translate_block(
-    function: Callable[..., Any], *arguments: Any, name: str = "program", whole: bool = False
+def translate(
+    function: Callable[..., Any], *arguments: Any, name: str = "program", keep_unused: bool = False
 ) -> Program:
-    """Translate a JAX function to a program.
+    """Translate a JAX function to a program in C99.
 
-    Arguments become records of the leaves that the program reads. Arguments that have a result of
-    their name, in a dict of results, are whole, so that the result `next_...` can be the next
-    call's argument.
+    Each argument is a parameter in C, of the function's name for it: a number, an array, or a
+    struct of the leaves that the program reads. What the function returns is a parameter `result`,
+    or one for each key of a dict. Where a key is an argument's name, the result is called
+    `next_...`, and the argument has all of its leaves: the result can be the next call's argument.
 
     Args:
         function: The function.
-        arguments: Example arguments, pytrees of arrays or numbers.
-        name: Name of the program.
-        whole: Whether all arguments are whole, so that programs with the same arguments can share
-            them.
+        arguments: Example arguments, pytrees of arrays, of numbers or of `jax.ShapeDtypeStruct`.
+        name: Name of the program, and of its function in C.
+        keep_unused: Whether all arguments have all of their leaves, so that programs with the same
+            arguments can share them.
 
     Raises:
-        InvalidInput: For a primitive or a number type that cannot be translated, with its line.
+        Unsupported: For a primitive or a number type that cannot be translated, with its line, and
+            for a name that C cannot have.
     """
     require_name("the program's name", name, is_public=True)
-    names = _named(function, len(arguments))
+    names = _argument_names(function, len(arguments))
     records = [record_of(name, argument) for name, argument in zip(names, arguments, strict=True)]
     closed_jaxpr, shape = jax.make_jaxpr(function, return_shape=True)(*arguments)
     translator = _Translator()
     block = Block()
-    inputs = [_of_leaf(record, leaf) for record in records for leaf in record.leaves]
+    inputs = [_value_of_leaf(record, leaf) for record in records for leaf in record.leaves]
     values = translator.run(block, closed_jaxpr.jaxpr, closed_jaxpr.consts, inputs)
     shapes = shape if isinstance(shape, dict) else {"result": shape}
     result_names = {key: f"next_{key}" if key in names else str(key) for key in sorted(shapes)}
     results = [record_of(title, shapes[key]) for key, title in result_names.items()]
     _require_names(name, records, results)
-    targets = [_of_leaf(record, leaf, "*") for record in results for leaf in record.leaves]
+    targets = [_value_of_leaf(record, leaf, "*") for record in results for leaf in record.leaves]
     for value, target in zip(values, targets, strict=True):
         block.copy(value, target)
     body = block.printed()
     returned_names = {record.name.removeprefix("next_") for record in results}
     body_words = c_names(body)
     arguments_read = [
-        record if whole or record.name in returned_names else record.only(body_words)
+        record if keep_unused or record.name in returned_names else record.only(body_words)
         for record in records
     ]
     functions_by_text = translator.functions.items()
@@ -103,8 +106,8 @@ def translate_block(
     return Program(name, functions, body, constants, tuple(arguments_read), tuple(results))
 
 
-def _named(function: Callable[..., Any], count: int) -> list[str]:
-    """Return the names of a function's arguments; raises InvalidInput where there are fewer than
+def _argument_names(function: Callable[..., Any], count: int) -> list[str]:
+    """Return the names of a function's arguments; raises Unsupported where there are fewer than
     are given.
     """
     parameters = inspect.signature(function).parameters.values()
@@ -118,7 +121,7 @@ def _named(function: Callable[..., Any], count: int) -> list[str]:
 
 
 def _require_names(name: str, arguments: Sequence[Record], results: Sequence[Record]) -> None:
-    """Refuse, by InvalidInput, arguments and results that C cannot name so, beside each other and
+    """Refuse, by Unsupported, arguments and results that C cannot name so, beside each other and
     the structs.
     """
     uses = Counter(record.name for record in (*arguments, *results))
@@ -166,7 +169,7 @@ class _Translator:
                 self.constant(variable.val) if isinstance(variable, Literal) else values[variable]
             )
 
-        unstored = _waiting(jaxpr)
+        unstored = _unstored_arrays(jaxpr)
         for equation in jaxpr.eqns:
             try:
                 results = self.equation(
@@ -178,7 +181,7 @@ class _Translator:
                 message = (
                     f"'{equation.primitive.name}' cannot be translated: {reason} ({self.line})."
                 )
-                raise InvalidInput(message) from reason
+                raise Unsupported(message) from reason
         return [value_of(variable) for variable in jaxpr.outvars]
 
     def constant(self, value: Any) -> Value:
@@ -198,7 +201,7 @@ class _Translator:
         """Write one equation; return its results.
 
         Raises:
-            InvalidInput: For a primitive without a rule.
+            Unsupported: For a primitive without a rule.
         """
         primitive = equation.primitive.name
         params = equation.params
@@ -207,7 +210,7 @@ class _Translator:
         other_kinds = kinds - {*TYPES}
         if other_kinds:
             kind = min(other_kinds)
-            raise InvalidInput(f"numbers of the kind '{kind}' cannot be translated ({self.line}).")
+            raise Unsupported(f"numbers of the kind '{kind}' cannot be translated ({self.line}).")
         outs: list[Any] = [var.aval for var in equation.outvars]
         if all(out.size == 0 for out in outs):
             return [scalar(str(out.dtype), "0", out.shape) for out in outs]
@@ -218,7 +221,7 @@ class _Translator:
             return CONTROL[primitive](self.run, block, operands, params)
         if primitive in RULES:
             return [RULES[primitive](block, operands, params, equation.outvars[0].aval)]
-        raise InvalidInput(f"the primitive '{primitive}' cannot be translated ({self.line}).")
+        raise Unsupported(f"the primitive '{primitive}' cannot be translated ({self.line}).")
 
     def call(
         self, block: Block, function: ClosedJaxpr | Jaxpr, operands: Sequence[Value], name: str
@@ -234,7 +237,7 @@ class _Translator:
         is_closed = isinstance(function, ClosedJaxpr)
         jaxpr = function.jaxpr if is_closed else function
         consts = function.consts if is_closed else []
-        if _length(jaxpr) < _STAYS:
+        if _count_equations(jaxpr) < _LEAST_EQUATIONS:
             return self.run(block, jaxpr, consts, operands)
         function_block = Block()
         function_inputs = list[Value]()
@@ -279,14 +282,14 @@ class _Translator:
         return self.functions[key], [argument for _, argument in used_parameters]
 
 
-def _of_leaf(record: Record, leaf: Leaf, pointer: str = "") -> Value:
+def _value_of_leaf(record: Record, leaf: Leaf, pointer: str = "") -> Value:
     text = record.text(leaf)
     if leaf.size > 1:
         return value_at(leaf.kind, leaf.shape, text)
-    return scalar(leaf.kind, f"{pointer if record.lone else ''}{text}", leaf.shape)
+    return scalar(leaf.kind, f"{pointer if record.is_array else ''}{text}", leaf.shape)
 
 
-def _waiting(jaxpr: Jaxpr) -> set[Var]:
+def _unstored_arrays(jaxpr: Jaxpr) -> set[Var]:
     """Find the arrays that need not be stored, because one equation reads each of their elements
     once.
     """
@@ -310,9 +313,11 @@ def _size(var: Any) -> int:
     return var.aval.size
 
 
-def _length(jaxpr: Jaxpr) -> int:
+def _count_equations(jaxpr: Jaxpr) -> int:
     """Return the number of equations, those of called functions and of loops included."""
-    return sum(1 + sum(map(_length, jaxprs_in_params(equation.params))) for equation in jaxpr.eqns)
+    return sum(
+        1 + sum(map(_count_equations, jaxprs_in_params(equation.params))) for equation in jaxpr.eqns
+    )
 
 
 def _line_of(equation: JaxprEqn) -> str | None:

@@ -9,9 +9,9 @@ from typing import Any
 import jax
 import numpy as np
 
-from apollonius.export.names import is_taken
-from apollonius.export.scalars import TYPES
-from apollonius.io.errors import require
+from jaxpr2c.errors import require
+from jaxpr2c.names import is_taken
+from jaxpr2c.scalars import TYPES
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Record:
     leaves: tuple[Leaf, ...]
 
     @property
-    def lone(self) -> bool:
+    def is_array(self) -> bool:
         """Check whether it is an array and no pytree."""
         return len(self.leaves) == 1 and not self.leaves[0].name
 
@@ -61,7 +61,7 @@ class Record:
 
     def text(self, leaf: Leaf) -> str:
         """Return the C expression of a leaf."""
-        return self.name if self.lone else f"{self.name}->{leaf.name}"
+        return self.name if self.is_array else f"{self.name}->{leaf.name}"
 
     def only(self, texts: Collection[str]) -> "Record":
         """Return the record of the leaves that are written so in C."""
@@ -83,7 +83,7 @@ class Record:
 def record_of(name: str, tree: Any) -> Record:
     """Return the record of a pytree of arrays; its leaves are called after their places in it.
 
-    Raises InvalidInput for numbers of a kind that C lacks, and for an array without elements.
+    Raises Unsupported for numbers of a kind that C lacks, and for an array without elements.
     """
     leaves = dict[str, Leaf]()
     for place, (path, leaf) in enumerate(jax.tree_util.tree_flatten_with_path(tree)[0]):

@@ -7,9 +7,9 @@ from typing import Any
 import jax
 import numpy as np
 
-from apollonius.export.block import Block, Index, Value, shift
-from apollonius.export.elementwise import Params, Rule
-from apollonius.export.scalars import apply_operation, convert, number, plus
+from jaxpr2c.block import Block, Index, Value, shift
+from jaxpr2c.elementwise import Params, Rule
+from jaxpr2c.scalars import apply_operation, convert, number, plus
 
 
 def part(value: Value, shape: tuple[int, ...], starts: Sequence[str]) -> Value:
