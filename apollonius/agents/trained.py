@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, Int
 from apollonius.agents.classical import uniform_action
 from apollonius.agents.departure import Departing
 from apollonius.agents.names import AGENTS, FROM_ZOO, ZOO, agents_folders, zoo_names
-from apollonius.agents.network import GaussianActor, Network, QNetwork, infer
+from apollonius.agents.network import GaussianActor, Network, QNetwork
 from apollonius.agents.policy import (
     AbstractActionValuePolicy,
     AbstractContinuous,
@@ -54,7 +54,7 @@ class Greedy(AbstractByNetwork, AbstractActionValuePolicy):
 
     def values(self, observation: Float[Array, " size"]) -> Float[Array, "9"]:
         """Return the network's action values."""
-        return infer(self.network, observation)
+        return self.network(observation)
 
 
 class EpsilonGreedy(AbstractByNetwork):
@@ -66,7 +66,7 @@ class EpsilonGreedy(AbstractByNetwork):
     def __call__(
         self, observation: Float[Array, " size"], memory: Memory, bits: RandomBits
     ) -> tuple[Int[Array, ""], Memory]:
-        best = jnp.argmax(infer(self.network, observation)).astype(jnp.int32)
+        best = jnp.argmax(self.network(observation)).astype(jnp.int32)
         explore = (bits & 0xFFFF).astype(jnp.float32) < self.epsilon * 65536
         return jnp.where(explore, uniform_action(bits), best), memory
 
@@ -93,7 +93,7 @@ class SquashedGaussian(AbstractByNetwork, AbstractContinuous):
     def __call__(
         self, observation: Float[Array, " size"], memory: Memory, bits: RandomBits
     ) -> tuple[Float[Array, "2"], Memory]:
-        mean, deviation = infer(self.network, observation)
+        mean, deviation = self.network(observation)
         return jnp.tanh(mean + self.spread * deviation * normal_pair(bits)), memory
 
 

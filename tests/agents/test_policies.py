@@ -138,27 +138,6 @@ def test_partitioned_players_act_as_each_kind_alone():
         np.testing.assert_array_equal(together.action[:, own], pursuits(single_player(one))[0].action[:, own])
 
 
-def test_batched_network_has_the_values_and_gradients_of_single_calls():
-    network, random = make_network("encoded", 16, 3, jax.random.key(0)), np.random.default_rng(1)
-    given, wanted = (random.normal(size=(40, size)).astype(np.float32) for size in (17, 9))
-
-    def weighed(values):
-        def error(network, seen):
-            found = values(network, seen)
-            return jnp.mean((found - wanted) ** 2), found
-
-        (_, found), slopes = jax.jit(jax.value_and_grad(error, argnums=(0, 1), has_aux=True))(network, given)
-        return found, slopes
-
-    (values, slopes), (each, theirs) = map(
-        weighed, (lambda network, seen: network.batch(seen), lambda network, seen: jax.vmap(network)(seen))
-    )
-    np.testing.assert_allclose(values, each, atol=1e-6)
-    for one, other in zip(jax.tree.leaves(slopes), jax.tree.leaves(theirs), strict=True):
-        assert np.abs(other).max() > 1e-4
-        np.testing.assert_allclose(one, other, atol=1e-7, rtol=1e-4)
-
-
 @pytest.mark.parametrize("observation", [EGOCENTRIC, TEAM])
 def test_symmetric_network_is_equivariant_under_reflection(observation):
     """And what it says of an action is the mean of both sides, one by one, in a batch and as a player."""
@@ -183,7 +162,6 @@ def test_symmetric_network_is_equivariant_under_reflection(observation):
     ids=["discrete", "continuous"],
 )
 def test_act_in_rows_matches_act_in_each_game(player):
-    """Quicker ways through the network are taken for whole blocks only."""
     seen = jax.random.normal(jax.random.key(1), (64, 17))
     bits = jax.random.bits(jax.random.key(2), (64,), jnp.uint32)
     together, alone = jax.jit(act_in_rows), jax.jit(act)
