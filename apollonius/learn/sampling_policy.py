@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from apollonius.agents.network import QNetwork, infer
+from apollonius.agents.network import QNetwork
 from apollonius.agents.trained import AbstractByNetwork
 from apollonius.game.types import RandomBits
 from apollonius.learn.clearance_penalty import clearance_penalty
@@ -37,9 +37,7 @@ class SamplingPolicy(AbstractByNetwork):
     def __call__(
         self, observation: Float[Array, " size"], noise_memory: RandomBits, bits: RandomBits
     ) -> tuple[Int[Array, ""], RandomBits]:
-        below = jnp.cumsum(
-            jax.nn.softmax(self.penalise(infer(self.network, observation), observation))
-        )
+        below = jnp.cumsum(jax.nn.softmax(self.penalise(self.network(observation), observation)))
         lasts = ((bits & 0xFF).astype(jnp.float32) >= 256 / self.hold) & (noise_memory > 0)
         action_bits = jnp.where(lasts, noise_memory, bits)
         drawn = (action_bits >> 8).astype(jnp.float32) / 2**24
