@@ -55,7 +55,7 @@ def advance_open(
     advance: Callable[[Int[Array, " few"], T], T],
     few: int,
 ) -> T:
-    """Return what a `vmap` of a `while_loop` would: rows are advanced until none is open.
+    """Advance rows until none is open, as a `vmap` of a `while_loop` does.
 
     Args:
         rows: leaves `[rows, ...]`.
