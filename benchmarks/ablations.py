@@ -158,10 +158,12 @@ def serve(name: str, is_left_out: bool) -> None:
 def measure(name: str, turns: int) -> tuple[float, list[float]]:
     """Return the median seconds with the form, and the sorted ratios of those without it."""
     command = [sys.executable, __file__, "--serve", name]
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-    processes = [
-        subprocess.Popen([*command, *flags], text=True, **pipes) for flags in ([], ["--without"])
-    ]
+
+    def server(*flags: str) -> subprocess.Popen[str]:
+        pipe = subprocess.PIPE
+        return subprocess.Popen([*command, *flags], encoding="utf-8", stdin=pipe, stdout=pipe)
+
+    processes = [server(), server("--without")]
 
     def turn(process: subprocess.Popen[str]) -> float:
         assert process.stdin
