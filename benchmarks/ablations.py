@@ -123,7 +123,7 @@ ABLATIONS = {
         BARRIER, without_for("_concatenate_states"), partial(random_play, "team-3v1", 1024, "team")
     ),
     "cosine": Ablation(
-        BARRIER, without_for("cos_sin"), partial(random_play, "paper", 1024, "egocentric")
+        BARRIER, without_for("cos_sin"), partial(random_play, "paper", 4096, "encoded")
     ),
     "sight": Ablation(
         BARRIER, without_for("reaches"), partial(random_play, "lidar", 1024, "paper")
