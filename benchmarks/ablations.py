@@ -55,6 +55,11 @@ def without_for(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any
     return replacement
 
 
+def without_any(_: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the replacement of a decorator that leaves all functions as they are."""
+    return lambda function: function
+
+
 def plain_bits(_: Callable[..., Any]) -> Callable[..., Any]:
     """Return JAX's own function for `threefry_bits`."""
     return partial(jax.random.bits, dtype=jnp.uint32)
@@ -117,6 +122,7 @@ def match(name: str, pursuer: str, evader: str, games: int) -> Run:
 BARRIER = ("fusion_barrier", "fusion_barrier")
 SHIELDED = partial(match, "office", "shielded:P_smooth", "still", 64)
 ABLATIONS = {
+    "barriers": Ablation(BARRIER, without_any, partial(random_play, "paper", 4096)),
     "judge": Ablation(BARRIER, without_for("judge"), partial(random_play, "paper", 4096)),
     "rewards": Ablation(BARRIER, without_for("_rewards"), partial(random_play, "team-3v1", 1024)),
     "rows": Ablation(
