@@ -21,6 +21,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
+from apollonius.accelerate.threefry import threefry_bits
 from apollonius.agents.classical import Uniform
 from apollonius.agents.pool import Pool, single_player
 from apollonius.arenas.file import find_game
@@ -35,7 +36,6 @@ from apollonius.learn.self_play import SelfPlayConfig
 from apollonius.observe.registry import find_observation
 from apollonius.observe.view import look
 from apollonius.play.autoreset import RunningBatch, autoreset
-from apollonius.play.random_bits import fold_in, threefry_bits
 from apollonius.play.rollout import Games, collect, init_games
 from apollonius.solve.grid import lanes_of
 from apollonius.solve.joint import make_duel, value_before_move
@@ -93,7 +93,7 @@ def _random_play(
         row = jax.tree.map(
             lambda leaf: jax.lax.dynamic_slice_in_dim(leaf, step % START_ROWS, 1), starts
         )
-        return _step(game, players, carry[0], row, fold_in(key, step))
+        return _step(game, players, carry[0], row, jax.random.fold_in(key, step))
 
     # What a step returns overwrites what the one before returned, so all of it is computed.
     return jax.lax.fori_loop(0, STEPS, one_step, carry)
@@ -144,7 +144,7 @@ def _speed_of(
         def one_step(
             carry: tuple[RunningBatch, Any], turn: Array
         ) -> tuple[tuple[RunningBatch, Any], None]:
-            words = threefry_bits(fold_in(key, turn), (2, games))
+            words = threefry_bits(jax.random.fold_in(key, turn), (2, games))
             batch, step_result = loop(
                 carry[0], (((words >> 16) * NUM_ACTIONS) >> 16).astype(jnp.int32)
             )

@@ -2,9 +2,9 @@
 of action levels.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -12,7 +12,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from apollonius.agents.batching import with_batch_function
 from apollonius.game.dynamics import MIRRORED
 from apollonius.game.types import NUM_ACTIONS
 from apollonius.observe.observation import AbstractObservation
@@ -22,9 +21,6 @@ T = TypeVar("T")
 Layers = tuple[eqx.nn.Linear, ...]
 """Fully connected layers with ReLU between them (section III-D of the paper: four hidden layers of
 256 units).
-"""
-_BLOCK = 64
-"""Rows and columns of a product that XLA on the CPU computes in whole blocks are multiples of this.
 """
 
 
@@ -42,24 +38,16 @@ class QNetwork(eqx.Module):
     symmetric: bool = eqx.field(static=True, default=False)
 
     def __call__(self, observation: Float[Array, " size"]) -> Float[Array, "9"]:
-        return self.apply_by(apply_layers, observation)
-
-    def batch(self, observations: Float[Array, "batch size"]) -> Float[Array, "batch 9"]:
-        """Return the outputs for a batch, with a quicker gradient than that of a `vmap`."""
-        return self.apply_by(apply_to_batch, observations)
-
-    def apply_by(
-        self, layers: Callable[[Layers, Array], Array], observation: Float[Array, "*batch size"]
-    ) -> Array:
-        """Return the action values; `layers` is the function that applies the layers to
-        observations.
-        """
-        values = layers(self.layers, observation)
+        values = apply_layers(self.layers, observation)
         if not self.symmetric:
             return values
         assert self.observation.mirror, "it knows its mirror image"
-        mirrored_values = layers(self.layers, self.observation.mirror(observation))
-        return (values + mirrored_values[..., np.array(MIRRORED)]) / 2
+        mirrored_values = apply_layers(self.layers, self.observation.mirror(observation))
+        return (values + mirrored_values[np.array(MIRRORED)]) / 2
+
+    def batch(self, observations: Float[Array, "batch size"]) -> Float[Array, "batch 9"]:
+        """Return the action values for a batch."""
+        return jax.vmap(self)(observations)
 
 
 class GaussianActor(eqx.Module):
@@ -74,22 +62,16 @@ class GaussianActor(eqx.Module):
     def __call__(
         self, observation: Float[Array, " size"]
     ) -> tuple[Float[Array, "2"], Float[Array, "2"]]:
-        """Return means and standard deviations for one observation."""
-        return self.distribution(apply_layers(self.layers, observation))
+        """Return the means and standard deviations that the last layer's outputs stand for."""
+        mean, spread = jnp.split(apply_layers(self.layers, observation), 2)
+        least, most = _LOG_DEVIATION
+        return mean, jnp.exp(least + (most - least) * (jnp.tanh(spread) + 1) / 2)
 
     def batch(
         self, observations: Float[Array, "batch size"]
     ) -> tuple[Float[Array, "batch 2"], Float[Array, "batch 2"]]:
-        """Return the outputs for a batch, with a quicker gradient than that of a `vmap`."""
-        return self.distribution(apply_to_batch(self.layers, observations))
-
-    def distribution(
-        self, outputs: Float[Array, "*batch 4"]
-    ) -> tuple[Float[Array, "*batch 2"], Float[Array, "*batch 2"]]:
-        """Return the means and standard deviations that the last layer's outputs stand for."""
-        mean, spread = jnp.split(outputs, 2, axis=-1)
-        least, most = _LOG_DEVIATION
-        return mean, jnp.exp(least + (most - least) * (jnp.tanh(spread) + 1) / 2)
+        """Return the means and standard deviations for a batch."""
+        return jax.vmap(self)(observations)
 
 
 MOST_WIDTH = 8_192
@@ -120,77 +102,9 @@ def apply_layers(layers: Layers, inputs: Float[Array, " in"]) -> Float[Array, " 
     return layers[-1](hidden)
 
 
-def infer(network: Network, observation: Float[Array, " size"]) -> Any:
-    """Evaluate a network on one observation: faster under `vmap`, not differentiable."""
-    if isinstance(network, QNetwork):
-        return network.apply_by(_infer, observation)
-    return network.distribution(_infer(network.layers, observation))
-
-
-@with_batch_function(lambda size, batched, layers, inputs: _apply_in_batch(layers, inputs))
-def _infer(layers: Layers, inputs: Float[Array, " in"]) -> Float[Array, " out"]:
-    return apply_layers(layers, inputs)
-
-
-def _apply_in_batch(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[Array, "batch out"]:
-    """Apply the layers to a batch, to the same bits as a `vmap` of `apply_layers`, faster if it is
-    large.
-
-    A `vmap` puts the weights before the inputs, and XLA on the CPU then transposes the outputs of
-    every layer. Inputs before weights give the same bits only in products whose sizes are multiples
-    of `_BLOCK`; other products, and the last layer, keep the order of the `vmap`.
-    """
-    if inputs.shape[0] % _BLOCK or any(layer.out_features % _BLOCK for layer in layers[:-1]):
-        return _weights_first(layers, inputs)
-    hidden = inputs
-    for layer in layers[:-1]:
-        hidden = jax.nn.relu(_affine(layer.weight, layer.bias, hidden))
-    return _weights_first(layers[-1:], hidden)
-
-
-def _weights_first(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[Array, "batch out"]:
-    """Apply the layers by a `vmap`, whose products have the weights first, as in a pool."""
-    members = jax.tree.map(lambda leaf: leaf[None], layers)
-    return jax.vmap(lambda layers: jax.vmap(apply_layers, in_axes=(None, 0))(layers, inputs))(
-        members
-    )[0]
-
-
 def apply_to_batch(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[Array, "batch out"]:
-    """Return the outputs for a batch, with a quicker gradient than that of a `vmap`."""
-    hidden = inputs
-    for layer in layers[:-1]:
-        hidden = jax.nn.relu(_affine(layer.weight, layer.bias, hidden))
-    return _affine(layers[-1].weight, layers[-1].bias, hidden)
-
-
-@jax.custom_vjp
-def _affine(
-    weight: Float[Array, "out in"], bias: Float[Array, " out"], inputs: Float[Array, "batch in"]
-) -> Float[Array, "batch out"]:
-    """Apply a layer to a batch.
-
-    Its gradient transposes before it multiplies: the product over the first axes of both, which
-    differentiation would make of it, takes XLA on the CPU a third longer.
-    """
-    return inputs @ weight.T + bias[None]
-
-
-def _affine_forward(
-    weight: Float[Array, "out in"], bias: Float[Array, " out"], inputs: Float[Array, "batch in"]
-) -> tuple[Float[Array, "batch out"], tuple[Float[Array, "out in"], Float[Array, "batch in"]]]:
-    return _affine(weight, bias, inputs), (weight, inputs)
-
-
-def _affine_backward(
-    residuals: tuple[Float[Array, "out in"], Float[Array, "batch in"]],
-    slope: Float[Array, "batch out"],
-) -> tuple[Float[Array, "out in"], Float[Array, " out"], Float[Array, "batch in"]]:
-    weight, inputs = residuals
-    return jax.lax.optimization_barrier(slope.T) @ inputs, jnp.sum(slope, axis=0), slope @ weight
-
-
-_affine.defvjp(_affine_forward, _affine_backward)
+    """Return the outputs of the layers for a batch."""
+    return jax.vmap(apply_layers, in_axes=(None, 0))(layers, inputs)
 
 
 def make_layers(sizes: Sequence[int], key: PRNGKeyArray) -> Layers:

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from apollonius.agents.classical import uniform_action
 from apollonius.agents.names import AGENTS, FROM_ZOO, ZOO, agents_folders, zoo_names
-from apollonius.agents.network import GaussianActor, Network, QNetwork, infer
+from apollonius.agents.network import GaussianActor, Network, QNetwork
 from apollonius.agents.policy import (
     AbstractActionValuePolicy,
     AbstractContinuous,
@@ -56,7 +57,7 @@ class Greedy(AbstractByNetwork, AbstractActionValuePolicy):
 
     def values(self, observation: Float[Array, " size"]) -> Float[Array, "9"]:
         """Return the network's action values."""
-        return infer(self.network, observation)
+        return self.network(observation)
 
 
 class EpsilonGreedy(AbstractWrapper[AbstractActionValuePolicy]):
@@ -100,20 +101,9 @@ class SquashedGaussian(AbstractByNetwork, AbstractContinuous):
     def __call__(
         self, observation: Float[Array, " size"], memory: Memory, bits: RandomBits
     ) -> tuple[Float[Array, "2"], Memory]:
-        mean, deviation = infer(self.network, observation)
-        return jnp.tanh(mean + self.spread * deviation * normal_pair(bits)), memory
-
-
-def normal_pair(bits: RandomBits) -> Float[Array, "2"]:
-    """Return two independent standard normal numbers from the halves of random bits (Box and
-    Muller, 1958).
-
-    The upper half says how far, the lower half where to; none is beyond 4.9.
-    """
-    halves = (bits >> 16, bits & 0xFFFF)
-    upper, lower = ((half.astype(jnp.float32) + 0.5) / 65536 for half in halves)
-    radius, angle = jnp.sqrt(-2 * jnp.log(upper)), 2 * jnp.pi * lower
-    return radius * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
+        mean, deviation = self.network(observation)
+        noise = jax.random.normal(jax.random.key(bits), (2,))
+        return jnp.tanh(mean + self.spread * deviation * noise), memory
 
 
 def greedy_policy(

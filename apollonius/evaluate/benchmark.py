@@ -38,7 +38,6 @@ from apollonius.io.limits import ONNX
 from apollonius.observe.observation import observation_rows
 from apollonius.play import rollout
 from apollonius.play.playout import AbstractWatcher, Results, play_out
-from apollonius.play.random_bits import threefry_bits
 from apollonius.play.rollout import Transition
 
 _EVADERS = ("still", "hide", "evader", "shielded:evader")
@@ -210,7 +209,7 @@ class Benchmark:
         """
         match, process = self._round(agent, self.panel[0], 0)
         starts, key = draw_starts(match)
-        bits = threefry_bits(key, (2, match.games))
+        bits = jax.random.bits(key, (2, match.games))
         games = rollout.init_games(match.rules, starts, match.pools, bits)
 
         def decide() -> None:

@@ -187,6 +187,6 @@ def _enlarge(backup: Backup, steps: int, edges: int) -> Backup:
     if surroundings is None:
         return replace(backup, steps=steps)
     padding = edges - surroundings.within.shape[-1]
-    far_edge = surroundings.edges.x.shape[0] - 1
+    far_edge = surroundings.things.x.shape[0] - 1
     within = jnp.pad(surroundings.within, ((0, 0), (0, 0), (0, padding)), constant_values=far_edge)
     return replace(backup, steps=steps, surroundings=replace(surroundings, within=within))

@@ -8,12 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int, PRNGKeyArray, UInt32
 
+from apollonius.accelerate.fusion_barrier import fusion_barrier
 from apollonius.game import validation
 from apollonius.game.arena import Arena
 from apollonius.game.chart import Chart
 from apollonius.game.drive import Drives
 from apollonius.game.dynamics import Unicycle, as_action
-from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.judge import judge, robot_events
 from apollonius.game.reward import Reward, nearest_distances
 from apollonius.game.scenario import Scenario

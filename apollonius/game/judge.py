@@ -11,9 +11,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int
 
+from apollonius.accelerate.fusion_barrier import fusion_barrier
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.outcome import EVADER_FAILS, PURSUER_FAILS, come_within, decide, is_one_of
 from apollonius.game.teams import Teams
 from apollonius.game.types import ROLES, BySide, Flag, GameState, Outcome, Real, RobotStatus, Role

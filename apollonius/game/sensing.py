@@ -11,9 +11,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from apollonius.accelerate.fusion_barrier import fusion_barrier
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import wrap_angle
-from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.types import (
     BySide,
     Flag,

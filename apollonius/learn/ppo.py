@@ -21,7 +21,6 @@ from apollonius.agents.network import (
     Network,
     QNetwork,
     apply_to_batch,
-    infer,
     make_layers,
     make_network,
     scale_outputs,
@@ -88,9 +87,7 @@ class SamplingPolicy(AbstractByNetwork):
     def __call__(
         self, observation: Float[Array, " size"], noise_memory: RandomBits, bits: RandomBits
     ) -> tuple[Int[Array, ""], RandomBits]:
-        below = jnp.cumsum(
-            jax.nn.softmax(self.penalise(infer(self.network, observation), observation))
-        )
+        below = jnp.cumsum(jax.nn.softmax(self.penalise(self.network(observation), observation)))
         lasts = ((bits & 0xFF).astype(jnp.float32) >= 256 / self.hold) & (noise_memory > 0)
         action_bits = jnp.where(lasts, noise_memory, bits)
         drawn = (action_bits >> 8).astype(jnp.float32) / 2**24

@@ -15,8 +15,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, UInt32
 
+from apollonius.accelerate.fusion_barrier import fusion_barrier
 from apollonius.game.chart import COARSE, STEPS, Chart
-from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.sensing import BOUND, Noise, Percept, Sensors
 from apollonius.game.types import Flag, Real, RobotState, Scalar
 

@@ -11,9 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from apollonius.accelerate.fusion_barrier import fusion_barrier
 from apollonius.game.arena import Arena
 from apollonius.game.chart import Chart
-from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.game import Game
 from apollonius.game.types import GameState, Real, Role, Scalar
 from apollonius.observe.view import Robot, View, look_from_row, robot_rows

@@ -8,11 +8,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from apollonius.accelerate.fusion_barrier import fusion_barrier
 from apollonius.game.arena import Arena
 from apollonius.game.chart import Chart
 from apollonius.game.drive import drive_of, predict_after_lag
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.game import Game
 from apollonius.game.teams import Teams, nearest
 from apollonius.game.types import (

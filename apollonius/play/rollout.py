@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 
+from apollonius.accelerate.threefry import threefry_bits
 from apollonius.agents.policy import Memory, mix_bits
 from apollonius.agents.pool import AbstractPlayers, Pool, Reader
 from apollonius.game.drive import drive_of, respond
@@ -35,7 +36,6 @@ from apollonius.observe import tracking
 from apollonius.observe.observation import RAW_VIEW, observation_rows
 from apollonius.observe.tracking import Sightings, Track, sense_and_update
 from apollonius.play.autoreset import row_at_turn
-from apollonius.play.random_bits import fold_in, threefry_bits
 
 Pay = Callable[[GameState, Timestep], BySide[tuple[Scalar, ...]]]
 """The rewards of all robots by the state before a step and by the step, without a batch."""
@@ -374,7 +374,7 @@ def collect(
     kinds = 2 if any(pool.samples for pool in players) else 1
 
     def one_step(games: Games, step: Int[Array, ""]) -> tuple[Games, Transition]:
-        bits = threefry_bits(fold_in(key, step), (2 * kinds, batch))
+        bits = threefry_bits(jax.random.fold_in(key, step), (2 * kinds, batch))
         after, transition = step_games(game, players, games, bits[:2], with_next_obs=with_next_obs)
         fresh = init_games(game, row_at_turn(starts, step), players, bits[-2:])
         return jax.vmap(tree_where)(transition.ended, fresh, after), transition

@@ -34,7 +34,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, Shaped
 
-from apollonius.game.fusion_barrier import fusion_barrier
+from apollonius.accelerate.fusion_barrier import fusion_barrier
 from apollonius.game.types import NUM_ACTIONS, RobotState, Scalar
 from apollonius.io.errors import require
 from apollonius.io.limits import require_memory

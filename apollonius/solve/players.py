@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, Shaped, UInt32
 
-from apollonius.agents.batching import broadcast_rows, with_batch_function
+from apollonius.accelerate.batch_rule import broadcast_rows, with_batch_function
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy, Memory
 from apollonius.agents.pool import ActionsAndMemory, RowBits, act_in_rows
 from apollonius.game.game import Game

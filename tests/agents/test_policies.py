@@ -17,14 +17,7 @@ from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.pool import PartitionedPlayers, single_player, stack
 from apollonius.agents.store import describe, load_agent, save_agent
-from apollonius.agents.trained import (
-    EpsilonGreedy,
-    Greedy,
-    SquashedGaussian,
-    exploring_policy,
-    greedy_policy,
-    normal_pair,
-)
+from apollonius.agents.trained import EpsilonGreedy, Greedy, SquashedGaussian, exploring_policy, greedy_policy
 from apollonius.agents.wrappers.action_repeat import ActionRepeat
 from apollonius.arenas.file import to_dict
 from apollonius.catalogue import find_pool
@@ -138,27 +131,6 @@ def test_partitioned_players_act_as_each_kind_alone():
         np.testing.assert_array_equal(together.action[:, own], pursuits(single_player(one))[0].action[:, own])
 
 
-def test_batched_network_has_the_values_and_gradients_of_single_calls():
-    network, random = make_network("encoded", 16, 3, jax.random.key(0)), np.random.default_rng(1)
-    given, wanted = (random.normal(size=(40, size)).astype(np.float32) for size in (17, 9))
-
-    def weighed(values):
-        def error(network, seen):
-            found = values(network, seen)
-            return jnp.mean((found - wanted) ** 2), found
-
-        (_, found), slopes = jax.jit(jax.value_and_grad(error, argnums=(0, 1), has_aux=True))(network, given)
-        return found, slopes
-
-    (values, slopes), (each, theirs) = map(
-        weighed, (lambda network, seen: network.batch(seen), lambda network, seen: jax.vmap(network)(seen))
-    )
-    np.testing.assert_allclose(values, each, atol=1e-6)
-    for one, other in zip(jax.tree.leaves(slopes), jax.tree.leaves(theirs), strict=True):
-        assert np.abs(other).max() > 1e-4
-        np.testing.assert_allclose(one, other, atol=1e-7, rtol=1e-4)
-
-
 @pytest.mark.parametrize("observation", [EGOCENTRIC, TEAM])
 def test_symmetric_network_is_equivariant_under_reflection(observation):
     """And what it says of an action is the mean of both sides, one by one, in a batch and as a player."""
@@ -183,7 +155,6 @@ def test_symmetric_network_is_equivariant_under_reflection(observation):
     ids=["discrete", "continuous"],
 )
 def test_act_in_rows_matches_act_in_each_game(player):
-    """Quicker ways through the network are taken for whole blocks only."""
     seen = jax.random.normal(jax.random.key(1), (64, 17))
     bits = jax.random.bits(jax.random.key(2), (64,), jnp.uint32)
     together, alone = jax.jit(act_in_rows), jax.jit(act)
@@ -222,8 +193,6 @@ def test_exploring_policy_samples_the_squashed_normal_distribution():
             assert kstest(numbers, norm.cdf).pvalue > 0.01
         for power in (1, 2):
             assert abs(np.corrcoef((standard**power).T)[0, 1]) < 0.03
-    ends = jnp.array([0, 2**16 - 1, 2**32 - 2**16, 2**32 - 1], jnp.uint32)
-    assert np.abs(jax.vmap(normal_pair)(ends)).max() < 4.9
 
 
 @pytest.mark.parametrize(

@@ -75,7 +75,7 @@ def with_wide_index(player):
     index = getattr(getattr(player.package, "backup", None), "surroundings", None)
     if index is None:
         return player
-    (rows, columns, edges), last = index.within.shape, len(index.edges.x) - 1
+    (rows, columns, edges), last = index.within.shape, len(index.things.x) - 1
     size = max(rows, columns)
     within = jnp.pad(index.within, [(0, size - rows), (0, size - columns), (0, 0)], mode="edge")
     within = jnp.pad(within, [(0, 0), (0, 0), (0, last - edges)], constant_values=last)

@@ -12,7 +12,6 @@ from scipy.integrate import solve_ivp
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.drive import MOST_LAG, Drive, Drives, drive_of
 from apollonius.game.dynamics import Unicycle, action_levels, sinc, unit_vector, wrap_angle
-from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.presets import in_teams, make_game, randomised
 from apollonius.game.scenario import Spread
 from apollonius.game.sensing import BOUND, Noise, Sensors, sense
@@ -131,19 +130,6 @@ def test_randomised_numbers_are_uniform_and_independent():
     assert abs(np.corrcoef(heading, speed)[0, 1]) < 0.3
     assert set(np.asarray(drawn.pursuer.v_max)) == {np.float32(1.2)}
     assert drawn.drives.evader.turn_time is None
-
-
-def clipped_or_zero(x):
-    """Calls functions that JAX compiles on their own."""
-    return jnp.where(jnp.clip(2 * x, -1, 1) > 0.5, x, 0)
-
-
-@pytest.mark.skipif(jax.default_backend() != "cpu", reason="the boundary is for XLA on the CPU")
-def test_fusion_barrier_keeps_a_function_as_one_call():
-    x = jnp.linspace(-1.0, 1.0, 64)
-    compiled = jax.jit(lambda x: fusion_barrier(clipped_or_zero)(x) + 1).lower(x).compile()
-    assert compiled.as_text().count(" call(") == 1
-    np.testing.assert_array_equal(compiled(x), clipped_or_zero(x) + 1)
 
 
 DISC = Arena(discs=(Disc(5.0, 5.0, 1.0),))

@@ -13,7 +13,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jaxtyping import Array
-from numpy.testing import assert_array_equal
 from scipy import stats
 
 from apollonius.agents.classical import uniform_action
@@ -35,7 +34,6 @@ from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.paper import ENCODED, PAPER
 from apollonius.play.autoreset import autoreset
 from apollonius.play.playout import play_out
-from apollonius.play.random_bits import fold_in, threefry_bits
 from apollonius.play.replay import as_rows, as_state, load_replay, play_actions, save_replay
 from apollonius.play.rollout import collect, init_games
 from tests.acting import identical, observe, state
@@ -334,15 +332,3 @@ def test_golden_games_replay_as_recorded(path):
     states, outcomes = play_actions(replay.game, start, jnp.asarray(actions))
     np.testing.assert_allclose(as_rows(states)[: steps + 1], replay.states, rtol=0, atol=TOLERANCE)
     assert outcomes[:steps].tolist() == [Outcome.ONGOING] * (steps - 1) + [replay.outcome]
-
-
-@pytest.mark.parametrize("key", [jax.random.key(2**31 + 5), jax.random.key(3, impl="rbg")], ids=["threefry", "rbg"])
-def test_random_bits_and_folded_keys_match_jax(key):
-    for shape in ((), (2, 512)):
-        assert_array_equal(threefry_bits(key, shape), jax.random.bits(key, shape, jnp.uint32))
-    numbers = jnp.asarray([0, 1, 2**31 - 1, -1], jnp.int32)
-    ours, theirs = (jax.vmap(folded, in_axes=(None, 0))(key, numbers) for folded in (fold_in, jax.random.fold_in))
-    assert jax.random.key_impl(ours) == jax.random.key_impl(key)
-    assert_array_equal(jax.random.key_data(ours), jax.random.key_data(theirs))
-    with jax.threefry_partitionable(False):  # two ways to count words
-        assert_array_equal(threefry_bits(key, (5,)), jax.random.bits(key, (5,), jnp.uint32))

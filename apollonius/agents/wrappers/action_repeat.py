@@ -9,7 +9,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from apollonius.agents.batching import broadcast_rows, compute_where, with_batch_function
+from apollonius.accelerate.batch_rule import broadcast_rows, with_batch_function
+from apollonius.accelerate.few_rows import compute_where
 from apollonius.agents.policy import AbstractPolicy, AbstractWrapper, Memory
 from apollonius.game.types import Action, RandomBits
 from apollonius.observe.observation import RawView

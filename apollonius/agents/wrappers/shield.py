@@ -1,5 +1,6 @@
 """A player that does not crash: another's actions, unless they leave no way to stop in time."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import ceil
 from typing import Any
@@ -7,17 +8,19 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
-from apollonius.agents.batching import broadcast_rows, with_batch_function
+from apollonius.accelerate.batch_rule import broadcast_rows, with_batch_function
+from apollonius.accelerate.few_rows import advance_open
+from apollonius.accelerate.nearby import NearbyIndex, index_nearby
 from apollonius.agents.policy import AbstractPolicy, AbstractWrapper, Memory
 from apollonius.game.arena import Arena
 from apollonius.game.drive import limited_turn_rate
 from apollonius.game.dynamics import Unicycle, action_levels, unit_vector
 from apollonius.game.game import Game
-from apollonius.game.nearby import Surroundings, surroundings
-from apollonius.game.polygon import Edges
+from apollonius.game.polygon import Edge, Edges, Polygon
 from apollonius.game.types import (
     NUM_ACTIONS,
     Action,
@@ -30,6 +33,7 @@ from apollonius.game.types import (
     Scalar,
 )
 from apollonius.io.errors import require
+from apollonius.io.persistent_jit import PersistentJit
 from apollonius.observe.view import Robot, View
 
 MARGIN = 1e-3
@@ -38,6 +42,11 @@ BRAKING = (0, 1, 2)
 """Actions that brake: while turning right, going straight, or turning left."""
 _TRIED = 8
 """Robots of a batch that try another action at a time."""
+_FAR = 1e6
+"""Coordinates of what is far from everywhere [m]."""
+
+_edges_of = PersistentJit(Edges.of)
+_clearances = PersistentJit(jax.vmap(jax.vmap(Polygon.clearance, (None, 0, None)), (None, None, 0)))
 
 
 class BrakingMotion(eqx.Module):
@@ -54,7 +63,7 @@ class Backup(eqx.Module):
         arena, dt: where the manoeuvres are tried, and for how long an action is held [s].
         steps: how many steps they last.
         manoeuvres: the braking action that each holds to the end.
-        surroundings: index of the polygons near each place; None: every polygon is looked at.
+        surroundings: index of the edges near each place; None: every polygon is looked at.
         uses_arena_of_view: whether the arena of the view is used, as it differs from state to
             state.
     """
@@ -63,7 +72,7 @@ class Backup(eqx.Module):
     dt: Real
     steps: int = eqx.field(static=True)
     manoeuvres: tuple[int, ...] = eqx.field(static=True, default=BRAKING)
-    surroundings: Surroundings | None = None
+    surroundings: NearbyIndex[Edge] | None = None
     uses_arena_of_view: bool = eqx.field(static=True, default=False)
 
     def for_view(self, view: View) -> "Backup":
@@ -126,7 +135,7 @@ class Backup(eqx.Module):
         return jnp.min(along, axis=1) - robot.body.radius
 
     def _nearby_edges(self, robot: RobotState) -> Edges | None:
-        return self.surroundings.near(robot.x, robot.y) if self.surroundings else None
+        return Edges(self.surroundings.near(robot.x, robot.y)) if self.surroundings else None
 
     def _clearance_along(self, before: RobotState, after: RobotState, near: Edges | None) -> Scalar:
         """Return the least clearance [m] on a segment; polygons count by these edges only."""
@@ -220,17 +229,13 @@ def _shield_in_batch(size: int, batched: Any, player: Shielded, view: View, scor
     scores = broadcast_rows(size, batched[2], scores)
     search = jax.vmap(player.start_search, in_axes=(axes, 0), axis_size=size)(view, scores)
 
-    def try_next(search: _Search) -> _Search:
-        (rows,) = jnp.nonzero(search.is_open, size=_TRIED, fill_value=size)
+    def try_next(rows: Int[Array, " few"], searches: _Search) -> _Search:
         their_views = jax.tree.map(lambda leaf, has: leaf[rows] if has else leaf, view, batched[1])
-        their_searches = jax.tree.map(lambda leaf: leaf[rows], (scores, search))
+        their_scores = jax.tree.map(lambda leaf: leaf[rows], scores)
         go_on = jax.vmap(player.try_next, in_axes=(axes, 0, 0), axis_size=_TRIED)
-        tried = go_on(their_views, *their_searches)
-        return jax.tree.map(
-            lambda leaf, new_leaf: leaf.at[rows].set(new_leaf, mode="drop"), search, tried
-        )
+        return go_on(their_views, their_scores, searches)
 
-    return jax.lax.while_loop(lambda search: jnp.any(search.is_open), try_next, search).action
+    return advance_open(search, lambda search: search.is_open, try_next, _TRIED).action
 
 
 @with_batch_function(_shield_in_batch)
@@ -258,21 +263,42 @@ def brakes(game: Game, role: Role) -> Backup:
     return Backup(game.arena, game.dt, steps, surroundings=_surroundings(game, body))
 
 
-def _surroundings(game: Game, body: Unicycle) -> Surroundings | None:
+def _surroundings(game: Game, body: Unicycle) -> NearbyIndex[Edge] | None:
     """Index the polygons near a robot that brakes after one step; None if they are traced."""
     arena = game.arena
     numbers = (arena.polygons, arena.x_min, arena.x_max, arena.y_min, arena.y_max, body, game.dt)
     if not arena.polygons or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(numbers)):
         return None
     reach = body.v_max * game.dt + body.v_max**2 / (2 * body.u1_max) + body.radius + MARGIN
-    return surroundings(
-        arena.polygons,
-        float(reach),
-        float(arena.x_min),
-        float(arena.x_max),
-        float(arena.y_min),
-        float(arena.y_max),
+    x_range = float(arena.x_min), float(arena.x_max)
+    y_range = float(arena.y_min), float(arena.y_max)
+    return index_polygons(arena.polygons, float(reach), x_range, y_range)
+
+
+def index_polygons(
+    polygons: Sequence[Polygon],
+    reach: float,
+    x_range: tuple[float, float],
+    y_range: tuple[float, float],
+) -> NearbyIndex[Edge]:
+    """Index the edges of polygons by the cells of a rectangle: all edges of each that is near.
+
+    Args:
+        polygons: one at least.
+        reach: distance [m] up to which a polygon counts as near.
+        x_range, y_range: the rectangle's ends [m].
+    """
+    corners = [len(polygon.vertices) for polygon in polygons]
+    far_polygon = Polygon(((_FAR, _FAR),) * corners[-1])
+    edges = jax.tree.map(
+        lambda leaf: leaf[: sum(corners) + 1], _edges_of((*polygons, far_polygon)).edges
     )
+
+    def distances(x: Array, y: Array) -> Float[np.ndarray, "edges rows columns"]:
+        clearances = [np.asarray(_clearances(polygon, x, y)) for polygon in polygons]
+        return np.repeat(clearances, corners, axis=0)
+
+    return index_nearby(edges, distances, reach, x_range, y_range)
 
 
 def with_shield(policy: AbstractPolicy, game: Game, role: Role) -> Shielded:
