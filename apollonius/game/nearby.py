@@ -10,7 +10,6 @@ from jaxtyping import Array, Int
 
 from apollonius.game.polygon import Edge, Edges, Polygon
 from apollonius.game.types import Real, Scalar
-from apollonius.io.persistent_jit import PersistentJit
 
 _CELLS = 64
 """Cells along the longer side of the indexed rectangle."""
@@ -19,8 +18,8 @@ _ROUNDING = 1e-3
 _FAR = 1e6
 """Coordinates of what is far from everywhere [m]."""
 
-_edges_of = PersistentJit(Edges.of)
-_clearances = PersistentJit(jax.vmap(jax.vmap(Polygon.clearance, (None, 0, None)), (None, None, 0)))
+_edges_of = jax.jit(Edges.of)
+_clearances = jax.jit(jax.vmap(jax.vmap(Polygon.clearance, (None, 0, None)), (None, None, 0)))
 
 
 class Surroundings(eqx.Module):
