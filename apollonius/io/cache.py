@@ -12,7 +12,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from apollonius.io.document import to_json, write_atomically
+from apollonius.io.document import to_json
 from apollonius.io.errors import InvalidInput
 from apollonius.version import __version__
 
