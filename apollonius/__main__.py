@@ -3,9 +3,7 @@
 import gc
 import os
 import sys
-
-# `signal` itself imports enumerations, which take as long as all before them.
-from _signal import SIGINT, signal  # pyright: ignore[reportMissingImports]
+from signal import SIGINT, signal
 
 
 def main() -> int:

@@ -32,7 +32,7 @@ PATIENCE = 1.2
 """How long a program has to end, or to answer [s]."""
 
 _resume_hint = ""
-_take_down: Callable[[], None] = lambda: None
+_take_down: list[Callable[[], None]] = []
 _handled: list[int] = []
 """All signals that this program has handled."""
 _stop_signals: list[int] = []
@@ -52,8 +52,7 @@ def before_leaving(take_down: Callable[[], None]) -> None:
     """Set the function that is called before the last line is printed, as to take down a live
     view.
     """
-    global _take_down
-    _take_down = take_down
+    _take_down[:] = [take_down]
 
 
 def stop_message() -> str:
@@ -154,7 +153,7 @@ def leave(status: int, words: str = "") -> NoReturn:
         if words:
             print(words, file=sys.stderr)
 
-    for step in (_take_down, speak, sys.stdout.flush):
+    for step in (*_take_down, speak, sys.stdout.flush):
         with suppress(BaseException):  # as where the reader of the output is gone
             step()
     os._exit(status)

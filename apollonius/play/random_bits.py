@@ -39,7 +39,7 @@ def fold_in(key: PRNGKeyArray, number: Int[Array, ""]) -> PRNGKeyArray:
 
 def _is_default_key(key: PRNGKeyArray) -> bool:
     """Check whether JAX hashes such keys, and counts words, as this module: its default."""
-    is_partitionable = jax.config.values["jax_threefry_partitionable"]
+    is_partitionable = jax.config.jax_threefry_partitionable
     return jax.random.key_impl(key) == "threefry2x32" and is_partitionable
 
 
