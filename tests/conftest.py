@@ -15,7 +15,6 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from apollonius.io.cache import VARIABLE, keep_compilations
-from apollonius.io.persistent_jit import PersistentJit
 
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
@@ -70,8 +69,6 @@ def forget_compilations():
     many = not maps.exists() or maps.read_bytes().count(b"\n") > MOST_MAPS
     if many or resident() - HELD["bytes"] > MOST_GROWTH:
         jax.clear_caches()
-        for one in [one for one in gc.get_objects() if type(one) is PersistentJit]:
-            one.executables.clear()
         gc.collect()
         HELD["bytes"] = resident()
 

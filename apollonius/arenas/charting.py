@@ -18,7 +18,6 @@ from apollonius.game.game import Game
 from apollonius.game.obstacle import between_nodes, bilinear
 from apollonius.game.types import Flag, Scalar
 from apollonius.io.cache import Memory
-from apollonius.io.persistent_jit import PersistentJit
 
 _STEPS = ((1, 0), (0, 1), (1, 1), (-1, 1), (2, 1), (-2, 1), (1, 2), (-1, 2))
 """From each coarse cell to those beside it, columns and rows: eight directions, and as many between
@@ -100,7 +99,7 @@ def clearances(
     return jax.lax.map(lambda y: jax.vmap(lambda x: arena.clearance(x, y))(x), y)
 
 
-@PersistentJit
+@jax.jit
 def paths(
     field: _Field, side: Scalar, radius: Scalar
 ) -> tuple[UInt16[Array, "coarse coarse"], UInt16[Array, "cells cells"]]:

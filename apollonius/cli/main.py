@@ -125,11 +125,7 @@ class OneLineParser(argparse.ArgumentParser):
         """Refuse a value that is no choice of an argument, and name the nearest choice."""
         if action.choices is not None and value not in action.choices:
             choices = [*map(str, action.choices)]
-            is_command = isinstance(
-                action,
-                argparse._SubParsersAction,  # pyright: ignore[reportPrivateUsage]
-            )
-            if is_command:
+            if action.dest == "command":
                 argument = None
                 kind = "command"
                 remedy = f"see {self.prog} --help"

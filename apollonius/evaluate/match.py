@@ -26,7 +26,6 @@ from apollonius.game.teams import separation
 from apollonius.game.types import ROLES, BySide, GameState, Outcome, Scalar
 from apollonius.io.errors import require
 from apollonius.io.limits import GAMES, SEED
-from apollonius.io.persistent_jit import PersistentJit
 from apollonius.io.workers import Job, JobRunner
 from apollonius.play.playout import Report, Results, no_report, play_out
 from apollonius.play.replay import Replay, as_rows, trace
@@ -95,7 +94,7 @@ class Match:
         return self.players.map(lambda player: single_player(player.policy))
 
 
-@PersistentJit
+@jax.jit
 def match_keys(seed: UInt32[Array, ""]) -> tuple[PRNGKeyArray, PRNGKeyArray]:
     start_key, play_key = jax.random.split(jax.random.key(seed))
     return start_key, play_key
@@ -204,7 +203,7 @@ def _detours(match: Match) -> Float[np.ndarray, " games"] | None:
     return np.asarray(_detour_ratios(game, draw_starts(match)[0]))
 
 
-@PersistentJit
+@jax.jit
 def _detour_ratios(game: Game, starts: GameState) -> Float[Array, " games"]:
     def over_line(start: GameState) -> Scalar:
         chart = game.at(start).arena.chart

@@ -15,7 +15,6 @@ from jaxtyping import Array, Bool, Float, Int, UInt16, UInt32
 
 from apollonius.game.obstacle import between_nodes, bilinear
 from apollonius.game.types import Flag, Scalar
-from apollonius.io.persistent_jit import PersistentJit
 
 SIDE = 192
 """Cells of the field of clearances along the arena's longer side."""
@@ -205,7 +204,7 @@ def _between(middle: Scalar, share: Scalar) -> tuple[Int[Array, ""], Scalar]:
     return before.astype(jnp.int32), jnp.clip(share * COARSE - 0.5 - before, 0.0, 1.0)
 
 
-@PersistentJit
+@jax.jit
 def entries(
     field: Float[Array, "corners corners"], visible: UInt16[Array, "cells cells"]
 ) -> UInt32[Array, "coarse_rows coarse_columns"]:

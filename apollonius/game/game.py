@@ -36,7 +36,6 @@ from apollonius.game.types import (
     value_for_each,
 )
 from apollonius.io.errors import require
-from apollonius.io.persistent_jit import PersistentJit
 
 MAX_STEPS = 2**31 - 1
 """Largest time limit [steps]: steps are counted in 32 bits."""
@@ -284,7 +283,7 @@ def sample_starts(game: Game, key: PRNGKeyArray, games: int) -> GameState:
     return jax.device_put(jax.tree.map(lambda *leaves: np.concatenate(leaves)[:games], *blocks))
 
 
-@PersistentJit
+@jax.jit
 def _draw_block(game: Game, key: PRNGKeyArray, first: UInt32[Array, ""]) -> GameState:
     # The i-th key that `split` makes is that of `fold_in` with i.
     index = first + jnp.arange(_BLOCK, dtype=jnp.uint32)

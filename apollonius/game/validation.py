@@ -19,7 +19,6 @@ from apollonius.game.starts import Starts
 from apollonius.game.types import BySide
 from apollonius.io.errors import InvalidInput, format_value, require
 from apollonius.io.limits import ROBOTS
-from apollonius.io.persistent_jit import PersistentJit
 
 MAX_SIZE = 1e6
 """Largest size of any number of a game: in single precision positions in a larger arena would be
@@ -64,7 +63,7 @@ _FAST = re.compile(r"xla_[a-z]+_enable_fast_(math|min_max)(?!=(false|0))")
 Bodies = BySide[tuple[Unicycle, ...]]
 Points = Float[np.ndarray, "2 _points"]
 
-_clearances = PersistentJit(jax.vmap(Arena.clearance, in_axes=(None, 0, 0)))
+_clearances = jax.jit(jax.vmap(Arena.clearance, in_axes=(None, 0, 0)))
 
 
 def require_usual_numbers() -> None:

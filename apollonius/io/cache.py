@@ -1,4 +1,4 @@
-"""One cache: a file is named after the digest of everything it depends on, and is whole or absent.
+"""One cache: a file is named after the digest of everything it depends on.
 
 Each folder of the user's cache has a bound, above which the least recently used files are deleted.
 """
@@ -6,15 +6,13 @@ Each folder of the user's cache has a bound, above which the least recently used
 import functools
 import os
 import platform
-import threading
-import zlib
 from collections.abc import Callable
 from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from apollonius.io.document import to_json, write_atomically
+from apollonius.io.document import to_json
 from apollonius.io.errors import InvalidInput
 from apollonius.version import __version__
 
@@ -119,7 +117,8 @@ def make_room(folder: Path, largest: int) -> int:
                 files.append(
                     (
                         file_status.st_size <= largest,
-                        file_status.st_mtime,
+                        # JAX leaves it to the file system to note when an entry was read
+                        max(file_status.st_mtime, file_status.st_atime),
                         file_status.st_size,
                         path,
                     )
@@ -149,8 +148,6 @@ class Memory(Generic[T]):
         return result
 
 
-_kept: "Entries | None" = None
-_CHECKSUM_BYTES = 4
 _CAPABILITIES = {
     "vendor_id",
     "cpu family",
@@ -163,52 +160,36 @@ _CAPABILITIES = {
     "Features",
 }
 """The lines of `/proc/cpuinfo` that say what a processor can do."""
+_JAX_FOLDER = "jax_compilation_cache_dir"
+"""JAX's setting for the folder of its compilations."""
 
 
 def keep_compilations() -> None:
     """Let JAX store its compilations and look there first; to be called before the process
     compiles.
 
-    Does nothing where the user has switched the cache off or set a folder for JAX, or where no
-    folder can be written.
+    Does nothing where the user has switched the cache off or set a folder for JAX, or where the
+    folder cannot be written.
     """
     cache = cache_folder("compilations")
     if cache is None:
         return
     import jax
 
-    if jax.config.values["jax_compilation_cache_dir"] is not None:
+    if getattr(jax.config, _JAX_FOLDER) is not None:
         return
+    # JAX tells programs, settings and its own versions apart, but not processors.
+    folder = cache / sha256(processor().encode()).hexdigest()[:16]
     try:
-        # JAX has no other way to set a store. Its own of bounded size takes a lock and 4 ms to read
-        # one of 1,500 entries (this one 0.1) and 56 ms to write one (0.3); after a kill in between
-        # it serves half an entry and never writes again.
-        from jax._src import compilation_cache
-
-        assert callable(compilation_cache.get_file_cache)
-        folder = cache / environment()
         folder.mkdir(parents=True, exist_ok=True)
-    except (ImportError, AttributeError, OSError):  # another JAX, or no room
+    except OSError:
         return
-    global _kept
-    _kept = entries = Entries(folder)
-    compilation_cache.get_file_cache = lambda path: (entries, path)
-    jax.config.update("jax_compilation_cache_dir", str(folder))
+    if not os.access(folder, os.W_OK):
+        return
+    make_room(cache, LARGEST["compilations"])
+    jax.config.update(_JAX_FOLDER, str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
-
-
-def compiled_entries() -> "Entries | None":
-    """Return the compilations that this process keeps; None where it keeps none of its own."""
-    return _kept
-
-
-def environment() -> str:
-    """Return the name of the folder for all that a compilation depends on besides the program."""
-    from importlib.metadata import version
-
-    versions = "-".join([__version__, *(version(package) for package in ("jax", "jaxlib"))])
-    return f"{versions}-{sha256(processor().encode()).hexdigest()[:12]}"
 
 
 @functools.cache
@@ -228,39 +209,3 @@ def processor() -> str:
             *(capability_lines or [platform.processor(), platform.node()]),
         ]
     )
-
-
-class Entries:
-    """The compilations of one environment, with the methods that JAX calls; `largest` bounds those
-    of all [bytes].
-    """
-
-    def __init__(self, folder: Path, largest: int = LARGEST["compilations"]) -> None:
-        self._path = folder
-        self._largest = largest
-        self._size = largest  # not known yet
-        self.latest = threading.local()  # its `key` is the last that a thread has asked for
-
-    def get(self, key: str) -> bytes | None:
-        self.latest.key = key
-        path = self._path / key
-        try:
-            data = path.read_bytes()
-            _mark_used(path)
-        except OSError:
-            return None
-        checksum = data[:_CHECKSUM_BYTES]
-        value = data[_CHECKSUM_BYTES:]
-        return value if checksum == _checksum(value) else None
-
-    def put(self, key: str, value: bytes) -> None:
-        """Write an entry unless the disk is full."""
-        with suppress(OSError):
-            write_atomically(self._path / key, _checksum(value) + value, synced=False)
-            self._size += len(value)
-            if self._size > self._largest:
-                self._size = make_room(self._path.parent, self._largest)
-
-
-def _checksum(value: bytes) -> bytes:
-    return zlib.crc32(value).to_bytes(_CHECKSUM_BYTES, "big")

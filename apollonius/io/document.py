@@ -55,11 +55,11 @@ def read_bytes(
     return content
 
 
-def write_atomically(path: Path, content: bytes, synced: bool = True) -> None:
-    """Write a file, and its folder if need be, so that it is always whole: the old one or the new
-    one.
+def write_atomically(path: Path, content: bytes) -> None:
+    """Write a file, and its folder if need be, so that it is always whole, even after a loss of
+    power: the old one or the new one.
 
-    With `synced` it survives a loss of power. Raises OSError when the disk is full or read-only.
+    Raises OSError when the disk is full or read-only.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     # others may be writing this file too
@@ -67,9 +67,8 @@ def write_atomically(path: Path, content: bytes, synced: bool = True) -> None:
     try:
         with open(temporary, "xb") as file:
             file.write(content)
-            if synced:
-                file.flush()
-                os.fsync(file.fileno())
+            file.flush()
+            os.fsync(file.fileno())
         os.replace(temporary, path)
     except BaseException as error:
         temporary.unlink(missing_ok=True)

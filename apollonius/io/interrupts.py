@@ -1,38 +1,45 @@
 """Ctrl-C and SIGTERM: a program ends within two seconds, whatever it is doing, and says how to
 resume.
 
-Python handles a signal between two of its own instructions, and a compilation is a single
-instruction that may take half a minute. So a second thread waits for signals and ends the program
-if it does not answer in time. Results are written atomically, so only the work since the last write
-is lost. An interrupted program skips the interpreter's finalisation, where threads of XLA that are
-still at work would crash it.
+A signal raises KeyboardInterrupt, so that temporary files are deleted and other processes end.
+Where that does not work the process ends here and now:
+
+- in a compilation, which is a single instruction to Python and may take half a minute; Python
+  handles a signal between two instructions, so a thread waits for signals and for their effect;
+- while a module is imported: one of C, such as NumPy's, prints a traceback of its own or makes
+  another error of it;
+- in what runs as memory is freed: Python drops exceptions there.
+
+Results are written atomically, so only the work since the last write is lost. An interrupted
+program skips the interpreter's finalisation, where threads of XLA that are still at work would
+crash it.
 """
 
 import os
 import signal
-import socket
 import sys
 import threading
 from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells use it."""
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 """All that stop a program: Ctrl-C, and what a system or a scheduler sends."""
 PATIENCE = 1.2
-"""How long a program has to answer [s]."""
-_SHOW_CURSOR = "\x1b[?25h"
+"""How long a program has to end, or to answer [s]."""
 
 _resume_hint = ""
 _take_down: list[Callable[[], None]] = []
-_has_answered = threading.Event()
-_received: list[int] = []
+_handled: list[int] = []
+"""All signals that this program has handled."""
 _stop_signals: list[int] = []
+"""Those within the present block of `stopping_on_signals`."""
+_has_answered = threading.Event()
 _parent: int | None = None
-_leave_lock = threading.Lock()
+_leave_lock = threading.RLock()
 
 
 def set_resume_hint(how: str) -> None:
@@ -41,11 +48,11 @@ def set_resume_hint(how: str) -> None:
     _resume_hint = how
 
 
-def before_leaving(*take_down: Callable[[], None]) -> None:
-    """Set the functions that are called before the last line is printed, as to take down a live
+def before_leaving(take_down: Callable[[], None]) -> None:
+    """Set the function that is called before the last line is printed, as to take down a live
     view.
     """
-    _take_down[:] = take_down
+    _take_down[:] = [take_down]
 
 
 def stop_message() -> str:
@@ -55,7 +62,7 @@ def stop_message() -> str:
 
 def interrupt_status() -> int | None:
     """Return the exit status of a program that was interrupted; None where it was not."""
-    return 128 + _received[0] if _received else None
+    return 128 + _handled[0] if _handled else None
 
 
 @contextmanager
@@ -71,12 +78,13 @@ def stopping_on_signals(
     """
     global _parent
 
-    def hear(number: int, frame: FrameType | None) -> None:
+    def note(number: int, frame: FrameType | None) -> None:
+        _handled.append(number)
         _stop_signals.append(number)
         if again and len(_stop_signals) > 1:
             raise KeyboardInterrupt
 
-    before = [(number, signal.signal(number, hear)) for number in SIGNALS]
+    before = [(number, signal.signal(number, note)) for number in SIGNALS]
     _parent = parent
     try:
         yield
@@ -96,42 +104,43 @@ def should_stop() -> bool:
 
 
 def listen(says: bool = True) -> None:
-    """End the process where a signal stays unanswered; it `says` a last line. To be called once, in
-    the main thread.
+    """Stop this process on signals from now on; it `says` a last line. To be called once, in the
+    main thread.
     """
-    read_end, write_end = socket.socketpair()
-    write_end.setblocking(False)
-    signal.set_wakeup_fd(write_end.fileno(), warn_on_full_buffer=False)
 
-    def wait() -> None:
-        number = read_end.recv(1)[0]
-        while number not in SIGNALS:
-            number = read_end.recv(1)[0]
-        _received.append(number)
-        if not _has_answered.wait(PATIENCE):
-            leave(128 + number, stop_message() if says else "")
-        write_end.fileno()  # keeps the socket alive as long as this thread
+    def leave_after(number: int) -> NoReturn:
+        leave(128 + number, stop_message() if says else "")
 
-    def hear(number: int, frame: FrameType | None) -> NoReturn:
-        _received.append(number)
-        if _is_unfit(frame):
-            leave(128 + number, stop_message() if says else "")
+    def interrupt(number: int, frame: FrameType | None) -> NoReturn:
+        _handled.append(number)
+        if _is_importing(frame):
+            leave_after(number)
         raise KeyboardInterrupt
 
+    def drop(exception: Any) -> None:
+        if exception.exc_type is KeyboardInterrupt:
+            leave_after(_handled[0])
+        sys.__unraisablehook__(exception)
+
+    read_end, write_end = os.pipe()
+    os.set_blocking(write_end, False)
+
+    def wait() -> None:
+        number = os.read(read_end, 1)[0]
+        while number not in SIGNALS:  # but others that a library handles
+            number = os.read(read_end, 1)[0]
+        if not _has_answered.wait(PATIENCE):
+            leave_after(number)
+
     for number in SIGNALS:
-        signal.signal(number, hear)
+        signal.signal(number, interrupt)
+    signal.set_wakeup_fd(write_end)
+    sys.unraisablehook = drop
     threading.Thread(target=wait, name="signals", daemon=True).start()
 
 
-def _is_unfit(frame: FrameType | None) -> bool:
-    """Test whether an exception would be unsafe or lost at this point of the program.
-
-    It is unsafe while a module is loaded, which crashes if half loaded, and lost in functions that
-    run as memory is freed, whose exceptions Python drops.
-    """
+def _is_importing(frame: FrameType | None) -> bool:
     while frame and not frame.f_code.co_filename.startswith("<frozen importlib"):
-        if frame.f_code.co_name in ("_xla_gc_callback", "__del__"):
-            return True
         frame = frame.f_back
     return frame is not None
 
@@ -139,15 +148,12 @@ def _is_unfit(frame: FrameType | None) -> bool:
 def leave(status: int, words: str = "") -> NoReturn:
     """End the process here and now, with what it has printed and a last line on standard error."""
     _leave_lock.acquire()  # for good: two threads may come here, and one may speak
-    try:
-        for take_down in _take_down:
-            take_down()
-        if sys.stderr.isatty():
-            print(_SHOW_CURSOR, end="", file=sys.stderr)
+
+    def speak() -> None:
         if words:
             print(words, file=sys.stderr)
-        sys.stderr.flush()
-        sys.stdout.flush()
-    except (OSError, ValueError):
-        pass  # the reader of the output is gone
+
+    for step in (*_take_down, speak, sys.stdout.flush):
+        with suppress(BaseException):  # as where the reader of the output is gone
+            step()
     os._exit(status)

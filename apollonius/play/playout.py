@@ -22,7 +22,6 @@ from jaxtyping import Array, Bool, Int, PRNGKeyArray
 from apollonius.agents.pool import Pool
 from apollonius.game.game import Game
 from apollonius.game.types import BySide, Flag, GameState, tree_where
-from apollonius.io.persistent_jit import PersistentJit
 from apollonius.io.workers import available_cores
 from apollonius.observe.tracking import Sightings
 from apollonius.play.random_bits import random_bits_of
@@ -264,7 +263,7 @@ def _no_results(watcher: AbstractWatcher | None, count: int, games: Games) -> Re
     return Results(zeros, zeros, statistics, status, sightings)
 
 
-@PersistentJit
+@jax.jit
 def _advance(
     play: _Play, under_way: _Slots, queue: _Queue, steps: Int[Array, ""]
 ) -> tuple[_Slots, Int[Array, ""], _Ended]:

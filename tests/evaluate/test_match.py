@@ -32,7 +32,6 @@ from apollonius.evaluate.result import count_robots, read_result
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.evaluate.tournament import MEAN, SCALE, fit_ratings, play_tournament
 from apollonius.evaluate.vary import Variation, pad_shields, play_varied, variable_numbers, varied_matches, with_numbers
-from apollonius.game import game as starts
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.presets import make_game
@@ -319,11 +318,22 @@ def test_one_compilation_serves_all_varied_values():
     def play(*variations):
         play_varied(varied_matches(game, NAMES, variations, 5), variations)
 
-    play(Variation("pursuer.v_max", (1.8,)))
-    compiled = playout._advance._cache_size(), starts._draw_block._cache_size()
-    play(SPEEDS, RADII)
-    play(Variation("max_steps", (10.0, 20.0)))
-    assert (playout._advance._cache_size(), starts._draw_block._cache_size()) == compiled
+    programs = []
+
+    def note(event, seconds, fun_name="", **about):
+        programs.append(fun_name)
+
+    jax.monitoring.register_event_duration_secs_listener(note)
+    try:
+        jax.clear_caches()
+        play(Variation("pursuer.v_max", (1.8,)))
+        assert {"jit(_advance)", "jit(_draw_block)"} <= {*programs}
+        programs.clear()
+        play(SPEEDS, RADII)
+        play(Variation("max_steps", (10.0, 20.0)))
+        assert not {"jit(_advance)", "jit(_draw_block)"} & {*programs}
+    finally:
+        jax.monitoring.unregister_event_duration_listener(note)
 
 
 def test_with_numbers_changes_only_the_named_numbers():

@@ -366,7 +366,7 @@ def test_reset_refuses_a_seed_in_place_of_a_key():
     ],
 )
 def test_jax_settings_that_change_numbers_are_refused(setting, value, said):
-    before = jax.config.values[setting]
+    before = getattr(jax.config, setting)
     jax.config.update(setting, value)
     try:
         with pytest.raises(InvalidInput, match=f"{setting.upper()} = .* must be {said}.*; unset it"):

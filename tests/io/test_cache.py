@@ -1,29 +1,20 @@
-"""One cache of files: found by all that was asked for, whole whoever is killed, and never at the price of its bound.
-
-Kept functions: found without a trace where nothing has changed, and made again where anything has.
-"""
+"""One cache of files: found by all that was asked for, whole whoever is killed, and never at the price of its bound."""
 
 import os
-import re
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import pytest
-from jax._src import compilation_cache
 
-from apollonius.game.arena import Arena
 from apollonius.game.presets import make_game
-from apollonius.io import cache, persistent_jit
-from apollonius.io.cache import Entries, Memory, cache_folder, cached, content, entry_path, keep_compilations, make_room
+from apollonius.io import cache
+from apollonius.io.cache import Memory, cache_folder, cached, content, entry_path, keep_compilations, make_room
 from apollonius.io.document import write_atomically
 from apollonius.io.errors import InvalidInput
-from apollonius.io.persistent_jit import PersistentJit
 
 GAME = make_game("paper")
 KEY = {"game": {"dt": 0.1}, "seed": 1}
@@ -78,31 +69,21 @@ def test_content_digest_covers_the_whole_pytree():
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from apollonius.io.cache import Entries, cached
+from apollonius.io.cache import cached
 from apollonius.io.document import write_atomically
 
 os.replace = lambda *paths: os.kill(os.getpid(), signal.SIGKILL)
-path = Path(sys.argv[1])
-Entries(path.parent).put(path.name, b"new") if len(sys.argv) > 2 else cached(
-    path, lambda: b"new", lambda value, path: write_atomically(path, value), lambda path: None
-)
+cached(Path(sys.argv[1]), lambda: b"new", lambda value, path: write_atomically(path, value), lambda path: None)
 """
 
 
-@pytest.mark.parametrize("words", [(), ("compilation",)], ids=["file", "compilation"])
-def test_process_killed_while_writing_leaves_no_broken_entry(words, tmp_path):
-    path = tmp_path / "compilations" / "here" / "one"
-    path.parent.mkdir(parents=True)
-    done = subprocess.run([sys.executable, "-c", KILLED, str(path), *words], check=False)
-    assert done.returncode < 0
+def test_process_killed_while_writing_leaves_no_broken_entry(tmp_path):
+    path = tmp_path / "tables" / "one"
+    path.parent.mkdir()
+    process = subprocess.run([sys.executable, "-c", KILLED, str(path)], check=False)
+    assert process.returncode < 0
     assert len([*path.parent.iterdir()]) == 1, "what it had begun, which counts as any other file for the bound"
-    if words:
-        entries = Entries(path.parent)
-        assert entries.get(path.name) is None
-        entries.put(path.name, b"whole")
-        assert entries.get(path.name) == b"whole"
-    else:
-        assert read_cached(path) == (b"sound", True)
+    assert read_cached(path) == (b"sound", True)
     assert make_room(tmp_path, 0) == 0
     assert not path.exists()
 
@@ -125,19 +106,52 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_compilations_and_tables_have_separate_size_bounds(home):
+def run_compiling(cache_folder, **environment):
+    """The programs that a process compiles where its commands would, and those that it finds compiled."""
+    compiling = """
+from apollonius.io.cache import keep_compilations
+keep_compilations()
+import jax
+events = []
+jax.monitoring.register_event_listener(lambda name, **_: events.append(name.rpartition("/")[2]))
+jax.jit(lambda x: x + 1)(1.0)
+print(events.count("cache_misses"), events.count("cache_hits"))
+"""
+    outer = {name: value for name, value in os.environ.items() if not name.startswith("JAX_")}
+    environment = outer | {cache.VARIABLE: str(cache_folder)} | environment
+    command = [sys.executable, "-c", compiling]
+    process = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    assert process.stderr == ""
+    return process.stdout.strip()
+
+
+def test_later_process_finds_compilations(tmp_path):
+    assert run_compiling(tmp_path) == "1 0"
+    assert run_compiling(tmp_path) == "0 1"
+    assert run_compiling(tmp_path, XLA_FLAGS="--xla_cpu_enable_fast_math=true") == "1 0"
+    assert {path.name for path in tmp_path.iterdir()} == {"compilations"}
+
+
+def test_compilations_and_tables_have_separate_size_bounds(home, monkeypatch):
     table(home, "minutes of work", 300)
     os.utime(home / "tables" / "minutes of work", (1, 1))
-    entries_here = Entries(home / "compilations" / "here", 350)
+    folder = home / "compilations" / "another processor"
+    folder.mkdir(parents=True)
     for number in range(9):
-        entries_here.put(f"{number}", bytes(96))
-        os.utime(home / "compilations" / "here" / f"{number}", (1, 1 + number))
-        assert entries_here.get("0") is not None
+        (folder / f"{number}").write_bytes(bytes(100))
+        os.utime(folder / f"{number}", (1 + number, 1))
+    os.utime(folder / "0", (20, 1))
+    settings = {}
+    monkeypatch.setattr(cache, "_JAX_FOLDER", "no_setting_of_jax")
+    monkeypatch.setattr(jax.config, "no_setting_of_jax", None, raising=False)
+    monkeypatch.setattr(jax.config, "update", settings.__setitem__)
+    keep_compilations()
+    assert Path(settings["no_setting_of_jax"]).parent == home / "compilations"
     assert names(home / "tables") == ["minutes of work"]
-    assert names(home / "compilations" / "here") == ["0", "7", "8"]
+    assert names(folder) == ["0", "7", "8"], "read last, whoever wrote them first"
     table(home, "more", 300)
     assert names(home / "tables") == ["more"]
-    assert len(names(home / "compilations" / "here")) == 3
+    assert names(folder) == ["0", "7", "8"]
 
 
 def test_least_recently_used_entries_are_evicted_first(home):
@@ -158,7 +172,7 @@ def test_least_recently_used_entries_are_evicted_first(home):
 def test_environment_variable_switches_the_cache_off(word, monkeypatch):
     monkeypatch.setenv(cache.VARIABLE, word)
     assert [cache_folder(kind) for kind in cache.LARGEST] == [None, None]
-    monkeypatch.setattr(cache, "environment", None)
+    monkeypatch.setattr(cache, "processor", None)
     keep_compilations()
 
 
@@ -180,105 +194,19 @@ def test_memory_finds_values_by_content_and_keeps_the_latest():
 
 def test_keep_compilations_respects_the_cache_folder_of_jax(monkeypatch, tmp_path):
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "other"))
-    before, made_by = jax.config.values["jax_compilation_cache_dir"], compilation_cache.get_file_cache
+    before = jax.config.jax_compilation_cache_dir
     assert before is not None  # these tests have one of their own
     keep_compilations()
-    assert jax.config.values["jax_compilation_cache_dir"] == before
-    assert compilation_cache.get_file_cache is made_by
+    assert jax.config.jax_compilation_cache_dir == before
     assert not (tmp_path / "other").exists()
 
 
-def test_cache_entry_is_whole_or_absent(tmp_path):
-    entries_here = Entries(tmp_path)
-    assert entries_here.get("one") is None
-    entries_here.put("one", b"value")
-    assert entries_here.get("one") == b"value"
-    path = tmp_path / "one"
-    for broken in (b"", path.read_bytes()[:-1], path.read_bytes()[:-1] + b"x"):
-        path.write_bytes(broken)
-        assert entries_here.get("one") is None
-    entries_here.put("one", b"mended")
-    assert entries_here.get("one") == b"mended"
-    assert names(tmp_path) == ["one"]
-    nowhere = Entries(path / "a file is no folder")
-    nowhere.put("one", b"value")
-    assert nowhere.get("one") is None
-
-
-ARENA = make_game("paper").arena
-PLACE = jnp.float32(0.25), jnp.float32(0.5)
-NEAR = Arena.clearance(ARENA, *PLACE)
-
-
-class Stranger(eqx.Module):
-    """A part of a tree whose class is of no known package."""
-
-    name: str = eqx.field(static=True)
-
-
-@pytest.fixture
-def stored_names(monkeypatch):
-    """The names of our entries, not JAX's, that are written from now on."""
-    names, put = [], Entries.put
-    monkeypatch.setattr(Entries, "put", lambda *given: names.extend(re.findall("^kept_.*", given[1])) or put(*given))
-    return names
-
-
-@pytest.fixture(autouse=True)
-def other_sources(monkeypatch, request):
-    """Sources that no test before has had."""
-    sources = f"{request.node.name} {time.time_ns()}"
-    monkeypatch.setattr(persistent_jit, "_sources", lambda: sources)
-
-
-def kept_now():
-    """The function in a new process, which has compiled nothing yet."""
-    return PersistentJit(lambda arena, x, y: arena.clearance(x, y))
-
-
-def later():
-    """The function in a new process that cannot trace."""
-    made = kept_now()
-    made._jitted = None
-    return made
-
-
-def test_later_process_loads_a_compilation_without_tracing(stored_names):
-    assert kept_now()(ARENA, *PLACE) == NEAR
-    assert len(stored_names) == 1
-    found = later()
-    assert found(ARENA, *PLACE) == NEAR
-    assert found(ARENA, *PLACE) == NEAR
-    assert later()(replace(ARENA, x_min=-7.0), *PLACE) == 0.5, "numbers are arguments"
-
-
-@pytest.mark.parametrize("change", ["types", "static", "sources", "settings"])
-def test_function_is_traced_again_after_any_other_change(change, stored_names, monkeypatch):
-    kept_now()(ARENA, *PLACE)
-    arena, place = ARENA, PLACE
-    if change == "types":
-        place = 0.25, PLACE[1]
-    if change == "static":
-        arena = replace(ARENA, discs=ARENA.discs[:1])
-    if change == "sources":
-        monkeypatch.setattr(persistent_jit, "_sources", lambda: "others")
-    if change == "settings":
-        monkeypatch.setenv("XLA_FLAGS", "--others")
-    with pytest.raises(AttributeError):
-        later()(arena, *place)
-
-
-@pytest.mark.parametrize("lost", ["ours", "JAX's"])
-def test_lost_compilation_entry_is_written_again(lost, stored_names):
-    kept_now()(ARENA, *PLACE)
-    entries, (name,) = cache.compiled_entries(), stored_names
-    (entries._path / (name if lost == "ours" else entries.latest.key)).unlink()
-    assert kept_now()(ARENA, *PLACE) == NEAR
-    assert stored_names[-1] == name
-    assert later()(ARENA, *PLACE) == NEAR
-
-
-def test_foreign_types_and_traced_calls_are_not_stored(stored_names):
-    assert PersistentJit(lambda part, x: x + 1)(Stranger("one"), PLACE[0]) == 1.25
-    assert jax.jit(kept_now())(ARENA, *PLACE) == NEAR
-    assert not stored_names
+def test_compilations_are_not_stored_where_nothing_can_be_written(tmp_path, monkeypatch):
+    (tmp_path / "a file").touch()
+    assert run_compiling(tmp_path / "a file") == "0 0"
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
+    monkeypatch.setattr(cache, "_JAX_FOLDER", "no_setting_of_jax")
+    monkeypatch.setattr(jax.config, "no_setting_of_jax", None, raising=False)
+    monkeypatch.setattr(jax.config, "update", None)
+    monkeypatch.setattr(os, "access", lambda path, mode: False)  # the superuser may write anywhere
+    keep_compilations()

@@ -8,25 +8,10 @@ from unittest.mock import MagicMock
 
 import pytest
 
-from apollonius.io import interrupts
 from apollonius.io import workers as jobs_module
 from apollonius.io.errors import InvalidInput
-from apollonius.io.interrupts import should_stop
+from apollonius.io.interrupts import should_stop, stopping_on_signals
 from apollonius.io.workers import Job, run_jobs
-
-
-def test_is_unfit_rejects_frames_of_imports_and_xla_callbacks(tmp_path, monkeypatch):
-    (tmp_path / "loaded_here.py").write_text("import sys\nFRAME = sys._getframe()\n")
-    monkeypatch.syspath_prepend(tmp_path)
-    import loaded_here  # pyright: ignore[reportMissingImports]
-
-    def _xla_gc_callback():
-        return sys._getframe()
-
-    assert interrupts._is_unfit(loaded_here.FRAME)
-    assert interrupts._is_unfit(_xla_gc_callback())
-    assert not interrupts._is_unfit(sys._getframe())
-    assert not interrupts._is_unfit(None)
 
 
 def write_down(path):
@@ -300,8 +285,17 @@ def test_job_arrays_respect_the_limit_of_the_cluster(queue, tmp_path):
 
 SOON = 2.0 + 6.0
 """Seconds from Ctrl-C to the end of a program: what is promised, and what a busy machine may add."""
-COMMAND = "import sys; from apollonius.__main__ import main; print('begun', flush=True); sys.exit(main())"
-"""A program hears from its first tenth of a second on, which a busy machine makes longer: so it has begun then."""
+COMMAND = """
+import atexit, os, sys
+from apollonius.__main__ import main
+print("begun", flush=True)
+status = main()
+atexit.register(os.abort)
+sys.exit(status)
+"""
+"""The command. It listens from its first tenth of a second on, which a busy machine makes longer: so it begins then.
+
+Nothing is left to the interpreter's finalisation, which may crash."""
 
 
 def run_interrupted(code, *arguments, after):
@@ -349,33 +343,148 @@ runpy.run_module("apollonius", run_name="__main__", alter_sys=True)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "stopped\n")
 
 
+def test_ctrl_c_between_import_and_command_prints_no_traceback():
+    early = """
+import argparse, os, signal, sys
+from apollonius.__main__ import main
+argparse.ArgumentParser.parse_args = lambda *_: os.kill(os.getpid(), signal.SIGINT)
+print("begun", flush=True)
+main()
+"""
+    assert run_program(early, "evaluate") == (130, "begun\n", "stopped\n")
+
+
+def run_program(code, *arguments):
+    """Status, output and errors of a program that interrupts itself."""
+    command = [sys.executable, "-c", code, *arguments]
+    environment = os.environ | {"PYTHONUNBUFFERED": ""}
+    process = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60, env=environment)
+    return process.returncode, process.stdout, process.stderr
+
+
+LISTENING = """
+import hashlib, os, signal, sys, time
+from apollonius.io import interrupts
+from apollonius.io.interrupts import before_leaving, interrupt_status, leave, listen, should_stop, stopping_on_signals
+listen()
+"""
+
+
 def test_ctrl_c_ends_a_blocked_program_with_its_resume_hint():
     """A single call into native code, as a compilation is one, here of some minutes."""
-    deaf = """
-import hashlib
-from apollonius.io import interrupts
+    blocked = """
 interrupts.PATIENCE = 0.3
-interrupts.listen()
 interrupts.set_resume_hint("go on with: patience")
+signal.signal(signal.SIGWINCH, lambda *_: None)
+os.kill(os.getpid(), signal.SIGWINCH)
+time.sleep(0.6)  # goes on after a signal that stops no program
 print("begun", flush=True)
 hashlib.pbkdf2_hmac("sha256", b"", b"", 10**9)
 """
-    assert run_interrupted(deaf, after=0.2) == (130, "", "stopped; go on with: patience\n")
+    assert run_interrupted(LISTENING + blocked, after=0.2) == (130, "", "stopped; go on with: patience\n")
+
+
+def test_ctrl_c_ends_a_blocked_worker_without_a_line():
+    blocked = (
+        LISTENING.replace("listen()", "listen(says=False)")
+        + """
+print("begun", flush=True)
+hashlib.pbkdf2_hmac("sha256", b"", b"", 10**9)
+"""
+    )
+    assert run_interrupted(blocked, after=0.2) == (130, "", "")
+
+
+def test_ctrl_c_does_not_unwind_an_import(tmp_path):
+    """NumPy's modules of C print the traceback of an exception; this one does as if."""
+    (tmp_path / "printing.py").write_text("""
+import os, signal, traceback
+try:
+    os.kill(os.getpid(), signal.SIGINT)
+except BaseException:
+    traceback.print_exc()
+""")
+    importing = "interrupts.PATIENCE = 60.0; sys.path.insert(0, sys.argv[1]); import printing"
+    assert run_program(LISTENING + importing, str(tmp_path)) == (130, "", "stopped\n")
+
+
+def test_ctrl_c_as_memory_is_freed_is_not_lost():
+    freeing = """
+interrupts.PATIENCE = 60.0
+class Freed:
+    def __init__(self, act):
+        self.act = act
+    def __del__(self):
+        self.act()
+Freed(lambda: 1 / 0)
+print("begun", flush=True)
+Freed(lambda: os.kill(os.getpid(), signal.SIGTERM))
+time.sleep(60)
+"""
+    status, output, errors = run_program(LISTENING + freeing)
+    assert (status, output) == (143, "begun\n")
+    assert errors.splitlines()[-1] == "stopped"
+    assert errors.count("Traceback") == errors.count("ZeroDivisionError") == 1, "other errors are told as ever"
+
+
+@pytest.mark.parametrize("fault", ["", "; 1 / 0", "; os.kill(os.getpid(), signal.SIGINT)"])
+def test_live_view_is_taken_down_and_its_fault_does_not_keep_the_program(fault):
+    viewing = f"""
+def take_down():
+    print("down", file=sys.stderr){fault}
+before_leaving(take_down)
+print("printed")
+leave(7, "last words")
+"""
+    assert run_program(LISTENING + viewing) == (7, "printed\n", "down\nlast words\n")
+
+
+def test_second_ctrl_c_while_leaving_an_import_does_not_hang(tmp_path):
+    (tmp_path / "interrupting.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)")
+    leaving = """
+before_leaving(lambda: os.kill(os.getpid(), signal.SIGINT) if len(interrupts._handled) < 2 else None)
+sys.path.insert(0, sys.argv[1])
+import interrupting
+"""
+    assert run_program(LISTENING + leaving, str(tmp_path))[0] == 130
 
 
 def test_program_that_handles_ctrl_c_may_take_its_time_to_save():
     saving = """
-import signal, sys, time
-from apollonius.io import interrupts
-heard, interrupts.PATIENCE = [], 0.3
-interrupts.listen()
-signal.signal(signal.SIGINT, lambda *_: heard.append(True))
+interrupts.PATIENCE = 0.3
 print("begun", flush=True)
-while not heard:
-    time.sleep(0.01)
-interrupts._has_answered.set()
-time.sleep(interrupts.PATIENCE + 0.5)
+with stopping_on_signals():
+    while not should_stop():
+        time.sleep(0.01)
+    time.sleep(0.8)
 print("saved")
-sys.exit(interrupts.interrupt_status())
+sys.exit(interrupt_status())
 """
-    assert run_interrupted(saving, after=0.2) == (130, "saved\n", "")
+    assert run_interrupted(LISTENING + saving, after=0.2) == (130, "saved\n", "")
+
+
+@pytest.mark.parametrize(("again", "ending"), [(True, (130, "", "")), (False, (1, "saved\n", ""))])
+def test_second_ctrl_c_interrupts_the_saving_where_that_is_wished(again, ending):
+    saving = f"""
+try:
+    with stopping_on_signals(again={again}):
+        for _ in range(2):
+            os.kill(os.getpid(), signal.SIGINT)
+        print("saved")
+    sys.exit(1)
+except KeyboardInterrupt:
+    leave(interrupt_status())
+"""
+    assert run_program(LISTENING + saving) == ending
+
+
+def test_signals_count_for_one_block_only():
+    before = signal.getsignal(signal.SIGTERM)
+    with stopping_on_signals(again=False):
+        os.kill(os.getpid(), signal.SIGTERM)
+        assert should_stop()
+    with stopping_on_signals(parent=os.getppid()):
+        assert not should_stop()
+    with stopping_on_signals(parent=1 - os.getppid()):
+        assert should_stop(), "its parent is gone"
+    assert signal.getsignal(signal.SIGTERM) == before

@@ -33,7 +33,6 @@ from apollonius.game.types import (
     Scalar,
 )
 from apollonius.io.errors import require
-from apollonius.io.persistent_jit import PersistentJit
 from apollonius.observe.view import Robot, View
 
 MARGIN = 1e-3
@@ -45,8 +44,8 @@ _TRIED = 8
 _FAR = 1e6
 """Coordinates of what is far from everywhere [m]."""
 
-_edges_of = PersistentJit(Edges.of)
-_clearances = PersistentJit(jax.vmap(jax.vmap(Polygon.clearance, (None, 0, None)), (None, None, 0)))
+_edges_of = jax.jit(Edges.of)
+_clearances = jax.jit(jax.vmap(jax.vmap(Polygon.clearance, (None, 0, None)), (None, None, 0)))
 
 
 class BrakingMotion(eqx.Module):
