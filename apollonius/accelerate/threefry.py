@@ -22,7 +22,7 @@ def threefry_bits(key: PRNGKeyArray, shape: tuple[int, ...]) -> UInt32[Array, ".
     """Return random bits: `jax.random.bits(key, shape, "uint32")`, bit by bit, fewer than 2^32
     words.
     """
-    is_partitionable = jax.config.values["jax_threefry_partitionable"]
+    is_partitionable = jax.config.jax_threefry_partitionable
     if jax.random.key_impl(key) != "threefry2x32" or not is_partitionable:
         return jax.random.bits(key, shape, jnp.uint32)
     return fusion_barrier(functools.partial(_words, shape))(jax.random.key_data(key))
