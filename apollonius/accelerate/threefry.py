@@ -13,6 +13,8 @@ from jaxtyping import Array, PRNGKeyArray, UInt32
 
 from apollonius.accelerate.fusion_barrier import fusion_barrier
 
+_PARTITIONABLE = "jax_threefry_partitionable"
+"""JAX's setting for how it counts the words of a key."""
 _PARITY = 0x1BD11BDA
 _ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
 _GROUPS = 5
@@ -22,7 +24,7 @@ def threefry_bits(key: PRNGKeyArray, shape: tuple[int, ...]) -> UInt32[Array, ".
     """Return random bits: `jax.random.bits(key, shape, "uint32")`, bit by bit, fewer than 2^32
     words.
     """
-    is_partitionable = jax.config.jax_threefry_partitionable
+    is_partitionable = getattr(jax.config, _PARTITIONABLE)
     if jax.random.key_impl(key) != "threefry2x32" or not is_partitionable:
         return jax.random.bits(key, shape, jnp.uint32)
     return fusion_barrier(functools.partial(_words, shape))(jax.random.key_data(key))

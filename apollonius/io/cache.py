@@ -192,6 +192,14 @@ def keep_compilations() -> None:
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 
 
+def environment() -> str:
+    """Name all that a compilation depends on besides the program."""
+    from importlib.metadata import version
+
+    versions = "-".join([__version__, *(version(package) for package in ("jax", "jaxlib"))])
+    return f"{versions}-{sha256(processor().encode()).hexdigest()[:12]}"
+
+
 @functools.cache
 def processor() -> str:
     """Return the processor's capabilities as the system names them, or else this machine's name."""
