@@ -29,7 +29,7 @@ from apollonius.evaluate.match import Match, draw_starts
 from apollonius.evaluate.result import worst_mean
 from apollonius.evaluate.statistics import mean_interval
 from apollonius.game.game import Game
-from apollonius.game.outcome import EVADER_FAILS, PURSUER_FAILS, PURSUER_WINS, evader_winning
+from apollonius.game.outcome import PURSUER_WINS, evader_winning
 from apollonius.game.presets import in_teams, make_game
 from apollonius.game.types import BySide, Outcome, RobotStatus, Role
 from apollonius.io.cache import digest
@@ -57,7 +57,6 @@ FORFEIT = int(Outcome.ONGOING)
 """The outcome of a game in which an agent from outside failed; it counts as lost."""
 _COURSE = re.compile("[0-9a-f]{16}")
 _SLOTS = 32
-_FAILED = BySide(PURSUER_FAILS, EVADER_FAILS)
 _CALLS = 10
 
 
@@ -228,8 +227,6 @@ class Benchmark:
 
     def _crashed(self, results: Results) -> np.ndarray:
         """Count the own robots that crashed or left in each game."""
-        if results.status is None:
-            return np.isin(results.outcome, (Outcome.BOTH_FAILED, *_FAILED[self.role])).astype(int)
         robots = np.stack([np.asarray(status) for status in results.status[self.role]])
         return np.isin(robots, (RobotStatus.HIT_OBSTACLE, RobotStatus.OUT_OF_RANGE)).sum(axis=0)
 

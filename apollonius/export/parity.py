@@ -94,7 +94,7 @@ def cases_of(player: Player, count: int, seed: int = 0) -> Cases:
     robots = (*seen_states.robots[role], *seen_states.robots[role.other])
     rows = [np.stack(jax.tree.leaves(robot), axis=-1) for robot in robots]
     active = None
-    if states.status is not None:
+    if player.robots > 2:
         active = np.stack([*states.active[role], *states.active[role.other]], axis=-1)[:count]
     first = jax.tree.map(lambda leaf: np.asarray(leaf)[:count, 0], memory)
     return Cases(np.stack(rows, axis=1)[:count], active, first, np.asarray(bits)[:count])

@@ -167,9 +167,8 @@ def robot_rows(states: GameState, role: Role) -> tuple[GameState, Int[Array, " r
 
         def of_one(state: GameState) -> GameState:
             drives = state.drives and state.drives[number:] + state.drives[:number]
-            status = state.status
             return replace(
-                state, robots=rotate(state.robots), status=status and rotate(status), drives=drives
+                state, robots=rotate(state.robots), status=rotate(state.status), drives=drives
             )
 
         return jax.vmap(of_one)(states)

@@ -168,15 +168,11 @@ class Replay:
         pursuers = len(self.game.bodies.pursuer)
         as_states = jax.vmap(as_state, (0, 0, None))
         states = as_states(jnp.asarray(self.states), jnp.arange(len(self.states)), pursuers)
-        if self.game.teams:
-            status = statuses_along(self.game, states)
-            states = jax.vmap(lambda state, status: replace(state, status=status))(states, status)
+        states = replace(states, status=statuses_along(self.game, states))
         return Trajectory(states, jnp.asarray(self.actions), jnp.asarray(int(self.outcome)))
 
     def in_play(self) -> Bool[np.ndarray, "rows robots"]:
-        """Return for each state which robots are in play; in a game of two both are, to the end."""
-        if self.game.teams is None:
-            return np.ones((len(self.states), 2), bool)
+        """Return for each state which robots are in play."""
         return np.stack(
             [np.asarray(robot) for side in self.trajectory().states.active for robot in side],
             axis=-1,

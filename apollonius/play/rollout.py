@@ -47,8 +47,8 @@ class Experience(eqx.Module):
 
     `episode_return` is the sum of its rewards since the game began, this step included. `member`,
     without an axis of robots, is the player of the side's pool, the same in all transitions of a
-    game. Observations of players that read the view itself are empty. In teams `active` is whether
-    a robot was in play before the step, `lost` whether the step put it out.
+    game. Observations of players that read the view itself are empty. `active` is whether a robot
+    was in play before the step, `lost` whether the step put it out.
     """
 
     observation: Float[Array, "*rows size"]
@@ -57,8 +57,8 @@ class Experience(eqx.Module):
     next_observation: Float[Array, "*rows next"]
     episode_return: Float[Array, "*rows"]
     member: Int[Array, "*batch"]
-    active: Bool[Array, "*rows"] | None = None
-    lost: Bool[Array, "*rows"] | None = None
+    active: Bool[Array, "*rows"]
+    lost: Bool[Array, "*rows"]
 
 
 class Transition(eqx.Module):
@@ -260,10 +260,7 @@ def _experience(
         rewards: the rewards of the step.
         observations: the observations before and after the step.
     """
-    active = lost = None
-    if before.state.status is not None:
-        active = stack_robots(before.state.active[role])
-        lost = active & ~stack_robots(after.state.active[role])
+    active = stack_robots(before.state.movers[role])
     observation, next_observation = observations
     return Experience(
         observation=observation,
@@ -273,7 +270,7 @@ def _experience(
         episode_return=after.sides[role].episode_return,
         member=before.sides[role].member,
         active=active,
-        lost=lost,
+        lost=active & ~stack_robots(after.state.active[role]),
     )
 
 

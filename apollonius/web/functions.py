@@ -65,7 +65,6 @@ def step_robots(
     """
     game = robots.game(floor.arena(field), capture_distance, dt, left)
     after = game.step(robots.state, list(levels[:ROBOTS]), list(levels[ROBOTS:]))
-    assert after.state.status is not None
     states, status = (
         jax.tree.map(lambda *leaves: jnp.stack(leaves), *pairs.pursuer, *pairs.evader)
         for pairs in (after.state.robots, after.state.status)
