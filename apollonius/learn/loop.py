@@ -196,8 +196,6 @@ def row_of(plan: Plan, played: Transition, role: Role) -> replay_buffer.Row:
     if plan.stage.limit_terminates:
         flags = played.ended, jnp.zeros_like(played.ended)
     content = side.observation, side.action, side.reward, side.next_observation
-    if side.active is None or side.lost is None:
-        return replay_buffer.Row(*content, *flags)
     robots = side.reward.size // played.terminated.size
     terminated, truncated = (
         jnp.repeat(flag, robots, axis=1).reshape(side.lost.shape) for flag in flags

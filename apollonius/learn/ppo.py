@@ -228,9 +228,8 @@ def _learn(
     before = _of_actions(
         _sampling_policy(plan, learner.network).log_probabilities(flat.observation), flat.action
     )
-    counts = jnp.ones(len(values), bool) if flat.active is None else flat.active
     round_batch = _LearnBatch(
-        flat.observation, flat.action, before, gained, gained + values, counts
+        flat.observation, flat.action, before, gained, gained + values, flat.active
     )
     keys = jax.random.split(key, config.epochs)
     order = jnp.concatenate([jax.random.permutation(key, len(values)) for key in keys])

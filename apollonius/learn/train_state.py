@@ -92,8 +92,7 @@ def start(
             config.games * len(game.bodies[role]),
             find_observation(config.observation).size,
         )
-        of_teams = game.teams is not None
-        buffer = replay_buffer.init_buffer(config.rows, columns, size, config.continuous, of_teams)
+        buffer = replay_buffer.init_buffer(config.rows, columns, size, config.continuous)
         return LearnerState(config.init_learner(key, networks[role]), buffer)
 
     learners = {role: first(role, key) for role, key in zip(learning, network_keys, strict=True)}

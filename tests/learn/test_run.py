@@ -26,7 +26,7 @@ from apollonius.learn.folder import FORMAT, create_run, load_checkpoint_meta, lo
 from apollonius.learn.opponents import OpponentConfig
 from apollonius.learn.progress import ProcessStatus, progress_of, runs_below
 from apollonius.learn.run import TrainingRun, load_first_networks
-from apollonius.play.playout import Results
+from tests.acting import results_of
 from tests.learn.tiny import CHUNK, DQN, RUN
 
 CHECKPOINT = "checkpoint.safetensors"
@@ -214,7 +214,7 @@ def script_evaluations(monkeypatch):
         def evaluate(game, players, starts, key):
             captured = jnp.arange(64) < captures[len(evaluated)]
             evaluated.append(jax.tree.map(jnp.copy, players))
-            return Results(jnp.where(captured, Outcome.CAPTURED, Outcome.NO_RESULT), jnp.ones(64, jnp.int32))
+            return results_of(jnp.where(captured, Outcome.CAPTURED, Outcome.NO_RESULT), jnp.ones(64, jnp.int32))
 
         monkeypatch.setattr(run_module, "play_out", evaluate)
         return evaluated
