@@ -16,7 +16,16 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.outcome import come_within, decide
 from apollonius.game.teams import Teams
-from apollonius.game.types import ROLES, BySide, Flag, GameState, Real, RobotStatus, Role
+from apollonius.game.types import (
+    ROLES,
+    BySide,
+    Flag,
+    GameState,
+    Real,
+    RobotStatus,
+    Role,
+    active_flags,
+)
 
 Statuses = BySide[tuple[Int[Array, ""], ...]]
 """A `RobotStatus` for each robot."""
@@ -59,13 +68,10 @@ class _Contacts(eqx.Module):
     out: Flag
     collided: Flag
 
-    @property
-    def stays(self) -> Flag:
-        return self.active & ~(self.captured | self.hit | self.out | self.collided)
-
     def status(self, before: Int[Array, ""]) -> Int[Array, ""]:
         """Return the status after the step; hitting an obstacle goes before leaving the walls."""
-        status = jnp.where(self.collided, RobotStatus.HIT_MATE, before)
+        status = jnp.where(self.active, RobotStatus.ACTIVE, before)
+        status = jnp.where(self.collided, RobotStatus.HIT_MATE, status)
         status = jnp.where(self.out, RobotStatus.OUT_OF_RANGE, status)
         status = jnp.where(self.hit, RobotStatus.HIT_OBSTACLE, status)
         return jnp.where(self.captured, RobotStatus.CAPTURED, status)
@@ -79,33 +85,43 @@ def judge(game: JudgedGame, before: GameState, after: GameState) -> tuple[Int[Ar
     that robot, in the order of `decide`: pursuers win by capturing the last evader even if no
     pursuer is active any more.
     """
-    events = ROLES.map(lambda role: _contacts(game, before, after, role))
-    beaten = events.map(lambda side: ~_any(robot.stays for robot in side))
+    statuses = _statuses_after(game, before, after)
+    active = active_flags(statuses)
 
-    def last(role: Role, *failures: str) -> Flag:
-        flags = (getattr(robot, failure) for robot in events[role] for failure in failures)
-        return beaten[role] & _any(flags)
+    def last(role: Role, *ends: RobotStatus) -> Flag:
+        """Check whether the side is beaten, and one of its robots ended so in this step."""
+        robots = zip(before.movers[role], statuses[role], strict=True)
+        flags = (moved & (status == end) for moved, status in robots for end in ends)
+        return ~_any(active[role]) & _any(flags)
 
     territory_reached = None
     if game.arena.territory:
-        moves = zip(before.robots.evader, after.robots.evader, events.evader, strict=True)
+        moves = zip(before.robots.evader, after.robots.evader, active.evader, strict=True)
         reaches = game.arena.reaches_territory
-        territory_reached = _any(robot.stays & reaches(start, end) for start, end, robot in moves)
+        territory_reached = _any(stays & reaches(start, end) for start, end, stays in moves)
     outcome = decide(
-        captured=beaten.evader & _any(robot.captured for robot in events.evader),
-        pursuer_hit=last(Role.PURSUER, "hit", "collided"),
-        pursuer_out=last(Role.PURSUER, "out"),
-        evader_hit=last(Role.EVADER, "hit", "collided"),
-        evader_out=last(Role.EVADER, "out"),
+        captured=last(Role.EVADER, RobotStatus.CAPTURED),
+        pursuer_hit=last(Role.PURSUER, RobotStatus.HIT_OBSTACLE, RobotStatus.HIT_MATE),
+        pursuer_out=last(Role.PURSUER, RobotStatus.OUT_OF_RANGE),
+        evader_hit=last(Role.EVADER, RobotStatus.HIT_OBSTACLE, RobotStatus.HIT_MATE),
+        evader_out=last(Role.EVADER, RobotStatus.OUT_OF_RANGE),
         out_of_time=after.steps >= game.max_steps,
         territory_reached=territory_reached,
     )
+    return outcome, statuses
 
-    def statuses_after(role: Role) -> tuple[Int[Array, ""], ...]:
-        robots = zip(events[role], before.status[role], strict=True)
-        return tuple(robot.status(status) for robot, status in robots)
 
-    return outcome, ROLES.map(statuses_after)
+@fusion_barrier
+def _statuses_after(game: JudgedGame, before: GameState, after: GameState) -> Statuses:
+    """Return the status of each robot after a step; computed once, as the outcome and the rewards
+    follow from it.
+    """
+
+    def of_side(role: Role) -> tuple[Int[Array, ""], ...]:
+        robots = zip(_contacts(game, before, after, role), before.status[role], strict=True)
+        return tuple(contacts.status(status) for contacts, status in robots)
+
+    return ROLES.map(of_side)
 
 
 @jax.jit
