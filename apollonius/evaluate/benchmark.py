@@ -35,6 +35,7 @@ from apollonius.game.types import BySide, Outcome, RobotStatus, Role
 from apollonius.io.cache import digest
 from apollonius.io.errors import require, require_printable
 from apollonius.io.limits import ONNX
+from apollonius.observe.knowledge import Knowledge
 from apollonius.observe.observation import observation_rows
 from apollonius.play import rollout
 from apollonius.play.playout import AbstractWatcher, Results, play_out
@@ -265,7 +266,7 @@ class Benchmark:
 
 @partial(jax.jit, static_argnames="role")
 def _act(game: Game, pool: Any, games: rollout.Games, bits: Array, role: Role) -> Any:
-    observations = observation_rows(pool.observation, game, games.state, role)
+    observations = observation_rows(pool.observation, game, Knowledge.complete(games.state), role)
     return rollout.decide_actions(pool, games.sides[role], observations, bits[role])
 
 

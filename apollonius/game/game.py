@@ -1,6 +1,7 @@
 """The game: the rules composed. One reset, one step, neither batched nor auto-reset."""
 
 from dataclasses import replace
+from typing import Protocol
 
 import equinox as eqx
 import jax
@@ -42,6 +43,13 @@ MAX_STEPS = 2**31 - 1
 """Largest time limit [steps]: steps are counted in 32 bits."""
 _BLOCK = 1024
 """Starts of a match that are drawn at a time."""
+
+
+class _InArena(Protocol):
+    """A state, or what is known of it, in one of the arenas of a scenario."""
+
+    @property
+    def variant(self) -> Int[Array, ""] | None: ...
 
 
 class Game(eqx.Module):
@@ -132,7 +140,7 @@ class Game(eqx.Module):
         game = self.with_variant(variant)
         return replace(self.starts.sample(key, game.arena, game.bodies), variant=variant)
 
-    def at(self, state: GameState) -> "Game":
+    def at(self, state: "_InArena") -> "Game":
         """Return the game that is played in a state: in its arena, between its robots."""
         return self if self.scenario is None else self.with_variant(state.variant)
 

@@ -158,16 +158,6 @@ class RobotState(eqx.Module):
     heading: Scalar
 
 
-class Sight(eqx.Module):
-    """For how long each opponent has been hidden [s], whose last sighting stands for its state;
-    with a chart, the time since each coarse cell was last seen [s], negative where no opponent can
-    be.
-    """
-
-    ages: tuple[Scalar, ...]
-    belief: Float[Array, "rows columns"] | None = None
-
-
 class DriveState(eqx.Module):
     """The latest commands u1 [m/s^2] and u2 [rad/s], newest first, and the turn rate [rad/s]."""
 
@@ -179,20 +169,22 @@ DriveStates = tuple[DriveState, ...]
 """The drives of the robots of a side."""
 
 
+def active_flags(status: BySide[tuple[Int[Array, ""], ...]]) -> BySide[tuple[Flag, ...]]:
+    """Check whether each robot is in play, by the `RobotStatus` of each."""
+    return status.map(lambda side: tuple(robot == RobotStatus.ACTIVE for robot in side))
+
+
 class GameState(eqx.Module):
     """The robots of both sides, and the number of control steps played since the start.
 
     `variant` is the number of the game's arena and robots in its scenario, None where there is no
-    scenario. `sight` is what else a side knows whose sensors have seen this state, and `drives` are
-    those of its robots; None in the state itself. `status` is a `RobotStatus` for each robot.
+    scenario. `status` is a `RobotStatus` for each robot.
     """
 
     robots: BySide[tuple[RobotState, ...]]
     steps: Int[Array, ""]
     status: BySide[tuple[Int[Array, ""], ...]]
     variant: Int[Array, ""] | None = None
-    sight: Sight | None = None
-    drives: DriveStates | None = None
 
     @classmethod
     def at_start(cls, robots: BySide[tuple[RobotState, ...]]) -> "GameState":
@@ -204,7 +196,7 @@ class GameState(eqx.Module):
     @property
     def active(self) -> BySide[tuple[Flag, ...]]:
         """Check whether each robot is in play."""
-        return self.status.map(lambda side: tuple(status == RobotStatus.ACTIVE for status in side))
+        return active_flags(self.status)
 
     @property
     def movers(self) -> BySide[tuple[Flag, ...]]:

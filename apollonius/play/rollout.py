@@ -5,7 +5,6 @@ plays given starts to their ends, once each.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -32,6 +31,7 @@ from apollonius.game.types import (
     tree_where,
 )
 from apollonius.observe import tracking
+from apollonius.observe.knowledge import Knowledge
 from apollonius.observe.observation import RAW_VIEW, observation_rows
 from apollonius.observe.tracking import Sightings, Track, sense_and_update
 from apollonius.play.autoreset import row_at_turn
@@ -152,21 +152,17 @@ def observe_both(
         bits: random bits of each side.
     """
 
-    def tracked_state(role: Role) -> tuple[Track | None, GameState]:
-        side = games.sides[role]
-        track, states = jax.vmap(partial(sense_and_update, game, role))(
-            side.track, games.state, bits[role]
-        )
-        with_drives = jax.vmap(lambda state, drives: replace(state, drives=drives))
-        return track, with_drives(states, side.drives)
+    def track_and_knowledge(role: Role) -> tuple[Track | None, Knowledge]:
+        side, sense = games.sides[role], partial(sense_and_update, game, role)
+        return jax.vmap(sense)(side.track, games.state, bits[role], side.drives)
 
-    tracked = ROLES.map(tracked_state)
+    tracks_and_knowledge = ROLES.map(track_and_knowledge)
 
     def perception(role: Role) -> tuple[Reader, Any]:
-        return observation_rows(players[role].observation, game, tracked[role][1], role)
+        knowledge = tracks_and_knowledge[role][1]
+        return observation_rows(players[role].observation, game, knowledge, role)
 
-    perceptions = ROLES.map(perception)
-    return tracked.map(lambda pair: pair[0]), perceptions
+    return tracks_and_knowledge.map(lambda pair: pair[0]), ROLES.map(perception)
 
 
 def step_games(
