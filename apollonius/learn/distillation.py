@@ -109,8 +109,8 @@ def _iterate(plan: Plan, state: TrainState, task: DistillationTask) -> tuple[Tra
     query_key, player_key, play_key, start_key, learn_key = jax.random.split(key, 5)
     assert isinstance(side.learner, DQNLearner)
     network = side.learner.network
-    observed, states, learns = states_to_label(_config(plan), task, state.games, query_key)
-    _, student_rows = observation_rows(network.observation, game, observed, role)
+    knowledge, states, learns = states_to_label(_config(plan), task, state.games, query_key)
+    _, student_rows = observation_rows(network.observation, game, knowledge, role)
     values = task.values(states, role)
     buffer = add(side.buffer, (student_rows, jnp.where(learns[:, None], values, jnp.nan)))
     starts = jax.tree.map(lambda leaf: leaf[None], starts_of(task, config.games, start_key))

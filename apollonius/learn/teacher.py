@@ -24,6 +24,7 @@ from apollonius.learn.training_task import (
     require_room_to_brake,
     resolve_players,
 )
+from apollonius.observe.knowledge import Knowledge
 from apollonius.observe.observation import observation_rows
 from apollonius.solve.grid import Grid, make_grid
 from apollonius.solve.motion import Motion, end_state, motion_of
@@ -94,7 +95,9 @@ class DistillationTask(TrainingTask):
         """Return one side's values of the nine actions in states, leaves `[games]`; the best has
         the teacher's own.
         """
-        read, rows = observation_rows(self.teacher.observation, self.game, states, role)
+        read, rows = observation_rows(
+            self.teacher.observation, self.game, Knowledge.complete(states), role
+        )
         bits = jnp.zeros((), jnp.uint32)
         values = jax.vmap(lambda row: self.teacher.score(read(row), self.teacher.memory, bits)[0])(
             rows
