@@ -1,7 +1,7 @@
 """The game: the rules composed. One reset, one step, neither batched nor auto-reset."""
 
 from dataclasses import replace
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -45,6 +45,7 @@ _BLOCK = 1024
 """Starts of a match that are drawn at a time."""
 
 
+@runtime_checkable
 class _InArena(Protocol):
     """A state, or what is known of it, in one of the arenas of a scenario."""
 
@@ -140,7 +141,7 @@ class Game(eqx.Module):
         game = self.with_variant(variant)
         return replace(self.starts.sample(key, game.arena, game.bodies), variant=variant)
 
-    def at(self, state: "_InArena") -> "Game":
+    def at(self, state: _InArena) -> "Game":
         """Return the game that is played in a state: in its arena, between its robots."""
         return self if self.scenario is None else self.with_variant(state.variant)
 

@@ -3,19 +3,11 @@
 import equinox as eqx
 from jaxtyping import Array, Float, Int
 
-from apollonius.game.types import (
-    BySide,
-    DriveStates,
-    Flag,
-    GameState,
-    RobotState,
-    Scalar,
-    active_flags,
-)
+from apollonius.game.types import BySide, DriveStates, Flag, GameState, RobotState, active_flags
 
 
 class Knowledge(eqx.Module):
-    """A state of the game as one side knows it.
+    """A state of the game as one side knows it, or the states of several games.
 
     Attributes:
         robots: the states of all robots; with sensors the side's own with their errors, and of
@@ -29,11 +21,11 @@ class Knowledge(eqx.Module):
     """
 
     robots: BySide[tuple[RobotState, ...]]
-    status: BySide[tuple[Int[Array, ""], ...]]
-    variant: Int[Array, ""] | None = None
+    status: BySide[tuple[Int[Array, "*games"], ...]]
+    variant: Int[Array, "*games"] | None = None
     drives: DriveStates = ()
-    ages: tuple[Scalar, ...] | None = None
-    belief: Float[Array, "rows columns"] | None = None
+    ages: tuple[Float[Array, "*games"], ...] | None = None
+    belief: Float[Array, "*games rows columns"] | None = None
 
     @classmethod
     def complete(cls, state: GameState, drives: DriveStates = ()) -> "Knowledge":

@@ -168,7 +168,8 @@ class Replay:
         pursuers = len(self.game.bodies.pursuer)
         as_states = jax.vmap(as_state, (0, 0, None))
         states = as_states(jnp.asarray(self.states), jnp.arange(len(self.states)), pursuers)
-        states = replace(states, status=statuses_along(self.game, states))
+        status = statuses_along(self.game, states)
+        states = jax.vmap(lambda state, status: replace(state, status=status))(states, status)
         return Trajectory(states, jnp.asarray(self.actions), jnp.asarray(int(self.outcome)))
 
     def in_play(self) -> Bool[np.ndarray, "rows robots"]:
