@@ -173,7 +173,11 @@ class Replay:
         return Trajectory(states, jnp.asarray(self.actions), jnp.asarray(int(self.outcome)))
 
     def in_play(self) -> Bool[np.ndarray, "rows robots"]:
-        """Return for each state which robots are in play."""
+        """Return for each state which robots are drawn as in play; in a game of two both, to the
+        end.
+        """
+        if self.game.teams is None:
+            return np.ones((len(self.states), 2), bool)
         return np.stack(
             [np.asarray(robot) for side in self.trajectory().states.active for robot in side],
             axis=-1,

@@ -49,12 +49,11 @@ def _side_name(game: Game, role: Role) -> str:
 def _score_line(
     game: Game, robots: Float32[np.ndarray, " numbers"], active: Bool[np.ndarray, " robots"]
 ) -> str:
-    """Return the distance of two robots; for teams the least one of a pursuer and an evader in
-    play, and the numbers of robots in play.
+    """Return the least distance of a pursuer and an evader; for teams also the numbers of robots in
+    play.
     """
     count, places = len(game.bodies.pursuer), robots.reshape(-1, 4)[:, :2]
-    counts = active if game.teams else np.ones_like(active)
-    pursuers, evaders = places[:count][counts[:count]], places[count:][counts[count:]]
+    pursuers, evaders = places[:count][active[:count]], places[count:][active[count:]]
     distances = cdist(pursuers, evaders)
     distance = f"distance {distances.min():.2f} m" if distances.size else ""
     if game.teams is None:

@@ -1,13 +1,13 @@
 // Plays the recorded games of a report, drawn by the modules of the web page. A game is the data of a replay file; its states
-// are rows of x, y [m], v [m/s], heading [rad] of each pursuer, then of each evader; `until` is for each robot the first
-// step at which it is out of play, or null.
+// are rows of x, y [m], v [m/s], heading [rad] of each pursuer, then of each evader. Of a game of teams there is `until` too:
+// for each robot the first step at which it is out of play, or null.
 
 import { coloursOf, draw } from "../web/page/draw.js";
 import { fromRow } from "../web/page/game.js";
 
 /** The states of a game as the page has them. */
 export function statesOf({ game, states, until }) {
-  const status = (steps) => (place) => (steps < (until[place] ?? Infinity) ? "active" : "out");
+  const status = (steps) => (place) => (steps < (until?.[place] ?? Infinity) ? "active" : "out");
   return states.map((row, steps) => fromRow(game, row, steps, status(steps)));
 }
 

@@ -48,12 +48,14 @@ _HERE = Path(__file__).parent
 def for_page(replay: Replay) -> dict[str, Any]:
     """Return a game as the page's script reads it: a replay without actions, its states rounded.
 
-    `until` says for each robot the first step at which it is out of play, or None.
+    Of a game of teams `until` says for each robot the first step at which it is out of play, or
+    None.
     """
     data = as_data(replay) | {"states": replay.states.astype(float).round(_DIGITS).tolist()}
     del data["actions"]
-    steps = replay.in_play().sum(axis=0).tolist()
-    data["until"] = [step if step < len(replay.states) else None for step in steps]
+    if replay.game.teams:
+        steps = replay.in_play().sum(axis=0).tolist()
+        data["until"] = [step if step < len(replay.states) else None for step in steps]
     return data
 
 
