@@ -257,7 +257,7 @@ def test_games_in_two_arenas_match_games_in_each_alone():
 
 def test_in_arenas_of_one_arena_is_an_ordinary_game():
     assert in_arenas(GAME, [WIDE]) == replace(GAME, arena=WIDE)
-    assert len(jax.tree.leaves(GAME.reset(jax.random.key(0)))) == 9
+    assert len(jax.tree.leaves(GAME.reset(jax.random.key(0)))) == 11
 
 
 @pytest.mark.parametrize(
