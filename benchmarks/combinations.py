@@ -22,7 +22,7 @@ from apollonius.evaluate.match import Match, play_games
 from apollonius.game.drive import Drive, Drives
 from apollonius.game.game import Game
 from apollonius.game.presets import in_teams, make_game
-from apollonius.game.types import BySide, Outcome, RobotStatus, Role
+from apollonius.game.types import Outcome, RobotStatus, Role
 
 SENSORS = {"all": None, "lidar": make_game("lidar").sensors}
 DRIVES = {"at once": None, "lag 1, turn time 0.4 s": (1, 0.4), "lag 5, turn time 0.9 s": (5, 0.9)}
@@ -31,10 +31,6 @@ PURSUERS = 1, 2
 SHIELDS = "", SHIELDED
 EVADERS = "still", "evader"
 _FAILURES = RobotStatus.HIT_OBSTACLE, RobotStatus.OUT_OF_RANGE
-_FAILED = BySide(
-    (Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE, Outcome.BOTH_FAILED),
-    (Outcome.EVADER_HIT_OBSTACLE, Outcome.EVADER_OUT_OF_RANGE, Outcome.BOTH_FAILED),
-)
 
 
 def game_of(place: Game, sensors: str, drive: str, radius: float, pursuers: int) -> Game:
@@ -54,8 +50,6 @@ def cell(match: Match) -> dict[str, Any]:
     outcome = np.asarray(results.outcome)
 
     def failures(role: Role) -> list[int]:
-        if results.status is None:
-            return [int(np.isin(outcome, _FAILED[role]).sum()), len(outcome)]
         status = np.concatenate([np.asarray(status_row) for status_row in results.status[role]])
         return [int(np.isin(status, _FAILURES).sum()), len(status)]
 

@@ -13,14 +13,14 @@ from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import as_game
 from apollonius.conformance.defects import require_all, require_pure, require_rows
 from apollonius.export.parity import Cases, cases_of, compare_decisions
-from apollonius.export.player import Player, find_exportable, tracked_state
+from apollonius.export.player import Player, find_exportable, knowledge_and_memory
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import is_continuous
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import NUM_ACTIONS, RobotState, Role
 from apollonius.io.errors import require
 from apollonius.observe.observation import AbstractObservation
-from apollonius.observe.view import look
+from apollonius.observe.view import look, view_of
 from jaxpr2c.compiler import CompiledProgram, has_compiler
 from jaxpr2c.translator import translate
 
@@ -80,10 +80,10 @@ class _Checks:
     def see(self, state: Array, active: Array | None, memory: Any) -> tuple[Any, Any]:
         """Return the policy's observation and its memory."""
         sides = self.game.bodies.map(len)
-        tracked, _, _, own = tracked_state(
+        knowledge, _, _, own = knowledge_and_memory(
             self.game, self.player.role, sides, state, active, memory
         )
-        return self.policy.observation(look(self.game, tracked, self.player.role)), own
+        return self.policy.observation(view_of(self.game, knowledge, self.player.role)), own
 
     def ask(self, state: Array, active: Array | None, memory: Any, bits: Any) -> tuple[Any, Any]:
         """Return the policy's action and its next memory."""

@@ -168,8 +168,7 @@ class RunningGames(eqx.Module):
 class StepResult(eqx.Module):
     """Results of a step of every game, before any new game begins.
 
-    `reward` is the mean of the robots' rewards. In games of teams there is also each robot's own,
-    and its status.
+    `reward` is the mean of the robots' `rewards`; `status` is a `RobotStatus` for each robot.
     """
 
     observation: Float[Array, "games *robots size"]
@@ -177,8 +176,8 @@ class StepResult(eqx.Module):
     terminated: Bool[Array, " games"]
     truncated: Bool[Array, " games"]
     outcome: Int[Array, " games"]
-    rewards: Float[Array, "games robots"] | None = None
-    status: Int[Array, "games robots"] | None = None
+    rewards: Float[Array, "games robots"]
+    status: Int[Array, "games robots"]
 
 
 @dataclass(frozen=True)
@@ -236,7 +235,6 @@ class GameBatch:
             self.game, self.players, games, jnp.stack([step_bits, step_bits]), pay=self.pay
         )
         own_side = transitions.sides[self.role]
-        status = games.state.status
         rewards = jnp.unstack(own_side.reward, axis=1) if several else [own_side.reward]
         result = StepResult(
             own_side.next_observation,
@@ -244,8 +242,8 @@ class GameBatch:
             transitions.terminated,
             transitions.truncated,
             transitions.outcome,
-            rewards=None if status is None else jnp.stack(rewards, 1),
-            status=None if status is None else jnp.stack(status[self.role], 1),
+            rewards=jnp.stack(rewards, 1),
+            status=jnp.stack(games.state.status[self.role], 1),
         )
         new_games = RunningGames(
             games.state, result.observation, flatten_carry(games, self.players)

@@ -209,11 +209,8 @@ def _step(
     counts = game.bodies.map(len)
     rows = numbers[: _COLUMNS * sum(counts)].reshape(-1, _COLUMNS)
     state = as_state(rows[:, :_STATUS].ravel(), step_inputs[0].astype(jnp.int32), counts.pursuer)
-    if state.status is not None:
-        statuses = tuple(rows[:, _STATUS].astype(jnp.int32))
-        state = replace(
-            state, status=BySide(statuses[: counts.pursuer], statuses[counts.pursuer :])
-        )
+    statuses = tuple(rows[:, _STATUS].astype(jnp.int32))
+    state = replace(state, status=BySide(statuses[: counts.pursuer], statuses[counts.pursuer :]))
     actions = BySide(
         *jnp.split(step_inputs[1:].reshape(1, sum(counts), *shape), [counts.pursuer], axis=1)
     )
@@ -231,12 +228,11 @@ def _step(
 def _pack(
     state: GameState, rewards: BySide[Array], ends: Sequence[Array], observations: Sequence[Array]
 ) -> Float[Array, " numbers"]:
-    statuses = state.status or state.robots.map(lambda side: (jnp.zeros(1),) * len(side))
     robots = [
         number
         for role in Role
         for parts in zip(
-            state.robots[role], statuses[role], jnp.unstack(rewards[role].ravel()), strict=True
+            state.robots[role], state.status[role], jnp.unstack(rewards[role].ravel()), strict=True
         )
         for number in jax.tree.leaves(parts)
     ]

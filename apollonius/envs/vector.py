@@ -99,6 +99,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.metadata = type(self).metadata | {"autoreset_mode": mode}
         self.num_envs = num_envs
         robots = len(game.bodies[role])
+        self._of_teams = game.teams is not None
         self._set_spaces(observation_space(contest.reads), action_space(actions), robots)
         self._kind = actions
         self._acting = (num_envs,) if robots == 1 else (num_envs, robots)
@@ -173,7 +174,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
                 "final_info": {"outcome": outcome, "_outcome": is_over},
             }
             infos = final | {"_final_obs": is_over, "_final_info": is_over} if is_over.any() else {}
-        if result.rewards is not None:
+        if self._of_teams:
             infos |= self._of_all(rewards=np.array(result.rewards), status=np.array(result.status))
         return observations, reward, terminated, truncated, infos
 

@@ -29,12 +29,13 @@ from apollonius.evaluate.match import Match, draw_starts
 from apollonius.evaluate.result import worst_mean
 from apollonius.evaluate.statistics import mean_interval
 from apollonius.game.game import Game
-from apollonius.game.outcome import EVADER_FAILS, PURSUER_FAILS, PURSUER_WINS, evader_winning
+from apollonius.game.outcome import PURSUER_WINS, evader_winning
 from apollonius.game.presets import in_teams, make_game
 from apollonius.game.types import BySide, Outcome, RobotStatus, Role
 from apollonius.io.cache import digest
 from apollonius.io.errors import require, require_printable
 from apollonius.io.limits import ONNX
+from apollonius.observe.knowledge import Knowledge
 from apollonius.observe.observation import observation_rows
 from apollonius.play import rollout
 from apollonius.play.playout import AbstractWatcher, Results, play_out
@@ -56,7 +57,6 @@ FORFEIT = int(Outcome.ONGOING)
 """The outcome of a game in which an agent from outside failed; it counts as lost."""
 _COURSE = re.compile("[0-9a-f]{16}")
 _SLOTS = 32
-_FAILED = BySide(PURSUER_FAILS, EVADER_FAILS)
 _CALLS = 10
 
 
@@ -227,8 +227,6 @@ class Benchmark:
 
     def _crashed(self, results: Results) -> np.ndarray:
         """Count the own robots that crashed or left in each game."""
-        if results.status is None:
-            return np.isin(results.outcome, (Outcome.BOTH_FAILED, *_FAILED[self.role])).astype(int)
         robots = np.stack([np.asarray(status) for status in results.status[self.role]])
         return np.isin(robots, (RobotStatus.HIT_OBSTACLE, RobotStatus.OUT_OF_RANGE)).sum(axis=0)
 
@@ -267,7 +265,7 @@ class Benchmark:
 
 @partial(jax.jit, static_argnames="role")
 def _act(game: Game, pool: Any, games: rollout.Games, bits: Array, role: Role) -> Any:
-    observations = observation_rows(pool.observation, game, games.state, role)
+    observations = observation_rows(pool.observation, game, Knowledge.complete(games.state), role)
     return rollout.decide_actions(pool, games.sides[role], observations, bits[role])
 
 

@@ -189,7 +189,7 @@ def count_results(match: Match, results: Results) -> MatchResult:
         arenas=count_by_arena(match.game.scenario, results) if match.game.scenario else None,
         detours=None if detours is None else count_by_detour(detours, results),
         sight=count_sightings(results),
-        robots=count_robots(results.status) if results.status else None,
+        robots=count_robots(results.status) if match.game.teams else None,
     )
 
 

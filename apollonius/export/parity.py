@@ -15,12 +15,12 @@ from apollonius.agents.classical import Uniform
 from apollonius.agents.policy import AbstractActionValuePolicy
 from apollonius.agents.pool import Pool, single_player
 from apollonius.agents.wrappers.shield import MARGIN, Shielded
-from apollonius.export.player import LARGEST, Player, pack_memory, tracked_state
+from apollonius.export.player import LARGEST, Player, knowledge_and_memory, pack_memory
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.sensing import sense
 from apollonius.game.types import ROLES, BySide, GameState, RandomBits, Role, tree_where
 from apollonius.observe.tracking import Track, apply_delay
-from apollonius.observe.view import look
+from apollonius.observe.view import view_of
 from apollonius.play.rollout import Games, SideState, collect, init_games
 
 BREADTH = 1e-5
@@ -84,7 +84,7 @@ def cases_of(player: Player, count: int, seed: int = 0) -> Cases:
     robots = (*seen_states.robots[role], *seen_states.robots[role.other])
     rows = [np.stack(jax.tree.leaves(robot), axis=-1) for robot in robots]
     active = None
-    if states.status is not None:
+    if player.robots > 2:
         active = np.stack([*states.active[role], *states.active[role.other]], axis=-1)[:count]
     first = jax.tree.map(lambda leaf: np.asarray(leaf)[:count, 0], memory)
     return Cases(np.stack(rows, axis=1)[:count], active, first, np.asarray(bits)[:count])
@@ -198,10 +198,10 @@ def _is_as_good(player: Player, cases: Cases, place: int, action: int, own: int)
     state, active, memory, bits = cases.at(place)
     sides = player.game.bodies.map(len)
     in_play = None if active is None else jnp.asarray(active)
-    known_game_state, _, _, memory = tracked_state(
+    knowledge, _, _, memory = knowledge_and_memory(
         player.game, player.role, sides, jnp.asarray(state), in_play, memory
     )
-    view = look(player.game, known_game_state, player.role)
+    view = view_of(player.game, knowledge, player.role)
     if isinstance(policy, Shielded):
         clearance = policy.backup.for_view(view).clearance_after(view.own, jnp.int32(action))
         if clearance <= MARGIN - BREADTH:

@@ -34,10 +34,11 @@ from apollonius.game.types import (
 )
 from apollonius.io import extensions
 from apollonius.io.errors import require
+from apollonius.observe.knowledge import Knowledge
 from apollonius.observe.registry import find_observation
-from apollonius.observe.tracking import Track, apply_delay, apply_track, update_track
+from apollonius.observe.tracking import Track, apply_delay, knowledge_of, update_track
 from apollonius.observe.tracking import init_track as known_first
-from apollonius.observe.view import look
+from apollonius.observe.view import view_of
 
 LARGEST = 1e6
 """Largest number of a state; the sum of squares is compared, one test that a NaN fails too."""
@@ -121,10 +122,10 @@ def _decide(role: Role, sides: BySide[int]) -> Callable[..., dict[str, Any]]:
         bits: RandomBits,
     ) -> dict[str, Any]:
         policy = transpose_layers(player)
-        known_game_state, track, drive_state, own_memory = tracked_state(
+        knowledge, track, drive_state, own_memory = knowledge_and_memory(
             game, role, sides, state, active, memory
         )
-        observation = policy.observation(look(game, known_game_state, role))
+        observation = policy.observation(view_of(game, knowledge, role))
         action, own_memory = policy(observation, own_memory, bits)
         own_rows = state if track is None else state[: sides[role]]
         is_sane = jnp.sum(own_rows * own_rows) <= LARGEST**2
@@ -147,11 +148,11 @@ def pack_memory(track: Track | None, drive: DriveState, own: Memory) -> Memory:
     return (track, drive, own) if jax.tree.leaves((track, drive)) else own
 
 
-def tracked_state(
+def knowledge_and_memory(
     game: Game, role: Role, sides: BySide[int], state: Array, active: Array | None, memory: Memory
-) -> tuple[GameState, Track | None, DriveState, Memory]:
-    """Return the state as a side knows it in this step, and the parts of its memory: track, drive,
-    policy's memory.
+) -> tuple[Knowledge, Track | None, DriveState, Memory]:
+    """Return a side's knowledge in this step, and the parts of its memory: track, drive, policy's
+    memory.
 
     The robot's own drive is in the state that its commands lead to; those of its mates are taken to
     be at rest.
@@ -174,8 +175,8 @@ def tracked_state(
         own_memory = memory
     drives = (drive_state, *[drive.at_rest()] * (sides[role] - 1))
     if sensors is None or track is None:
-        full_state = replace(state_of(state, active, role, sides), drives=drives)
-        return full_state, None, drive_state, own_memory
+        knowledge = Knowledge.complete(state_of(state, active, role, sides), drives)
+        return knowledge, None, drive_state, own_memory
     is_seen = jnp.sum(state * state, axis=1) <= LARGEST**2
     current = state_of(jnp.where(is_seen[:, None], state, 0.0), active, role, sides)
     own = current.robots[role]
@@ -185,8 +186,7 @@ def tracked_state(
     pending, past = apply_delay(sensors, track.pending, percept)  # sightings are late already
     track = replace(track, own=own, pending=pending)
     track = update_track(game, track, replace(percept, own=past.own), current, role)
-    tracked = replace(apply_track(game, track, current, role), drives=drives)
-    return tracked, track, drive_state, own_memory
+    return knowledge_of(game, track, current, role, drives), track, drive_state, own_memory
 
 
 def exported_side(name: str, side: str | None = None) -> Role:

@@ -1,6 +1,7 @@
 """The game: the rules composed. One reset, one step, neither batched nor auto-reset."""
 
 from dataclasses import replace
+from typing import Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -41,6 +42,14 @@ MAX_STEPS = 2**31 - 1
 """Largest time limit [steps]: steps are counted in 32 bits."""
 _BLOCK = 1024
 """Starts of a match that are drawn at a time."""
+
+
+@runtime_checkable
+class _InArena(Protocol):
+    """A state, or what is known of it, in one of the arenas of a scenario."""
+
+    @property
+    def variant(self) -> Int[Array, ""] | None: ...
 
 
 class Game(eqx.Module):
@@ -131,7 +140,7 @@ class Game(eqx.Module):
         game = self.with_variant(variant)
         return replace(self.starts.sample(key, game.arena, game.bodies), variant=variant)
 
-    def at(self, state: GameState) -> "Game":
+    def at(self, state: _InArena) -> "Game":
         """Return the game that is played in a state: in its arena, between its robots."""
         return self if self.scenario is None else self.with_variant(state.variant)
 
@@ -214,21 +223,21 @@ class Game(eqx.Module):
         return self.step_controls(state, ROLES.map(controls))
 
     def step_controls(self, state: GameState, controls: BySide[tuple[Controls, ...]]) -> Timestep:
-        """Let active robots hold controls (u1 [m/s^2], u2 [rad/s]) for `dt`; judge the step."""
+        """Let the robots in play hold controls (u1 [m/s^2], u2 [rad/s]) for `dt`; judge the step.
+
+        The state is one of a game that is not over.
+        """
         game = self.at(state)
 
         def robots_after(role: Role) -> tuple[RobotState, ...]:
             robots = zip(game.bodies[role], state.robots[role], controls[role], strict=True)
             driven = tuple(body.move(robot, u1, u2, self.dt) for body, robot, (u1, u2) in robots)
-            if state.status is None:
-                return driven
             stopped = (replace(robot, v=jnp.zeros_like(robot.v)) for robot in state.robots[role])
-            return tuple(map(tree_where, state.active[role], driven, stopped))
+            return tuple(map(tree_where, state.movers[role], driven, stopped))
 
         after = replace(state, robots=ROLES.map(robots_after), steps=state.steps + 1)
         outcome, status = judge(game, state, after)
         after = replace(after, status=status)
-        pay = _rewards_computed_once if self.teams else _rewards
         chart = game.arena.chart if self.reward.along_paths else None
         has_chart = chart is not None or not self.reward.along_paths
         bound = (
@@ -240,12 +249,13 @@ class Game(eqx.Module):
         return Timestep(
             state=after,
             outcome=outcome,
-            rewards=pay(self.reward, outcome, state, after, chart),
+            rewards=_rewards(self.reward, outcome, state, after, chart),
             terminated=(outcome != Outcome.ONGOING) & ~truncated,
             truncated=truncated,
         )
 
 
+@fusion_barrier
 def _rewards(
     reward: Reward,
     outcome: Int[Array, ""],
@@ -253,15 +263,7 @@ def _rewards(
     after: GameState,
     chart: Chart | None,
 ) -> BySide[tuple[Scalar, ...]]:
-    return reward(
-        outcome,
-        robot_events(outcome, before.status, after.status),
-        nearest_distances(before, after, chart),
-    )
-
-
-_rewards_computed_once = fusion_barrier(_rewards)
-"""In teams mates share their rewards, which would be computed again for each mate and each use."""
+    return reward(outcome, robot_events(before, after), nearest_distances(before, after, chart))
 
 
 def reset_batch(game: Game, key: PRNGKeyArray, games: int) -> GameState:

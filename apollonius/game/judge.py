@@ -14,9 +14,18 @@ from jaxtyping import Array, Int
 from apollonius.accelerate.fusion_barrier import fusion_barrier
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.outcome import EVADER_FAILS, PURSUER_FAILS, come_within, decide, is_one_of
+from apollonius.game.outcome import come_within, decide
 from apollonius.game.teams import Teams
-from apollonius.game.types import ROLES, BySide, Flag, GameState, Outcome, Real, RobotStatus, Role
+from apollonius.game.types import (
+    ROLES,
+    BySide,
+    Flag,
+    GameState,
+    Real,
+    RobotStatus,
+    Role,
+    active_flags,
+)
 
 Statuses = BySide[tuple[Int[Array, ""], ...]]
 """A `RobotStatus` for each robot."""
@@ -59,67 +68,67 @@ class _Contacts(eqx.Module):
     out: Flag
     collided: Flag
 
-    @property
-    def stays(self) -> Flag:
-        return self.active & ~(self.captured | self.hit | self.out | self.collided)
-
     def status(self, before: Int[Array, ""]) -> Int[Array, ""]:
         """Return the status after the step; hitting an obstacle goes before leaving the walls."""
-        status = jnp.where(self.collided, RobotStatus.HIT_MATE, before)
+        status = jnp.where(self.active, RobotStatus.ACTIVE, before)
+        status = jnp.where(self.collided, RobotStatus.HIT_MATE, status)
         status = jnp.where(self.out, RobotStatus.OUT_OF_RANGE, status)
         status = jnp.where(self.hit, RobotStatus.HIT_OBSTACLE, status)
         return jnp.where(self.captured, RobotStatus.CAPTURED, status)
 
 
 @fusion_barrier
-def judge(
-    game: JudgedGame, before: GameState, after: GameState
-) -> tuple[Int[Array, ""], Statuses | None]:
-    """Return the outcome of a step and the status of each robot; None in a game of two.
+def judge(game: JudgedGame, before: GameState, after: GameState) -> tuple[Int[Array, ""], Statuses]:
+    """Return the outcome of a step and the status of each robot.
 
     A side is beaten when its last robot stops being active. The game then ends with the outcome of
     that robot, in the order of `decide`: pursuers win by capturing the last evader even if no
     pursuer is active any more.
     """
-    events = ROLES.map(lambda role: _contacts(game, before, after, role))
-    beaten = events.map(lambda side: ~_any(robot.stays for robot in side))
+    statuses = _statuses_after(game, before, after)
+    active = active_flags(statuses)
 
-    def last(role: Role, *failures: str) -> Flag:
-        flags = (getattr(robot, failure) for robot in events[role] for failure in failures)
-        return beaten[role] & _any(flags)
+    def last(role: Role, *ends: RobotStatus) -> Flag:
+        """Check whether the side is beaten, and one of its robots ended so in this step."""
+        robots = zip(before.movers[role], statuses[role], strict=True)
+        flags = (moved & (status == end) for moved, status in robots for end in ends)
+        return ~_any(active[role]) & _any(flags)
 
     territory_reached = None
     if game.arena.territory:
-        moves = zip(before.robots.evader, after.robots.evader, events.evader, strict=True)
+        moves = zip(before.robots.evader, after.robots.evader, active.evader, strict=True)
         reaches = game.arena.reaches_territory
-        territory_reached = _any(robot.stays & reaches(start, end) for start, end, robot in moves)
+        territory_reached = _any(stays & reaches(start, end) for start, end, stays in moves)
     outcome = decide(
-        captured=beaten.evader & _any(robot.captured for robot in events.evader),
-        pursuer_hit=last(Role.PURSUER, "hit", "collided"),
-        pursuer_out=last(Role.PURSUER, "out"),
-        evader_hit=last(Role.EVADER, "hit", "collided"),
-        evader_out=last(Role.EVADER, "out"),
+        captured=last(Role.EVADER, RobotStatus.CAPTURED),
+        pursuer_hit=last(Role.PURSUER, RobotStatus.HIT_OBSTACLE, RobotStatus.HIT_MATE),
+        pursuer_out=last(Role.PURSUER, RobotStatus.OUT_OF_RANGE),
+        evader_hit=last(Role.EVADER, RobotStatus.HIT_OBSTACLE, RobotStatus.HIT_MATE),
+        evader_out=last(Role.EVADER, RobotStatus.OUT_OF_RANGE),
         out_of_time=after.steps >= game.max_steps,
         territory_reached=territory_reached,
     )
-    statuses = before.status
-    if statuses is None:
-        return outcome, None
+    return outcome, statuses
 
-    def statuses_after(role: Role) -> tuple[Int[Array, ""], ...]:
-        robots = zip(events[role], statuses[role], strict=True)
-        return tuple(robot.status(status) for robot, status in robots)
 
-    return outcome, ROLES.map(statuses_after)
+@fusion_barrier
+def _statuses_after(game: JudgedGame, before: GameState, after: GameState) -> Statuses:
+    """Return the status of each robot after a step; computed once, as the outcome and the rewards
+    follow from it.
+    """
+
+    def of_side(role: Role) -> tuple[Int[Array, ""], ...]:
+        robots = zip(_contacts(game, before, after, role), before.status[role], strict=True)
+        return tuple(contacts.status(status) for contacts, status in robots)
+
+    return ROLES.map(of_side)
 
 
 @jax.jit
-def statuses_along(game: JudgedGame, states: GameState) -> Statuses | None:
+def statuses_along(game: JudgedGame, states: GameState) -> Statuses:
     """Return the statuses of all robots along consecutive states, whatever moved the robots."""
 
-    def one_step(
-        status: Statuses | None, step: tuple[GameState, GameState]
-    ) -> tuple[Statuses | None, Statuses | None]:
+    def one_step(status: Statuses, step: tuple[GameState, GameState]) -> tuple[Statuses, Statuses]:
         before, after = (replace(state, status=status) for state in step)
         statuses = judge(game, before, after)[1]
         return statuses, statuses
@@ -131,32 +140,21 @@ def statuses_along(game: JudgedGame, states: GameState) -> Statuses | None:
     return jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, later)
 
 
-def robot_events(
-    outcome: Int[Array, ""], before: Statuses | None, after: Statuses | None
-) -> BySide[tuple[RobotEvents, ...]]:
-    """Return the fate of each robot in a step, by its outcome and, in teams, by the statuses."""
-    if before is None or after is None:
-        caught, both_failed = outcome == Outcome.CAPTURED, Outcome.BOTH_FAILED
-        pursuer_failed = is_one_of((both_failed, *PURSUER_FAILS), outcome)
-        evader_failed = is_one_of((both_failed, *EVADER_FAILS), outcome)
-        return BySide(
-            (RobotEvents(True, False, pursuer_failed),), (RobotEvents(True, caught, evader_failed),)
-        )
+def robot_events(before: GameState, after: GameState) -> BySide[tuple[RobotEvents, ...]]:
+    """Return the fate of each robot in a step by the states before and after it."""
 
-    def fate(status_before: Int[Array, ""], status_after: Int[Array, ""]) -> RobotEvents:
-        active = status_before == RobotStatus.ACTIVE
-        captured = active & (status_after == RobotStatus.CAPTURED)
-        return RobotEvents(
-            active, captured, active & ~captured & (status_after != RobotStatus.ACTIVE)
-        )
+    def fate(active: Flag, status: Int[Array, ""]) -> RobotEvents:
+        captured = active & (status == RobotStatus.CAPTURED)
+        failed = active & ~captured & (status != RobotStatus.ACTIVE)
+        return RobotEvents(active, captured, failed)
 
-    return ROLES.map(lambda role: tuple(map(fate, before[role], after[role])))
+    return ROLES.map(lambda role: tuple(map(fate, before.movers[role], after.status[role])))
 
 
 def _contacts(
     game: JudgedGame, before: GameState, after: GameState, role: Role
 ) -> tuple[_Contacts, ...]:
-    active, bodies = before.active, game.bodies[role]
+    active, bodies = before.movers, game.bodies[role]
     moves = ROLES.map(lambda side: list(zip(before.robots[side], after.robots[side], strict=True)))
     hunters = list(zip(moves.pursuer, active.pursuer, strict=True)) if role == Role.EVADER else []
     mates_collide = bool(game.teams and game.teams.mates_collide)

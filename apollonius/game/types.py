@@ -158,16 +158,6 @@ class RobotState(eqx.Module):
     heading: Scalar
 
 
-class Sight(eqx.Module):
-    """For how long each opponent has been hidden [s], whose last sighting stands for its state;
-    with a chart, the time since each coarse cell was last seen [s], negative where no opponent can
-    be.
-    """
-
-    ages: tuple[Scalar, ...]
-    belief: Float[Array, "rows columns"] | None = None
-
-
 class DriveState(eqx.Module):
     """The latest commands u1 [m/s^2] and u2 [rad/s], newest first, and the turn rate [rad/s]."""
 
@@ -179,46 +169,51 @@ DriveStates = tuple[DriveState, ...]
 """The drives of the robots of a side."""
 
 
+def active_flags(status: BySide[tuple[Int[Array, ""], ...]]) -> BySide[tuple[Flag, ...]]:
+    """Check whether each robot is in play, by the `RobotStatus` of each."""
+    return status.map(lambda side: tuple(robot == RobotStatus.ACTIVE for robot in side))
+
+
 class GameState(eqx.Module):
     """The robots of both sides, and the number of control steps played since the start.
 
     `variant` is the number of the game's arena and robots in its scenario, None where there is no
-    scenario. `sight` is what else a side knows whose sensors have seen this state, and `drives` are
-    those of its robots; None in the state itself. `status` is a `RobotStatus` for each robot; None
-    in a game of two, which is over when one robot is out.
+    scenario. `status` is a `RobotStatus` for each robot.
     """
 
     robots: BySide[tuple[RobotState, ...]]
     steps: Int[Array, ""]
+    status: BySide[tuple[Int[Array, ""], ...]]
     variant: Int[Array, ""] | None = None
-    status: BySide[tuple[Int[Array, ""], ...]] | None = None
-    sight: Sight | None = None
-    drives: DriveStates | None = None
 
     @classmethod
     def at_start(cls, robots: BySide[tuple[RobotState, ...]]) -> "GameState":
         """Return the state at the start: all robots are active."""
-        steps, is_duel = jnp.zeros((), jnp.int32), all(len(side) == 1 for side in robots)
         active = jnp.full((), RobotStatus.ACTIVE, jnp.int32)
-        return cls(
-            robots,
-            steps,
-            status=None if is_duel else robots.map(lambda side: (active,) * len(side)),
-        )
+        status = robots.map(lambda side: (active,) * len(side))
+        return cls(robots, jnp.zeros((), jnp.int32), status)
 
     @property
     def active(self) -> BySide[tuple[Flag, ...]]:
         """Check whether each robot is in play."""
-        if self.status is None:
-            return self.robots.map(
-                lambda side: tuple(jnp.ones(robot.x.shape, bool) for robot in side)
-            )
-        return self.status.map(lambda side: tuple(status == RobotStatus.ACTIVE for status in side))
+        return active_flags(self.status)
+
+    @property
+    def movers(self) -> BySide[tuple[Flag, ...]]:
+        """Check whether each robot takes part in the next step of a game that is not over.
+
+        Of two robots both do, since the game is over when one is out. As constants these flags and
+        all that depends on them cost nothing.
+        """
+        if all(len(side) == 1 for side in self.robots):
+            return self.robots.map(lambda side: (jnp.ones(side[0].x.shape, bool),))
+        return self.active
 
     @classmethod
     def of_two(cls, pursuer: RobotState, evader: RobotState, steps: Int[Array, ""]) -> "GameState":
-        """Return the state of a game of two robots."""
-        return cls(BySide((pursuer,), (evader,)), steps)
+        """Return the state of a game of two robots that are active."""
+        active = jnp.full(jnp.shape(steps), RobotStatus.ACTIVE, jnp.int32)
+        return cls(BySide((pursuer,), (evader,)), steps, BySide((active,), (active,)))
 
     @property
     def pursuer(self) -> RobotState:

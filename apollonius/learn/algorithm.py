@@ -317,17 +317,13 @@ class ReplayAlgorithm(Algorithm):
         return None
 
     def init_side(
-        self, key: PRNGKeyArray, network: Network | None, robots: int, of_teams: bool
+        self, key: PRNGKeyArray, network: Network | None, robots: int
     ) -> LearningSide[Any]:
         """Make a side of some robots in each game, with an empty replay buffer. The key is
         consumed.
         """
         buffer = init_buffer(
-            self.rows,
-            self.games * robots,
-            find_observation(self.observation).size,
-            self.continuous,
-            of_teams,
+            self.rows, self.games * robots, find_observation(self.observation).size, self.continuous
         )
         return LearningSide(self.init_learner(key, network), buffer)
 

@@ -289,8 +289,8 @@ def _iterate(
     key = jax.random.fold_in(state.key, state.iterations)
     label_key, player_key, play_key, start_key, learn_key = jax.random.split(key, 5)
     network = side.learner.network
-    observed, states, learns = states_to_label(role, config.informed, task, state.games, label_key)
-    _, observations = observation_rows(network.observation, game, observed, role)
+    knowledge, states, learns = states_to_label(role, config.informed, task, state.games, label_key)
+    _, observations = observation_rows(network.observation, game, knowledge, role)
     values = jnp.where(learns[:, None], task.values(states, role), jnp.nan)
     buffer = add(side.buffer, Labels(observations, values))
     starts = jax.tree.map(lambda leaf: leaf[None], starts_of(task, algorithm.games, start_key))

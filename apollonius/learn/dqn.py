@@ -54,9 +54,7 @@ def loss(network: QNetwork, target: QNetwork, batch: TransitionBatch, double: bo
     targets = jax.vmap(q_target)(batch.reward, batch.discount, next_values, next_choice)
     chosen = jnp.take_along_axis(values, batch.action[:, None], axis=1)[:, 0]
     errors = (jax.lax.stop_gradient(targets) - chosen) ** 2
-    return (
-        jnp.mean(errors) if batch.active is None else jnp.mean(jnp.where(batch.active, errors, 0.0))
-    )
+    return jnp.mean(jnp.where(batch.active, errors, 0.0))
 
 
 def adam_step(

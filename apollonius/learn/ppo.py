@@ -242,7 +242,7 @@ class PPOConfig(Algorithm):
             probability=_of_actions(logarithms, flat.action),
             advantage=gained,
             value=gained + values,
-            counts=jnp.ones(len(values), bool) if flat.active is None else flat.active,
+            counts=flat.active,
         )
         keys = jax.random.split(key, self.epochs)
         order = jnp.concatenate([jax.random.permutation(key, len(values)) for key in keys])

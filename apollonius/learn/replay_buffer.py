@@ -26,8 +26,8 @@ class Row(eqx.Module):
     next_observation: Float[Array, "*steps games next"]
     terminated: Bool[Array, "*steps games"]
     truncated: Bool[Array, "*steps games"]
-    active: Bool[Array, "*steps games"] | None = None
-    """Of teams whether the robot was in play; other transitions do not count."""
+    active: Bool[Array, "*steps games"]
+    """Whether the robot was in play; other transitions do not count."""
 
 
 Rows = TypeVar("Rows")
@@ -46,7 +46,7 @@ class TransitionBatch(eqx.Module):
 
     `reward` is the discounted sum up to the end of the window or of the game, and `discount` the
     weight of the value of `next_observation`: gamma to the number of steps taken, or 0 where the
-    rules ended the game. `active` says of teams which transitions count.
+    rules ended the game. `active` says which transitions count.
     """
 
     observation: Float[Array, "batch size"]
@@ -54,12 +54,10 @@ class TransitionBatch(eqx.Module):
     reward: Float[Array, " batch"]
     next_observation: Float[Array, "batch size"]
     discount: Float[Array, " batch"]
-    active: Bool[Array, " batch"] | None = None
+    active: Bool[Array, " batch"]
 
 
-def init_buffer(
-    rows: int, games: int, size: int, continuous: bool = False, of_teams: bool = False
-) -> ReplayBuffer[Row]:
+def init_buffer(rows: int, games: int, size: int, continuous: bool = False) -> ReplayBuffer[Row]:
     """Return an empty ring for `rows` steps of `games` games, by the size of observations and the
     kind of actions.
     """
@@ -74,7 +72,7 @@ def init_buffer(
         next_observation=zeros((size,)),
         terminated=zeros(dtype=bool),
         truncated=zeros(dtype=bool),
-        active=zeros(dtype=bool) if of_teams else None,
+        active=zeros(dtype=bool),
     )
     return ReplayBuffer(empty, jnp.zeros((), jnp.int32), jnp.zeros((), jnp.int32))
 
@@ -106,8 +104,6 @@ def rows_of(played: Transition, role: Role, limit_terminates: bool = False) -> R
     if limit_terminates:
         terminated, truncated = played.ended, jnp.zeros_like(played.ended)
     content = side.observation, side.action, side.reward, side.next_observation
-    if side.active is None or side.lost is None:
-        return Row(*content, terminated, truncated)
     robots = side.reward.size // terminated.size
 
     shape = side.lost.shape
@@ -162,5 +158,5 @@ def sample_batch(
         reward=reward,
         next_observation=buffer.rows.next_observation[last, game],
         discount=discount,
-        active=None if buffer.rows.active is None else buffer.rows.active[first, game],
+        active=buffer.rows.active[first, game],
     )

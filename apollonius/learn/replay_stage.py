@@ -55,7 +55,7 @@ class ReplayStage(Stage):
     ) -> LearningSide[Any]:
         """Make a side that learns, with an empty replay buffer. The key is consumed."""
         robots = len(self.game.bodies[role])
-        return self.algorithm.init_side(key, network, robots, self.game.teams is not None)
+        return self.algorithm.init_side(key, network, robots)
 
     def begin_games(self, state: S, key: PRNGKeyArray, member_key: PRNGKeyArray) -> S:
         """Return a state that has no games with games at their starts. Both keys are consumed."""

@@ -14,6 +14,7 @@ from apollonius.game.dynamics import Unicycle, wrap_angle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import GameState, Real, RobotState, Role, Scalar, tree_where
 from apollonius.learn.teacher import DistillationTask
+from apollonius.observe.knowledge import Knowledge
 from apollonius.observe.tracking import sense_and_update
 from apollonius.play.rollout import Games
 
@@ -27,9 +28,9 @@ _EDGE = 0.02
 
 def states_to_label(
     role: Role, informed: float, task: DistillationTask, games: Games, key: PRNGKeyArray
-) -> tuple[GameState, GameState, Bool[Array, " rows"]]:
-    """Return states to learn from, as the student knows them and as they are, and which of its
-    robots learn there.
+) -> tuple[Knowledge, GameState, Bool[Array, " rows"]]:
+    """Return the student's knowledge of states to learn from, the states, and which of its robots
+    learn there.
 
     A robot of a team learns while it is in play. Rows are those of `observation_rows`.
 
@@ -41,20 +42,20 @@ def states_to_label(
     track = games.sides[role].track
     if task.table is not None and track is None:
         states = states_near(game, games.state, key)
-        return states, states, jnp.ones(states.steps.shape, bool)
+        return Knowledge.complete(states), states, jnp.ones(states.steps.shape, bool)
 
     bits = jax.random.bits(key, games.state.steps.shape, jnp.uint32)
-    _, believed = jax.vmap(functools.partial(sense_and_update, game, role))(
+    _, knowledge = jax.vmap(functools.partial(sense_and_update, game, role))(
         track, games.state, bits
     )
     ages = (
         jnp.zeros((1, *games.state.steps.shape))
-        if believed.sight is None
-        else jnp.stack(believed.sight.ages)
+        if knowledge.ages is None
+        else jnp.stack(knowledge.ages)
     )
     fresh = jnp.min(ages, axis=0) < informed
     return (
-        believed,
+        knowledge,
         games.state,
         jnp.concatenate([active & fresh for active in games.state.active[role]]),
     )

@@ -9,6 +9,7 @@ from apollonius.agents.policy import AbstractActionValuePolicy
 from apollonius.game.game import Game
 from apollonius.game.types import NUM_ACTIONS, GameState, Real, RobotState, Role, Scalar
 from apollonius.learn.one_side import TrainingTask
+from apollonius.observe.knowledge import Knowledge
 from apollonius.observe.observation import observation_rows
 from apollonius.solve.grid import Grid
 from apollonius.solve.motion import Motion, end_state, motion_of
@@ -82,7 +83,9 @@ class DistillationTask(TrainingTask):
         """Return one side's values of the nine actions in states, leaves `[games]`; the best has
         the teacher's own.
         """
-        read, rows = observation_rows(self.teacher.observation, self.game, states, role)
+        read, rows = observation_rows(
+            self.teacher.observation, self.game, Knowledge.complete(states), role
+        )
         bits = jnp.zeros((), jnp.uint32)
         values = jax.vmap(lambda row: self.teacher.score(read(row), self.teacher.memory, bits)[0])(
             rows

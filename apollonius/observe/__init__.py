@@ -1,1 +1,1 @@
-"""A view of the game as one robot has it, and the observations that networks read."""
+"""What a side knows, the view of one robot, and the observations that networks read."""

@@ -15,7 +15,8 @@ from apollonius.accelerate.fusion_barrier import fusion_barrier
 from apollonius.game.arena import Arena
 from apollonius.game.chart import Chart
 from apollonius.game.game import Game
-from apollonius.game.types import GameState, Real, Role, Scalar
+from apollonius.game.types import Real, Role, Scalar
+from apollonius.observe.knowledge import Knowledge
 from apollonius.observe.view import Robot, View, look_from_row, robot_rows
 
 
@@ -72,7 +73,7 @@ class AbstractObservation(RawView):
 
 
 def observation_rows(
-    observation: RawView, game: Game, states: GameState, role: Role
+    observation: RawView, game: Game, knowledge: Knowledge, role: Role
 ) -> tuple[Callable[[Any], Any], Any]:
     """Return a function that reads a player's observation from a row, and the rows of a side.
 
@@ -83,10 +84,10 @@ def observation_rows(
     Args:
         observation: what the player reads.
         game: the rules.
-        states: leaves `[games]`, as the side knows them.
+        knowledge: that of the side, leaves `[games, ...]`.
         role: the side.
     """
-    rows, view = robot_rows(states, role), partial(look_from_row, game, role)
+    rows, view = robot_rows(knowledge, role), partial(look_from_row, game, role)
     if observation == RAW_VIEW:
         return view, rows
     return lambda numbers: numbers, jax.vmap(lambda row: observation(view(row)))(rows)

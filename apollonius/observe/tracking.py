@@ -13,17 +13,18 @@ from apollonius.game.game import Game
 from apollonius.game.sensing import MOST_DELAY, Percept, Sensors, sense
 from apollonius.game.types import (
     BySide,
+    DriveStates,
     GameState,
     RandomBits,
     Real,
     RobotState,
     Role,
     Scalar,
-    Sight,
     tree_where,
 )
 from apollonius.observe import belief
 from apollonius.observe.belief import NEVER, Belief
+from apollonius.observe.knowledge import Knowledge
 
 
 class Sightings(eqx.Module):
@@ -90,9 +91,14 @@ def init_track(game: Game, state: GameState, role: Role, believes: bool = True) 
 
 
 def sense_and_update(
-    game: Game, role: Role, track: Track | None, state: GameState, bits: RandomBits
-) -> tuple[Track | None, GameState]:
-    """Let one side sense a state; return its track and the state as it knows it.
+    game: Game,
+    role: Role,
+    track: Track | None,
+    state: GameState,
+    bits: RandomBits,
+    drives: DriveStates = (),
+) -> tuple[Track | None, Knowledge]:
+    """Let one side sense a state; return its track and its knowledge.
 
     Args:
         game: the rules.
@@ -100,11 +106,12 @@ def sense_and_update(
         track: its track before; None without sensors.
         state: the true state.
         bits: random bits of this side in this step.
+        drives: those of its robots, as far as it knows them.
     """
     local_game = game.at(state)
     sensors = local_game.sensors and local_game.sensors[role]
     if sensors is None or track is None:
-        return None, state
+        return None, Knowledge.complete(state, drives)
     percept = sense(sensors, local_game.arena, state, role, bits)
     in_sight, before = functools.reduce(operator.or_, percept.in_sight), track.sightings
     assert before is not None, "it counts them from the start"
@@ -118,7 +125,7 @@ def sense_and_update(
         state,
         role,
     )
-    return after, apply_track(game, after, state, role)
+    return after, knowledge_of(game, after, state, role, drives)
 
 
 def apply_delay(
@@ -191,17 +198,18 @@ def _reach(game: Game, role: Role, steps: Real = 1.0) -> Scalar:
     return functools.reduce(jnp.maximum, speeds) * game.dt * steps
 
 
-def apply_track(game: Game, track: Track | None, state: GameState, role: Role) -> GameState:
-    """Return a state as one side knows it; the state itself where the side sees everything.
+def knowledge_of(
+    game: Game, track: Track, state: GameState, role: Role, drives: DriveStates = ()
+) -> Knowledge:
+    """Return the knowledge of a side with sensors.
 
     Args:
         game: the rules.
-        track: the side's track; None without sensors.
-        state: the true state.
+        track: the side's track.
+        state: the true state, of which only status and variant are read.
         role: the side.
+        drives: those of its robots, as far as it knows them.
     """
-    if track is None:
-        return state
     local_game = game.at(state)
     side_belief = track.belief
     chart = local_game.arena.chart
@@ -212,4 +220,5 @@ def apply_track(game: Game, track: Track | None, state: GameState, role: Role) -
         reach = _reach(local_game, role, late)
         side_belief = belief.propagate(chart, side_belief, reach, late * local_game.dt)
     robots = BySide.of(role, track.own, track.opponents)
-    return replace(state, robots=robots, sight=Sight(track.ages, side_belief and side_belief.where))
+    where = side_belief and side_belief.where
+    return Knowledge(robots, state.status, state.variant, drives, track.ages, where)

@@ -27,6 +27,7 @@ from apollonius.game.types import (
     Scalar,
 )
 from apollonius.io.errors import InvalidInput
+from apollonius.observe.knowledge import Knowledge
 
 T = TypeVar("T")
 
@@ -66,7 +67,7 @@ class View(eqx.Module):
     Attributes:
         capture_distance: distance at which an evader is captured [m].
         dt: time for which an action is held [s].
-        belief: as in `apollonius.game.types.Sight`; None for a side that sees all.
+        belief: as in `apollonius.observe.knowledge.Knowledge`; None for a side that sees all.
     """
 
     arena: Arena
@@ -100,27 +101,37 @@ class View(eqx.Module):
 
 
 def look(game: Game, state: GameState, role: Role, number: int = 0) -> View:
-    """Return the view of one robot in a state of the game.
+    """Return the view of one robot of a side that sees everything.
 
     Args:
         game: the rules.
-        state: the state, as the robot's side knows it.
+        state: the state of the game.
         role: the robot's side.
         number: the robot's index in its side.
     """
-    local_game = game.at(state)
+    return view_of(game, Knowledge.complete(state), role, number)
+
+
+def view_of(game: Game, knowledge: Knowledge, role: Role, number: int = 0) -> View:
+    """Return the view of one robot.
+
+    Args:
+        game: the rules.
+        knowledge: the knowledge of the robot's side.
+        role: the robot's side.
+        number: the robot's index in its side.
+    """
+    local_game = game.at(knowledge)
 
     def robots(role: Role) -> tuple[Robot, ...]:
-        return tuple(map(Robot, local_game.bodies[role], state.robots[role], state.active[role]))
+        states = knowledge.robots[role]
+        return tuple(map(Robot, local_game.bodies[role], states, knowledge.active[role]))
 
-    side_robots = _robots_of_side(local_game, role, robots(role), state.drives)
+    side_robots = _robots_of_side(local_game, role, robots(role), knowledge.drives)
     opponents = robots(role.other)
-    belief = None
-    sight = state.sight
-    if sight is not None:
-        pairs = zip(opponents, sight.ages, strict=True)
+    if knowledge.ages is not None:
+        pairs = zip(opponents, knowledge.ages, strict=True)
         opponents = tuple(replace(robot, age=age) for robot, age in pairs)
-        belief = sight.belief
     mates = side_robots[:number] + side_robots[number + 1 :]
     return View(
         arena=local_game.arena,
@@ -129,12 +140,12 @@ def look(game: Game, state: GameState, role: Role, number: int = 0) -> View:
         opponents=opponents,
         capture_distance=local_game.capture_distance,
         dt=local_game.dt,
-        belief=belief,
+        belief=knowledge.belief,
     )
 
 
 def _robots_of_side(
-    game: Game, role: Role, robots: tuple[Robot, ...], drives: DriveStates | None
+    game: Game, role: Role, robots: tuple[Robot, ...], drives: DriveStates
 ) -> tuple[Robot, ...]:
     """Return the robots of a side with what they know of their drives in a game in one arena."""
     drive = drive_of(game.drives, role)
@@ -148,47 +159,46 @@ def _robots_of_side(
     return tuple(map(with_drive, robots, drives))
 
 
-Row = tuple[GameState, Int[Array, ""] | None]
-"""One robot in one game: the state with the side's robots in an order that begins with it, and its
-number; None for the only robot of a side."""
+Row = tuple[Knowledge, Int[Array, ""] | None]
+"""One robot in one game: its side's knowledge with the side's robots in an order that begins with
+it, and its number; None for the only robot of a side."""
 
 
-def robot_rows(states: GameState, role: Role) -> tuple[GameState, Int[Array, " rows"] | None]:
+def robot_rows(knowledge: Knowledge, role: Role) -> tuple[Knowledge, Int[Array, " rows"] | None]:
     """Return a row for each robot of a side in each game, leaves `[games]`: those of the first
     robots come first, then the second's."""
-    count, games = len(states.robots[role]), states.steps.shape[0]
+    robots = knowledge.robots[role]
+    count, games = len(robots), robots[0].x.shape[0]
     if count == 1:
-        return states, None
+        return knowledge, None
 
-    def first(number: int) -> GameState:
+    def first(number: int) -> Knowledge:
         def rotate(values: BySide[tuple[T, ...]]) -> BySide[tuple[T, ...]]:
             own = values[role]
             return BySide.of(role, own[number:] + own[:number], values[role.other])
 
-        def of_one(state: GameState) -> GameState:
-            drives = state.drives and state.drives[number:] + state.drives[:number]
-            status = state.status
-            return replace(
-                state, robots=rotate(state.robots), status=status and rotate(status), drives=drives
-            )
+        return replace(
+            knowledge,
+            robots=rotate(knowledge.robots),
+            status=rotate(knowledge.status),
+            drives=knowledge.drives[number:] + knowledge.drives[:number],
+        )
 
-        return jax.vmap(of_one)(states)
-
-    return _concatenate_states(*map(first, range(count))), jnp.repeat(jnp.arange(count), games)
+    return _concatenate(*map(first, range(count))), jnp.repeat(jnp.arange(count), games)
 
 
 def look_from_row(game: Game, role: Role, row: Row) -> View:
     """Return the view of the robot of one row of `robot_rows`."""
-    state, number = row
-    return look(
-        game if number is None else _with_robot_first(game.at(state), role, number), state, role
-    )
+    knowledge, number = row
+    if number is not None:
+        game = _with_robot_first(game.at(knowledge), role, number)
+    return view_of(game, knowledge, role)
 
 
 @fusion_barrier
-def _concatenate_states(*states: GameState) -> GameState:
-    """Concatenate batches of states, so that whatever follows is computed once for all rows."""
-    return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *states)
+def _concatenate(*batches: Knowledge) -> Knowledge:
+    """Concatenate batches of knowledge, so that whatever follows is computed once for all rows."""
+    return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *batches)
 
 
 def _with_robot_first(game: Game, role: Role, number: Int[Array, ""]) -> Game:

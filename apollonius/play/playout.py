@@ -61,13 +61,13 @@ class AbstractWatcher(eqx.Module):
 
 
 class Results(eqx.Module):
-    """Outcome and length [steps] of games, a watcher's statistic, in teams the `RobotStatus` of
-    each robot, and what sides with sensors sighted; leaves `[games, ...]`."""
+    """Outcome and length [steps] of games, the `RobotStatus` of each robot, a watcher's statistic,
+    and what sides with sensors sighted; leaves `[games, ...]`."""
 
     outcome: Int[Array, " games"]
     steps: Int[Array, " games"]
+    status: BySide[tuple[Int[Array, " games"], ...]]
     watched: Any = None
-    status: BySide[tuple[Int[Array, " games"], ...]] | None = None
     sightings: BySide[Sightings | None] | None = None
 
 
@@ -260,7 +260,7 @@ def _no_results(watcher: AbstractWatcher | None, count: int, games: Games) -> Re
     )
     zeros = jnp.zeros(count, jnp.int32)
     status, sightings = jax.tree.map(lambda _: zeros, (games.state.status, games.sightings))
-    return Results(zeros, zeros, statistics, status, sightings)
+    return Results(zeros, zeros, status, statistics, sightings)
 
 
 @jax.jit
@@ -348,7 +348,7 @@ def _step_slots(play: _Play, slots: _Slots, is_idle: _Mask) -> tuple[_Slots, Res
     watched = jax.vmap(play.watcher.update)(slots.watched, transition) if play.watcher else None
     has_ended = (slots.index != _NOBODY) & transition.ended
     results = Results(
-        transition.outcome, games.state.steps, watched, games.state.status, games.sightings
+        transition.outcome, games.state.steps, games.state.status, watched, games.sightings
     )
     return _Slots(games, watched, slots.index), results, has_ended
 

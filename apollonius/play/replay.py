@@ -168,13 +168,14 @@ class Replay:
         pursuers = len(self.game.bodies.pursuer)
         as_states = jax.vmap(as_state, (0, 0, None))
         states = as_states(jnp.asarray(self.states), jnp.arange(len(self.states)), pursuers)
-        if self.game.teams:
-            status = statuses_along(self.game, states)
-            states = jax.vmap(lambda state, status: replace(state, status=status))(states, status)
+        status = statuses_along(self.game, states)
+        states = jax.vmap(lambda state, status: replace(state, status=status))(states, status)
         return Trajectory(states, jnp.asarray(self.actions), jnp.asarray(int(self.outcome)))
 
     def in_play(self) -> Bool[np.ndarray, "rows robots"]:
-        """Return for each state which robots are in play; in a game of two both are, to the end."""
+        """Return for each state which robots are drawn as in play; in a game of two both, to the
+        end.
+        """
         if self.game.teams is None:
             return np.ones((len(self.states), 2), bool)
         return np.stack(

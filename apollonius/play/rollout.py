@@ -5,7 +5,6 @@ plays given starts to their ends, once each.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -33,6 +32,7 @@ from apollonius.game.types import (
     tree_where,
 )
 from apollonius.observe import tracking
+from apollonius.observe.knowledge import Knowledge
 from apollonius.observe.observation import RAW_VIEW, observation_rows
 from apollonius.observe.tracking import Sightings, Track, sense_and_update
 from apollonius.play.autoreset import row_at_turn
@@ -47,8 +47,8 @@ class Experience(eqx.Module):
 
     `episode_return` is the sum of its rewards since the game began, this step included. `member`,
     without an axis of robots, is the player of the side's pool, the same in all transitions of a
-    game. Observations of players that read the view itself are empty. In teams `active` is whether
-    a robot was in play before the step, `lost` whether the step put it out.
+    game. Observations of players that read the view itself are empty. `active` is whether a robot
+    was in play before the step, `lost` whether the step put it out.
     """
 
     observation: Float[Array, "*rows size"]
@@ -57,8 +57,8 @@ class Experience(eqx.Module):
     next_observation: Float[Array, "*rows next"]
     episode_return: Float[Array, "*rows"]
     member: Int[Array, "*batch"]
-    active: Bool[Array, "*rows"] | None = None
-    lost: Bool[Array, "*rows"] | None = None
+    active: Bool[Array, "*rows"]
+    lost: Bool[Array, "*rows"]
 
 
 class Transition(eqx.Module):
@@ -152,21 +152,17 @@ def observe_both(
         bits: random bits of each side.
     """
 
-    def tracked_state(role: Role) -> tuple[Track | None, GameState]:
-        side = games.sides[role]
-        track, states = jax.vmap(partial(sense_and_update, game, role))(
-            side.track, games.state, bits[role]
-        )
-        with_drives = jax.vmap(lambda state, drives: replace(state, drives=drives))
-        return track, with_drives(states, side.drives)
+    def track_and_knowledge(role: Role) -> tuple[Track | None, Knowledge]:
+        side, sense = games.sides[role], partial(sense_and_update, game, role)
+        return jax.vmap(sense)(side.track, games.state, bits[role], side.drives)
 
-    tracked = ROLES.map(tracked_state)
+    tracks_and_knowledge = ROLES.map(track_and_knowledge)
 
     def perception(role: Role) -> tuple[Reader, Any]:
-        return observation_rows(players[role].observation, game, tracked[role][1], role)
+        knowledge = tracks_and_knowledge[role][1]
+        return observation_rows(players[role].observation, game, knowledge, role)
 
-    perceptions = ROLES.map(perception)
-    return tracked.map(lambda pair: pair[0]), perceptions
+    return tracks_and_knowledge.map(lambda pair: pair[0]), ROLES.map(perception)
 
 
 def step_games(
@@ -260,10 +256,7 @@ def _experience(
         rewards: the rewards of the step.
         observations: the observations before and after the step.
     """
-    active = lost = None
-    if before.state.status is not None:
-        active = stack_robots(before.state.active[role])
-        lost = active & ~stack_robots(after.state.active[role])
+    active = stack_robots(before.state.movers[role])
     observation, next_observation = observations
     return Experience(
         observation=observation,
@@ -273,7 +266,7 @@ def _experience(
         episode_return=after.sides[role].episode_return,
         member=before.sides[role].member,
         active=active,
-        lost=lost,
+        lost=active & ~stack_robots(after.state.active[role]),
     )
 
 

@@ -82,8 +82,8 @@ def _beliefs(game: Game, states: GameState, bits: UInt32[Array, " states"], role
         track: Any, step_inputs: tuple[GameState, UInt32[Array, ""]]
     ) -> tuple[Any, Any]:
         state, own_bits = step_inputs
-        track, known_state = tracking.sense_and_update(game, role, track, state, own_bits)
-        return track, known_state.sight and known_state.sight.belief
+        track, knowledge = tracking.sense_and_update(game, role, track, state, own_bits)
+        return track, knowledge.belief
 
     first = tracking.init_track(game, jax.tree.map(lambda leaf: leaf[0], states), role)
     return jax.lax.scan(observe_step, first, (states, bits))[1]

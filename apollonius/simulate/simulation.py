@@ -109,8 +109,9 @@ def simulate(
         log.append((alive, *(part[alive] for part in (before, np.asarray(actions), rows))))
         alive = alive[outcome[alive] == Outcome.ONGOING]
         report(count - alive.size, count)
-    status, sightings = games.state.status, games.sightings
-    results = Results(jnp.asarray(outcome), games.state.steps, status=status, sightings=sightings)
+    results = Results(
+        jnp.asarray(outcome), games.state.steps, games.state.status, sightings=games.sightings
+    )
     return SimulatedGames(results, *(np.concatenate(parts) for parts in zip(*log, strict=True)))
 
 

@@ -28,6 +28,7 @@ from apollonius.game.types import (
     RobotState,
     Role,
 )
+from apollonius.observe.knowledge import Knowledge
 from apollonius.observe.observation import observation_rows
 from apollonius.observe.view import View
 from apollonius.solve.joint import interpolate
@@ -214,7 +215,7 @@ def batch_actions(
         memory: its memory in each row.
         bits: random bits of each row.
     """
-    read, rows = observation_rows(policy.observation, game, states, role)
+    read, rows = observation_rows(policy.observation, game, Knowledge.complete(states), role)
     return act_in_rows(policy, read, rows, memory, bits)
 
 

@@ -143,9 +143,7 @@ class Robots(eqx.Module):
     @property
     def state(self) -> GameState:
         """The state of the game, the first side its pursuers."""
-        return GameState(
-            _by_side(self.states), jnp.zeros((), jnp.int32), status=_by_side(self.status)
-        )
+        return GameState(_by_side(self.states), jnp.zeros((), jnp.int32), _by_side(self.status))
 
     def game(
         self, arena: Arena, capture_distance: Scalar, dt: Real, max_steps: int | Array = 1

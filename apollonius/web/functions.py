@@ -32,7 +32,7 @@ from apollonius.game.types import (
 from apollonius.observe import tracking
 from apollonius.observe.belief import NEVER
 from apollonius.observe.team import TEAM
-from apollonius.observe.view import Robot, look
+from apollonius.observe.view import Robot, view_of
 from apollonius.web.dynamic_game import DynamicBackup, Field, Floor, Robots, SearcherState, at
 from apollonius.web.site import ROBOTS
 
@@ -66,7 +66,6 @@ def step_robots(
     """
     game = robots.game(floor.arena(field), capture_distance, dt, left)
     after = game.step(robots.state, list(levels[:ROBOTS]), list(levels[ROBOTS:]))
-    assert after.state.status is not None
     states, status = (
         jax.tree.map(lambda *leaves: jnp.stack(leaves), *pairs.pursuer, *pairs.evader)
         for pairs in (after.state.robots, after.state.status)
@@ -224,12 +223,10 @@ def search(
     first = tracking.init_track(game, state, role)
     assert first is not None, "it has sensors"
     is_new, initial = searcher.track.ages[0] < 0, SearcherState(first, jnp.full((), -1, jnp.int32))
-    knowledge = tree_where(is_new, initial, searcher)
-    track, known_state = tracking.sense_and_update(
-        game, role, knowledge.track, state, jnp.uint32(0)
-    )
+    before = tree_where(is_new, initial, searcher)
+    track, knowledge = tracking.sense_and_update(game, role, before.track, state, jnp.uint32(0))
     assert track is not None, "it has sensors"
-    sought, cell = search_view(look(game, known_state, role), knowledge.cell, shares)
+    sought, cell = search_view(view_of(game, knowledge, role), before.cell, shares)
     sight = (track.ages[0] < NEVER).astype(jnp.int32)
     return {"after": SearcherState(track, cell), "sought": sought.opponent.state, "sight": sight}
 

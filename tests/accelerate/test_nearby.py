@@ -3,7 +3,7 @@
 import jax
 import numpy as np
 import pytest
-from apollonius.agents.shield import index_polygons
+from apollonius.agents.wrappers.shield import index_polygons
 
 from apollonius.game.polygon import Edges, Polygon
 from tests.acting import clearances

@@ -27,10 +27,11 @@ from apollonius.game.dynamics import Unicycle, action_levels
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
-from apollonius.game.types import BySide, GameState, RobotState, Role, Sight
+from apollonius.game.types import BySide, GameState, RobotState, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.observe import paper
-from apollonius.observe.view import Robot, look
+from apollonius.observe.knowledge import Knowledge
+from apollonius.observe.view import Robot, look, view_of
 from tests.acting import a_match, act, of_views, robot
 
 PAPER = make_game("paper")
@@ -214,7 +215,8 @@ def view(pursuer, evader, age=1e3, unseen=None):
     """What the pursuer sees that knows where the evader was some time ago, and for how long cells were not seen."""
     belief = jnp.full((COARSE, COARSE), -1.0) if unseen is None else jnp.asarray(unseen, jnp.float32)
     state = GameState.of_two(pursuer, evader, jnp.int32(0))
-    return look(game(), replace(state, sight=Sight((jnp.float32(age),), belief)), Role.PURSUER)
+    knowledge = replace(Knowledge.complete(state), ages=(jnp.float32(age),), belief=belief)
+    return view_of(game(), knowledge, Role.PURSUER)
 
 
 @functools.cache

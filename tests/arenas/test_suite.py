@@ -25,8 +25,7 @@ from apollonius.game.presets import in_arenas, in_teams, make_game
 from apollonius.game.starts import Starts
 from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import InvalidInput
-from apollonius.play.playout import Results
-from tests.acting import clearances
+from tests.acting import clearances, results_of
 
 NAME = "suite-v1"
 ENTRIES = {entry.name: entry for entry in suite.suite_entries(NAME)}
@@ -194,12 +193,12 @@ def test_matches_cycle_through_arenas_and_robot_kinds(three):
 
 def test_wins_are_counted_by_arena(three):
     outcome = jnp.asarray([Outcome.CAPTURED, Outcome.NO_RESULT, Outcome.EVADER_OUT_OF_RANGE] * 3 + [1])
-    found = count_by_arena(three.scenario, Results(outcome, jnp.ones(10, jnp.int32)))
+    found = count_by_arena(three.scenario, results_of(outcome, jnp.ones(10, jnp.int32)))
     assert found == ByArena((4, 0, 3), (4, 3, 3))
     assert (found.rates, found.mean) == ([1.0, 0.0, 1.0], pytest.approx(2 / 3))
     assert found.worst == 0.0
     assert found.interval == (0.0, 1.0)
-    found = count_by_arena(three.scenario, Results(outcome[:2], jnp.ones(2, jnp.int32)))
+    found = count_by_arena(three.scenario, results_of(outcome[:2], jnp.ones(2, jnp.int32)))
     assert (found.wins, found.games) == ((1, 0), (1, 1)), "an arena in which nothing was played is not counted"
 
 
@@ -210,7 +209,7 @@ def test_match_in_charted_arenas_counts_wins_by_detour():
     wins, games = np.sum(list(result.detours.values()), axis=0)
     assert (wins, games) == (0, 40), "all have a way, and nobody is caught in one step"
     assert result.detours["above 2.5"][1] > 0
-    captured = Results(jnp.full(4, Outcome.CAPTURED), jnp.ones(4, jnp.int32))
+    captured = results_of(jnp.full(4, Outcome.CAPTURED), jnp.ones(4, jnp.int32))
     found = count_by_detour(np.array([1.4, 1.5, 2.5, np.inf]), captured)
     assert list(found.values()) == [(1, 1), (1, 1), (1, 1)]
     assert read_result(json.loads(json.dumps(result.to_dict())), "a file").detours == result.detours

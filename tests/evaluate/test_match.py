@@ -42,9 +42,8 @@ from apollonius.io.errors import InvalidInput
 from apollonius.io.workers import WORKERS
 from apollonius.observe.view import Robot
 from apollonius.play import playout
-from apollonius.play.playout import Results
 from apollonius.show import matches as pictures
-from tests.acting import a_match, identical
+from tests.acting import a_match, identical, results_of
 
 GAMES = 200
 PAPER = replace(make_game("paper"), max_steps=150)
@@ -64,7 +63,7 @@ def test_all_players_meet_the_same_starts_for_one_seed(monkeypatch):
 
     def record(game, players, starts, key, **how):
         seen.append(jax.tree.map(np.asarray, starts))
-        return Results(jnp.full(GAMES, Outcome.NO_RESULT), jnp.ones(GAMES, jnp.int32))
+        return results_of(jnp.full(GAMES, Outcome.NO_RESULT), jnp.ones(GAMES, jnp.int32))
 
     monkeypatch.setattr(match, "play_out", record)
     for pursuer, evader, seed in [(Uniform(), Still(), 0), (Still(), Uniform(), 0), (Still(), Still(), 1)]:
@@ -82,7 +81,7 @@ def test_match_rates_and_means_follow_from_the_counts(game, evader_wins):
     counts = {1: 5, 2: 1, 3: 2, 4: 3, 5: 4, 6: 2, 7: 3}
     outcome = jnp.array([kind for kind, count in counts.items() for _ in range(count)])
     steps = jnp.arange(10, 30)
-    result = count_results(a_match(game, Still(), Still(), 20), Results(outcome, steps))
+    result = count_results(a_match(game, Still(), Still(), 20), results_of(outcome, steps))
     assert {Outcome[name.upper()]: number for name, number in result.outcomes.items()} == counts
     assert result.pursuer_win_rate == (5 + 2 + 4) / 20
     assert result.pursuer_win_interval == wilson_interval(5 + 2 + 4, 20)

@@ -16,8 +16,16 @@ from apollonius.arenas.file import to_dict
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.judge import robot_events
-from apollonius.game.outcome import come_within, counts_by_name, decide, evader_wins, pursuer_wins
+from apollonius.game.judge import RobotEvents
+from apollonius.game.outcome import (
+    EVADER_FAILS,
+    PURSUER_FAILS,
+    come_within,
+    counts_by_name,
+    decide,
+    evader_wins,
+    pursuer_wins,
+)
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import in_arenas, make_game, paper
 from apollonius.game.reward import Reward
@@ -200,8 +208,14 @@ def test_path_reward_without_a_chart_is_refused_in_one_line():
 
 def paid(reward, outcome, before=2.0, after=1.9):
     """In a game of two, whose outcome says what came of both."""
-    found = jnp.asarray(outcome)
-    (pursuer,), (evader,) = reward(found, robot_events(found, None, None), [(jnp.float32(before), jnp.float32(after))])
+    pursuer_fails, evader_fails = (
+        outcome in (*failures, Outcome.BOTH_FAILED) for failures in (PURSUER_FAILS, EVADER_FAILS)
+    )
+    robots = BySide(
+        (RobotEvents(True, False, jnp.asarray(pursuer_fails)),),
+        (RobotEvents(True, outcome == Outcome.CAPTURED, jnp.asarray(evader_fails)),),
+    )
+    (pursuer,), (evader,) = reward(jnp.asarray(outcome), robots, [(jnp.float32(before), jnp.float32(after))])
     return float(pursuer), float(evader)
 
 
@@ -243,7 +257,7 @@ def test_games_in_two_arenas_match_games_in_each_alone():
 
 def test_in_arenas_of_one_arena_is_an_ordinary_game():
     assert in_arenas(GAME, [WIDE]) == replace(GAME, arena=WIDE)
-    assert len(jax.tree.leaves(GAME.reset(jax.random.key(0)))) == 9
+    assert len(jax.tree.leaves(GAME.reset(jax.random.key(0)))) == 11
 
 
 @pytest.mark.parametrize(

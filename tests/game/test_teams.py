@@ -89,8 +89,7 @@ def step_games(games, places, statuses, steps, actions, sizes):
     """A step of each game from each of its states."""
 
     def one(game, places, statuses, steps, actions):
-        status = in_sides(statuses, sizes) if sum(sizes) > 2 else None
-        state = GameState(in_sides([RobotState(*place) for place in places], sizes), steps, status=status)
+        state = GameState(in_sides([RobotState(*place) for place in places], sizes), steps, in_sides(statuses, sizes))
         return game.step(state, *in_sides(actions, sizes))
 
     return jax.vmap(jax.vmap(one, (None, 0, 0, 0, 0)))(games, places, statuses, steps, actions)
@@ -140,8 +139,7 @@ def test_step_matches_the_numpy_twin(sizes, profile, count):
     for side, size in zip(("pursuer", "evader"), sizes, strict=True):
         for number in range(size):
             found = [getattr(twin, f"{side}s")[number] for twin in twins]
-            if ours.state.status:
-                same(getattr(ours.state.status, side)[number], [RobotStatus[robot["status"]] for robot in found])
+            same(getattr(ours.state.status, side)[number], [RobotStatus[robot["status"]] for robot in found])
             paid = [getattr(twin, f"{side}_rewards")[number] for twin in twins]
             same(getattr(ours.rewards, side)[number], paid, atol=5e-5)
             robot = getattr(ours.state.robots, side)[number]

@@ -216,12 +216,12 @@ def test_student_with_sensors_learns_in_states_with_a_recent_sighting(student):
     assert setting.table is None
     games, known, states, learns, _ = asked(jax.jit(starts_of, static_argnums=1)(setting, 64, jax.random.key(0)), 12)
     assert np.all(np.asarray(games.state.pursuer.x) == states.pursuer.x)
-    (age,), sight = known.sight.ages, np.hypot(states.pursuer.x - states.evader.x, states.pursuer.y - states.evader.y)
+    (age,), sight = known.ages, np.hypot(states.pursuer.x - states.evader.x, states.pursuer.y - states.evader.y)
     np.testing.assert_array_equal(np.asarray(age) == 0, sight <= 1.5)
     np.testing.assert_array_equal(learns, np.asarray(age) < 0.35)
     hidden = np.asarray((age > 0) & (age < 0.35))
     assert hidden.any()
-    assert np.all(np.asarray(known.evader.x != states.evader.x)[hidden]), "the teacher sees where it went"
+    assert np.all(np.asarray(known.robots.evader[0].x != states.evader.x)[hidden]), "the teacher sees where it went"
 
 
 def test_only_active_robots_of_a_team_learn(student):

@@ -35,7 +35,7 @@ def play(rng, steps):
     return {
         "observation": seen, "action": rng.integers(9, size=shape).astype(np.int32),
         "reward": rng.normal(size=shape).astype(np.float32), "next_observation": seen + np.float32([0.5, 0]),
-        "terminated": ending == 1, "truncated": ending == 2,
+        "terminated": ending == 1, "truncated": ending == 2, "active": np.ones(shape, bool),
     }  # fmt: skip
 
 
@@ -115,6 +115,7 @@ def test_dqn_loss_is_the_squared_error_of_the_chosen_actions(double, next_value)
         reward=jnp.array([1.0, -10.0]),
         next_observation=one_hot([1, 1]),
         discount=jnp.array([0.5, 0.0]),
+        active=jnp.ones(2, bool),
     )
     errors = [1.0 + 0.5 * next_value - 2.0, -10.0 - 0.0]
     value, gradient = loss(network, target, batch, double)
@@ -128,7 +129,7 @@ def test_dqn_update_is_one_step_of_adam():
     """Adam's first step is the step size against the gradient's sign, whatever the gradient's size."""
     learner = PLAIN.init_learner(jax.random.key(0), table({(3, 0): 2.0}))
     batch = replay_buffer.TransitionBatch(
-        one_hot([0]), jnp.array([3]), jnp.array([100.0]), one_hot([1]), jnp.array([0.0])
+        one_hot([0]), jnp.array([3]), jnp.array([100.0]), one_hot([1]), jnp.array([0.0]), jnp.ones(1, bool)
     )
     after, error = update(PLAIN, learner, batch, jnp.asarray(0.01), KEY)
     assert error == pytest.approx(98.0**2)
@@ -161,6 +162,7 @@ def random_batch(seed, size=32):
         reward=normal(size),
         next_observation=normal(size, 8),
         discount=jnp.asarray(rng.uniform(size=size), jnp.float32),
+        active=jnp.ones(size, bool),
     )
 
 

@@ -189,9 +189,9 @@ def test_buffer_stores_each_robot_of_a_team_until_it_is_out():
 def test_dqn_loss_ignores_inactive_robots():
     network = make_network("paper", 16, 1, jax.random.key(0))
     numbers = jax.random.normal(jax.random.key(1), (4, 8))
-    batch = replay_buffer.TransitionBatch(numbers, jnp.arange(4), jnp.ones(4), numbers, jnp.full(4, 0.5))
-    half = replace(batch, active=jnp.array([True, True, False, False]))
-    first = jax.tree.map(lambda leaf: leaf[:2], batch)
+    active = jnp.array([True, True, False, False])
+    half = replay_buffer.TransitionBatch(numbers, jnp.arange(4), jnp.ones(4), numbers, jnp.full(4, 0.5), active)
+    first = jax.tree.map(lambda leaf: leaf[:2], half)
     graded = jax.jit(jax.value_and_grad(dqn.loss), static_argnums=3)
     (value, slope), (alone, its_slope) = (graded(network, network, one, True) for one in (half, first))
     assert value == pytest.approx(float(alone) / 2, rel=1e-5)

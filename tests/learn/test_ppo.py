@@ -46,6 +46,7 @@ def random_row(key, **changes):
         next_observation=jnp.zeros((16, 32, 0)),
         terminated=ended == 0,
         truncated=ended == 1,
+        active=jnp.ones((16, 32), bool),
     )
     return replace(row, **changes)
 

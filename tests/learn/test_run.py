@@ -28,7 +28,7 @@ from apollonius.learn.replay_stage import ReplayStage
 from apollonius.learn.run import TrainingRun, load_first_network
 from apollonius.learn.self_play import SelfPlay
 from apollonius.learn.stage import Metrics
-from apollonius.play.playout import Results
+from tests.acting import results_of
 from tests.learn.tiny import CHUNK, DQN, RUN, SELF_PLAY, STAGE
 
 CHECKPOINT = "checkpoint.safetensors"
@@ -214,7 +214,7 @@ def script_evaluations(monkeypatch):
         def evaluate(game, players, starts, key):
             captured = jnp.arange(64) < captures[len(evaluated)]
             evaluated.append(jax.tree.map(jnp.copy, players))
-            return Results(jnp.where(captured, Outcome.CAPTURED, Outcome.NO_RESULT), jnp.ones(64, jnp.int32))
+            return results_of(jnp.where(captured, Outcome.CAPTURED, Outcome.NO_RESULT), jnp.ones(64, jnp.int32))
 
         monkeypatch.setattr(stage_module, "play_out", evaluate)
         return evaluated

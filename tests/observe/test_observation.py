@@ -20,9 +20,10 @@ from apollonius.game.types import NUM_ACTIONS, DriveState, RobotStatus, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.braking import clearances_after
 from apollonius.observe.egocentric import AHEAD, COURSES, EGOCENTRIC, NEAR, RAYS
+from apollonius.observe.knowledge import Knowledge
 from apollonius.observe.observation import RAW_VIEW, observation_rows
 from apollonius.observe.team import MATES, OF_A_ROBOT, OPPONENTS, TEAM
-from apollonius.observe.view import Robot, look
+from apollonius.observe.view import Robot, look, view_of
 from tests.acting import observe as observe_one
 from tests.acting import state, state_of
 from tests.arenas.test_charting import ROOM
@@ -159,8 +160,8 @@ def test_braking_clearance_accounts_for_the_drive_and_pending_commands():
         return jnp.min(jax.lax.scan(on, (robot, driven), jnp.arange(250))[1]) - body.radius
 
     def seen_by(state, *drives):
-        known = replace(state, drives=drives or None)
-        return clearances_after(chart, look(game, known, Role.PURSUER).own, game.dt)
+        view = view_of(game, Knowledge.complete(state, drives), Role.PURSUER)
+        return clearances_after(chart, view.own, game.dt)
 
     turns, actions = jnp.array([-1.0, 0.0, 1.0]), jnp.arange(NUM_ACTIONS)
     each = jax.vmap(jax.vmap(least, in_axes=(None, None, None, 0)), in_axes=(None, None, 0, None))
@@ -175,12 +176,12 @@ def test_braking_clearance_accounts_for_the_drive_and_pending_commands():
 def test_actions_differ_in_clearance_while_pending_commands_pass_a_wall():
     """No action can change what happens before it takes effect."""
     game = walled_game(drives=Drives(pursuer=Drive(lag=2)))
-    along = replace(
-        state((2.0, 0.04, 0.5, 0.0), (5.0, 4.0, 1.2, 0.0)), drives=(DriveState(jnp.zeros((MOST_LAG, 2)), None),)
+    along = Knowledge.complete(
+        state((2.0, 0.04, 0.5, 0.0), (5.0, 4.0, 1.2, 0.0)), (DriveState(jnp.zeros((MOST_LAG, 2)), None),)
     )
     chart = game.arena.chart
     assert chart is not None
-    right, straight, left = clearances_after(chart, look(game, along, Role.PURSUER).own, game.dt)[:3]
+    right, straight, left = clearances_after(chart, view_of(game, along, Role.PURSUER).own, game.dt)[:3]
     assert right + 0.002 < straight < left - 0.002
 
 
@@ -202,7 +203,7 @@ FIRST = EGOCENTRIC.size
 
 @jax.jit
 def look_together(game, states):
-    return observation_rows(TEAM, game, states, Role.PURSUER)[1]
+    return observation_rows(TEAM, game, Knowledge.complete(states), Role.PURSUER)[1]
 
 
 def together(pursuers, evaders, out=(), arena=ROOM):
@@ -285,8 +286,8 @@ def test_inactive_robots_are_not_observed():
 def test_views_of_a_team_have_the_turn_rate_of_each_robot():
     game = replace(in_teams(Game(arena=ROOM), 3, 1), drives=Drives(pursuer=Drive(turn_time=0.5)))
     drives = [DriveState(None, jnp.array(rates)) for rates in ([0.1, 0.4], [0.2, 0.5], [0.3, 0.6])]
-    known = jax.vmap(lambda state, *drives: replace(state, drives=drives))
-    read, rows = observation_rows(RAW_VIEW, game, known(reset_batch(game, jax.random.key(0), 2), *drives), Role.PURSUER)
+    known = Knowledge.complete(reset_batch(game, jax.random.key(0), 2), tuple(drives))
+    read, rows = observation_rows(RAW_VIEW, game, known, Role.PURSUER)
     views = jax.vmap(read)(rows)
     assert views.own.turn_rate == pytest.approx([0.1, 0.4, 0.2, 0.5, 0.3, 0.6])
     assert views.mates[0].turn_rate == pytest.approx([0.2, 0.5, 0.3, 0.6, 0.1, 0.4])

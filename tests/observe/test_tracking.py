@@ -20,6 +20,7 @@ from apollonius.game.presets import in_teams
 from apollonius.game.sensing import Noise, Sensing, Sensors
 from apollonius.game.types import ROLES, BySide, Role, tree_where
 from apollonius.observe import belief, tracking
+from apollonius.observe.knowledge import Knowledge
 from apollonius.observe.observation import RAW_VIEW, observation_rows
 from apollonius.play.rollout import collect, init_games, step_games
 from tests.acting import identical, robot
@@ -30,7 +31,7 @@ ROUGH = Sensors(
     drop_out=0.2, delay=3,
 )  # fmt: skip
 
-update, believed = (jax.jit(one, static_argnames="role") for one in (tracking.sense_and_update, tracking.apply_track))
+update, believed = (jax.jit(one, static_argnames="role") for one in (tracking.sense_and_update, tracking.knowledge_of))
 
 
 def sensing(name, sensors, pursuers=1, evaders=1):
@@ -62,8 +63,8 @@ def play_beliefs(game, players, key, games, steps):
         after, transition = step_games(game, players, games_, bits, with_obs=False)
         truths, shares = [], []
         for role in ROLES:
-            believed = jax.vmap(lambda track, state, role=role: tracking.apply_track(game, track, state, role))
-            held = believed(after.sides[role].track, games_.state).sight.belief
+            believed = jax.vmap(lambda track, state, role=role: tracking.knowledge_of(game, track, state, role))
+            held = believed(after.sides[role].track, games_.state).belief
             for opponent, active in zip(games_.state.robots[role.other], games_.state.active[role.other], strict=True):
                 truths.append(jnp.all(holds(held, opponent) | ~active))
             shares.append(jnp.mean((held >= 0).astype(jnp.float32)))
@@ -145,14 +146,15 @@ def test_track_keeps_the_last_sighting_with_its_age_and_delay():
             evader = robot(5.0, 7.5 - 0.05 * step) if step < 4 else robot(8.0, 5.0)
             state = replace(state, robots=BySide((pursuer,), (evader,)))
             track, known = update(game, Role.PURSUER, track, state, jnp.uint32(step))
-            ages.append(float(known.sight.ages[0]))
-            places.append(float(known.evader.y))
+            ages.append(float(known.ages[0]))
+            places.append(float(known.robots.evader[0].y))
         seen = [step - late for step in range(8)]
         expected = [tracking.NEVER if at < 0 else 0.1 * max(at - 3, 0) for at in seen]
         assert ages == pytest.approx(expected, rel=1e-4)
         assert places == pytest.approx([5.0 if at < 0 else 7.5 - 0.05 * min(at, 3) for at in seen])
         assert tracking.init_track(game, state, Role.EVADER) is None
-        assert tracking.apply_track(game, None, state, Role.EVADER) is state
+        _, known = update(game, Role.EVADER, None, state, jnp.uint32(0))
+        assert identical(known, Knowledge.complete(state))
 
 
 def test_delayed_sighting_is_extrapolated_to_the_present():
@@ -163,12 +165,12 @@ def test_delayed_sighting_is_extrapolated_to_the_present():
         evader = robot(2.0 + 0.1 * step, 2.0, v=1.0) if step < 4 else robot(8.0, 5.0)
         state = replace(state, robots=BySide((robot(2.0, 5.0),), (evader,)))
         track, known = update(game, Role.PURSUER, track, state, jnp.uint32(step))
-        places.append(float(known.evader.x))
+        places.append(float(known.robots.evader[0].x))
     assert places[2:] == pytest.approx([2.0 + 0.1 * min(step, 5) for step in range(2, 8)])
 
 
 def look_around(game, places, evader):
-    """What the pursuer knows after it has looked from several places: the track, and the state that it plays by."""
+    """What the pursuer knows after it has looked from several places: the track and its knowledge."""
     state = game.reset(jax.random.key(0))
     track = tracking.init_track(game, state, Role.PURSUER)
     for step, place in enumerate(places):
@@ -185,7 +187,7 @@ def test_track_counts_sightings_and_times_since_cells_were_seen():
     expected = {(2.0, 6.0): 0.4, (8.0, 6.0): 0.0, (5.0, 9.8): belief.NEVER}  # first: in the third of seven steps
     assert [times[cell(*at)] for at in expected] == pytest.approx(list(expected.values()))
     assert (int(track.sightings.first), int(track.sightings.steps)) == (3, 4)
-    possible = np.asarray(known.sight.belief) >= 0
+    possible = np.asarray(known.belief) >= 0
     assert possible.sum() == 1, "of an evader in sight the place is known"
     never, _ = look_around(game, [left] * 3, robot(8.0, 7.0))
     assert (int(never.sightings.first), int(never.sightings.steps)) == (-1, 0)

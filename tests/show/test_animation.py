@@ -112,7 +112,7 @@ def test_fog_matches_the_belief_during_the_game(words_of):
         bits, before = random_bits_of(key, number, games.state.steps), games.state
         games, moves = rollout.step_games(game, match.pools, games, bits, with_obs=False)
         track, before = jax.tree.map(lambda leaf: leaf[0], (games.sides.pursuer.track, before))
-        believed = tracking.apply_track(game, track, before, Role.PURSUER).sight.belief >= 0
+        believed = tracking.knowledge_of(game, track, before, Role.PURSUER).belief >= 0
         actions = stack_actions(*(side.action[0] for side in moves.sides))
         return games, (jnp.stack(jax.tree.leaves(before.robots)), actions, believed)
 

@@ -168,9 +168,8 @@ def test_random_games_are_the_same_on_the_page(name, draw):
     for index, (played, length) in enumerate(zip(ask(games=told), lengths, strict=True)):
         assert apart(played["rows"], expected[index, : length + 1]) <= TOLERANCE
         assert played["outcomes"] == [Outcome(int(one)).name.lower() for one in outcomes[index, :length]]
-        if states.status:
-            statuses = np.stack([np.asarray(leaf[index]) for leaf in jax.tree.leaves(states.status)], axis=-1)
-            assert played["statuses"] == STATUSES[statuses[1 : length + 1]].tolist()
+        statuses = np.stack([np.asarray(leaf[index]) for leaf in jax.tree.leaves(states.status)], axis=-1)
+        assert played["statuses"] == STATUSES[statuses[1 : length + 1]].tolist()
     assert len({int(outcome[length - 1]) for outcome, length in zip(outcomes, lengths, strict=True)}) > 2
 
 
