@@ -47,8 +47,8 @@ from apollonius.learn.run import (
 from apollonius.learn.self_play import SelfPlayConfig
 from apollonius.learn.stage import Metrics, TrainState
 
-_SAVES_APART = 20
-"""Least time between two checkpoints, in times that one takes: all replay buffers are written."""
+_CHECKPOINT_SHARE = 0.05
+"""Largest share of the time that checkpoints take: the replay buffers of all seeds are written."""
 
 
 def require_side_by_side(config: RunConfig, seeds: int) -> None:
@@ -248,7 +248,7 @@ class SideBySide:
                 for number, run in enumerate(self.runs):
                     run.save(_of_seed(states, number))
                 last_save = time.monotonic()
-                interval = max(CHECKPOINT_SECONDS, _SAVES_APART * (last_save - began))
+                interval = max(CHECKPOINT_SECONDS, (last_save - began) / _CHECKPOINT_SHARE)
             if is_stopped and not is_ended:
                 return states, False
         return states, True
