@@ -19,7 +19,7 @@ from apollonius.cli.options import (
 )
 from apollonius.cli.terminal import runs_table
 from apollonius.cli.values import installed_extra, new_folder, run_folder, runs_folder, whole_number
-from apollonius.io.errors import TRACKERS, require_extra
+from apollonius.io.errors import TRACKERS, require, require_extra
 from apollonius.io.interrupts import set_resume_hint
 from apollonius.io.limits import GAMES, SEEDS
 from apollonius.io.workers import Job, run_jobs
@@ -119,15 +119,26 @@ def add_reproduce(parser: argparse.ArgumentParser) -> None:
         "--out", type=new_folder, help="folder of the study (default: runs/reproduce-BUDGET)"
     )
     add_workers(parser, "trainings", "processes")
+    parser.add_argument(
+        "--side-by-side",
+        action="store_true",
+        help="train all seeds in this process at once, which pays on an accelerator",
+    )
     parser.add_argument("--resume", action="store_true", help="resume a study that was stopped")
     parser.set_defaults(run=run_reproduce)
 
 
 def run_reproduce(options: argparse.Namespace) -> int:
     require_extra("plot", "reproduce")
+    from apollonius.learn.config import PRESETS
     from apollonius.learn.progress import mean_share
     from apollonius.reproduce.reproduction import reproduce
+    from apollonius.reproduce.side_by_side import require_side_by_side, train_side_by_side
 
+    if options.side_by_side:
+        bound = "left out with --side-by-side, which trains in this process"
+        require(options.on == "processes", "--on", options.on, bound)
+        require_side_by_side(PRESETS[options.budget], options.seeds)
     display = options.display
     folder: Path = options.out or Path("runs") / f"reproduce-{options.budget}"
     arguments = (
@@ -137,13 +148,16 @@ def run_reproduce(options: argparse.Namespace) -> int:
         options.seeds,
         "--out",
         folder,
-        "--on",
-        options.on,
+        *(["--side-by-side"] if options.side_by_side else ["--on", options.on]),
     )
     set_resume_hint(f"go on with: {shell_command('reproduce', *arguments, '--resume')}")
 
     def run_all(jobs: Sequence[Job]) -> list[Any]:
-        display.begin_task("training", partial(mean_share, [job.arguments[0] for job in jobs]))
+        runs = [job.arguments[0] for job in jobs]
+        display.begin_task("training", partial(mean_share, runs))
+        if options.side_by_side:
+            train_side_by_side(runs, print)
+            return []
         return run_jobs(jobs, on=options.on, logs=folder / "slurm")
 
     reproduce(

@@ -6,10 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import jax.numpy as jnp
+import numpy as np
 
 from apollonius import Outcome
 from apollonius.evaluate.claims import STAGE_1, TABLE_2, TABLE_3, Claim
 from apollonius.evaluate.match import record_game
+from apollonius.evaluate.statistics import Prediction, predict
 from apollonius.game.outcome import pursuer_wins
 from apollonius.io.errors import InvalidInput, require
 from apollonius.io.limits import SEEDS, STUDY_GAMES
@@ -24,6 +26,7 @@ from apollonius.reproduce.finding import (
     Matches,
     beside_the_paper,
     differences,
+    markdown_table,
     rates,
     results_data,
     undefeated,
@@ -39,6 +42,10 @@ _WINDOW = 50
 """Chunks over which the reward is averaged."""
 MOMENTS = (25, 75, 100)
 """Percentages of self-play, where agents are kept; the paper's Fig. 5 shows 23, 80 and 100 %."""
+
+
+COURSE = (25, 50, 75, 100)
+"""Percentages of self-play after which agents of several seeds meet."""
 
 
 def figure_4(study: Study) -> Finding:
@@ -153,6 +160,56 @@ def figure_6(study: Study) -> Finding:
     return Finding("Fig. 6: curriculum against scratch", text, ("figure6.png",), claims, data)
 
 
+def figure_6_in_course(study: Study) -> Finding:
+    """Draw the claims of Fig. 6 in the course of self-play: agents meet those that have trained as
+    long. Several seeds predict where another pair would lie.
+    """
+    pairings = {
+        "P_curriculum beats E_scratch": ("P_curriculum", "E_scratch", won),
+        "E_curriculum undefeated by P_scratch": ("P_scratch", "E_curriculum", undefeated),
+    }
+    predictions = {
+        name: [
+            predict(np.array(rates(study.matches(pursuer, evader, percent), share)), 0, 1)
+            for percent in COURSE
+        ]
+        for name, (pursuer, evader, share) in pairings.items()
+    }
+    with style.picture(study.folder / "figure6-course.png", width=6.0) as (axes,):
+        for (name, course), colour in zip(predictions.items(), palette.SIDES, strict=True):
+            means = [100 * prediction.mean for prediction in course]
+            low, high = 100 * np.transpose([prediction.interval for prediction in course])
+            axes.fill_between(COURSE, low, high, color=colour, alpha=0.15, linewidth=0)
+            axes.plot(COURSE, means, "o-", color=colour, label=name)
+        axes.axhline(70, color=palette.INK, linewidth=0.8, linestyle=":")
+        axes.set(xlabel="self-play [%]", ylabel="games [%]", ylim=(0, 103))
+        axes.set_title("mean of all pairs, and where another would lie (dotted: the paper)")
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=2)
+    rows = [
+        [f"{percent} %", *map(_with_chance, row)]
+        for percent, *row in zip(COURSE, *predictions.values(), strict=True)
+    ]
+    table = markdown_table(["self-play", *predictions], rows)
+    data = {
+        name: [
+            {"percent": percent, "mean": prediction.mean, "interval": prediction.interval}
+            for percent, prediction in zip(COURSE, course, strict=True)
+        ]
+        for name, course in predictions.items()
+    }
+    text = f"Mean over pairs [95 % prediction], chance of 70 %.\n\n{table}"
+    title = "Fig. 6 in the course of self-play"
+    return Finding(title, text, ("figure6-course.png",), data=data)
+
+
+def _with_chance(prediction: Prediction) -> str:
+    """Return a prediction in words: its mean, its interval, and the chance of 70 %."""
+    low, high = prediction.interval
+    chance = prediction.chance(0.7)
+    words = f"{prediction.mean:.1%} [{low:.0%}, {high:.0%}]"
+    return words if chance is None else f"{words}, {chance:.0%}"
+
+
 def figure_7(study: Study) -> Finding:
     """Draw the pursuer's reward over all episodes: the curriculum's, and against the random evader
     throughout.
@@ -260,6 +317,8 @@ def table_3(study: Study) -> Finding:
 
 SECTIONS = (figure_4, figure_5, figure_6, figure_7, table_2, table_3, figure_8)
 """In the order of the report."""
+SECTIONS_OF_SEEDS = (*SECTIONS[:3], figure_6_in_course, *SECTIONS[3:])
+"""Those of several seeds."""
 
 
 def reproduce(
@@ -305,7 +364,7 @@ def reproduce(
     study = Study(folder, budget, tuple(range(seeds)), games, progress)
     _train_missing(study, report, run)
     findings = []
-    for section in SECTIONS:
+    for section in SECTIONS if seeds == 1 else SECTIONS_OF_SEEDS:
         begin(f"playing and drawing {section.__name__.replace('_', ' ')}")
         findings.append(section(study))
         report(f"done: {findings[-1].title}")

@@ -52,7 +52,7 @@ class Study:
     games: int = 10_000
     """Games in a match."""
     progress: Report = no_report
-    _played: dict[tuple[str, str, int, int], Results] = field(default_factory=dict, repr=False)
+    _played: dict[tuple[str, str, int, int, int], Results] = field(default_factory=dict, repr=False)
 
     def run(self, name: str, seed: int) -> Path:
         return self.folder / f"seed-{seed}" / name
@@ -87,7 +87,12 @@ class Study:
         return Match(PRESETS[self.budget].game, BySide(chasing, fleeing), self.games, MATCH_SEED)
 
     def play(
-        self, pursuer: str, evader: str, seeds: tuple[int, int], report: Report | None = None
+        self,
+        pursuer: str,
+        evader: str,
+        seeds: tuple[int, int],
+        percent: int = 100,
+        report: Report | None = None,
     ) -> Results:
         """Play the match between two agents once; return its results.
 
@@ -95,18 +100,24 @@ class Study:
             pursuer: Name of the pursuer.
             evader: Name of the evader.
             seeds: Seeds of their trainings.
+            percent: Part of self-play after which they are taken [%].
             report: Called with the finished games and all games; `progress` for None.
         """
-        key = (pursuer, evader, *seeds)
+        key = (pursuer, evader, *seeds, percent)
         if key not in self._played:
             self._played[key] = play_games(
-                self.pairing(pursuer, evader, seeds), report=report or self.progress
+                self.pairing(pursuer, evader, seeds, percent), report=report or self.progress
             )
         return self._played[key]
 
-    def matches(self, pursuer: str, evader: str) -> list[list[MatchResult]]:
+    def matches(self, pursuer: str, evader: str, percent: int = 100) -> list[list[MatchResult]]:
         """Return the matches of every training of the pursuer with every one of the evader, where
         that is trained.
+
+        Args:
+            pursuer: Name of the pursuer.
+            evader: Name of the evader.
+            percent: Part of self-play after which they are taken [%].
         """
         evaders = self.seeds if evader in RUN_OF else self.seeds[:1]
 
@@ -118,7 +129,8 @@ class Study:
 
             seeds = self.seeds[row], evaders[column]
             return count_results(
-                self.pairing(pursuer, evader, seeds), self.play(pursuer, evader, seeds, report)
+                self.pairing(pursuer, evader, seeds, percent),
+                self.play(pursuer, evader, seeds, percent, report),
             )
 
         return [

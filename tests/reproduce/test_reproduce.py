@@ -9,16 +9,19 @@ import jax
 import numpy as np
 import pytest
 
+from apollonius import MatchResult, Outcome
 from apollonius.cli.display import Display
 from apollonius.cli.main import main
 from apollonius.evaluate.claims import Claim
+from apollonius.game.outcome import counts_by_name
 from apollonius.io.errors import InvalidInput
 from apollonius.learn.config import PRESETS
 from apollonius.learn.folder import agent_file, create_run
 from apollonius.learn.run import TrainingRun
 from apollonius.reproduce.finding import claim_table, outcome_table
-from apollonius.reproduce.reproduction import SECTIONS, reproduce
-from apollonius.reproduce.study import AGENTS, RUN_OF, run_configs
+from apollonius.reproduce.reproduction import SECTIONS, SECTIONS_OF_SEEDS, figure_6_in_course, reproduce
+from apollonius.reproduce.side_by_side import train_side_by_side
+from apollonius.reproduce.study import AGENTS, RUN_OF, Study, run_configs
 from tests.learn.tiny import STOPPING
 
 GAMES = 40
@@ -122,6 +125,47 @@ def test_interrupted_study_resumes(tmp_path):
     assert told[0].startswith("3 of 3 trainings to do")
     assert set(RUN_OF) <= {path.stem for path in tmp_path.glob("seed-0/*/agents/*.safetensors")}
     assert sorted(path.name for path in tmp_path.glob("*.png")) == PICTURES
+
+
+@pytest.mark.slow
+def test_study_side_by_side_goes_on_and_ends_like_any(tmp_path):
+    """Stopped after the first training of both seeds; the whole report, with the course of self-play."""
+
+    def side_by_side(jobs):
+        train_side_by_side([job.arguments[0] for job in jobs])
+        return []
+
+    def stopped(jobs):
+        side_by_side([job for job in jobs if job.arguments[0].name == "curriculum"])
+        raise KeyboardInterrupt
+
+    arguments = {"budget": "tiny", "seeds": 2, "games": GAMES}
+    with pytest.raises(KeyboardInterrupt):
+        reproduce(tmp_path, resume=False, run=stopped, **arguments)
+    told = []
+    reproduce(tmp_path, resume=True, run=side_by_side, report=told.append, **arguments)
+    assert told[0].startswith("4 of 6 trainings to do")
+    assert len(json.loads((tmp_path / "results.json").read_text())["findings"]) == len(SECTIONS_OF_SEEDS)
+    assert sorted(path.name for path in tmp_path.glob("*.png")) == sorted([*PICTURES, "figure6-course.png"])
+
+
+def test_course_of_self_play_has_a_row_for_each_moment(tmp_path):
+    """Pursuers of three seeds that win two games of twenty less at each moment, and draw the others."""
+
+    class Counted(Study):
+        def matches(self, pursuer, evader, percent=100):
+            wins = 19 - 2 * (percent // 25)
+            counts = counts_by_name([0] * len(Outcome)) | {"captured": wins, "no_result": 20 - wins}
+            return [[MatchResult(counts, 1.0, None)] * 3] * 3
+
+    finding = figure_6_in_course(Counted(tmp_path, "quick", (0, 1, 2)))
+    assert (tmp_path / finding.pictures[0]).read_bytes().startswith(b"\x89PNG")
+    assert finding.text.splitlines()[-4:] == [
+        "| 25 % | 85.0% [85%, 85%], 100% | 15.0% [15%, 15%], 0% |",
+        "| 50 % | 75.0% [75%, 75%], 100% | 25.0% [25%, 25%], 0% |",
+        "| 75 % | 65.0% [65%, 65%], 0% | 35.0% [35%, 35%], 0% |",
+        "| 100 % | 55.0% [55%, 55%], 0% | 45.0% [45%, 45%], 0% |",
+    ]
 
 
 @pytest.mark.parametrize(
