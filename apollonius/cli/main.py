@@ -5,6 +5,7 @@ import errno
 import os
 import re
 import sys
+from collections.abc import Mapping
 from io import TextIOWrapper
 from typing import Any, NoReturn
 
@@ -125,7 +126,7 @@ class OneLineParser(argparse.ArgumentParser):
         """Refuse a value that is no choice of an argument, and name the nearest choice."""
         if action.choices is not None and value not in action.choices:
             choices = [*map(str, action.choices)]
-            if action.dest == "command":
+            if isinstance(action.choices, Mapping):  # of commands, each with its parser
                 argument = None
                 kind = "command"
                 remedy = f"see {self.prog} --help"

@@ -92,6 +92,7 @@ def stopping_on_signals(
         for number, handler in before:
             signal.signal(number, handler)
         _stop_signals.clear()
+        _parent = None
 
 
 def should_stop() -> bool:

@@ -3,8 +3,8 @@
 import jax
 import numpy as np
 import pytest
-from apollonius.agents.wrappers.shield import index_polygons
 
+from apollonius.agents.wrappers.shield import index_polygons
 from apollonius.game.polygon import Edges, Polygon
 from tests.acting import clearances
 from tests.game.test_obstacles import HALL, along, robots
