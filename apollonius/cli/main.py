@@ -5,7 +5,7 @@ import errno
 import os
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from io import TextIOWrapper
 from typing import Any, NoReturn
 
@@ -119,6 +119,12 @@ example.
 """
 
 
+def _are_commands(choices: Iterable[Any]) -> bool:
+    """Check whether the choices of an argument are commands, each of which has a parser."""
+    has_values = isinstance(choices, Mapping)
+    return has_values and all(isinstance(each, OneLineParser) for each in choices.values())
+
+
 class OneLineParser(argparse.ArgumentParser):
     """A parser whose errors are one line."""
 
@@ -126,7 +132,7 @@ class OneLineParser(argparse.ArgumentParser):
         """Refuse a value that is no choice of an argument, and name the nearest choice."""
         if action.choices is not None and value not in action.choices:
             choices = [*map(str, action.choices)]
-            if isinstance(action.choices, Mapping):  # of commands, each with its parser
+            if _are_commands(action.choices):
                 argument = None
                 kind = "command"
                 remedy = f"see {self.prog} --help"

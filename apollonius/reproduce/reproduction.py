@@ -170,7 +170,7 @@ def figure_6_in_course(study: Study) -> Finding:
     }
     predictions = {
         name: [
-            predict(np.array(rates(study.matches(pursuer, evader, percent), share)), 0, 1)
+            predict(np.array(rates(study.matches(pursuer, evader, percent), share)), 0.0, 1.0)
             for percent in COURSE
         ]
         for name, (pursuer, evader, share) in pairings.items()

@@ -1,5 +1,5 @@
-"""Trainings that differ in their seeds only, side by side: each chunk is computed for all of them
-at once, which pays on an accelerator.
+"""Trainings that differ in their seeds only, side by side: a chunk of all is computed at once,
+which pays on an accelerator.
 
 The functions are those of `apollonius.learn`, mapped over the seeds; rounding differs from that of
 one training alone. Each run has its own folder, with the files and the checkpoint of any training,
@@ -52,8 +52,8 @@ _CHECKPOINT_SHARE = 0.05
 
 
 def require_side_by_side(config: RunConfig, seeds: int) -> None:
-    """Refuse, by InvalidInput, trainings that cannot be mapped over seeds, and more of them than
-    memory has room for.
+    """Refuse, by InvalidInput, trainings that cannot be mapped over seeds, and more than memory
+    has room for.
     """
     for stage in config.stages:
         is_mapped = isinstance(stage, FixedTargetConfig) or (
@@ -116,7 +116,7 @@ class SeedRun(TrainingRun):
 
     @property
     def place(self) -> str:
-        """What runs side by side have in common: all but their seeds."""
+        """The common parts of runs side by side: all but their seeds."""
         config = to_dict(replace(self.config, seed=0))
         return to_json([config, self.meta.stage, self.meta.chunks])
 

@@ -112,7 +112,8 @@ def test_games_are_counted_for_the_version_that_played_them(role):
 
     def side(members):
         actions = nothing.astype(jnp.int32)
-        return Experience(nothing[..., None], actions, nothing, nothing[..., None], nothing, jnp.asarray(members))
+        numbers, flags = nothing[..., None], jnp.zeros(shape, bool)
+        return Experience(numbers, actions, nothing, numbers, nothing, jnp.asarray(members), ~flags, flags)
 
     played = Transition(
         BySide.of(role, side(member), side(other)), jnp.asarray(outcome), jnp.asarray(ended), jnp.zeros(shape, bool)

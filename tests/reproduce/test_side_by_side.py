@@ -12,6 +12,7 @@ from apollonius.io.errors import InvalidInput
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import create_run, load_checkpoint_meta
 from apollonius.learn.metrics import load_metrics
+from apollonius.learn.ppo import PPOConfig
 from apollonius.learn.progress import load_status
 from apollonius.learn.response import ResponseConfig
 from apollonius.learn.run import TrainingRun
@@ -25,10 +26,10 @@ SHORT = RunConfig(
     algorithm=replace(DQN, learning_starts=CHUNK // 2),
     stages=(
         replace(STAGE, env_steps=2 * CHUNK, evaluations=2),
-        replace(SELF_PLAY, env_steps=CHUNK, evaluations=1, snapshots=1),
+        replace(SELF_PLAY, env_steps=2 * CHUNK, evaluations=1, snapshots=1),
     ),
 )
-"""Two chunks of the first stage and one of self-play; learning begins in the first."""
+"""Two chunks of either stage; learning begins in the first."""
 AGENTS = ["E_curriculum", "P_curriculum", "P_stage1"]
 
 
@@ -88,7 +89,7 @@ def test_runs_have_ended_like_any(runs):
 
 @pytest.mark.parametrize("chunks", [1, 2])
 def test_stopped_runs_go_on_to_the_same_bits(runs, tmp_path, monkeypatch, chunks):
-    """Within the first stage, and at its end."""
+    """Within the first stage and, where its end is reached, within the second."""
     folders = folders_of(tmp_path)
     looks = iter([False] * (chunks - 1) + [True] * 2)
     with monkeypatch.context() as patch:
@@ -110,7 +111,7 @@ def test_runs_go_on_side_by_side_where_one_alone_was_stopped(runs, tmp_path):
     train_side_by_side(folders)
     for run in folders:
         assert list(agents_of(run)) == AGENTS
-        assert len(load_metrics(run / "metrics.jsonl")) == 3
+        assert len(load_metrics(run / "metrics.jsonl")) == 4
 
 
 def test_diverged_run_is_named(tmp_path, monkeypatch):
@@ -126,7 +127,7 @@ def test_diverged_run_is_named(tmp_path, monkeypatch):
 
 
 def test_trainings_that_cannot_be_side_by_side_are_refused():
-    response = replace(SHORT, stages=(ResponseConfig(),))
+    response = RunConfig(algorithm=PPOConfig(), stages=(ResponseConfig(),))
     with pytest.raises(InvalidInput, match="stage side by side = response"):
         require_side_by_side(response, 2)
     versions = replace(SHORT, stages=(replace(SELF_PLAY, opponents="uniform"),))
@@ -137,7 +138,7 @@ def test_trainings_that_cannot_be_side_by_side_are_refused():
 
 
 def test_workers_are_refused_side_by_side(tmp_path, capsys):
-    command = ["reproduce", "--side-by-side", "--on", "slurm", "--out", str(tmp_path / "study")]
+    command = ["reproduce", "--side-by-side", "--on", "processes", "--out", str(tmp_path / "study")]
     assert main(command) == 2
-    assert "--on = slurm" in capsys.readouterr().err
+    assert "--on = processes" in capsys.readouterr().err
     assert not (tmp_path / "study").exists()
