@@ -301,8 +301,8 @@ def about() -> str:
         if find_spec(module)
     ]
     return (
-        "taskset -c 0 python benchmarks/translator.py: microseconds of the processor for a call on "
-        f"one core, {ROUNDS} rounds in turns. {cpu[1] if cpu else 'unknown processor'}; "
+        "python benchmarks/translator.py: microseconds of the processor for a call, "
+        f"{ROUNDS} rounds in turns. {cpu[1] if cpu else 'unknown processor'}; "
         f"{gcc.stdout.splitlines()[0]}; {', '.join(versions)}. Runtime: shared libraries as pip "
         "installs them."
     )
