@@ -3,7 +3,7 @@ which pays on an accelerator.
 
 The functions are those of `apollonius.learn`, mapped over the seeds; rounding differs from that of
 one training alone. Each run has its own folder, with the files and the checkpoint of any training,
-so that either way of training goes on where the other was stopped.
+so that either way of training resumes what the other began.
 """
 
 import time

@@ -1,13 +1,14 @@
 """Trainings side by side: what one alone writes, up to rounding, also after a stop, and what is refused."""
 
 import json
+from argparse import Namespace
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from safetensors.numpy import load_file
 
-from apollonius.cli.main import main
+from apollonius.cli.runs import run_reproduce
 from apollonius.io.errors import InvalidInput
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import create_run, load_checkpoint_meta
@@ -137,8 +138,8 @@ def test_trainings_that_cannot_be_side_by_side_are_refused():
         require_side_by_side(SHORT, 10**9)
 
 
-def test_workers_are_refused_side_by_side(tmp_path, capsys):
-    command = ["reproduce", "--side-by-side", "--on", "processes", "--out", str(tmp_path / "study")]
-    assert main(command) == 2
-    assert "--on = processes" in capsys.readouterr().err
+def test_workers_are_refused_side_by_side(tmp_path):
+    options = Namespace(side_by_side=True, on="slurm", budget="quick", seeds=2, out=tmp_path / "study", resume=False)
+    with pytest.raises(InvalidInput, match="--on = slurm"):
+        run_reproduce(options)
     assert not (tmp_path / "study").exists()
