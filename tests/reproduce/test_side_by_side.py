@@ -88,6 +88,7 @@ def test_runs_have_ended_like_any(runs):
     assert {path: path.read_bytes() for run in runs for path in run.rglob("*.safetensors")} == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chunks", [1, 2])
 def test_stopped_runs_go_on_to_the_same_bits(runs, tmp_path, monkeypatch, chunks):
     """Within the first stage and, where its end is reached, within the second."""
@@ -105,6 +106,7 @@ def test_stopped_runs_go_on_to_the_same_bits(runs, tmp_path, monkeypatch, chunks
                 np.testing.assert_array_equal(agents_of(run)[name][layer], values)
 
 
+@pytest.mark.slow
 def test_runs_go_on_side_by_side_where_one_alone_was_stopped(runs, tmp_path):
     """The first seed stopped after a chunk, the second not begun: the two are not equally far."""
     folders = folders_of(tmp_path)
