@@ -34,7 +34,7 @@ def write_reference(folder: Path) -> None:
     """Write the reference's pages as MyST sources."""
     api = folder / "api"
     api.mkdir(parents=True)
-    rooms: dict[str, list[str]] = {"jaxpr2c": ["jaxpr2c"]}
+    rooms: dict[str, list[str]] = {}
     for package in (apollonius, jaxpr2c):
         for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
             room = room_of(module.name)
