@@ -64,7 +64,7 @@ def alone(tmp_path_factory):
 
 
 def test_runs_have_the_agents_and_metrics_of_one_alone_up_to_rounding(runs, alone):
-    """Weights of up to 1 in size differ by less than 1e-4 after three chunks, those of other seeds by far more."""
+    """Weights of up to 1 in size differ by less than 1e-4 after four chunks, those of other seeds by far more."""
     ours, other, expected = agents_of(runs[1]), agents_of(runs[0]), agents_of(alone)
     assert list(ours) == list(expected) == AGENTS
     for name, weights in expected.items():
