@@ -1,4 +1,5 @@
-"""What each form in `apollonius.accelerate` buys: `python benchmarks/ablations.py [NAME ...]`.
+"""Speed that each file of `apollonius.accelerate` buys:
+`python benchmarks/ablations.py [NAME ...]`.
 
 Each is left out alone, for the plain definition in its place. A process with it and one without it
 run what users wait for in turns. Printed are the medians, over these turns, of the processor
@@ -24,7 +25,7 @@ TURNS = 15
 STEPS = 25
 START_ROWS = 4
 Run = Callable[[int], Any]
-"""What users wait for: from the number of a turn to arrays."""
+"""A measured piece of work: from the number of a turn to arrays."""
 
 
 @dataclass(frozen=True)

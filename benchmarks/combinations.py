@@ -1,4 +1,4 @@
-"""How often a robot fails by itself: sensors, drives, bodies, teams and shields, each with each.
+"""Rates of own failures of robots: sensors, drives, bodies, teams and shields, each with each.
 
     python benchmarks/combinations.py OUT --game office --game floor.toml
 

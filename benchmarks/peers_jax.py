@@ -26,7 +26,7 @@ HIDDEN = 96
 LAYERS = 3
 ACTIONS = 9
 BRAKE = jnp.int32(1)
-"""What the evader does."""
+"""Action of the evader."""
 
 
 class Actor(eqx.Module):

@@ -35,7 +35,7 @@ HELD_OUT = 777
 INTERVAL = 2.0
 """Seconds of a core between two looks."""
 BRAKE = jnp.int32(1)
-"""What the evader does."""
+"""Action of the evader."""
 Layers = Sequence[tuple[Any, Any]]
 """Weights `[out, in]` and biases `[out]` of a network whose largest output is the action."""
 Network = tuple[str, Layers]

@@ -1,4 +1,4 @@
-"""Whether a program in C does what its JAX function does."""
+"""Comparison of a program in C with its JAX function."""
 
 from collections.abc import Callable, Sequence
 from typing import Any

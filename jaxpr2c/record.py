@@ -1,4 +1,4 @@
-"""How the arguments and results of a program lie in memory."""
+"""Layout in memory of the arguments and results of a program."""
 
 import itertools
 import re

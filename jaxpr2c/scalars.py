@@ -20,7 +20,7 @@ _LIBRARY = {
     **{"abs": "fabsf", "rem": "fmodf", "round_even": "rintf", "round_away": "roundf"},
 }
 FUNCTIONS = frozenset({*_LIBRARY.values(), "expf", "sqrtf"})
-"""What programs call of the C library."""
+"""Functions of the C library that programs call."""
 HELPERS = {
     "largest": """static inline float op_largest(float a, float b)
 {

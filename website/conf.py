@@ -1,4 +1,4 @@
-"""How Sphinx makes the site of the folder that `website.sources` has written."""
+"""Sphinx settings: makes the site of the folder that `website.sources` has written."""
 
 import inspect
 import re

@@ -1,4 +1,4 @@
-"""What is within reach of a place, looked up by the cell that the place is in."""
+"""Obstacles within reach of a place, looked up by the cell that the place is in."""
 
 from collections.abc import Callable
 from typing import Any, Generic, TypeVar

@@ -33,7 +33,7 @@ PLAYERS = {
 """By name, and the sides that they can play. Classical ones have to know the game."""
 
 BY_CHART = "search", "hide"
-"""Those that find their way by the arena's chart."""
+"""Players that find their way by the arena's chart."""
 
 
 class BuiltIn(PlayerSource):

@@ -79,7 +79,7 @@ MOST_WIDTH = 8_192
 MOST_LAYERS = 64
 """Most hidden layers."""
 Network = QNetwork | GaussianActor
-"""What a trained agent plays by."""
+"""Network of a trained agent."""
 _LOG_DEVIATION = (-5.0, 1.0)
 """Bounds of the logarithm of a standard deviation: wider ones make `tanh` saturate, narrower ones
 never explore.

@@ -16,7 +16,7 @@ from apollonius.observe.observation import RAW_VIEW, RawView
 from apollonius.observe.view import View
 
 Memory = PyTree[Array]
-"""What a player carries from step to step of a game; `()` for one that carries nothing."""
+"""State that a player carries from step to step of a game; `()` for one that carries nothing."""
 
 
 def mix_bits(

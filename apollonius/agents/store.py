@@ -37,7 +37,7 @@ _ACTIONS = {"values": NUM_ACTIONS, "gaussian": 0}
 
 @dataclass(frozen=True)
 class AgentHeader:
-    """What an agent's file says about it."""
+    """Header of an agent's file."""
 
     role: str
     """The side it plays: `pursuer` or `evader`."""
@@ -52,7 +52,7 @@ class AgentHeader:
     game: dict[str, Any] = field(default_factory=dict)
     """The game it was trained for, number by number."""
     training: dict[str, Any] = field(default_factory=dict)
-    """How it was trained: command, seed, stage, env steps, episodes, evaluation."""
+    """Record of its training: command, seed, stage, env steps, episodes, evaluation."""
     num_actions: int = NUM_ACTIONS
     """Actions it chooses between; 0 where actions are pairs of levels."""
     network: str = "values"

@@ -35,7 +35,7 @@ from apollonius.observe.observation import AbstractObservation, RawView
 from apollonius.observe.registry import find_observation
 
 ANY = BySide("pursuer", "evader")
-"""Those that play in any arena."""
+"""Agents that play in any arena."""
 
 
 class AbstractByNetwork(AbstractPolicy):

@@ -29,13 +29,13 @@ _SAMPLES = 201
 _RADIUS = 0.3
 """Of the body [m] whose contacts are checked."""
 _EXACT, _ROUGH = 0.01, 0.25
-"""How much too long a clearance along a segment may be [m], and how much too short."""
+"""Largest errors of a clearance along a segment [m]: too long, and too short."""
 _STEEP = 1.5
 """By how much a clearance may change in a metre: a distance by 1 at most, in the cells of a map by
 1.42.
 """
 _ON_EDGE = 0.05
-"""How far the corners of an outline may be from the obstacle's edge [m]."""
+"""Largest distance of the corners of an outline from the obstacle's edge [m]."""
 
 
 def check_game(game: Game | str) -> None:

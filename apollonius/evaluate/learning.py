@@ -1,5 +1,5 @@
-"""What a training changed: how often its agents win, from stage to stage and within each, against
-fixed opponents.
+"""Learning curves of a training: win rates of its agents against fixed opponents, from stage to
+stage and within each.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ GAMES = 300
 
 @dataclass(frozen=True)
 class Curve:
-    """How often one agent wins in the course of its stage."""
+    """Win rate of one agent in the course of its stage."""
 
     title: str
     wins: dict[int, float]

@@ -135,7 +135,7 @@ class MatchResult:
     mean_capture_steps: float | None
     """Over the captured games; None if there are none."""
     time_limit_wins: bool = False
-    """Whether the rules count a game that reached the time limit as the evader's win."""
+    """True if the rules count a game that reached the time limit as the evader's win."""
     arenas: ByArena | None = None
     """The same match by arenas, where there are several."""
     detours: dict[str, tuple[int, int]] | None = None
@@ -209,7 +209,7 @@ _DERIVED = (
     "evader_win_interval",
     "evader_undefeated_rate",
 )
-"""What follows from the counts, and is written beside them for other programs."""
+"""Figures that follow from the counts, written beside them for other programs."""
 
 
 def read_result(data: Any, source: str) -> MatchResult:

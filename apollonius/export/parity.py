@@ -1,4 +1,4 @@
-"""Whether an exported policy decides what the package's player does."""
+"""Comparison of an exported policy's decisions with those of the package's player."""
 
 import functools
 import timeit

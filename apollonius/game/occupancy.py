@@ -13,8 +13,8 @@ from apollonius.game.types import Flag, Real, RobotState, Scalar
 from apollonius.io.errors import require
 
 _ROUNDING = 0.15
-"""What bilinear interpolation can add to a distance, in cells: 0.146, near a lone corner of an
-occupied cell.
+"""Largest error that bilinear interpolation adds to a distance, in cells: 0.146, near a lone corner
+of an occupied cell.
 """
 
 

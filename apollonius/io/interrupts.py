@@ -29,14 +29,14 @@ INTERRUPTED = 130
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 """All that stop a program: Ctrl-C, and what a system or a scheduler sends."""
 PATIENCE = 1.2
-"""How long a program has to end, or to answer [s]."""
+"""Time that a program has to end, or to answer [s]."""
 
 _resume_hint = ""
 _take_down: list[Callable[[], None]] = []
 _handled: list[int] = []
 """All signals that this program has handled."""
 _stop_signals: list[int] = []
-"""Those within the present block of `stopping_on_signals`."""
+"""Signals within the present block of `stopping_on_signals`."""
 _has_answered = threading.Event()
 _parent: int | None = None
 _leave_lock = threading.RLock()

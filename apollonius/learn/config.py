@@ -15,10 +15,10 @@ from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.types import ROLES, BySide, Role
 from apollonius.io.errors import InvalidInput, require
-from apollonius.io.extensions import ALGORITHMS, load_extension
+from apollonius.io.extensions import ALGORITHMS, load_extension, unfit_extension
 from apollonius.io.limits import SEED, TRAININGS
 from apollonius.io.record import Hooks
-from apollonius.learn.algorithm import Algorithm
+from apollonius.learn.algorithm import Algorithm, ReplayAlgorithm
 from apollonius.learn.distillation import DistillationConfig
 from apollonius.learn.dqn import PROFILES, DQNConfig
 from apollonius.learn.fixed_target import FixedTargetConfig
@@ -30,6 +30,7 @@ from apollonius.learn.stage import StageConfig
 
 FIXED_TARGET = FixedTargetConfig.kind
 SELF_PLAY = SelfPlayConfig.kind
+_ALGORITHM = "a subclass of ReplayAlgorithm, of this name as its kind"
 _STAGES: dict[str, type[StageConfig]] = {
     stage.kind: stage
     for stage in (FixedTargetConfig, SelfPlayConfig, DistillationConfig, ResponseConfig)
@@ -48,7 +49,7 @@ class RunConfig:
     game: Game = field(default_factory=lambda: make_game("paper"))
     """The game, number by number."""
     algorithm: Algorithm = field(default_factory=DQNConfig)
-    """How each side learns."""
+    """Algorithm by which each side learns."""
     stages: tuple[StageConfig, ...] = (FixedTargetConfig(), SelfPlayConfig())
     """The stages in their order: each starts from the agents of the earlier ones."""
     pursuer: str | None = None
@@ -149,15 +150,30 @@ def read_config(data: dict[str, Any], source: str) -> RunConfig:
     return from_dict(RunConfig, data, source, hooks=hooks)
 
 
+def _import_algorithm(kind: str) -> None:
+    """Register the algorithm of another package, if one has this name and none is known by it;
+    raises InvalidInput for a broken one.
+    """
+    if kind in _ALGORITHMS:
+        return
+    part = load_extension(ALGORITHMS, kind, _ALGORITHM)
+    if part is None:
+        return
+    is_algorithm = isinstance(part, type) and issubclass(part, ReplayAlgorithm)
+    if not is_algorithm or part.kind != kind:
+        raise unfit_extension(ALGORITHMS, kind, _ALGORITHM, part)
+    register_algorithm(part)
+
+
 def _read_kind(value: Any, name: str, kinds: Mapping[str, type[Any]], hooks: Hooks) -> Any:
     """Read an algorithm or a stage by the class of its kind."""
     if not isinstance(value, dict):
         return value
     require("kind" in value, f"{name}: kind", "nothing", f"one of {', '.join(kinds)}")
     kind = value["kind"]
+    if isinstance(kind, str) and name == "algorithm":
+        _import_algorithm(kind)
     chosen = kinds.get(kind) if isinstance(kind, str) else None
-    if chosen is None and isinstance(kind, str) and name == "algorithm":
-        chosen = load_extension(ALGORITHMS, kind, "a subclass of ReplayAlgorithm")
     require(chosen is not None, f"{name}: kind", kind, f"one of {', '.join(kinds)}")
     assert chosen is not None
     return from_dict(chosen, value, f"{name}, {kind}", hooks=hooks)

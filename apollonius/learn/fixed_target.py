@@ -15,7 +15,6 @@ from apollonius.catalogue import find_pool
 from apollonius.game.game import Game
 from apollonius.game.types import BySide, GameState, Role
 from apollonius.learn.algorithm import ReplayAlgorithm
-from apollonius.learn.replay_buffer import rows_of
 from apollonius.learn.replay_stage import ReplayStage
 from apollonius.learn.stage import (
     NO_NETWORKS,
@@ -25,7 +24,6 @@ from apollonius.learn.stage import (
     end_iteration,
     zero_counters,
 )
-from apollonius.play.rollout import collect
 
 _STILL = ("still",)
 
@@ -88,23 +86,10 @@ class FixedTarget(ReplayStage):
     def iterate(self, state: TrainState, starts: GameState) -> tuple[TrainState, Metrics]:
         play_key, learn_key, _ = jax.random.split(state.iteration_key(1), 3)
         # Algorithm 1, lines 4 to 7: actions are executed; games that are over begin again.
-        games, played = collect(
-            self.game,
-            self.players(state),
-            state.games,
-            starts,
-            play_key,
-            self.algorithm.steps_per_iteration,
-        )
+        games, played = self.play(state, starts, play_key)
         env_steps = state.env_steps + self.algorithm.env_steps_per_iteration
         # Algorithm 1, line 8: transitions are stored. Lines 9 to 11: mini-batch, update, target.
-        pursuer_and_loss = self.algorithm.learn(
-            state.learners[Role.PURSUER],
-            rows_of(played, Role.PURSUER, self.config.limit_terminates),
-            self.config.env_steps,
-            env_steps,
-            learn_key,
-        )
+        pursuer_and_loss = self.learn(state, Role.PURSUER, played, env_steps, learn_key)
         return end_iteration(state, games, played, env_steps, {Role.PURSUER: pursuer_and_loss})
 
     @property

@@ -27,7 +27,7 @@ class Row(eqx.Module):
     terminated: Bool[Array, "*steps games"]
     truncated: Bool[Array, "*steps games"]
     active: Bool[Array, "*steps games"]
-    """Whether the robot was in play; other transitions do not count."""
+    """True if the robot was in play; other transitions do not count."""
 
 
 Rows = TypeVar("Rows")

@@ -14,11 +14,12 @@ from apollonius.agents.network import Network
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.pool import AbstractPlayers, Pool, single_player
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.types import BySide, GameState, Role
+from apollonius.game.types import BySide, GameState, Role, Scalar
 from apollonius.learn.algorithm import LearningSide, ReplayAlgorithm
+from apollonius.learn.replay_buffer import rows_of
 from apollonius.learn.stage import Metrics, Stage, TrainState
 from apollonius.play.autoreset import row_at_turn
-from apollonius.play.rollout import init_games
+from apollonius.play.rollout import Games, Transition, collect, init_games
 
 _STARTS_PER_CHUNK = 4096
 """Initial states drawn before each chunk; a game that ends takes one."""
@@ -49,6 +50,28 @@ class ReplayStage(Stage):
 
     def step(self, state: Any) -> tuple[Any, Metrics]:
         return train_chunk(self, state)
+
+    def play(
+        self, state: TrainState, starts: GameState, key: PRNGKeyArray
+    ) -> tuple[Games, Transition]:
+        """Play some steps of every game; one that is over begins again from a start."""
+        players, steps = self.players(state), self.algorithm.steps_per_iteration
+        return collect(self.game, players, state.games, starts, key, steps)
+
+    def learn(
+        self,
+        state: TrainState,
+        role: Role,
+        played: Transition,
+        env_steps: Int[Array, ""],
+        key: PRNGKeyArray,
+    ) -> tuple[LearningSide[Any], Scalar]:
+        """Store the transitions of a side and update it; return it, and the losses of its updates,
+        added up.
+        """
+        rows = rows_of(played, role, self.config.limit_terminates)
+        side = state.learners[role]
+        return self.algorithm.learn(side, rows, self.config.env_steps, env_steps, key)
 
     def init_side(
         self, role: Role, key: PRNGKeyArray, network: Network | None

@@ -125,7 +125,7 @@ def _with_chart_like(game: Game, references: Sequence[Game], needs_chart: bool) 
 
 
 class ResponseState(TrainState):
-    """What changes in a response; `first` is the network that it began with, where its weights are
+    """State of a response; `first` is the network that it began with, where its weights are
     mixed into the agent's.
     """
 

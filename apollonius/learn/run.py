@@ -8,13 +8,14 @@ as one that is not.
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import PRNGKeyArray
 
 from apollonius.agents.network import Network
 from apollonius.agents.store import describe, save_agent
@@ -36,7 +37,7 @@ from apollonius.learn.folder import (
 )
 from apollonius.learn.metrics import MetricsLine, append_metrics, begin_metrics, metrics_line
 from apollonius.learn.progress import record_status
-from apollonius.learn.stage import NO_NETWORKS, Stage, TrainState
+from apollonius.learn.stage import NO_NETWORKS, Metrics, Stage, TrainState
 from apollonius.observe.registry import find_observation
 
 CHECKPOINT_SECONDS = 60.0
@@ -60,12 +61,22 @@ class TrainingRun:
 
     After every chunk `report` is called with its metrics and the share of the training that is
     done, and then `should_stop`: True saves a checkpoint and ends `execute` early.
+
+    Attributes:
+        progress: How far it is.
+        is_resumed: True if a checkpoint is its beginning.
+        networks: The networks that its stage started from.
+        best: The best agents of its stage so far, where the stage keeps them.
     """
 
     config: RunConfig
     folder: Path
     report: Callable[[MetricsLine, float], None] = lambda line, share: None
     should_stop: Callable[[], bool] = should_stop
+    progress: CheckpointMeta = field(init=False)
+    is_resumed: bool = field(init=False, default=False)
+    networks: BySide[Network | None] = field(init=False, default=NO_NETWORKS)
+    best: dict[Role, Network] | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         self.checkpoint = self.folder / "checkpoint.safetensors"
@@ -81,109 +92,159 @@ class TrainingRun:
         return record_status(self.folder, self._execute)
 
     def _execute(self) -> bool:
-        meta = (
-            load_checkpoint_meta(self.checkpoint, self.config) if self.checkpoint.exists() else None
-        )
-        if meta is not None and meta.ended:
-            begin_metrics(self.metrics, meta)
+        self.read_progress()
+        self.begin_metrics()
+        if self.progress.ended:
             return True
-        names = list(self.config.by_name)
-        networks = NO_NETWORKS
-        if meta is None:
-            begin_metrics(self.metrics)
-            networks = ROLES.map(lambda role: load_first_network(self.config, role))
-        for name in names[names.index(meta.stage) if meta else 0 :]:
+        resumed = self.progress.stage if self.is_resumed else None
+        for name in self.stages_left():
             stage = self.make_stage(name)
-            if meta is None or meta.stage != name:
-                content = self.begin(name, stage, networks)
-                meta = CheckpointMeta(name, metrics_bytes=self.metrics.stat().st_size)
-            else:
-                content = load_checkpoint(self.checkpoint, self._template(name, stage))
-                begin_metrics(self.metrics, meta)
-            content, is_finished = self._train_stage(stage, content, meta)
+            train = self.load(stage) if name == resumed else self._begin(name, stage)
+            train, is_finished = self._train_stage(stage, train)
             if not is_finished:
                 return False
-            networks = _networks_after(stage, content)
+            self.end_stage(stage, stage.agents(train))
         end_checkpoint(self.checkpoint, self.config)
         return True
+
+    def read_progress(self) -> None:
+        """Read from the checkpoint how far the run is; one without begins, from the networks that
+        its config names.
+        """
+        self.is_resumed = self.checkpoint.exists()
+        if self.is_resumed:
+            self.progress = load_checkpoint_meta(self.checkpoint, self.config)
+        else:
+            self.progress = CheckpointMeta(next(iter(self.config.by_name)))
+            self.networks = ROLES.map(lambda role: load_first_network(self.config, role))
+
+    def begin_metrics(self) -> None:
+        """Make `metrics.jsonl`, or cut off what was written after the checkpoint."""
+        begin_metrics(self.metrics, self.progress if self.is_resumed else None)
+
+    def stages_left(self) -> list[str]:
+        """Return the names of the stages that have not ended."""
+        names = list(self.config.by_name)
+        return names[names.index(self.progress.stage) :]
 
     def make_stage(self, name: str) -> Stage:
         """Make a stage by its name, with its opponents."""
         config = self.config
         return config.by_name[name].make(config.algorithm, self.game, self.folder)
 
-    def begin(self, name: str, stage: Stage, networks: BySide[Network | None]) -> CheckpointContent:
-        """Return the beginning of a stage that starts from these networks."""
-        seed_key = jax.random.key(self.config.seed)
-        key = jax.random.fold_in(seed_key, self.config.stage_number(name))
-        train = stage.init(key, networks)
-        best = jax.tree.map(jnp.copy, stage.agents(train)) if stage.config.keeps_best else None
-        return CheckpointContent(train, networks, best)
+    def stage_key(self, name: str) -> PRNGKeyArray:
+        """Return the random key of a stage."""
+        return jax.random.fold_in(jax.random.key(self.config.seed), self.config.stage_number(name))
 
-    def _template(self, name: str, stage: Stage) -> CheckpointContent:
-        """Return the content of a checkpoint in this stage, with other numbers."""
-        content = self.begin(name, stage, NO_NETWORKS)
-        network = next(iter(stage.agents(content.train).values()))
+    def _begin(self, name: str, stage: Stage) -> TrainState:
+        train = stage.init(self.stage_key(name), self.networks)
+        self.begin_stage(name, stage, stage.agents(train))
+        return train
+
+    def begin_stage(self, name: str, stage: Stage, agents: dict[Role, Network]) -> None:
+        """Begin a stage, whose first agents are the best so far where it keeps these."""
+        self.progress = CheckpointMeta(name, metrics_bytes=self.metrics.stat().st_size)
+        # Copied: a chunk consumes the state that it is given.
+        self.best = jax.tree.map(jnp.copy, agents) if stage.config.keeps_best else None
+
+    def load(self, stage: Stage) -> TrainState:
+        """Return the state of the checkpoint, which is in this stage."""
+        name = self.progress.stage
+        train = stage.init(self.stage_key(name), NO_NETWORKS)  # a state with other numbers
+        agents = stage.agents(train)
+        network = next(iter(agents.values()))
         has_network = self.config.sides_with_networks(name)
         networks = has_network.map(lambda has: network if has else None)
-        return replace(content, networks=networks)
+        best = agents if stage.config.keeps_best else None
+        content = load_checkpoint(self.checkpoint, CheckpointContent(train, networks, best))
+        self.networks, self.best = content.networks, content.best
+        return content.train
 
-    def _train_stage(
-        self, stage: Stage, content: CheckpointContent, meta: CheckpointMeta
-    ) -> tuple[CheckpointContent, bool]:
-        """Train one stage from here. Returns its last content, and whether it ended by itself."""
-        began = time.monotonic() - meta.seconds
+    def save(self, train: TrainState) -> None:
+        """Write the checkpoint."""
+        content = CheckpointContent(train, self.networks, self.best)
+        save_checkpoint(self.checkpoint, content, self.progress)
+
+    def _train_stage(self, stage: Stage, train: TrainState) -> tuple[TrainState, bool]:
+        """Train one stage from here. Returns its last state, and whether it ended by itself."""
         last_save = time.monotonic()
-        env_steps = stage.algorithm.env_steps_per_chunk
-        while meta.chunks < stage.chunks:
-            chunk_began = time.monotonic()
-            train, metrics = stage.step(content.train)
+        while self.progress.chunks < stage.chunks:
+            began = time.monotonic()
+            train, metrics = stage.step(train)
             jax.block_until_ready(metrics)  # a chunk is handed out before it is computed
-            speed = env_steps / (time.monotonic() - chunk_began)
-            content = replace(content, train=train)
-            before, meta = meta.chunks, replace(meta, chunks=meta.chunks + 1)
-            evaluation = self._evaluate(stage, train, before, meta)
-            if evaluation is not None and _is_best(stage, evaluation, meta):
-                # Copied: a chunk consumes the state that it is given.
-                content = replace(content, best=jax.tree.map(jnp.copy, stage.agents(train)))
-                meta = replace(meta, best=evaluation)
-            self._save_snapshots(stage, train, before, meta)
-            seconds = time.monotonic() - began
-            line = metrics_line(meta.stage, train, metrics, evaluation, seconds, speed)
-            meta = replace(meta, seconds=seconds, metrics_bytes=append_metrics(self.metrics, line))
-            self.report(line, self.config.share(meta.stage, line.env_steps))
-            is_stopped, is_ended = self.should_stop(), meta.chunks == stage.chunks
+            line = self.record(stage, train, metrics, time.monotonic() - began)
+            self.report(line, self.config.share(line.stage, line.env_steps))
+            is_stopped, is_ended = self.should_stop(), self.progress.chunks == stage.chunks
             if is_stopped or is_ended or time.monotonic() - last_save >= CHECKPOINT_SECONDS:
-                save_checkpoint(self.checkpoint, content, meta)
+                self.save(train)
                 last_save = time.monotonic()
             if is_stopped and not is_ended:
-                return content, False
-        if content.best is not None and meta.best is not None:
-            for role, network in content.best.items():
-                self._save_agent(stage, network, role, asdict(meta.best), meta.stage)
-        return content, True
+                return train, False
+        return train, True
 
-    def _evaluate(
-        self, stage: Stage, train: TrainState, before: int, meta: CheckpointMeta
-    ) -> Evaluation | None:
+    def record(
+        self, stage: Stage, train: TrainState, metrics: Metrics, seconds: float
+    ) -> MetricsLine:
+        """Evaluate and save the agents where that is due after a chunk, and write its metrics.
+
+        Args:
+            stage: The stage.
+            train: The state after the chunk, of which the counters are read, and the agents where
+                they are due.
+            metrics: The chunk's.
+            seconds: Time that the chunk took.
+
+        Returns:
+            The line written.
+        """
+        began = time.monotonic() - seconds - self.progress.seconds
+        before = self.progress.chunks
+        self.progress = replace(self.progress, chunks=before + 1)
+        evaluation = self._evaluate(stage, train, before)
+        if evaluation is not None and self._is_best(stage, evaluation):
+            self.best = jax.tree.map(jnp.copy, stage.agents(train))
+            self.progress = replace(self.progress, best=evaluation)
+        self._save_snapshots(stage, train, before)
+        speed = stage.algorithm.env_steps_per_chunk / seconds
+        total = time.monotonic() - began
+        line = metrics_line(self.progress.stage, train, metrics, evaluation, total, speed)
+        size = append_metrics(self.metrics, line)
+        self.progress = replace(self.progress, seconds=total, metrics_bytes=size)
+        return line
+
+    def end_stage(self, stage: Stage, last_agents: dict[Role, Network]) -> None:
+        """Save the best agents where the stage keeps them; later stages start from them, or else
+        from the last ones.
+        """
+        if self.best is not None and self.progress.best is not None:
+            for role, network in self.best.items():
+                self._save_agent(stage, network, role, asdict(self.progress.best))
+        agents: dict[Role, Any] = self.best or last_agents
+        self.networks = ROLES.map(lambda role: agents.get(role, self.networks[role]))
+
+    def _evaluate(self, stage: Stage, train: TrainState, before: int) -> Evaluation | None:
         """Evaluate the agents, where that is due."""
-        if not stage.evaluates(before, meta.chunks):
+        if not stage.evaluates(before, self.progress.chunks):
             return None
         return Evaluation(int(train.env_steps), int(train.episodes), stage.evaluate(train))
 
-    def _save_snapshots(
-        self, stage: Stage, train: TrainState, before: int, meta: CheckpointMeta
-    ) -> None:
+    def _is_best(self, stage: Stage, evaluation: Evaluation) -> bool:
+        best = self.progress.best.outcomes if self.progress.best else None
+        return stage.config.keeps_best and stage.is_better(evaluation.outcomes, best)
+
+    def _save_snapshots(self, stage: Stage, train: TrainState, before: int) -> None:
         """Save the agents where that is due; a stage that keeps its best ones saves these at its
         end.
         """
         times = stage.config.snapshots
         percents = [round(100 * number / times) for number in range(1, times + 1)]
+        if stage.config.keeps_best:
+            percents = percents[:-1]
         record = {"env_steps": int(train.env_steps), "episodes": int(train.episodes)}
-        for percent in percents[: times - stage.config.keeps_best]:
-            if before < -(-stage.chunks * percent // 100) <= meta.chunks:
+        for percent in percents:
+            if before < -(-stage.chunks * percent // 100) <= self.progress.chunks:
                 for role, network in stage.agents(train).items():
-                    self._save_agent(stage, network, role, record, meta.stage, percent)
+                    self._save_agent(stage, network, role, record, percent)
 
     def _save_agent(
         self,
@@ -191,9 +252,9 @@ class TrainingRun:
         network: Network,
         role: Role,
         record: Mapping[str, object],
-        name: str,
         percent: int = 100,
     ) -> None:
+        name = self.progress.stage
         training = {
             "command": "apollonius train --config FILE, where FILE holds the config of this record",
             "seed": self.config.seed,
@@ -210,19 +271,6 @@ class TrainingRun:
             loss_value=stage.loss_value,
         )
         save_agent(agent, agent_file(self.folder, self.config.agent_name(name, role), percent))
-
-
-def _is_best(stage: Stage, evaluation: Evaluation, meta: CheckpointMeta) -> bool:
-    best = meta.best.outcomes if meta.best else None
-    return stage.config.keeps_best and stage.is_better(evaluation.outcomes, best)
-
-
-def _networks_after(stage: Stage, content: CheckpointContent) -> BySide[Network | None]:
-    """Return the networks that later stages start from: the best ones of this stage, or its last
-    ones.
-    """
-    agents: dict[Role, Any] = content.best or stage.agents(content.train)
-    return ROLES.map(lambda role: agents.get(role, content.networks[role]))
 
 
 def train(folder: Path) -> bool:

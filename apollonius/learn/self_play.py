@@ -27,7 +27,6 @@ from apollonius.learn.earlier_versions import (
     learner_and_earlier,
     record_results,
 )
-from apollonius.learn.replay_buffer import rows_of
 from apollonius.learn.replay_stage import ReplayStage
 from apollonius.learn.stage import (
     NO_NETWORKS,
@@ -37,7 +36,6 @@ from apollonius.learn.stage import (
     end_iteration,
     zero_counters,
 )
-from apollonius.play.rollout import collect
 
 
 @dataclass(frozen=True)
@@ -105,8 +103,8 @@ class SelfPlayConfig(StageConfig):
 
 
 class SelfPlayState(TrainState):
-    """What changes in self-play: besides both sides their earlier versions; None where the scheme
-    has none.
+    """State of self-play: besides both sides their earlier versions; None where the scheme has
+    none.
     """
 
     earlier: BySide[EarlierVersions] | None = None
@@ -159,26 +157,12 @@ class SelfPlay(ReplayStage):
     def iterate(self, state: SelfPlayState, starts: GameState) -> tuple[SelfPlayState, Metrics]:
         play_key, *learn_keys = jax.random.split(state.iteration_key(1), 3)
         # Algorithm 2, lines 5 to 8: actions are executed; games that are over begin again.
-        games, played = collect(
-            self.game,
-            self.players(state),
-            state.games,
-            starts,
-            play_key,
-            self.algorithm.steps_per_iteration,
-        )
+        games, played = self.play(state, starts, play_key)
         env_steps = state.env_steps + self.algorithm.env_steps_per_iteration
         # Algorithm 2, line 9: transitions are stored. Lines 10 to 12: mini-batches, updates,
         # targets.
         learners = {
-            role: self.algorithm.learn(
-                side,
-                rows_of(played, role, self.config.limit_terminates),
-                self.config.env_steps,
-                env_steps,
-                learn_keys[role],
-            )
-            for role, side in state.learners.items()
+            role: self.learn(state, role, played, env_steps, learn_keys[role]) for role in Role
         }
         after, metrics = end_iteration(state, games, played, env_steps, learners)
         if state.earlier is None:

@@ -166,7 +166,7 @@ class Metrics(eqx.Module):
 
 
 class TrainState(eqx.Module):
-    """What changes while a stage is trained.
+    """State of a stage under training.
 
     `key` is folded with the number of iterations, never replaced. `env_steps` counts steps of
     single games. A side that learns alone has games in each of its tasks.

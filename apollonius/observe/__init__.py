@@ -1,1 +1,1 @@
-"""What a side knows, the view of one robot, and the observations that networks read."""
+"""The knowledge of a side, the view of one robot, and the observations that networks read."""

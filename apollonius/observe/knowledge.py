@@ -1,4 +1,4 @@
-"""What one side knows of a state of the game: all that its players see."""
+"""The knowledge that one side has of a state of the game: all that its players see."""
 
 import equinox as eqx
 from jaxtyping import Array, Float, Int

@@ -8,7 +8,7 @@ from apollonius.observe.paper import ENCODED, PAPER
 from apollonius.observe.team import TEAM
 
 OWN = PAPER, ENCODED, EGOCENTRIC, TEAM
-"""Those of this package."""
+"""Observations of this package."""
 OBSERVATIONS: dict[str, AbstractObservation] = {
     observation.name: observation for observation in OWN
 }

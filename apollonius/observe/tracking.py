@@ -37,7 +37,7 @@ class Sightings(eqx.Module):
 
 
 class Track(eqx.Module):
-    """What the robots of one side know, which have sensors.
+    """Knowledge of the robots of one side, which have sensors.
 
     Attributes:
         own: their own states, with the errors of their sensors.

@@ -77,7 +77,7 @@ class Transition(eqx.Module):
 
 
 class SideState(eqx.Module):
-    """What one side of each game carries from start to end.
+    """State that one side of each game carries from start to end.
 
     Team mates are the same member. `episode_return` has an axis of robots in teams only, leaves of
     `memory` always. `track` is what a side with sensors knows, `drives` those of its robots.

@@ -318,7 +318,7 @@ def table_3(study: Study) -> Finding:
 SECTIONS = (figure_4, figure_5, figure_6, figure_7, table_2, table_3, figure_8)
 """In the order of the report."""
 SECTIONS_OF_SEEDS = (*SECTIONS[:3], figure_6_in_course, *SECTIONS[3:])
-"""Those of several seeds."""
+"""Reproductions of several seeds."""
 
 
 def reproduce(

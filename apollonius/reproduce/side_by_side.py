@@ -8,7 +8,7 @@ so that either way of training resumes what the other began.
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,9 +17,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from apollonius.agents.network import Network
 from apollonius.arenas.file import to_dict
-from apollonius.game.types import ROLES, BySide, Role
 from apollonius.io.document import to_json
 from apollonius.io.errors import InvalidInput, require
 from apollonius.io.interrupts import should_stop, stopping_on_signals
@@ -27,23 +25,10 @@ from apollonius.io.limits import TRANSITIONS
 from apollonius.learn.algorithm import ReplayAlgorithm
 from apollonius.learn.config import RunConfig
 from apollonius.learn.fixed_target import FixedTargetConfig
-from apollonius.learn.folder import (
-    CheckpointMeta,
-    end_checkpoint,
-    load_checkpoint,
-    load_checkpoint_meta,
-    load_config,
-    save_checkpoint,
-)
-from apollonius.learn.metrics import append_metrics, begin_metrics, metrics_line
+from apollonius.learn.folder import end_checkpoint, load_config
 from apollonius.learn.progress import record_status
 from apollonius.learn.replay_stage import ReplayStage, train_chunk
-from apollonius.learn.run import (
-    CHECKPOINT_SECONDS,
-    CheckpointContent,
-    TrainingRun,
-    load_first_network,
-)
+from apollonius.learn.run import CHECKPOINT_SECONDS, TrainingRun
 from apollonius.learn.self_play import SelfPlayConfig
 from apollonius.learn.stage import Metrics, TrainState
 
@@ -81,11 +66,12 @@ def train_side_by_side(
         InvalidInput: As `require_side_by_side`, and if a training fails.
         KeyboardInterrupt: After Ctrl-C, when checkpoints are written.
     """
-    groups: dict[str, list[SeedRun]] = {}
+    groups: dict[str, list[TrainingRun]] = {}
     for folder in folders:
-        run = SeedRun(load_config(folder / "config.toml"), folder)
-        if not run.meta.ended:
-            groups.setdefault(run.place, []).append(run)
+        run = TrainingRun(load_config(folder / "config.toml"), folder)
+        run.read_progress()
+        if not run.progress.ended:
+            groups.setdefault(_common_parts(run), []).append(run)
     for runs in groups.values():
         require_side_by_side(runs[0].config, len(runs))
     with stopping_on_signals(again=False):
@@ -96,103 +82,20 @@ def train_side_by_side(
                 report(f"done: the training in '{run.folder}'")
 
 
-@dataclass(eq=False)
-class SeedRun(TrainingRun):
-    """One run among those side by side: how far it is, the networks that its stage started from,
-    and the best ones of this stage so far, where it keeps them.
-    """
-
-    meta: CheckpointMeta = field(init=False)
-    networks: BySide[Network | None] = field(init=False)
-    best: dict[Role, Network] | None = field(init=False, default=None)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.networks = ROLES.map(lambda role: load_first_network(self.config, role))
-        self.meta = CheckpointMeta(next(iter(self.config.by_name)))
-        self.resumes = self.checkpoint.exists()
-        if self.resumes:
-            self.meta = load_checkpoint_meta(self.checkpoint, self.config)
-
-    @property
-    def place(self) -> str:
-        """The common parts of runs side by side: all but their seeds."""
-        config = to_dict(replace(self.config, seed=0))
-        return to_json([config, self.meta.stage, self.meta.chunks])
-
-    def begin_metrics(self) -> None:
-        """Make its `metrics.jsonl`, or cut off what was written after the checkpoint."""
-        begin_metrics(self.metrics, self.meta if self.resumes else None)
-
-    def key(self, name: str) -> jax.Array:
-        """Return the random key of a stage."""
-        return jax.random.fold_in(jax.random.key(self.config.seed), self.config.stage_number(name))
-
-    def begin_stage(self, name: str, best: dict[Role, Network] | None) -> None:
-        """Begin a stage, whose first agents are its best ones where it keeps these."""
-        size = self.metrics.stat().st_size
-        self.meta = CheckpointMeta(name, metrics_bytes=size)
-        self.best = best
-
-    def template(self, stage: ReplayStage) -> CheckpointContent:
-        """Return the content of a checkpoint in this stage, with other numbers."""
-        return self._template(self.meta.stage, stage)
-
-    def load(self, template: CheckpointContent) -> TrainState:
-        """Go on from the checkpoint; return its state."""
-        content = load_checkpoint(self.checkpoint, template)
-        self.networks, self.best = content.networks, content.best
-        return content.train
-
-    def save(self, train: TrainState) -> None:
-        """Write the checkpoint."""
-        content = CheckpointContent(train, self.networks, self.best)
-        save_checkpoint(self.checkpoint, content, self.meta)
-
-    def record(
-        self, stage: ReplayStage, train: TrainState, metrics: Metrics, seconds: float
-    ) -> None:
-        """Evaluate and save the agents where that is due after a chunk, and write its metrics.
-
-        Args:
-            stage: The stage.
-            train: The state after the chunk, of which the counters are read, and the agents where
-                they are due.
-            metrics: The chunk's.
-            seconds: Time that the chunk took.
-        """
-        before = self.meta.chunks
-        self.meta = replace(self.meta, chunks=before + 1, seconds=self.meta.seconds + seconds)
-        evaluation = self._evaluate(stage, train, before, self.meta)
-        if evaluation is not None and stage.config.keeps_best:
-            best = self.meta.best.outcomes if self.meta.best else None
-            if stage.is_better(evaluation.outcomes, best):
-                self.best = stage.agents(train)
-                self.meta = replace(self.meta, best=evaluation)
-        self._save_snapshots(stage, train, before, self.meta)
-        speed = stage.algorithm.env_steps_per_chunk / seconds
-        line = metrics_line(self.meta.stage, train, metrics, evaluation, self.meta.seconds, speed)
-        self.meta = replace(self.meta, metrics_bytes=append_metrics(self.metrics, line))
-
-    def end_stage(self, stage: ReplayStage, last_agents: dict[Role, Network]) -> None:
-        """Save the best agents where the stage keeps them; later stages start from them, or else
-        from the last ones.
-        """
-        if self.best is not None and self.meta.best is not None:
-            for role, network in self.best.items():
-                self._save_agent(stage, network, role, asdict(self.meta.best), self.meta.stage)
-        agents: dict[Role, Any] = self.best or last_agents
-        self.networks = ROLES.map(lambda role: agents.get(role, self.networks[role]))
+def _common_parts(run: TrainingRun) -> str:
+    """Return the common parts of runs side by side: all but their seeds, and how far they are."""
+    config = to_dict(replace(run.config, seed=0))
+    return to_json([config, run.progress.stage, run.progress.chunks])
 
 
 @dataclass(frozen=True)
 class SideBySide:
     """Runs that differ in their seeds only and are equally far. Their states are stacked."""
 
-    runs: Sequence[SeedRun]
+    runs: Sequence[TrainingRun]
 
     @property
-    def first(self) -> SeedRun:
+    def first(self) -> TrainingRun:
         """The run that stands for all where they are alike."""
         return self.runs[0]
 
@@ -206,9 +109,8 @@ class SideBySide:
     def _execute(self) -> bool:
         for run in self.runs:
             run.begin_metrics()
-        names = list(self.first.config.by_name)
-        resumed = self.first.meta.stage if self.first.resumes else None
-        for name in names[names.index(self.first.meta.stage) :]:
+        resumed = self.first.progress.stage if self.first.is_resumed else None
+        for name in self.first.stages_left():
             stage = self.first.make_stage(name)
             assert isinstance(stage, ReplayStage), "as `require_side_by_side` has checked"
             states = self._load(stage) if name == resumed else self._begin(name, stage)
@@ -222,27 +124,25 @@ class SideBySide:
         return True
 
     def _begin(self, name: str, stage: ReplayStage) -> TrainState:
-        keys = jnp.stack([run.key(name) for run in self.runs])
+        keys = jnp.stack([run.stage_key(name) for run in self.runs])
         networks = _stack([run.networks for run in self.runs])
         states = jax.jit(jax.vmap(stage.init))(keys, networks)
         for number, run in enumerate(self.runs):
-            agents = _of_seed(stage.agents(states), number)
-            run.begin_stage(name, agents if stage.config.keeps_best else None)
+            run.begin_stage(name, stage, _of_seed(stage.agents(states), number))
         return states
 
     def _load(self, stage: ReplayStage) -> TrainState:
-        template = self.first.template(stage)
-        return _stack([run.load(template) for run in self.runs])
+        return _stack([run.load(stage) for run in self.runs])
 
     def _train_stage(self, stage: ReplayStage, states: TrainState) -> tuple[TrainState, bool]:
         """Train one stage from here. Returns its last states, and whether it ended by itself."""
         last_save, interval = time.monotonic(), CHECKPOINT_SECONDS
-        while self.first.meta.chunks < stage.chunks:
+        while self.first.progress.chunks < stage.chunks:
             began = time.monotonic()
             states, metrics = train_chunks(stage, states)
             metrics = jax.device_get(metrics)
             self._record(stage, states, metrics, time.monotonic() - began)
-            is_stopped, is_ended = should_stop(), self.first.meta.chunks == stage.chunks
+            is_stopped, is_ended = should_stop(), self.first.progress.chunks == stage.chunks
             if is_stopped or is_ended or time.monotonic() - last_save >= interval:
                 began = time.monotonic()
                 for number, run in enumerate(self.runs):
@@ -259,7 +159,7 @@ class SideBySide:
         """Record a chunk in each run. The agents are due at evaluations and, where they may be
         saved, at whole percentages of the stage.
         """
-        before, after = self.first.meta.chunks, self.first.meta.chunks + 1
+        before, after = self.first.progress.chunks, self.first.progress.chunks + 1
         is_percent = after * 100 // stage.chunks > before * 100 // stage.chunks
         needs_agents = is_percent or stage.evaluates(before, after)
         counters = _without_experience(states) if needs_agents else _counters(states)

@@ -43,7 +43,7 @@ def run_configs(preset: RunConfig, seed: int) -> dict[str, RunConfig]:
 
 @dataclass
 class Study:
-    """Where the agents of a study are, and their matches, each played once."""
+    """The agents of a study, and their matches, each played once."""
 
     folder: Path
     budget: str

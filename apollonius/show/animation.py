@@ -98,7 +98,7 @@ _SHORTEST = 0.02
 0.1 s.
 """
 _LAST_SECONDS = 2.0
-"""How long the end is shown."""
+"""Time for which the end is shown."""
 _COLOURS = 64
 """Colours of a GIF: those of its end, which has all trails."""
 

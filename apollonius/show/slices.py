@@ -1,5 +1,4 @@
-"""What an agent or a solved game says of every place in the arena: the value of the best action,
-and which it is.
+"""Values and best actions of an agent, or of a solved game, in every place of the arena.
 
 Everything but its own position is held fixed, so the pictures are slices of a function of eight
 numbers.

@@ -50,9 +50,9 @@ class RobotHardware:
     track: float = 0.33
     """From wheel to wheel [m]."""
     caster: float = 0.2
-    """How far the caster is behind the axle [m]."""
+    """Distance of the caster behind the axle [m]."""
     mass_behind: float = 0.04
-    """How far the chassis' centre of mass is behind the axle [m]."""
+    """Distance of the chassis' centre of mass behind the axle [m]."""
     chassis_radius: float = 0.19
     """Of the cylinder that gives the chassis its moments of inertia, and that is seen [m]."""
     friction: float = 0.8

@@ -21,8 +21,8 @@ from apollonius.simulate.drive import RobotHardware
 
 WHEELS = ("left", "right")
 SHELL = 0.01
-"""How much smaller the shell that obstacles push back is than the body that the referee measures
-[m].
+"""Difference [m] between the radius of the body, which the referee measures, and that of the shell,
+which obstacles push back.
 """
 _HEIGHT = 0.3
 _THICKNESS = 0.05
@@ -32,7 +32,7 @@ _OBSTACLE = "2"
 _NOTHING = "0"
 _COLOURS = {"pursuer": "0.8 0.2 0.2 1", "evader": "0.2 0.4 0.8 1"}
 _ABOVE = 0.06
-"""How far the middle of the chassis is above the axle [m]."""
+"""Height of the middle of the chassis above the axle [m]."""
 
 
 def robots_of(game: Game) -> dict[str, Unicycle]:

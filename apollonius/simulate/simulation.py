@@ -276,13 +276,13 @@ EVENTS: dict[str, tuple[Outcome, ...]] = {
     "evader fails": (Outcome.EVADER_HIT_OBSTACLE, Outcome.EVADER_OUT_OF_RANGE, Outcome.BOTH_FAILED),
     "no result": (Outcome.NO_RESULT,),
 }
-"""What is counted in pairs: games that ended in one of these."""
+"""Outcomes that are counted in pairs of games, by the name of their group."""
 
 
 @dataclass(frozen=True)
 class Difference:
-    """How often something happened, in [0, 1], by the rules and with bodies; and how much more
-    often with bodies.
+    """Frequency of an event, in [0, 1], by the rules and with bodies, and the difference between
+    both.
     """
 
     rules: float

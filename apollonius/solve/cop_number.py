@@ -1,5 +1,5 @@
-"""How many pursuers are enough in an arena, for idealised robots: equally fast, without inertia,
-turn by turn.
+"""Number of pursuers that is enough in an arena, for idealised robots: equally fast, without
+inertia, turn by turn.
 
 The arena is a graph of hexagonal cells, a step leads from one to the next. Three pursuers are
 always enough there, as the graph is planar (Aigner and Fromme, 1984), and in the arena itself
@@ -18,7 +18,7 @@ from scipy.sparse import csr_array
 from apollonius.arenas.free_space import FreeSpace, Tiling, tile
 
 Adjacency = Bool[np.ndarray, "nodes nodes"]
-"""Which nodes of a graph are neighbours: symmetric, and no node is its own."""
+"""Neighbourhood of the nodes of a graph: symmetric, and no node is its own."""
 SIZES = (250, 500, 1000, 2000)
 """Cells that the free space is cut into, if all were whole, until enough graphs in a row agree."""
 AGREEING = 3

@@ -19,7 +19,7 @@ AXES = ("x", "y", "v", "heading")
 _LANES = 64
 """Enough lanes to fill a processor's registers, few enough for its cache."""
 FEWER_NODES = "take fewer nodes"
-"""What to do about a grid that does not fit into memory."""
+"""Remedy for a grid that does not fit into memory."""
 
 
 class Grid(eqx.Module):

@@ -30,7 +30,7 @@ SPACING = 0.2
 MOST = 101
 """Nodes along x and along y."""
 HOLD = 0.5
-"""How long an action is held [s]: long enough to leave a cell, short enough to steer."""
+"""Time for which an action is held [s]: long enough to leave a cell, short enough to steer."""
 _HEADINGS = range(40, 65)
 """Numbers of headings among which a hold's turn comes closest to whole cells of one."""
 _FASTER = 0.05

@@ -20,13 +20,13 @@ from apollonius.solve.grid import FEWER_NODES
 
 FORMAT = "apollonius-solution", 1
 KINDS = ("safety", "reach", "game")
-"""What can be solved."""
+"""Problems that can be solved."""
 _MOST_NODES = 1_000_000
 
 
 @dataclass(frozen=True)
 class Problem:
-    """What is solved: two solutions of one problem are the same."""
+    """A problem to solve: two solutions of one problem are the same."""
 
     kind: str
     """`safety`, `reach` or `game`."""
@@ -39,7 +39,7 @@ class Problem:
     hold: int
     """Control steps for which an action is held."""
     target: list[float] | None = None
-    """Where the target stands [m]; of `reach` only."""
+    """Place of the target [m]; of `reach` only."""
     whole_cells: bool = False
     """Round moves along x and y to whole cells; of `game` only."""
 
@@ -68,7 +68,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class _Header:
-    """What a solution's file says about it."""
+    """Header of a solution's file."""
 
     problem: Problem
     sweeps: int

@@ -29,7 +29,7 @@ PAGE = Path(__file__).parent / "page"
 LEARNERS = Path(__file__).parent / "learners"
 """The pursuer of one short training after shares of it."""
 LEARNING = LEARNERS / "learning.json"
-"""How many evaders these pursuers catch, as `python -m website.learners` has measured it."""
+"""Capture rates of these pursuers, as `python -m website.learners` has measured them."""
 YOU = "you"
 """The name of a person in place of an agent's."""
 ANY_ARENA = ("egocentric", "team")

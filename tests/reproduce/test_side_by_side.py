@@ -10,6 +10,7 @@ from safetensors.numpy import load_file
 
 from apollonius.cli.runs import run_reproduce
 from apollonius.io.errors import InvalidInput
+from apollonius.learn import run as run_module
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import create_run, load_checkpoint_meta
 from apollonius.learn.metrics import load_metrics
@@ -123,7 +124,7 @@ def test_diverged_run_is_named(tmp_path, monkeypatch):
     def refuse(*args):
         raise InvalidInput("the training has diverged")
 
-    monkeypatch.setattr(side_by_side, "metrics_line", refuse)
+    monkeypatch.setattr(run_module, "metrics_line", refuse)
     with pytest.raises(InvalidInput, match=r"seed-0': the training has diverged"):
         train_side_by_side(folders)
     assert json.loads((folders[1] / "state.json").read_text())["state"] == "failed"

@@ -38,7 +38,7 @@ def action_penalties(
 
 
 class ClearancePenalty(AbstractValueWrapper):
-    """Another player with a `clearance_penalty` in its action values.
+    """Another player with the `action_penalties` in its action values.
 
     Attributes:
         policy: reads `egocentric`, or an observation that begins with it.

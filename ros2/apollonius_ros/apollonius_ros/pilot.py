@@ -15,9 +15,9 @@ from typing import Any
 NOT_SEEN = (1e9,) * 4
 """The state of an opponent that a player for a game with sensors does not see now."""
 MARGIN = 0.5
-"""How far outside the arena a robot may be seen [m], as localisation errs."""
+"""Largest distance outside the arena at which a robot may be seen [m], as localisation errs."""
 EXCESS = 2.0
-"""How many times as fast as the fastest of all a robot may be seen, as speeds are noisy."""
+"""Largest speed at which a robot may be seen, in multiples of the fastest, as speeds are noisy."""
 DRIFT_TIME = 2.0
 """Over which a robot's drift is averaged [s]."""
 
@@ -43,8 +43,8 @@ class Decision:
 
 @dataclass
 class Robot:
-    """What is known of a robot: its last state and whether it is in play, with the times [s] when
-    they were so.
+    """Knowledge of a robot: its last state and whether it is in play, with the times [s] when they
+    were so.
 
     Attributes:
         trusted: the time [s] and the state that the pilot believed last.
