@@ -12,7 +12,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from apollonius.agents.source import NamedPlayer
@@ -45,11 +44,10 @@ def main() -> None:
     arenas = [suite_arena(*place) for place in places]
     stacked, survivals = stack_arenas(arenas), dict[str, dict[str, list[int]]]()
     for number, (place, arena) in enumerate(zip(places, arenas, strict=True)):
-        chart = with_chart(Game(arena=arena)).arena.chart
+        chart = with_chart(Game(arena=arena)).chart
         # Of one shape, so that steps compile once.
         own_arena = jax.tree.map(lambda leaf, number=number: leaf[number], stacked)
-        own_arena = replace(own_arena, chart=jax.tree.map(jnp.asarray, chart))
-        game = replace(Game(arena=own_arena), max_steps=SECONDS * 10)
+        game = replace(Game(arena=own_arena, chart=chart), max_steps=SECONDS * 10)
         pursuer = find_player("pursuer", Role.PURSUER, game)
         planner = NamedPlayer(PLANNER, planner_against(pursuer, Role.PURSUER, game, FOLLOWED))
         for evader in (planner, find_player("evader", Role.EVADER, game)):

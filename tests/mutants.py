@@ -28,10 +28,10 @@ NOISE = re.compile(r"core/(ReplaceBinaryOperator_BitOr_|RemoveDecorator|Exceptio
 PYTEST = f"{sys.executable} -m pytest -x -q -n 0 -p no:cacheprovider --timeout 300"
 
 
-def sample(number: int, seed: int) -> list[MutationSpec]:
-    """Return mutants of the tree here, each at a place of its own, drawn evenly from all."""
+def sample(folders: list[str], number: int, seed: int) -> list[MutationSpec]:
+    """Return mutants of some folders, each at a place of its own, drawn evenly from all."""
     with tempfile.TemporaryDirectory() as folder, use_db(f"{folder}/all.sqlite") as found:
-        init(sorted(path for package in PACKAGES for path in Path(package).rglob("*.py")), found, {})
+        init(sorted(path for folder in folders for path in Path(folder).rglob("*.py")), found, {})
         every = [item.mutations[0] for item in found.work_items]
     every = sorted(
         (one for one in every if not NOISE.match(one.operator_name)),
@@ -57,6 +57,7 @@ def tests_of(file: Path) -> list[str]:
 def main() -> None:
     """Sample, run, write down."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folders", nargs="*", default=PACKAGES, help="default: all of the packages")
     parser.add_argument("--mutants", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--limit", type=int, default=900, help="seconds for the tests of one mutant")
@@ -69,7 +70,9 @@ def main() -> None:
         shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns(".git", ".venv", "runs", "build"))
         os.chdir(tree)
         os.environ["PYTHONPATH"] = str(tree)
-        for number, mutant in enumerate(sample(options.mutants, options.seed)[len(lines) :], len(lines) + 1):
+        for number, mutant in enumerate(
+            sample(options.folders, options.mutants, options.seed)[len(lines) :], len(lines) + 1
+        ):
             tests = tests_of(Path(mutant.module_path))
             made = mutate_and_test([mutant], f"{PYTEST} {' '.join(tests)}", options.limit)
             killed = bool(tests) and made.test_outcome != TestOutcome.SURVIVED

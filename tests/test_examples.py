@@ -38,7 +38,11 @@ LONG = {"as_printed": 250, "own_algorithm": 110}
 """The most lines of a script that has more than 100."""
 
 
-@pytest.mark.parametrize("name", SCRIPTS)
+LENGTHY = ("own_obstacle", "solve_reach")
+"""Scripts that take ten seconds or more."""
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LENGTHY)) for name in SCRIPTS])
 def test_example_runs_prints_and_is_listed(name, tmp_path, monkeypatch, capsys):
     if name in EXTRAS:
         pytest.importorskip(EXTRAS[name])

@@ -4,7 +4,6 @@ zoo, runs, files.
 
 import os
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -192,7 +191,7 @@ def trained_elsewhere(player: NamedPlayer, game: Game) -> bool:
     if header is None or not header.game or find_observation(header.observation).needs_chart:
         return False
     arena = from_dict(Game, header.game, f"the header of '{player.name}'").arena
-    return game.scenario is not None or to_dict(arena) != to_dict(replace(game.arena, chart=None))
+    return game.scenario is not None or to_dict(arena) != to_dict(game.arena)
 
 
 def load_network(name: str, role: Role) -> Network:

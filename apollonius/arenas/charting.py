@@ -51,7 +51,7 @@ def with_chart(game: Game, are_read: bool = True) -> Game:
     """
     scenario = game.scenario
     uncharted = game.arena if scenario is None else scenario.arenas
-    if uncharted.chart is not None or not (are_read or game.reward.along_paths):
+    if game.chart is not None or not (are_read or game.reward.along_paths):
         return game
     count = 0 if scenario is None else scenario.count
     single_arenas = [jax.tree.map(lambda leaf, i=i: leaf[i], uncharted) for i in range(count)]
@@ -61,10 +61,7 @@ def with_chart(game: Game, are_read: bool = True) -> Game:
         for arena in single_arenas or [uncharted]
     ]
     chart = Chart(*jax.device_put([np.stack(leaves) for leaves in zip(*charts, strict=True)]))
-    arenas = replace(uncharted, chart=chart)
-    if scenario is None:
-        return replace(game, arena=arenas)
-    return replace(game, scenario=replace(scenario, arenas=arenas))
+    return replace(game, chart=chart)
 
 
 def largest_radius(game: Game) -> float:

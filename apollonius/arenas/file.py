@@ -163,7 +163,7 @@ def _arena_data(arena: Arena, hooks: Hooks) -> dict[str, Any]:
     """Return an arena's record, with a list of tables for each kind of obstacles of other
     packages.
     """
-    record = write_record(arena, hooks, derived=("chart", "extra"))
+    record = write_record(arena, hooks, derived=("extra",))
     for obstacle in arena.extra:
         table = table_of(type(obstacle))
         bound = (

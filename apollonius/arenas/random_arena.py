@@ -120,4 +120,4 @@ def with_random_arena(
         require(gap > 2 * body.radius, "gap", gap, bound)
     width, height = size
     arena = random_arena(kind, seed, gap=gap, width=width, height=height)
-    return replace(game, arena=arena, scenario=None)
+    return game.in_arena(arena)

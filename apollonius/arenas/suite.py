@@ -14,7 +14,7 @@ import functools
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -158,7 +158,7 @@ def single_arena_games(game: Game) -> list[Game]:
     """
     if game.scenario is None:
         return [game]
-    return [replace(game, arena=arena, scenario=None) for arena in _arenas(game.scenario.name)]
+    return list(map(game.in_arena, _arenas(game.scenario.name)))
 
 
 def _arenas(name: Any) -> list[Arena]:

@@ -205,7 +205,7 @@ def missed_passage(game: Game) -> list[str]:
     """
     arena = game.arena
     radius = largest_radius(game)
-    chart = with_chart(game).arena.chart
+    chart = with_chart(game).chart
     assert chart is not None, "the game has a chart"
     lengths = np.asarray(chart.lengths)[0]
     side = float(np.asarray(chart.side)[0])

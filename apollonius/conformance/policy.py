@@ -193,7 +193,7 @@ class _Checks:
                 for polygon, vertices in zip(polygons, corners, strict=True)
             )
         walls = Arena(arena.x_min, arena.x_max, arena.y_min, arena.y_max, discs, polygons)
-        plain = replace(self.game, arena=walls, sensors=None, drives=None)
+        plain = replace(self.game.in_arena(walls), sensors=None, drives=None)
         return with_chart(plain) if self.policy.needs_chart else plain
 
     def _images(self, robots: tuple[RobotState, ...]) -> tuple[RobotState, ...]:

@@ -198,7 +198,7 @@ def _detours(match: Match) -> Float[np.ndarray, " games"] | None:
     charts.
     """
     game = match.rules
-    if game.teams or game.scenario is None or game.scenario.arenas.chart is None:
+    if game.teams or game.scenario is None or game.chart is None:
         return None
     return np.asarray(_detour_ratios(game, draw_starts(match)[0]))
 
@@ -206,7 +206,7 @@ def _detours(match: Match) -> Float[np.ndarray, " games"] | None:
 @jax.jit
 def _detour_ratios(game: Game, starts: GameState) -> Float[Array, " games"]:
     def over_line(start: GameState) -> Scalar:
-        chart = game.at(start).arena.chart
+        chart = game.at(start).chart
         pursuer = start.pursuer
         evader = start.evader
         assert chart is not None, "the game has a chart"

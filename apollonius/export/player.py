@@ -268,11 +268,8 @@ def find_exportable(name: str | AbstractPolicy, role: Role, game: Game) -> Playe
     drives = Drives(**{side: own_drive}) if own_drive else None
     rules = with_chart(game) if policy.needs_chart else game
     player_game = replace(rules, sensors=sensors, drives=drives)
-    if player_game.arena.chart is not None and sensors is None:
-        player_game = replace(
-            player_game,
-            arena=replace(player_game.arena, chart=replace(player_game.arena.chart, links=None)),
-        )
+    if player_game.chart is not None and sensors is None:
+        player_game = replace(player_game, chart=replace(player_game.chart, links=None))
     return Player(
         name if isinstance(name, str) else named_player.name,
         role,

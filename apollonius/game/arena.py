@@ -5,7 +5,6 @@ from collections import Counter
 
 import jax.numpy as jnp
 
-from apollonius.game.chart import Chart
 from apollonius.game.obstacle import AbstractObstacle, Walls, closest_approach_squared
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Edges, Polygon
@@ -65,8 +64,6 @@ class Arena(Walls):
     Attributes:
         map: cells that are obstacles, or None.
         territory: where the evader wins and does not start, or None.
-        chart: distances that players for any arena read (`apollonius.arenas.charting`), or None;
-            never in a file.
         extra: obstacles of other kinds, each in a file's table of its kind (`register_obstacle`).
     """
 
@@ -74,7 +71,6 @@ class Arena(Walls):
     polygons: tuple[Polygon, ...] = ()
     map: OccupancyMap | None = None
     territory: Disc | None = None
-    chart: Chart | None = None
     extra: tuple[AbstractObstacle, ...] = ()
 
     @property

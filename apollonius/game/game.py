@@ -71,6 +71,8 @@ class Game(eqx.Module):
         teams: the other robots of either side; None in a game of two.
         reward, starts: rewards of both sides, and the distribution of initial states.
         sensors, drives: of either side; None for robots that see everything and act at once.
+        chart: distances in its arena, or in all those of its scenario, which players for any arena
+            read; derived (`apollonius.arenas.charting.with_chart`), never in a file.
 
     Raises:
         InvalidInput: at construction, for values that no game can be played with.
@@ -88,6 +90,7 @@ class Game(eqx.Module):
     teams: Teams | None = None
     sensors: Sensing | None = None
     drives: Drives | None = None
+    chart: Chart | None = None
 
     def __check_init__(self) -> None:
         self.check()
@@ -149,7 +152,9 @@ class Game(eqx.Module):
         scenario = self.scenario
         assert scenario is not None, "only a scenario has variants"
         assert variant is not None, "a state of a game in one of several arenas says in which"
-        single = replace(self, arena=scenario.arena(variant), scenario=None)
+        # A chart stays with all others: it is too large to copy.
+        chart = self.chart and replace(self.chart, member=variant % scenario.count)
+        single = replace(self, arena=scenario.arena(variant), scenario=None, chart=chart)
         if scenario.kinds is None:
             return single
         kind = jax.tree.map(lambda leaf: leaf[variant // scenario.count], scenario.kinds)
@@ -167,6 +172,10 @@ class Game(eqx.Module):
             sensors=kind.sensors or self.sensors,
             drives=kind.drives or self.drives,
         )
+
+    def in_arena(self, arena: Arena) -> "Game":
+        """Return the game in another arena, of which it has no chart."""
+        return replace(self, arena=arena, scenario=None, chart=None)
 
     def require_one_arena(self, caller: str) -> None:
         """Refuse a game in one of several arenas, for `caller` needs one; raises InvalidInput."""
@@ -238,7 +247,7 @@ class Game(eqx.Module):
         after = replace(state, robots=ROLES.map(robots_after), steps=state.steps + 1)
         outcome, status = judge(game, state, after)
         after = replace(after, status=status)
-        chart = game.arena.chart if self.reward.along_paths else None
+        chart = game.chart if self.reward.along_paths else None
         has_chart = chart is not None or not self.reward.along_paths
         bound = (
             "left out in a game without charts: apollonius.arenas.charting.with_chart draws them"

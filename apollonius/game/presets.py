@@ -116,7 +116,7 @@ def in_arenas(game: Game, arenas: Sequence[Arena]) -> Game:
     have a territory.
     """
     require(arenas, "arenas", "none", "one at least")
-    first, *rest = (replace(game, arena=arena, scenario=None) for arena in arenas)
+    first, *rest = map(game.in_arena, arenas)
     if not rest:
         return first
     return replace(first, scenario=Scenario(stack_arenas(arenas), len(arenas)))
@@ -134,8 +134,7 @@ def randomised(game: Game, spreads: Sequence[Spread]) -> Game:
     """
     scenario = game.scenario
     if scenario is None:
-        arenas = stack_arenas([replace(game.arena, chart=None)])
-        scenario = Scenario(replace(arenas, chart=game.arena.chart), 1)
+        scenario = Scenario(stack_arenas([game.arena]), 1)
     numbers = game.pursuer, game.evader, game.capture_distance
     kinds = scenario.kinds or RobotKinds(
         *jax.tree.map(lambda leaf: jnp.full(_KINDS, leaf, jnp.float32), numbers)

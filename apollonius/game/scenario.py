@@ -149,21 +149,20 @@ class Scenario(eqx.Module):
         return arena + self.count * ((turn + _STRIDE * arena) % len(self.kinds))
 
     def arena(self, variant: Int[Array, ""]) -> Arena:
-        """Return the arena of a variant. A map's field and a chart stay with all others: they are
-        too large to copy.
+        """Return the arena of a variant. A map's field stays with all others: it is too large to
+        copy.
         """
         number = variant % self.count
         cells = self.arenas.map
-        chart = self.arenas.chart
 
         def own(leaf: Any) -> Array:
             return jnp.take(leaf, number, 0, mode="clip")
 
-        arena = jax.tree.map(own, replace(self.arenas, map=None, chart=None))
+        arena = jax.tree.map(own, replace(self.arenas, map=None))
         own_map = cells and OneOfMaps(
             cells.field, own(cells.x), own(cells.y), own(cells.cell), "", "", number
         )
-        return replace(arena, map=own_map, chart=chart and replace(chart, member=number))
+        return replace(arena, map=own_map)
 
 
 def stack_arenas(arenas: Sequence[Arena]) -> Arena:

@@ -31,15 +31,7 @@ _TOGETHER = 5_000
 _PLACINGS = 100
 """Starts of teams that are tried out."""
 _SIDES = ("pursuer", "evader")
-_OPTIONAL = (
-    "arena.map",
-    "arena.territory",
-    "arena.chart",
-    "scenario",
-    "teams",
-    "sensors",
-    "drives",
-)
+_OPTIONAL = ("arena.map", "arena.territory", "scenario", "teams", "sensors", "drives", "chart")
 """Beginnings of the names of parts that a game need not have."""
 
 _SINGLE, _SEEDS = "everything here is in single precision", "a seed means other games otherwise"
@@ -110,7 +102,7 @@ def _numbers(game: Any) -> dict[str, Any]:
     leaves = jax.tree_util.tree_flatten_with_path(game, is_leaf=lambda leaf: leaf is None)[0]
     keystr = functools.partial(jax.tree_util.keystr, simple=True, separator=".")
     numbers = {keystr(path): leaf for path, leaf in leaves}
-    hidden = {name for name in numbers if name.startswith("arena.chart.")} | {"arena.map.field"}
+    hidden = {name for name in numbers if name.startswith("chart.")} | {"arena.map.field"}
     absent = {name for name, leaf in numbers.items() if leaf is None}
     hidden |= {name for name in absent if name.startswith(_OPTIONAL)}
     return {name: leaf for name, leaf in numbers.items() if name not in hidden}

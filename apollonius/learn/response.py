@@ -120,7 +120,7 @@ def _with_chart_like(game: Game, references: Sequence[Game], needs_chart: bool) 
             continue
         same_size = largest_radius(game) == largest_radius(other)
         if scenario.name == charted.name and same_size:
-            return replace(game, scenario=replace(scenario, arenas=charted.arenas))
+            return replace(game, chart=other.chart)
     return with_chart(game, needs_chart)
 
 

@@ -85,7 +85,9 @@ def init_track(game: Game, state: GameState, role: Role, believes: bool = True) 
     if sensors.delay is not None:
         blank = Percept(own, opponents, (no_flag,) * len(opponents), no_flag)
         late = jax.tree.map(lambda leaf: jnp.repeat(leaf[None], MOST_DELAY + 1, axis=0), blank)
-    anywhere = belief.uniform(arena.chart) if believes and arena.chart is not None else None
+    anywhere = (
+        belief.uniform(local_game.chart) if believes and local_game.chart is not None else None
+    )
     sightings = Sightings(jnp.full((), -1, jnp.int32), jnp.zeros((), jnp.int32))
     return Track(own, opponents, (jnp.float32(NEVER),) * len(opponents), late, anywhere, sightings)
 
@@ -172,7 +174,7 @@ def _update_belief(
     game: Game, sensors: Sensors, before: Belief, percept: Percept, state: GameState, role: Role
 ) -> Belief:
     """Return the belief after a step in which opponents moved, and after what was seen."""
-    chart, active = game.arena.chart, state.active
+    chart, active = game.chart, state.active
     assert chart is not None, "a belief has a chart"
     spread_belief = belief.propagate(chart, before, _reach(game, role), game.dt)
     after = belief.observe_belief(chart, sensors, spread_belief, percept, active[role])
@@ -212,7 +214,7 @@ def knowledge_of(
     """
     local_game = game.at(state)
     side_belief = track.belief
-    chart = local_game.arena.chart
+    chart = local_game.chart
     sensors = local_game.sensors and local_game.sensors[role]
     # what opponents may have done since
     if side_belief and chart and sensors and sensors.delay is not None:

@@ -68,6 +68,7 @@ class View(eqx.Module):
         capture_distance: distance at which an evader is captured [m].
         dt: time for which an action is held [s].
         belief: as in `apollonius.observe.knowledge.Knowledge`; None for a side that sees all.
+        arena_chart: the chart of the arena; None where nobody reads it.
     """
 
     arena: Arena
@@ -77,15 +78,15 @@ class View(eqx.Module):
     capture_distance: Real
     dt: Real
     belief: Float[Array, "rows columns"] | None = None
+    arena_chart: Chart | None = None
 
     @property
     def chart(self) -> Chart:
-        """The arena's chart; raises InvalidInput in an arena without one."""
-        chart = self.arena.chart
-        if chart is None:
+        """The arena's chart; raises InvalidInput in a game without one."""
+        if self.arena_chart is None:
             remedy = "draw it by apollonius.arenas.charting.with_chart"
             raise InvalidInput(f"a player that reads an arena's chart: {remedy}.")
-        return chart
+        return self.arena_chart
 
     @property
     def opponent(self) -> Robot:
@@ -141,6 +142,7 @@ def view_of(game: Game, knowledge: Knowledge, role: Role, number: int = 0) -> Vi
         capture_distance=local_game.capture_distance,
         dt=local_game.dt,
         belief=knowledge.belief,
+        arena_chart=local_game.chart,
     )
 
 

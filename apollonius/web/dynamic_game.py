@@ -1,6 +1,7 @@
 """Games as the page writes them: the numbers of robots, obstacles and cells are data."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -99,7 +100,7 @@ class DynamicArena(Arena):
 
 
 class Floor(eqx.Module):
-    """An arena as the page writes it, without the field of its map and its chart.
+    """An arena as the page writes it, without the field of its map.
 
     Attributes:
         walls: x_min, x_max, y_min, y_max [m].
@@ -115,15 +116,13 @@ class Floor(eqx.Module):
     map: Float[Array, "3"]
     counts: Int[Array, "4"]
 
-    def arena(self, field: Float[Array, " corners"], chart: Chart | None = None) -> DynamicArena:
+    def arena(self, field: Float[Array, " corners"]) -> DynamicArena:
         """Return the arena with the field of its map."""
         discs, edges, rows, columns = self.counts
         (x, y, cell), (x_min, x_max, y_min, y_max) = self.map, self.walls
         cells = Cells(field, x, y, cell, "", "", rows, columns)
         drawn = Discs(self.discs, discs), BoundedEdges(self.edges, edges), cells
-        return DynamicArena(
-            x_min, x_max, y_min, y_max, territory=self.territory, chart=chart, extra=drawn
-        )
+        return DynamicArena(x_min, x_max, y_min, y_max, territory=self.territory, extra=drawn)
 
 
 class Robots(eqx.Module):
@@ -155,9 +154,10 @@ class Robots(eqx.Module):
             first_pursuer, first_evader, arena, capture_distance, dt, max_steps, teams=teams
         )
 
-    def view(self, arena: Arena, capture_distance: Scalar, dt: Scalar) -> View:
+    def view(self, arena: Arena, chart: Chart, capture_distance: Scalar, dt: Scalar) -> View:
         """Return the view of the first robot."""
-        return look(self.game(arena, capture_distance, dt), self.state, Role.PURSUER)
+        game = replace(self.game(arena, capture_distance, dt), chart=chart)
+        return look(game, self.state, Role.PURSUER)
 
 
 class SearcherState(eqx.Module):

@@ -207,7 +207,7 @@ def search(
         searcher: before it; of a negative age where the game begins.
         shares: random numbers from 0 to 1.
     """
-    view, role = robots.view(floor.arena(field, chart), capture_distance, dt), Role.PURSUER
+    view, role = robots.view(floor.arena(field), chart, capture_distance, dt), Role.PURSUER
     own, opponent = view.own, view.opponents[0]
     sensors = Sensing(pursuer=Sensors(line_of_sight=True))
     game = Game(
@@ -218,6 +218,7 @@ def search(
         dt,
         jnp.ones((), jnp.int32),
         sensors=sensors,
+        chart=chart,
     )
     state = GameState.of_two(own.state, opponent.state, jnp.zeros((), jnp.int32))
     first = tracking.init_track(game, state, role)

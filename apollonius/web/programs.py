@@ -78,7 +78,7 @@ def _of_view(name: str, answer: Callable[[View], Array]) -> Program:
         capture_distance: Scalar,
         dt: Scalar,
     ) -> Array:
-        return answer(robots.view(floor.arena(field, chart), capture_distance, dt))
+        return answer(robots.view(floor.arena(field), chart, capture_distance, dt))
 
     return _make_program(view, name)
 

@@ -23,7 +23,7 @@ OPEN = Arena(-1.0, 5.0, 2.0, 6.0, discs=(Disc(2.0, 4.0, 0.7),))
 
 
 def chart_of(arena, **changes):
-    return with_chart(replace(Game(arena=arena), **changes)).arena.chart
+    return with_chart(replace(Game(arena=arena), **changes)).chart
 
 
 def chart_of_field(field):
@@ -153,7 +153,7 @@ def test_entries_link_adjacent_free_cells():
 def test_each_of_several_arenas_has_its_own_chart():
     together = with_chart(in_arenas(Game(), [ROOM, OPEN]))
     for number, arena in enumerate((ROOM, OPEN)):
-        chart, alone = together.scenario.arena(jnp.asarray(number)).chart, chart_of(arena)
+        chart, alone = together.with_variant(jnp.asarray(number)).chart, chart_of(arena)
         np.testing.assert_allclose(*(clearances(one, *points(arena, 200)) for one in (chart, alone)), atol=1e-5)
         lengths = [np.asarray(one.lengths[member]) for one, member in ((chart, number), (alone, 0))]
         assert np.mean(lengths[0] != lengths[1]) < 1e-3

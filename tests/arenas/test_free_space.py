@@ -122,7 +122,7 @@ def test_missed_passage_reports_an_unresolved_door_and_its_detour():
     assert "they know no other way. This" in alone
     assert 8.0 < float(re.search(r"they know a way that is (.*) m longer\. This", beside)[1]) < 13.0
     west, east = 20 * COARSE + 5, 20 * COARSE + 35
-    assert np.asarray(with_chart(floor(0.55)).arena.chart.lengths)[0, west, east] == NO_PATH
+    assert np.asarray(with_chart(floor(0.55)).chart.lengths)[0, west, east] == NO_PATH
 
 
 @pytest.mark.parametrize("game", [floor(1.01), floor(0.55, radius=0.0)], ids=["wide", "thin robots"])

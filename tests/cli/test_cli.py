@@ -531,6 +531,7 @@ def test_regret_measures_a_card(capsys):
     assert "gap to what its own table promises" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_solve_reach_computes_a_table_once_and_then_loads_it(capsys, monkeypatch):
     coarse = "--grid", "9x9x3x8"
     arguments = ("solve", "reach", *coarse, "--out", "tables/six.safetensors", "--target", "6")

@@ -156,7 +156,7 @@ def test_values_in_messages_are_one_short_printable_line():
 
 
 def test_progress_in_a_pipe_is_printed_soon_and_then_ever_less_often(monkeypatch, capsys):
-    monkeypatch.setattr(display, "_LOOK_SECONDS", 0.01)
+    monkeypatch.setattr(display, "_LOOK_SECONDS", 0.002)
     monkeypatch.setattr(display, "_FIRST_LINE_SECONDS", 1.0)
     now = [0.0]
     with Display("evaluate", lambda: now[0]) as live:
@@ -164,7 +164,7 @@ def test_progress_in_a_pipe_is_printed_soon_and_then_ever_less_often(monkeypatch
         def lines_until(second):
             while now[0] < second:
                 now[0] += 1
-                time.sleep(0.03)
+                time.sleep(0.008)
             return capsys.readouterr().err.splitlines()
 
         assert lines_until(100) == [], "a refusal would be the only line"

@@ -37,8 +37,8 @@ from tests.web.test_parity import as_on_the_page, ask, needs_node
 
 needs_onnx = pytest.mark.skipif(bool(missing_extra("export")), reason=f"needs {missing_extra('export')}")
 CLASSICAL = ("pure-pursuit", "intercept", "flee", "flee-aware", "voronoi-pursuit", "encirclement", "random")
-QUICK = {("shielded:P_smooth", "c"), ("shielded:P_smooth", "page"), ("evader", "page")}
-"""Players in `paper`, one of them symmetric."""
+QUICK = {("shielded:P_smooth", "c"), ("shielded:P_smooth", "page")}
+"""Players in `paper`."""
 NEEDS = {"c": needs_gcc, "page": needs_node}
 ALL = [
     pytest.param(game, shield + name, language, marks=[NEEDS[language], *([] if quick else [pytest.mark.slow])])
@@ -114,7 +114,7 @@ def to_the_page(player, cases):
     active = np.ones(cases.states.shape[:2], bool) if cases.active is None else cases.active
     rows, active = (np.roll(one, -first, axis=1) for one in (cases.states, active))
     return {
-        "game": as_on_the_page(replace(player.game, arena=replace(player.game.arena, chart=None))),
+        "game": as_on_the_page(replace(player.game, chart=None)),
         "name": name,
         "role": player.role.name.lower(),
         "rows": rows.reshape(len(rows), -1).tolist(),

@@ -119,7 +119,7 @@ def test_every_number_of_a_game_matters_and_scales_with_the_units():
     """Each is varied alone: these games differ from those before, and in nothing from themselves in other units."""
     game = full_game()
     numbers = {name: number for name, number in numbers_of(game).items() if number is not None}
-    assert numbers_of(game).keys() - numbers.keys() == {"arena.chart", "scenario"}, "all other parts are there"
+    assert numbers_of(game).keys() - numbers.keys() == {"chart", "scenario"}, "all other parts are there"
     rows = [(scale, one) for scale in SCALES for one in ("none", *numbers)]
     games = [
         np.stack(

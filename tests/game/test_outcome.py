@@ -198,12 +198,12 @@ def test_path_reward_of_a_team_follows_the_shortest_path():
 
 def test_path_reward_without_a_chart_is_refused_in_one_line():
     game = walled_game(6.0)
-    game = replace(game, arena=replace(game.arena, chart=None))
+    game = replace(game, chart=None)
     with pytest.raises(InvalidInput, match=r"reward\.along_paths") as refusal:
         pay(game, [robot(3.0, 3.0)], robot(5.0, 3.0))
     assert "\n" not in str(refusal.value)
     assert with_chart(game, False) == walled_game(6.0), "the reward reads them"
-    assert with_chart(replace(game, reward=LINE), False).arena.chart is None
+    assert with_chart(replace(game, reward=LINE), False).chart is None
 
 
 def paid(reward, outcome, before=2.0, after=1.9):

@@ -139,15 +139,23 @@ def running_record(run):
 
 def test_slurm_sweep_with_killed_and_preempted_jobs_matches_local_sweep(slurm, tmp_path):
     config = to_dict(RUN)
-    for stage in ("fixed_target", "self_play"):
-        config[stage] |= {"env_steps": 6 * 8192}  # long enough to be caught in the middle
+    for stage in config["stages"]:
+        stage["env_steps"] = 6 * 8192  # long enough to be caught in the middle
     (tmp_path / "config.toml").write_text(tomli_w.dumps(config))
-    asked = ["train", "--config", tmp_path / "config.toml", "--seeds", "0-2", "--vary", "dqn.learning_rate=1e-2,1e-3"]
+    asked = [
+        "train",
+        "--config",
+        tmp_path / "config.toml",
+        "--seeds",
+        "0-2",
+        "--vary",
+        "algorithm.learning_rate=1e-2,1e-3",
+    ]
     here, there = tmp_path / "here", tmp_path / "there"
     _, said = (process := apollonius(*asked, "--out", here)).communicate(timeout=SECONDS)
     assert process.returncode == 0, said
     sweep = apollonius(*asked, "--on", "slurm", "--out", there)
-    killed, preempted = (there / f"dqn.learning_rate=0.01,seed={seed}" for seed in (0, 1))
+    killed, preempted = (there / f"algorithm.learning_rate=0.01,seed={seed}" for seed in (0, 1))
     first = until(lambda: running_record(killed), SECONDS)
     os.kill(first["process"], signal.SIGKILL)
     job = until(lambda: running_record(preempted), SECONDS)["job"]

@@ -144,7 +144,7 @@ def test_braking_clearance_accounts_for_the_drive_and_pending_commands():
     shares = jax.random.uniform(jax.random.key(1), (40, 3, 2), minval=-1, maxval=1) * jnp.array([[[0.3, 0.8]]])
     pending = jnp.pad(shares[:, 1:], ((0, 0), (0, MOST_LAG - 2), (0, 0)))
     drives = jax.vmap(DriveState)(pending, shares[:, 0, 1])
-    chart = game.arena.chart
+    chart = game.chart
     assert chart is not None
 
     def least(robot, driven, action, turn):
@@ -179,7 +179,7 @@ def test_actions_differ_in_clearance_while_pending_commands_pass_a_wall():
     along = Knowledge.complete(
         state((2.0, 0.04, 0.5, 0.0), (5.0, 4.0, 1.2, 0.0)), (DriveState(jnp.zeros((MOST_LAG, 2)), None),)
     )
-    chart = game.arena.chart
+    chart = game.chart
     assert chart is not None
     right, straight, left = clearances_after(chart, view_of(game, along, Role.PURSUER).own, game.dt)[:3]
     assert right + 0.002 < straight < left - 0.002

@@ -54,7 +54,7 @@ class Wanders(AbstractPolicy):
 def play_beliefs(game, players, key, games, steps):
     """Games that begin again when they end: by step whether the beliefs hold the truth in all, and their shares."""
     start_key, key = jax.random.split(key)
-    holds = jax.vmap(lambda cells, place: cells.ravel()[game.arena.chart.nearest_cell(place.x, place.y)] >= 0)
+    holds = jax.vmap(lambda cells, place: cells.ravel()[game.chart.nearest_cell(place.x, place.y)] >= 0)
     starts = reset_batch(game, start_key, games)
     first = init_games(game, starts, players, jnp.zeros((2, games), jnp.uint32))
 
@@ -90,12 +90,12 @@ def test_belief_always_contains_the_true_position(name, sensors, evader, size, g
     players = BySide(single_player(find_player("intercept", Role.PURSUER, game).policy), single_player(flees))
     truths, shares = play_beliefs(game, players, jax.random.key(0), games, steps)
     assert all(bool(jnp.all(truth)) for truth in truths)
-    assert max(float(jnp.mean(share)) for share in shares) < 0.95 * float(jnp.mean(game.arena.chart.links > 0))
+    assert max(float(jnp.mean(share)) for share in shares) < 0.95 * float(jnp.mean(game.chart.links > 0))
 
 
 def test_belief_spreads_at_the_speed_of_the_opponent_to_within_cells():
     """In the open: cells within reach are in it after a time, and none that is further than cells and slack allow."""
-    chart = with_chart(find_game("one-large")).arena.chart
+    chart = with_chart(find_game("one-large")).chart
     cell, reach = 10 / COARSE, 0.12
     start = belief.Belief(belief.localise(chart, robot(1.5, 1.5), jnp.float32(0.0)), jnp.zeros((COARSE, COARSE)))
     after, moved = start, jax.jit(belief.propagate)
@@ -113,7 +113,7 @@ def test_belief_spreads_at_the_speed_of_the_opponent_to_within_cells():
 
 def test_visible_cells_respect_range_field_of_view_and_obstacles():
     game = sensing("one-large", LIDAR)
-    chart, here = game.arena.chart, robot(3.0, 5.0, 0.0, 0.0)
+    chart, here = game.chart, robot(3.0, 5.0, 0.0, 0.0)
     seen = np.asarray(belief.visible(chart, LIDAR, here))
     assert [seen[cell(*at)] for at in ((3.0, 5.0), (3.0, 8.5))] == [True, True]
     assert not seen[cell(3.0, 9.5)], "out of range"
@@ -195,7 +195,7 @@ def test_track_counts_sightings_and_times_since_cells_were_seen():
 
 def test_search_priority_grows_with_time_unseen_and_nearness():
     """By hand, and nothing where no opponent can be; the best is that of all cells."""
-    chart = with_chart(find_game("one-large")).arena.chart
+    chart = with_chart(find_game("one-large")).chart
     here = robot(1.1, 1.1)
     unseen = np.full((COARSE, COARSE), -1.0, np.float32)
     near, far, recent = (8, 8), (30, 30), (8, 9)

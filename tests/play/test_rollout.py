@@ -276,7 +276,7 @@ MATCH = Match.of_names(make_game("paper"), "P_stage1", "random", RECORDED, seed=
 SLOW = Drives(Drive(lag=2.0, turn_time=0.5), Drive(turn_time=0.9))
 
 
-@pytest.mark.parametrize("drives", [None, SLOW], ids=["at once", "slow drives"])
+@pytest.mark.parametrize("drives", [SLOW, pytest.param(None, marks=pytest.mark.slow)], ids=["slow drives", "at once"])
 def test_recorded_game_matches_the_game_played_out(drives):
     match = replace(MATCH, game=replace(MATCH.game, drives=drives))
     results = play_games(match)

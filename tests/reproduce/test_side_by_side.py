@@ -64,6 +64,7 @@ def alone(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_runs_have_the_agents_and_metrics_of_one_alone_up_to_rounding(runs, alone):
     """Weights of up to 1 in size differ by less than 1e-4 after four chunks, those of other seeds by far more."""
     ours, other, expected = agents_of(runs[1]), agents_of(runs[0]), agents_of(alone)
@@ -80,6 +81,7 @@ def test_runs_have_the_agents_and_metrics_of_one_alone_up_to_rounding(runs, alon
         assert (line.evaluation is None) == (expected_line.evaluation is None)
 
 
+@pytest.mark.slow
 def test_runs_have_ended_like_any(runs):
     for run in runs:
         assert load_status(run / "state.json").state == "finished"

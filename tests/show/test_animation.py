@@ -122,11 +122,11 @@ def test_fog_matches_the_belief_during_the_game(words_of):
         return jax.lax.scan(step, games, length=40)[1]
 
     rows, actions, believed = map(np.asarray, course(first))
-    bare = replace(game, arena=replace(game.arena, chart=None))
+    bare = replace(game, chart=None)
     replay = Replay(bare, "pure-pursuit", "flee", 5, 3, 2, rows, actions[:-1], Outcome.NO_RESULT)
     _, shaded = fog(replay)
     np.testing.assert_array_equal(shaded, believed)
-    held = jax.vmap(game.arena.chart.nearest_cell)(*jnp.asarray(rows[:, 4:6]).T)
+    held = jax.vmap(game.chart.nearest_cell)(*jnp.asarray(rows[:, 4:6]).T)
     assert believed.reshape(40, -1)[np.arange(40), held].all()
     assert 0 < shaded[-1].sum() < shaded[0].sum()
     picture = next(frames(replay, [20]))

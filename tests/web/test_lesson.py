@@ -24,6 +24,7 @@ def catch_share(pupil, **changes):
     return outcomes["captured"] / STARTS, outcomes
 
 
+@pytest.mark.slow
 def test_later_pursuers_catch_more_from_the_same_starts():
     shares, outcomes = zip(*map(catch_share, RECORD["pupils"]), strict=True)
     assert list(shares[1:]) == sorted(shares[1:])

@@ -197,7 +197,7 @@ def test_observations_rules_and_clearances_are_the_same_on_the_page(name, role, 
         return look(game, replace(state, status=ROLES.map(robots.__getitem__)), role, number)
 
     views = jax.jit(jax.vmap(view))(jnp.asarray(rows), jnp.asarray(statuses))
-    record = as_on_the_page(replace(game, arena=replace(game.arena, chart=None)))
+    record = as_on_the_page(replace(game, chart=None))
     told = {"game": record, "role": role.name.lower(), "number": number, "observations": READS}
     found = ask(views=told | {"rows": rows.tolist(), "statuses": STATUSES[statuses].tolist()})
     fitting = {one: policy for one, (policy, sides) in PLAYERS.items() if role in sides}
@@ -233,7 +233,7 @@ def test_knowledge_in_fog_matches_the_package_and_a_blind_pursuer_searches():
     game = with_chart(replace(find_game("office"), sensors=Sensing(sees, sees)))
     rows = np.linspace((7, 1, 0.4, 0, 6, 5, 0.8, 0), (11, 1, 0.4, 0, 14, 5, 0.8, 0), 100, dtype=np.float32)
     states = jax.jit(jax.vmap(as_state))(jnp.asarray(rows), jnp.arange(100))
-    record = to_dict(replace(game, arena=replace(game.arena, chart=None), sensors=None))
+    record = to_dict(replace(game, chart=None, sensors=None))
     asked = {"game": record, "rows": as_rows(states).tolist()}
     answers = ask(knowledge=asked, searches=asked)
 
