@@ -1,6 +1,5 @@
 """`python -m apollonius` is the command, and so is `apollonius`."""
 
-import gc
 import os
 import sys
 from signal import SIGINT, signal
@@ -11,8 +10,6 @@ def main() -> int:
     doing.
     """
     signal(SIGINT, _leave)  # what follows takes a moment to import
-    # Imports and tracing make many objects, hardly any of which go in circles: some 8 % of a start.
-    gc.set_threshold(100_000, 50, 100)
     os.environ.setdefault(
         "TF_CPP_MIN_LOG_LEVEL", "3"
     )  # or XLA raises alarm at a compilation of some minutes

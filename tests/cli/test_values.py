@@ -141,7 +141,7 @@ def test_choices_match_the_modules_they_stand_for():
 
     assert set(judge.TRACKS) == set(benchmark.PANELS)
     assert set(options.LENGTHS) == set(config.PRESETS)
-    assert [*exploit.ATTACKERS] == ["table", "zoo", *attackers.SEARCHES, attackers.PLANNER, attackers.LEARNED]
+    assert [*exploit.ATTACKERS] == ["table", "zoo", attackers.PLANNER, attackers.LEARNED]
     assert list(built_in.PLAYERS) == list(names.BUILT_IN)
     assert tuple(presets.PRESETS) == games.PRESETS
     assert set(train.PROFILES) == set(dqn.PROFILES)
