@@ -79,6 +79,7 @@ def random_play(name: str, games: int, reads: str | None = None) -> Run:
     """Play at random with auto-reset; both sides make the observation of a name."""
     from apollonius.agents.classical import Uniform
     from apollonius.agents.pool import single_player
+    from apollonius.arenas.charting import with_chart
     from apollonius.arenas.file import find_game
     from apollonius.game.game import reset_batch
     from apollonius.game.types import BySide
@@ -90,7 +91,8 @@ def random_play(name: str, games: int, reads: str | None = None) -> Run:
         def observation(self) -> Any:
             return find_observation(reads) if reads else super().observation
 
-    game, key = find_game(name), jax.random.key(0)
+    needs_chart = reads is not None and find_observation(reads).needs_chart
+    game, key = with_chart(find_game(name), needs_chart), jax.random.key(0)
     players = BySide(*[single_player(Reader())] * 2)
     drawn = jax.jit(reset_batch, static_argnums=2)(game, key, START_ROWS * games)
     starts = jax.tree.map(lambda leaf: leaf.reshape(START_ROWS, games, *leaf.shape[1:]), drawn)
