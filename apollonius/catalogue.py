@@ -15,7 +15,7 @@ from apollonius.agents.network import QNetwork, one_action_network
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
 from apollonius.agents.pool import Pool, single_player, stack
 from apollonius.agents.source import NamedPlayer, PlayerSource, unknown_player
-from apollonius.agents.trained import EpsilonGreedy, Greedy, SquashedMean, Trained, exploring_policy
+from apollonius.agents.trained import EpsilonGreedy, Greedy, SquashedGaussian, SquashedMean, Trained
 from apollonius.agents.wrappers.clearance_penalty import ClearancePenalty
 from apollonius.agents.wrappers.departure import Departing
 from apollonius.agents.wrappers.searching import Searching
@@ -142,10 +142,12 @@ def find_pool(names: Sequence[str], role: Role, game: Game) -> Pool:
         for network in networks
     }
     require(together and len(shapes) == 1, side, listed, bound)
-    network = networks[0]
-    if not isinstance(network, QNetwork):
-        require(len(networks) == len(policies), side, listed, bound)
-        return stack([exploring_policy(network, jnp.asarray(0.0)) for network in networks])
+    continuous = [policy.network for policy in bare if isinstance(policy, SquashedMean)]
+    if continuous:
+        require(len(continuous) == len(policies), side, listed, bound)
+        no_noise = jnp.asarray(0.0)
+        return stack([SquashedGaussian(network, no_noise) for network in continuous])
+    network = next(policy.network for policy in bare if isinstance(policy, Greedy))
     return stack(_of_one_structure(policies, network))
 
 

@@ -3,7 +3,7 @@ another.
 """
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -193,7 +193,7 @@ def single_player(policy: AbstractPolicy) -> Pool:
     return stack([policy])
 
 
-def stack(policies: list[AbstractPolicy]) -> Pool:
+def stack(policies: Sequence[AbstractPolicy]) -> Pool:
     """Return several players of one structure as the players of a side: each game meets one, drawn
     at random.
     """

@@ -106,7 +106,8 @@ def describe(
         loss_value: value of a lost game in the network's units, if that is not the game's reward of
             a failure.
     """
-    kind = "values" if isinstance(network, QNetwork) else "gaussian"
+    is_q_network = isinstance(network, QNetwork)
+    kind = "values" if is_q_network else "gaussian"
     width = network.layers[0].out_features
     header = AgentHeader(
         role=role.name.lower(),
@@ -118,7 +119,7 @@ def describe(
         training=training,
         num_actions=_ACTIONS[kind],
         network=kind,
-        symmetric=isinstance(network, QNetwork) and network.symmetric,
+        symmetric=is_q_network and network.symmetric,
         clearance_margin=clearance_margin,
         loss_value=loss_value,
     )

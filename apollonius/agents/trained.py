@@ -131,16 +131,6 @@ def agent_policy(agent: Agent) -> Greedy | SquashedMean | ClearancePenalty:
     return greedy_policy(agent.network, header.clearance_margin, header.loss_value)
 
 
-def exploring_policy(network: Network, amount: Scalar) -> EpsilonGreedy | SquashedGaussian:
-    """Return the player that acts by a network and explores around its best action.
-
-    The amount is the share of random actions, or a factor of the standard deviations; 0 for none.
-    """
-    if isinstance(network, QNetwork):
-        return EpsilonGreedy(Greedy(network), amount)
-    return SquashedGaussian(network, amount)
-
-
 class Trained(PlayerSource):
     """The agents of the zoo, of training runs and of files, at their best."""
 

@@ -17,7 +17,7 @@ from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.pool import PartitionedPlayers, single_player, stack
 from apollonius.agents.store import describe, load_agent, save_agent
-from apollonius.agents.trained import EpsilonGreedy, Greedy, SquashedGaussian, exploring_policy, greedy_policy
+from apollonius.agents.trained import EpsilonGreedy, Greedy, SquashedGaussian, greedy_policy
 from apollonius.agents.wrappers.action_repeat import ActionRepeat
 from apollonius.arenas.file import to_dict
 from apollonius.catalogue import find_pool
@@ -176,10 +176,10 @@ def test_greedy_policy_plays_the_hyperbolic_tangent_of_the_mean():
     action = act(greedy_policy(ACTOR), ONE_SEEN, WORDS[0])
     np.testing.assert_allclose(action, np.tanh(mean[:2]), atol=1e-6)
     np.testing.assert_allclose(ACTOR.batch(ONE_SEEN[None])[0][0], mean[:2], atol=1e-6)
-    np.testing.assert_array_equal(act(exploring_policy(ACTOR, jnp.asarray(0.0)), ONE_SEEN, WORDS[0]), action)
+    np.testing.assert_array_equal(act(SquashedGaussian(ACTOR, jnp.asarray(0.0)), ONE_SEEN, WORDS[0]), action)
 
 
-def test_exploring_policy_samples_the_squashed_normal_distribution():
+def test_squashed_gaussian_samples_the_squashed_normal_distribution():
     """Before the hyperbolic tangent: normal, with its own means and standard deviations, these times the spread.
 
     A word makes two independent numbers.
@@ -205,7 +205,7 @@ def test_greedy_policy_selects_the_allowed_action_with_the_nearest_levels(levels
 
 def test_pool_with_its_own_random_bits_acts_by_them():
     pool = stack(
-        [exploring_policy(make_actor("paper", 8, 1, jax.random.key(seed)), jnp.asarray(1.0)) for seed in range(2)]
+        [SquashedGaussian(make_actor("paper", 8, 1, jax.random.key(seed)), jnp.asarray(1.0)) for seed in range(2)]
     )
     member, seen = jnp.array([0, 1, 1, 0]), jnp.tile(ONE_SEEN, (4, 1))
     held, acts = replace(pool, bits=WORDS[4:8]), jax.jit(act_in_rows)
