@@ -144,7 +144,6 @@ ABLATIONS = {
     "threefry": Ablation(
         ("threefry", "threefry_bits"), plain_bits, partial(random_play, "paper", 4096)
     ),
-    "shield": Ablation(("batch_rule", "with_batch_function"), without_for("_shield"), SHIELDED),
     "nearby": Ablation(("nearby", "index_nearby"), all_nearby, SHIELDED),
 }
 

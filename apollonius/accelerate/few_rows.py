@@ -1,16 +1,13 @@
 """Work for the rows of a batch that need it, a few at a time.
 
-A `vmap` of a condition or a loop does the work of all rows as long as one needs it.
+A `vmap` of a condition does the work of all rows as long as one needs it.
 """
 
 from collections.abc import Callable
-from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Int, PyTree
-
-T = TypeVar("T", bound=PyTree)
 
 
 def compute_where(
@@ -47,29 +44,3 @@ def compute_where(
     return jax.lax.while_loop(
         lambda carry: carry[0] < count, one_block, (jnp.zeros((), jnp.int32), defaults)
     )[1]
-
-
-def advance_open(
-    rows: T,
-    is_open: Callable[[T], Bool[Array, " rows"]],
-    advance: Callable[[Int[Array, " few"], T], T],
-    few: int,
-) -> T:
-    """Advance rows until none is open, as a `vmap` of a `while_loop` does.
-
-    Args:
-        rows: leaves `[rows, ...]`.
-        is_open: says which rows are to be advanced further.
-        advance: the function, from the numbers of a few rows and these rows to the rows after it.
-        few: number of rows at a time.
-    """
-
-    def one_block(rows: T) -> T:
-        needed = is_open(rows)
-        (numbers,) = jnp.nonzero(needed, size=few, fill_value=len(needed))
-        new = advance(numbers, jax.tree.map(lambda leaf: leaf[numbers], rows))
-        return jax.tree.map(
-            lambda leaf, new_leaf: leaf.at[numbers].set(new_leaf, mode="drop"), rows, new
-        )
-
-    return jax.lax.while_loop(lambda rows: jnp.any(is_open(rows)), one_block, rows)

@@ -12,8 +12,6 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
-from apollonius.accelerate.batch_rule import broadcast_rows, with_batch_function
-from apollonius.accelerate.few_rows import advance_open
 from apollonius.accelerate.nearby import NearbyIndex, index_nearby
 from apollonius.agents.policy import AbstractPolicy, AbstractWrapper, Memory
 from apollonius.game.arena import Arena
@@ -24,7 +22,6 @@ from apollonius.game.polygon import Edge, Edges, Polygon
 from apollonius.game.types import (
     NUM_ACTIONS,
     Action,
-    Actions,
     Flag,
     RandomBits,
     Real,
@@ -39,8 +36,6 @@ MARGIN = 1e-3
 """Clearance [m] that must be left at any scale of the robots: many times its rounding error."""
 BRAKING = (0, 1, 2)
 """Actions that brake: while turning right, going straight, or turning left."""
-_TRIED = 8
-"""Robots of a batch that try another action at a time."""
 _FAR = 1e6
 """Coordinates of what is far from everywhere [m]."""
 
@@ -173,7 +168,12 @@ class Shielded(AbstractWrapper[AbstractPolicy]):
 
     def __call__(self, view: View, memory: Memory, bits: RandomBits) -> tuple[Action, Memory]:
         scores, memory = self.score_view(view, memory, bits)
-        return _shield(self, view, scores), memory
+        search = jax.lax.while_loop(
+            lambda search: search.is_open,
+            lambda search: self.try_next(view, scores, search),
+            self.start_search(view, scores),
+        )
+        return search.action, memory
 
     def preferred_action(self, scores: Any) -> Action:
         """Return the action of the player behind the shield."""
@@ -220,30 +220,6 @@ class _Search(eqx.Module):
     number: Int[Array, ""]
     clearances: Float[Array, "9"]
     is_open: Flag
-
-
-def _shield_in_batch(size: int, batched: Any, player: Shielded, view: View, scores: Any) -> Actions:
-    """Return the actions in many games: those whose search is open are tried, a few at a time."""
-    axes = jax.tree.map(lambda has: 0 if has else None, batched[1])
-    scores = broadcast_rows(size, batched[2], scores)
-    search = jax.vmap(player.start_search, in_axes=(axes, 0), axis_size=size)(view, scores)
-
-    def try_next(rows: Int[Array, " few"], searches: _Search) -> _Search:
-        their_views = jax.tree.map(lambda leaf, has: leaf[rows] if has else leaf, view, batched[1])
-        their_scores = jax.tree.map(lambda leaf: leaf[rows], scores)
-        go_on = jax.vmap(player.try_next, in_axes=(axes, 0, 0), axis_size=_TRIED)
-        return go_on(their_views, their_scores, searches)
-
-    return advance_open(search, lambda search: search.is_open, try_next, _TRIED).action
-
-
-@with_batch_function(_shield_in_batch)
-def _shield(player: Shielded, view: View, scores: Any) -> Action:
-    """Return the action that a player behind a shield takes, by its preferences."""
-    search = player.start_search(view, scores)
-    return jax.lax.while_loop(
-        lambda state: state.is_open, lambda state: player.try_next(view, scores, state), search
-    ).action
 
 
 def brakes(game: Game, role: Role) -> Backup:
