@@ -38,7 +38,7 @@ LONG = {"as_printed": 250, "own_algorithm": 110}
 """The most lines of a script that has more than 100."""
 
 
-LENGTHY = ("own_obstacle", "solve_reach")
+LENGTHY = ("own_network", "own_obstacle", "solve_reach")
 """Scripts that take ten seconds or more."""
 
 

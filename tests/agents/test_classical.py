@@ -236,6 +236,7 @@ def random_teams(seed):
     return places[apart.min(axis=(1, 2)) > 1.7]
 
 
+@pytest.mark.slow
 def test_voronoi_pursuit_heads_for_the_middle_of_the_shared_cell_edge():
     """Between equally fast robots without obstacles: the theorem of Huang and others."""
     player, headings = VoronoiPursuit.for_side(OPEN_TO_TEAMS, Role.PURSUER), []

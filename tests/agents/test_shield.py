@@ -55,7 +55,9 @@ class Reckless(AbstractPolicy):
     ],
     ids=["paper, random", "one-large, reckless", "robot, reckless"],
 )
-@pytest.mark.parametrize("drives", [None, Drives(Drive(lag=2, turn_time=0.9), Drive(turn_time=0.9))])
+@pytest.mark.parametrize(
+    "drives", [Drives(Drive(lag=2, turn_time=0.9), Drive(turn_time=0.9)), pytest.param(None, marks=pytest.mark.slow)]
+)
 def test_shielded_robots_never_crash_or_leave_the_arena(name, policy, drives):
     """It knows how late and how slowly its drive does what it is told."""
     game = replace(make_game(name), max_steps=150, drives=drives)

@@ -180,6 +180,7 @@ def test_players_lists_the_same_players_as_text_and_as_json(capsys):
         assert {name for name in sides if role not in sides[name]}.isdisjoint(player_names(role, game))
 
 
+@pytest.mark.slow
 def test_slice_draws_an_agent_that_reads_a_chart(capsys, monkeypatch):
     monkeypatch.setattr("apollonius.show.slices.CELLS", 20)
     assert run_main("slice", "pursuer", "--opponent", "5", "5", "--opponent-speed", "1.2", "--out", "new/s.png") == 0
@@ -551,6 +552,7 @@ def test_solve_reach_computes_a_table_once_and_then_loads_it(capsys, monkeypatch
     assert load_solution(Path("tables/six.safetensors")).problem.target == [6.0, 3.0]
 
 
+@pytest.mark.slow
 def test_one_obstacle_needs_two_pursuers(capsys):
     facts = run_json(capsys, "pursuers", "one-large")
     assert (facts["pursuers"], facts["agree"], facts["islands"]) == (2, True, 1)

@@ -94,6 +94,7 @@ def test_verify_reproduces_a_card(card):
     assert -1 <= found.score.worst_tenth <= found.score.net_win_rate <= 1
 
 
+@pytest.mark.slow
 def test_rounds_run_as_jobs_give_the_same_card(card_text, enter_agent, tmp_path):
     def elsewhere(jobs):
         return pickle.loads(pickle.dumps([job.run()[1] for job in pickle.loads(pickle.dumps(jobs))]))

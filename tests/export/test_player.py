@@ -259,6 +259,7 @@ def test_onnx_model_has_only_the_inputs_of_its_player(game, name, inputs):
 
 
 @needs_gcc
+@pytest.mark.slow
 def test_c_program_of_the_guide_plays_other_games_from_their_files(tmp_path, monkeypatch):
     monkeypatch.setattr(writing, "_check", lambda *_: [])
     (guide,) = (one.code for one in blocks(REPOSITORY / "docs/how-to/export.md") if one.language == "c")

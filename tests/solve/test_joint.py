@@ -43,7 +43,8 @@ def zero_sum_game(game, role, counts, hold=HOLD):
     return make_zero_sum_game(game, grids, hold, role)
 
 
-@pytest.mark.parametrize("role", [Role.PURSUER, pytest.param(Role.EVADER, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("role", list(Role))
 def test_joint_table_matches_brute_force(plain, role):
     """After its last sweep and one more; where nothing ends within a hold, a player has just that value."""
     (robot, captures), told, pursuing = plain, [], role == Role.PURSUER

@@ -176,7 +176,7 @@ def test_random_games_are_the_same_on_the_page(name, draw):
 @pytest.mark.parametrize(
     ("name", "role", "number"),
     [
-        ("crowd", Role.PURSUER, 1),
+        slow("crowd", Role.PURSUER, 1),
         slow("map", Role.PURSUER, 0),
         slow("territory", Role.EVADER, 0),
         slow("crowd", Role.EVADER, 1),
