@@ -1,4 +1,4 @@
-"""Sphinx settings: makes the site of the folder that `website.sources` has written."""
+"""Settings by which Sphinx makes the site of the folder that `website.sources` has written."""
 
 import inspect
 import re

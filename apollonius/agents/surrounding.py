@@ -25,7 +25,7 @@ from apollonius.observe.view import Robot, View
 _DIRECTIONS = 16
 """Directions in which it is looked ahead."""
 _SHARPNESS = 8
-"""Sharpness of the softmax over directions: larger values favour the best one more."""
+"""Exponent of the weights of directions: a larger one favours the best direction more."""
 _EVEN = 1e-3
 """Costs that differ by less are the same but for rounding: no path leads to where it would go."""
 _STRIDE = 2

@@ -49,16 +49,18 @@ def with_chart(game: Game, are_read: bool = True) -> Game:
     A game that has charts stays as it is, and one in which nobody reads them: no player
     (`are_read`) and not the reward.
     """
-    scenario = game.scenario
-    uncharted = game.arena if scenario is None else scenario.arenas
     if game.chart is not None or not (are_read or game.reward.along_paths):
         return game
-    count = 0 if scenario is None else scenario.count
-    single_arenas = [jax.tree.map(lambda leaf, i=i: leaf[i], uncharted) for i in range(count)]
+    scenario = game.scenario
+    if scenario is None:
+        arenas = [game.arena]
+    else:
+        numbers = range(scenario.count)
+        arenas = [jax.tree.map(lambda leaf, i=i: leaf[i], scenario.arenas) for i in numbers]
     radius = largest_radius(game)
     charts = [
         _latest.get((arena, radius), functools.partial(_draw_fields, arena, radius))
-        for arena in single_arenas or [uncharted]
+        for arena in arenas
     ]
     chart = Chart(*jax.device_put([np.stack(leaves) for leaves in zip(*charts, strict=True)]))
     return replace(game, chart=chart)

@@ -72,7 +72,8 @@ class Game(eqx.Module):
         reward, starts: rewards of both sides, and the distribution of initial states.
         sensors, drives: of either side; None for robots that see everything and act at once.
         chart: distances in its arena, or in all those of its scenario, which players for any arena
-            read; derived (`apollonius.arenas.charting.with_chart`), never in a file.
+            read; derived (`apollonius.arenas.charting.with_chart`), never in a file. `in_arena`
+            replaces the arena and drops its chart.
 
     Raises:
         InvalidInput: at construction, for values that no game can be played with.

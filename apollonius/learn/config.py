@@ -143,8 +143,14 @@ def register_algorithm(algorithm: type[Algorithm]) -> None:
 
 def read_config(data: dict[str, Any], source: str) -> RunConfig:
     """Return the config of a record, as of a `config.toml`; raises InvalidInput for a bad one."""
+
+    def read_algorithm(value: Any) -> Any:
+        if isinstance(value, dict) and isinstance(value.get("kind"), str):
+            _import_algorithm(value["kind"])
+        return _read_kind(value, "algorithm", _ALGORITHMS, hooks)
+
     hooks: Hooks = {
-        Algorithm: lambda value: _read_kind(value, "algorithm", _ALGORITHMS, hooks),
+        Algorithm: read_algorithm,
         StageConfig: lambda value: _read_kind(value, "stages", _STAGES, hooks),
     }
     return from_dict(RunConfig, data, source, hooks=hooks)
@@ -171,8 +177,6 @@ def _read_kind(value: Any, name: str, kinds: Mapping[str, type[Any]], hooks: Hoo
         return value
     require("kind" in value, f"{name}: kind", "nothing", f"one of {', '.join(kinds)}")
     kind = value["kind"]
-    if isinstance(kind, str) and name == "algorithm":
-        _import_algorithm(kind)
     chosen = kinds.get(kind) if isinstance(kind, str) else None
     require(chosen is not None, f"{name}: kind", kind, f"one of {', '.join(kinds)}")
     assert chosen is not None

@@ -197,7 +197,7 @@ class TrainingRun:
         Returns:
             The line written.
         """
-        began = time.monotonic() - seconds - self.progress.seconds
+        began = time.monotonic()
         before = self.progress.chunks
         self.progress = replace(self.progress, chunks=before + 1)
         evaluation = self._evaluate(stage, train, before)
@@ -206,7 +206,7 @@ class TrainingRun:
             self.progress = replace(self.progress, best=evaluation)
         self._save_snapshots(stage, train, before)
         speed = stage.algorithm.env_steps_per_chunk / seconds
-        total = time.monotonic() - began
+        total = self.progress.seconds + seconds + time.monotonic() - began
         line = metrics_line(self.progress.stage, train, metrics, evaluation, total, speed)
         size = append_metrics(self.metrics, line)
         self.progress = replace(self.progress, seconds=total, metrics_bytes=size)

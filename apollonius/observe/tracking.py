@@ -85,9 +85,8 @@ def init_track(game: Game, state: GameState, role: Role, believes: bool = True) 
     if sensors.delay is not None:
         blank = Percept(own, opponents, (no_flag,) * len(opponents), no_flag)
         late = jax.tree.map(lambda leaf: jnp.repeat(leaf[None], MOST_DELAY + 1, axis=0), blank)
-    anywhere = (
-        belief.uniform(local_game.chart) if believes and local_game.chart is not None else None
-    )
+    chart = local_game.chart
+    anywhere = belief.uniform(chart) if believes and chart is not None else None
     sightings = Sightings(jnp.full((), -1, jnp.int32), jnp.zeros((), jnp.int32))
     return Track(own, opponents, (jnp.float32(NEVER),) * len(opponents), late, anywhere, sightings)
 

@@ -209,6 +209,7 @@ def test_nearest_reach_matches_a_search_over_a_fine_grid(ratio):
     assert 1 < reached.sum() < len(reached)
 
 
+@pytest.mark.slow
 def test_territory_player_guards_better_than_pure_pursuit():
     game = make_game("territory")
     lost = {}

@@ -268,6 +268,7 @@ def test_search_draws_target_cells_by_their_weight():
     assert set(np.asarray(draw(jnp.arange(4, dtype=jnp.uint32)))) == set(drawn), "the bits decide"
 
 
+@pytest.mark.slow
 def test_searching_pursuer_heads_for_its_target_cell_while_it_sees_nothing():
     """In a game without sensors it always sees."""
     here, there, place, unseen = (

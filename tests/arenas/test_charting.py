@@ -150,6 +150,12 @@ def test_entries_link_adjacent_free_cells():
     np.testing.assert_array_equal(np.ravel(entries(jnp.asarray(corners), jnp.asarray(visible))), expected)
 
 
+def test_game_in_another_arena_does_not_keep_the_chart():
+    moved = with_chart(Game(arena=ROOM)).in_arena(OPEN)
+    assert moved.chart is None
+    np.testing.assert_array_equal(with_chart(moved).chart.lengths, chart_of(OPEN).lengths)
+
+
 def test_each_of_several_arenas_has_its_own_chart():
     together = with_chart(in_arenas(Game(), [ROOM, OPEN]))
     for number, arena in enumerate((ROOM, OPEN)):

@@ -55,6 +55,7 @@ def test_environments_pass_the_gymnasium_checker(name, actions):
     check_env(env.unwrapped)
 
 
+@pytest.mark.slow
 def test_egocentric_observation_is_that_of_the_charted_game():
     env, game = OneSide(Role.PURSUER, opponent="still", observation="egocentric"), with_chart(make_game("paper"))
     seen, info = env.reset(seed=5)
@@ -124,6 +125,7 @@ def thrift(before, after):
     return 10 * before.pursuer.v + after.reward.pursuer / 4
 
 
+@pytest.mark.slow
 def test_opponent_observation_and_reward_can_be_objects():
     """The same in one game and in many, and after pickling."""
     given = {"opponent": Accelerating(), "observation": speeds, "reward": thrift}

@@ -151,7 +151,10 @@ def in_metres_and_seconds():
     return safety_table(paper()), guarded_match(paper())
 
 
-@pytest.mark.parametrize(("length", "time"), [*SCALES[1:], (1, 0.5)])
+@pytest.mark.parametrize(
+    ("length", "time"),
+    [SCALES[1], *[pytest.param(*scale, marks=pytest.mark.slow) for scale in [*SCALES[2:], (1, 0.5)]]],
+)
 def test_safety_tables_and_shielded_games_scale_with_the_units(length, time, in_metres_and_seconds):
     game, (table, result) = paper(), in_metres_and_seconds
     numbers = [scale_number(*one, length, time).item() for one in numbers_of(game).items() if one[1] is not None]

@@ -120,6 +120,7 @@ def test_runs_go_on_side_by_side_where_one_alone_was_stopped(runs, tmp_path):
         assert len(load_metrics(run / "metrics.jsonl")) == 4
 
 
+@pytest.mark.slow
 def test_diverged_run_is_named(tmp_path, monkeypatch):
     folders = folders_of(tmp_path)
 

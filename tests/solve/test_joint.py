@@ -199,6 +199,7 @@ def test_search_of_two_holds_matches_all_sequences(role, starts):
     assert np.ptp(found) > 0.5, "some plans end the game"
 
 
+@pytest.mark.slow
 def test_narrow_search_keeps_the_values_and_games_do_not_mix(starts):
     """Against chance too, whose course depends on the game's own bits and on nothing else."""
     chance = EpsilonGreedy(Greedy(make_network("paper", 4, 1, jax.random.key(0))), jnp.asarray(0.5))

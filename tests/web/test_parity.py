@@ -227,6 +227,7 @@ def test_observations_rules_and_clearances_are_the_same_on_the_page(name, role, 
     assert 0 < np.mean(clearances < MARGIN) < 1
 
 
+@pytest.mark.slow
 def test_knowledge_in_fog_matches_the_package_and_a_blind_pursuer_searches():
     """Either side has only its line of sight, and its robot goes straight."""
     sees = Sensors(line_of_sight=True)
