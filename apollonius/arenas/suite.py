@@ -26,7 +26,7 @@ from apollonius.arenas.random_arena import random_arena
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
-from apollonius.game.scenario import RobotKinds, Scenario, stack_arenas
+from apollonius.game.scenario import RobotKinds, Scenario
 from apollonius.game.starts import Starts
 from apollonius.io.document import parse_toml
 from apollonius.io.errors import require
@@ -148,7 +148,7 @@ def find_scenario(name: Any) -> Scenario:
     """
     arenas = _arenas(name)
     kinds = draw_robot_kinds(name.split("/")[0]) if name.endswith("/train") else None
-    return Scenario(stack_arenas(arenas), len(arenas), kinds, name)
+    return Scenario.of(arenas, kinds, name)
 
 
 def single_arena_games(game: Game) -> list[Game]:

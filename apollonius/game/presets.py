@@ -10,7 +10,7 @@ from apollonius.game.arena import Arena, Disc
 from apollonius.game.game import Game
 from apollonius.game.names import TEAM
 from apollonius.game.reward import Reward
-from apollonius.game.scenario import RobotKinds, Scenario, Spread, stack_arenas
+from apollonius.game.scenario import RobotKinds, Scenario, Spread
 from apollonius.game.sensing import Noise, Sensing, Sensors
 from apollonius.game.teams import Body, Teams
 from apollonius.io.errors import InvalidInput, closest_names, require, unknown_name
@@ -119,7 +119,7 @@ def in_arenas(game: Game, arenas: Sequence[Arena]) -> Game:
     first, *rest = map(game.in_arena, arenas)
     if not rest:
         return first
-    return replace(first, scenario=Scenario(stack_arenas(arenas), len(arenas)))
+    return replace(first, scenario=Scenario.of(arenas))
 
 
 _KINDS = 64
@@ -134,7 +134,7 @@ def randomised(game: Game, spreads: Sequence[Spread]) -> Game:
     """
     scenario = game.scenario
     if scenario is None:
-        scenario = Scenario(stack_arenas([game.arena]), 1)
+        scenario = Scenario.of([game.arena])
     numbers = game.pursuer, game.evader, game.capture_distance
     kinds = scenario.kinds or RobotKinds(
         *jax.tree.map(lambda leaf: jnp.full(_KINDS, leaf, jnp.float32), numbers)

@@ -13,12 +13,13 @@ import numpy as np
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from apollonius.game.arena import Arena, Disc
+from apollonius.game.contact import ContactBounds
 from apollonius.game.drive import Drives
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.occupancy import OccupancyMap, OneOfMaps
 from apollonius.game.polygon import Polygon
 from apollonius.game.sensing import Sensing
-from apollonius.game.types import Real, Role
+from apollonius.game.types import Flag, Real, RobotState, Role
 from apollonius.game.validation import check_parts
 from apollonius.io.errors import require
 
@@ -119,6 +120,23 @@ def _with(part: Any, path: Sequence[str], value: Real, field: str) -> Any:
     return replace(part, **{name: _with(inner, rest, value, field)})
 
 
+class OneOfArenas(Arena):
+    """The arena of a game in one of several: contact is looked for only near obstacles."""
+
+    bounds: ContactBounds | None = None
+    member: Int[Array, ""] | int = 0
+
+    def hits_obstacle(self, before: RobotState, after: RobotState, radius: Real) -> Flag:
+        """Check whether a body of this radius [m] touches an obstacle anywhere along a straight
+        step.
+        """
+        further_obstacles = Arena(map=self.map, extra=self.extra)
+        is_hit = further_obstacles.hits_obstacle(before, after, radius)
+        if self.bounds is None:
+            return is_hit
+        return is_hit | self.bounds.is_hit(jnp.asarray(self.member), before, after, radius)
+
+
 class Scenario(eqx.Module):
     """Arenas of one shape, leaves `[arenas]`, all equally likely, and maybe robots of several
     kinds, all of a side alike, equally likely too; and its name in a game's file
@@ -127,6 +145,7 @@ class Scenario(eqx.Module):
 
     arenas: Arena
     count: int = eqx.field(static=True)
+    bounds: ContactBounds | None = None
     kinds: RobotKinds | None = None
     name: str = eqx.field(static=True, default="")
 
@@ -148,6 +167,16 @@ class Scenario(eqx.Module):
             return arena
         return arena + self.count * ((turn + _STRIDE * arena) % len(self.kinds))
 
+    @classmethod
+    def of(
+        cls, arenas: Sequence[Arena], kinds: RobotKinds | None = None, name: str = ""
+    ) -> "Scenario":
+        """Return the scenario of some arenas; raises InvalidInput unless they are alike."""
+        stacked = stack_arenas(arenas)
+        has_shapes = stacked.discs or stacked.polygons
+        bounds = ContactBounds.of(stacked) if has_shapes else None
+        return cls(stacked, len(arenas), bounds, kinds, name)
+
     def arena(self, variant: Int[Array, ""]) -> Arena:
         """Return the arena of a variant. A map's field stays with all others: it is too large to
         copy.
@@ -162,7 +191,9 @@ class Scenario(eqx.Module):
         own_map = cells and OneOfMaps(
             cells.field, own(cells.x), own(cells.y), own(cells.cell), "", "", number
         )
-        return replace(arena, map=own_map)
+        parts: dict[str, Any] = {part.name: getattr(arena, part.name) for part in fields(Arena)}
+        parts["map"] = own_map
+        return OneOfArenas(**parts, bounds=self.bounds, member=number)
 
 
 def stack_arenas(arenas: Sequence[Arena]) -> Arena:

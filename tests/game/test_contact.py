@@ -1,0 +1,62 @@
+"""Contact in one of several arenas, where only robots near obstacles are looked at."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.arenas.suite import suite_arena, suite_names
+from apollonius.game.contact import ContactBounds
+from apollonius.game.scenario import Scenario, stack_arenas
+from tests.acting import robot
+
+ARENAS = [suite_arena("suite-v1", name) for name in suite_names("suite-v1", "train")[::40]]
+MOVES = 4_000
+
+
+@pytest.fixture(scope="module")
+def moves():
+    """Random moves, most shorter than 0.3 m, some across the arena; also from places beyond the walls."""
+    rng = np.random.default_rng(0)
+    before = rng.uniform(-1, 12, (MOVES, 2)).astype(np.float32)
+    length = np.where(rng.random((MOVES, 1)) < 0.9, 0.1, 3.0)
+    after = (before + length * rng.normal(size=(MOVES, 2))).astype(np.float32)
+    states = [jax.vmap(lambda place: robot(*place))(jnp.asarray(places)) for places in (before, after)]
+    return *states, jnp.asarray(rng.choice([0.0, 0.2, 0.5], MOVES), jnp.float32)
+
+
+def test_contact_is_that_of_the_arena_alone(moves):
+    scenario = Scenario.of(ARENAS)
+    numbers = jnp.arange(MOVES) % len(ARENAS)
+    together = jax.vmap(lambda number, *move: scenario.arena(number).hits_obstacle(*move))
+    alone = [jax.jit(jax.vmap(arena.hits_obstacle))(*moves) for arena in ARENAS]
+    expected = np.stack(alone)[numbers, np.arange(MOVES)]
+    assert 200 < expected.sum() < MOVES - 200
+    np.testing.assert_array_equal(jax.jit(together)(numbers, *moves), expected)
+    nested = jax.vmap(together)(*jax.tree.map(lambda leaf: leaf.reshape(-1, 40), (numbers, *moves)))
+    np.testing.assert_array_equal(nested.ravel(), expected)
+    for index in (*np.flatnonzero(expected)[:2], *np.flatnonzero(~expected)[:2]):
+        one = jax.tree.map(lambda leaf, index=index: leaf[index], (numbers, *moves))
+        assert together(*jax.tree.map(lambda leaf: leaf[None], one)).item() == expected[index]
+        assert scenario.arena(one[0]).hits_obstacle(*one[1:]).item() == expected[index]
+
+
+@pytest.mark.parametrize("without", ["discs", "polygons"])
+def test_bounds_are_below_the_clearance_and_near_it(moves, without):
+    """Within the walls not more than a cell's diagonal below it."""
+    before, _, _ = moves
+    arenas = [replace(arena, **{without: ()}) for arena in ARENAS]
+    bounds = ContactBounds.of(stack_arenas(arenas))
+    has_shapes = [number for number, arena in enumerate(arenas) if arena.discs or arena.polygons]
+    assert has_shapes
+    for number in has_shapes:
+        arena = arenas[number]
+        far_walls = replace(arena, x_min=-1e3, x_max=1e3, y_min=-1e3, y_max=1e3)
+        clearance = jax.vmap(far_walls.clearance)(before.x, before.y)
+        least = jax.vmap(bounds.least_clearance, (None, 0, 0))(jnp.int32(number), before.x, before.y)
+        assert (least <= clearance).all()
+        inside = (before.x > arena.x_min) & (before.x < arena.x_max)
+        inside &= (before.y > arena.y_min) & (before.y < arena.y_max)
+        assert (clearance - least)[inside].max() < 2 * bounds.cell[number]
