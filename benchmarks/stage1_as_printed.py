@@ -90,7 +90,7 @@ def look_at(run: Path, games: int) -> list[dict[str, float]]:
                 "episodes": line.episodes,
                 "value": round(float(values.mean()), 3),
                 "return": round(float(returns.mean()), 3),
-                "captured": captured,
+                "captured": captured / games,
             }
         )
         print(run.name, json.dumps(rows[-1]), flush=True)
@@ -106,16 +106,17 @@ def saved_percentages(run: Path, name: str) -> list[int]:
 def draw(curves: dict[str, list[dict[str, float]]], path: Path) -> None:
     """Draw values and returns of each run, and its captures."""
     colours = palette.PURSUER, palette.EVADER, palette.OBSTACLE, palette.OTHER
-    games = max(row["captured"] for rows in curves.values() for row in rows)
     with style.picture(path, columns=2, width=4.2, height=3.2) as (values, captures):
         for (name, rows), colour in zip(curves.items(), colours, strict=False):
             steps = [row["env_steps"] / 1e6 for row in rows]
-            values.plot(steps, [row["value"] for row in rows], color=colour, label=name)
+            values.plot(steps, [row["value"] for row in rows], color=colour)
             values.plot(steps, [row["return"] for row in rows], ":", color=colour)
-            captures.plot(steps, [100 * row["captured"] / games for row in rows], color=colour)
+            shares = [100 * row["captured"] for row in rows]
+            captures.plot(steps, shares, color=colour, label=name)
         values.set(title="value of starts (dotted: the return)", xlabel="million env steps")
-        values.legend()
         captures.set(title="standing evaders captured [%]", xlabel="million env steps")
+        captures.set_ylim(0, 100)
+        captures.legend(loc="lower right")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

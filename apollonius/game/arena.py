@@ -140,6 +140,13 @@ class Arena(Walls):
             self._to_walls(x, y),
         )
 
+    def is_clear(self, x: Scalar, y: Scalar, distance: Real, matters: Flag | bool = True) -> Flag:
+        """Check whether walls and obstacles are at least a distance [m] away from a point; where it
+        does not matter, the answer may be wrong.
+        """
+        del matters
+        return self.clearance(x, y) >= distance
+
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
         """Return the least clearance [m] on the segment between two states."""
         least = jnp.minimum(self._to_walls(before.x, before.y), self._to_walls(after.x, after.y))

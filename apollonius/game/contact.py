@@ -1,10 +1,12 @@
-"""Contact with the obstacles of one arena of several, looked for only near them.
+"""Contact with the obstacles of one arena of several, and clearance from them, computed only near
+them.
 
 A game among many arenas has as many discs and polygons as the fullest: too many to look at in every
-step. Lower bounds of the distance to the nearest tell which robots are out of reach of all.
+step. Bounds of the distance to the nearest decide most questions, and the rest are few.
 """
 
-from typing import Any, NamedTuple
+from abc import abstractmethod
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -57,21 +59,39 @@ class ContactBounds(eqx.Module):
         along a straight step.
         """
         reach = jnp.hypot(after.x - before.x, after.y - before.y) + radius
-        within_reach = self.least_clearance(member, before.x, before.y) < reach
-        step = _Step(within_reach, member, before, after, jnp.asarray(radius))
-        return _is_hit(self.shapes, jax.lax.stop_gradient(step))
+        least, _ = self.clearance_bounds(member, before.x, before.y)
+        question = _Hits(least < reach, member, before, after, jnp.asarray(radius))
+        return _answer(self.shapes, question)
 
-    def least_clearance(self, member: Int[Array, ""], x: Scalar, y: Scalar) -> Scalar:
-        """Return a lower bound of the distance [m] from a point to the nearest disc or polygon: the
-        distance from the middle of its cell, less the way there.
+    def is_clear(
+        self,
+        member: Int[Array, ""],
+        x: Scalar,
+        y: Scalar,
+        distance: Real,
+        matters: Flag | bool = True,
+    ) -> Flag:
+        """Check whether the nearest disc or polygon of one arena is at least a distance [m] away
+        from a point; where it does not matter, the answer may be wrong.
+        """
+        least, most = self.clearance_bounds(member, x, y)
+        is_open = (least < distance) & (distance <= most) & matters
+        question = _IsClear(is_open, member, x, y, jnp.asarray(distance))
+        return (least >= distance) | _answer(self.shapes, question)
+
+    def clearance_bounds(
+        self, member: Int[Array, ""], x: Scalar, y: Scalar
+    ) -> tuple[Scalar, Scalar]:
+        """Return bounds of the distance [m] from a point to the nearest disc or polygon: the
+        distance from the middle of its cell, less and more by the way there.
         """
         cell = self.cell[member]
         right, up = x - self.x[member], y - self.y[member]
         column = jnp.clip(jnp.floor(right / cell), 0, _CELLS - 1)
         row = jnp.clip(jnp.floor(up / cell), 0, _CELLS - 1)
         distance = self.distances[member, row.astype(jnp.int32), column.astype(jnp.int32)]
-        away = jnp.hypot(right - cell * (column + 0.5), up - cell * (row + 0.5))
-        return distance - away - _ROUNDING
+        away = jnp.hypot(right - cell * (column + 0.5), up - cell * (row + 0.5)) + _ROUNDING
+        return distance - away, distance + away
 
 
 class _Shapes(eqx.Module):
@@ -109,34 +129,58 @@ def _distances(shapes: _Shapes, x: Scalar, y: Scalar, cell: Scalar) -> Float[Arr
     return jax.vmap(jax.vmap(shapes.clearance, (0, None)), (None, 0))(x + middles, y + middles)
 
 
-class _Step(NamedTuple):
-    """A robot's step in one of several arenas, and whether an obstacle may be within its reach."""
+class _Question(eqx.Module):
+    """A question about the shapes of one arena; the answer is no where bounds have decided it."""
 
-    within_reach: Flag
+    is_open: Flag
     member: Int[Array, ""]
+
+    def answer(self, shapes: _Shapes) -> Flag:
+        """Return the answer from the shapes of all arenas."""
+        return self.ask(jax.tree.map(lambda leaf: leaf[self.member], shapes))
+
+    @abstractmethod
+    def ask(self, shapes: _Shapes) -> Flag:
+        """Return the answer from the shapes of the arena."""
+
+
+class _Hits(_Question):
     before: RobotState
     after: RobotState
     radius: Scalar
 
-
-def _touches(shapes: _Shapes, step: _Step) -> Flag:
-    own: _Shapes = jax.tree.map(lambda leaf: leaf[step.member], shapes)
-    return own.is_hit(step.before, step.after, step.radius)
+    def ask(self, shapes: _Shapes) -> Flag:
+        return shapes.is_hit(self.before, self.after, self.radius)
 
 
-def _are_hit(size: int, batched: Any, shapes: _Shapes, step: _Step) -> Bool[Array, " rows"]:
-    steps = broadcast_rows(size, batched[1], step)
+class _IsClear(_Question):
+    x: Scalar
+    y: Scalar
+    distance: Scalar
+
+    def ask(self, shapes: _Shapes) -> Flag:
+        return shapes.clearance(self.x, self.y) >= self.distance
+
+
+def _answer_few(
+    size: int, batched: Any, shapes: _Shapes, question: _Question
+) -> Bool[Array, " rows"]:
+    questions = broadcast_rows(size, batched[1], question)
 
     def some(rows: Int[Array, " few"]) -> Bool[Array, " few"]:
-        few = jax.tree.map(lambda leaf: leaf[rows], steps)
-        return jax.vmap(_touches, (None, 0))(shapes, few)
+        few = jax.tree.map(lambda leaf: leaf[rows], questions)
+        return jax.vmap(lambda question: question.answer(shapes))(few)
 
-    return compute_where(steps.within_reach, some, jnp.zeros(size, bool), min(size, _TOGETHER))
+    return compute_where(questions.is_open, some, jnp.zeros(size, bool), min(size, _TOGETHER))
 
 
-@with_batch_function(_are_hit)
-def _is_hit(shapes: _Shapes, step: _Step) -> Flag:
-    """Check for contact where a shape may be within reach; of a batch a few at a time."""
+@with_batch_function(_answer_few)
+def _answer_one(shapes: _Shapes, question: _Question) -> Flag:
     return jax.lax.cond(
-        step.within_reach, lambda: _touches(shapes, step), lambda: jnp.zeros((), bool)
+        question.is_open, lambda: question.answer(shapes), lambda: jnp.zeros((), bool)
     )
+
+
+def _answer(shapes: _Shapes, question: _Question) -> Flag:
+    """Answer a question that is open; of a batch the open ones, a few at a time."""
+    return _answer_one(shapes, jax.lax.stop_gradient(question))

@@ -19,7 +19,7 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.occupancy import OccupancyMap, OneOfMaps
 from apollonius.game.polygon import Polygon
 from apollonius.game.sensing import Sensing
-from apollonius.game.types import Flag, Real, RobotState, Role
+from apollonius.game.types import Flag, Real, RobotState, Role, Scalar
 from apollonius.game.validation import check_parts
 from apollonius.io.errors import require
 
@@ -121,7 +121,7 @@ def _with(part: Any, path: Sequence[str], value: Real, field: str) -> Any:
 
 
 class OneOfArenas(Arena):
-    """The arena of a game in one of several: contact is looked for only near obstacles."""
+    """The arena of a game in one of several: discs and polygons are looked at only near them."""
 
     bounds: ContactBounds | None = None
     member: Int[Array, ""] | int = 0
@@ -135,6 +135,17 @@ class OneOfArenas(Arena):
         if self.bounds is None:
             return is_hit
         return is_hit | self.bounds.is_hit(jnp.asarray(self.member), before, after, radius)
+
+    def is_clear(self, x: Scalar, y: Scalar, distance: Real, matters: Flag | bool = True) -> Flag:
+        """Check whether walls and obstacles are at least a distance [m] away from a point; where it
+        does not matter, the answer may be wrong.
+        """
+        rest = Arena(self.x_min, self.x_max, self.y_min, self.y_max, map=self.map, extra=self.extra)
+        is_clear = rest.is_clear(x, y, distance)
+        if self.bounds is None:
+            return is_clear
+        member = jnp.asarray(self.member)
+        return is_clear & self.bounds.is_clear(member, x, y, distance, is_clear & matters)
 
 
 class Scenario(eqx.Module):

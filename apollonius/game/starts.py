@@ -3,7 +3,7 @@
 import functools
 import operator
 from collections.abc import Callable, Sequence
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -83,25 +83,27 @@ class Starts(eqx.Module):
                 for (role, body), (position, *motion) in zip(new, rows, strict=True)
             ]
 
-        def fit(places: Float[Array, " size"]) -> Flag:
+        def fit(places: Float[Array, " size"], matters: Flag) -> Flag:
             nothing = jnp.zeros(len(new))
             everyone = [*placed, *robots(places, nothing, nothing)]
             count = len(placed)
             numbers = range(count, len(everyone))
-            fit_flags = [self.fits(arena, everyone[i], everyone[:i]) for i in numbers]
+            fit_flags = [self.fits(arena, everyone[i], everyone[:i], matters) for i in numbers]
             return functools.reduce(operator.and_, fit_flags)
 
         places = _draw_until(fit, position_key, arena, len(new))
         headings = jax.random.uniform(heading_key, (len(new),), minval=-jnp.pi, maxval=jnp.pi)
         return robots(places, self._speeds(speed_key, [body for _, body in new]), headings)
 
-    def fits(self, arena: Arena, robot: _Robot, placed: Sequence[_Robot]) -> Flag:
+    def fits(
+        self, arena: Arena, robot: _Robot, placed: Sequence[_Robot], matters: Flag | bool = True
+    ) -> Flag:
         """Check whether a robot keeps its distances from obstacles, other robots and a territory.
 
-        Only evaders keep away from a territory.
+        Only evaders keep away from a territory. Where it does not matter, the answer may be wrong.
         """
         role, body, state = robot
-        is_free = arena.clearance(state.x, state.y) >= self.clearance + body.radius
+        is_free = arena.is_clear(state.x, state.y, self.clearance + body.radius, matters)
         for side, other, other_state in placed:
             min_distance = self.separation
             if side == role:
@@ -121,23 +123,41 @@ class Starts(eqx.Module):
         return jax.random.uniform(key, (len(bodies),), minval=low, maxval=high)
 
 
+class _Search(NamedTuple):
+    """A search for places that fit: the next key, the last places, and whether they fit."""
+
+    key: PRNGKeyArray
+    places: Float[Array, " size"]
+    fit: Flag
+
+
 def _draw_until(
-    fits: Callable[[Float[Array, " size"]], Flag], key: PRNGKeyArray, arena: Arena, robots: int
+    fits: Callable[[Float[Array, " size"], Flag], Flag],
+    key: PRNGKeyArray,
+    arena: Arena,
+    robots: int,
 ) -> Float[Array, " size"]:
-    """Draw x and y of some robots uniformly in an arena until they fit. The key is consumed."""
+    """Draw x and y of some robots uniformly in an arena until they fit. The key is consumed.
+
+    Args:
+        fits: checks places; where its second argument is false, the answer does not matter.
+        key: draws the places.
+        arena: where they lie.
+        robots: the number of robots.
+    """
     low = jnp.array([arena.x_min, arena.y_min] * robots, jnp.float32)
     high = jnp.array([arena.x_max, arena.y_max] * robots, jnp.float32)
 
     def draw(draw_key: PRNGKeyArray) -> Float[Array, " size"]:
         return jax.random.uniform(draw_key, low.shape, minval=low, maxval=high)
 
-    def redraw(
-        carry: tuple[PRNGKeyArray, Float[Array, " size"]],
-    ) -> tuple[PRNGKeyArray, Float[Array, " size"]]:
-        next_key, draw_key = jax.random.split(carry[0])
-        return next_key, draw(draw_key)
+    def redraw(search: _Search) -> _Search:
+        next_key, draw_key = jax.random.split(search.key)
+        places = draw(draw_key)
+        # Of many searches together those that are over go on in vain.
+        return _Search(next_key, places, fits(places, ~search.fit))
 
     first_key, retry_key = jax.random.split(key)
-    return jax.lax.while_loop(lambda carry: ~fits(carry[1]), redraw, (retry_key, draw(first_key)))[
-        1
-    ]
+    places = draw(first_key)
+    first = _Search(retry_key, places, fits(places, jnp.ones((), bool)))
+    return jax.lax.while_loop(lambda search: ~search.fit, redraw, first).places

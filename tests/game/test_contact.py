@@ -9,7 +9,10 @@ import pytest
 
 from apollonius.arenas.suite import suite_arena, suite_names
 from apollonius.game.contact import ContactBounds
+from apollonius.game.game import Game
+from apollonius.game.presets import in_arenas
 from apollonius.game.scenario import Scenario, stack_arenas
+from apollonius.game.types import Role
 from tests.acting import robot
 
 ARENAS = [suite_arena("suite-v1", name) for name in suite_names("suite-v1", "train")[::40]]
@@ -55,8 +58,36 @@ def test_bounds_are_below_the_clearance_and_near_it(moves, without):
         arena = arenas[number]
         far_walls = replace(arena, x_min=-1e3, x_max=1e3, y_min=-1e3, y_max=1e3)
         clearance = jax.vmap(far_walls.clearance)(before.x, before.y)
-        least = jax.vmap(bounds.least_clearance, (None, 0, 0))(jnp.int32(number), before.x, before.y)
-        assert (least <= clearance).all()
+        least, most = jax.vmap(bounds.clearance_bounds, (None, 0, 0))(jnp.int32(number), before.x, before.y)
+        assert ((least <= clearance) & (clearance <= most)).all()
         inside = (before.x > arena.x_min) & (before.x < arena.x_max)
         inside &= (before.y > arena.y_min) & (before.y < arena.y_max)
-        assert (clearance - least)[inside].max() < 2 * bounds.cell[number]
+        assert (most - least)[inside].max() < 2 * bounds.cell[number]
+
+
+def test_place_is_clear_as_in_the_arena_alone(moves):
+    """Where it matters."""
+    scenario, (before, _, distance) = Scenario.of(ARENAS), moves
+    numbers = jnp.arange(MOVES) % len(ARENAS)
+    alone = [jax.jit(jax.vmap(arena.is_clear))(before.x, before.y, distance) for arena in ARENAS]
+    expected = np.stack(alone)[numbers, np.arange(MOVES)]
+    assert 200 < expected.sum() < MOVES - 200
+    matters = jnp.arange(MOVES) % 3 > 0
+    together = jax.vmap(lambda number, *place: scenario.arena(number).is_clear(*place))
+    np.testing.assert_array_equal(together(numbers, before.x, before.y, distance), expected)
+    asked = jax.jit(together)(numbers, before.x, before.y, distance, matters)
+    np.testing.assert_array_equal(asked[matters], expected[matters])
+
+
+def test_starts_are_those_of_the_arena_alone():
+    game = in_arenas(Game(), ARENAS)
+    keys = jax.random.split(jax.random.key(3), 40)
+    variants = jnp.arange(40) % len(ARENAS)
+    together = jax.jit(jax.vmap(game.reset_at))(variants, keys)
+    for number, arena in enumerate(ARENAS):
+        own = variants == number
+        alone = jax.jit(jax.vmap(game.in_arena(arena).reset))(keys[own])
+        for role in Role:
+            ours, theirs = (state.robots[role][0] for state in (together, alone))
+            np.testing.assert_array_equal(ours.x[own], theirs.x)
+            np.testing.assert_array_equal(ours.heading[own], theirs.heading)
