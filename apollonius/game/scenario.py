@@ -130,28 +130,32 @@ class OneOfArenas(Arena):
         """Check whether a body of this radius [m] touches an obstacle anywhere along a straight
         step.
         """
-        further_obstacles = Arena(map=self.map, extra=self.extra)
-        is_hit = further_obstacles.hits_obstacle(before, after, radius)
         if self.bounds is None:
-            return is_hit
+            return super().hits_obstacle(before, after, radius)
+        is_hit = self._without_shapes.hits_obstacle(before, after, radius)
         return is_hit | self.bounds.is_hit(jnp.asarray(self.member), before, after, radius)
 
     def is_clear(self, x: Scalar, y: Scalar, distance: Real, matters: Flag | bool = True) -> Flag:
         """Check whether walls and obstacles are at least a distance [m] away from a point; where it
         does not matter, the answer may be wrong.
         """
-        rest = Arena(self.x_min, self.x_max, self.y_min, self.y_max, map=self.map, extra=self.extra)
-        is_clear = rest.is_clear(x, y, distance)
         if self.bounds is None:
-            return is_clear
+            return super().is_clear(x, y, distance, matters)
+        is_clear = self._without_shapes.is_clear(x, y, distance)
         member = jnp.asarray(self.member)
         return is_clear & self.bounds.is_clear(member, x, y, distance, is_clear & matters)
+
+    @property
+    def _without_shapes(self) -> Arena:
+        """The arena without discs and polygons, which are in the bounds."""
+        walls = self.x_min, self.x_max, self.y_min, self.y_max
+        return Arena(*walls, map=self.map, extra=self.extra)
 
 
 class Scenario(eqx.Module):
     """Arenas of one shape, leaves `[arenas]`, all equally likely, and maybe robots of several
     kinds, all of a side alike, equally likely too; and its name in a game's file
-    (`apollonius.arenas.suite`).
+    (`apollonius.arenas.suite`). `Scenario.of` makes one with `bounds`, by which it is faster.
     """
 
     arenas: Arena
@@ -184,8 +188,7 @@ class Scenario(eqx.Module):
     ) -> "Scenario":
         """Return the scenario of some arenas; raises InvalidInput unless they are alike."""
         stacked = stack_arenas(arenas)
-        has_shapes = stacked.discs or stacked.polygons
-        bounds = ContactBounds.of(stacked) if has_shapes else None
+        bounds = ContactBounds.of(stacked) if stacked.discs or stacked.polygons else None
         return cls(stacked, len(arenas), bounds, kinds, name)
 
     def arena(self, variant: Int[Array, ""]) -> Arena:

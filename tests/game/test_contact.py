@@ -38,6 +38,9 @@ def test_contact_is_that_of_the_arena_alone(moves):
     expected = np.stack(alone)[numbers, np.arange(MOVES)]
     assert 200 < expected.sum() < MOVES - 200
     np.testing.assert_array_equal(jax.jit(together)(numbers, *moves), expected)
+    without_bounds = replace(scenario, bounds=None)
+    slowly = jax.vmap(lambda number, *move: without_bounds.arena(number).hits_obstacle(*move))
+    np.testing.assert_array_equal(jax.jit(slowly)(numbers, *moves), expected)
     nested = jax.vmap(together)(*jax.tree.map(lambda leaf: leaf.reshape(-1, 40), (numbers, *moves)))
     np.testing.assert_array_equal(nested.ravel(), expected)
     for index in (*np.flatnonzero(expected)[:2], *np.flatnonzero(~expected)[:2]):
@@ -72,6 +75,8 @@ def test_place_is_clear_as_in_the_arena_alone(moves):
     alone = [jax.jit(jax.vmap(arena.is_clear))(before.x, before.y, distance) for arena in ARENAS]
     expected = np.stack(alone)[numbers, np.arange(MOVES)]
     assert 200 < expected.sum() < MOVES - 200
+    slowly = jax.vmap(lambda number, *place: replace(scenario, bounds=None).arena(number).is_clear(*place))
+    np.testing.assert_array_equal(jax.jit(slowly)(numbers, before.x, before.y, distance), expected)
     matters = jnp.arange(MOVES) % 3 > 0
     together = jax.vmap(lambda number, *place: scenario.arena(number).is_clear(*place))
     np.testing.assert_array_equal(together(numbers, before.x, before.y, distance), expected)
