@@ -19,6 +19,7 @@ from dataclasses import asdict, astuple, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -170,6 +171,7 @@ def draw(file: Path, numbers: range) -> None:
             rows.append(run_draw(number, Path(folder)))
         print(json.dumps(rows[-1]), flush=True)
         write_rows(file, rows)
+        jax.clear_caches()  # programs of a draw are of no use to the next one, and fill the memory
 
 
 def read_rows(file: Path) -> list[dict[str, Any]]:
