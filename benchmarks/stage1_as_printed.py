@@ -12,21 +12,21 @@ agent gets from it by the rewards, the discount and the time limit of its traini
 import argparse
 import json
 import re
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from apollonius import Match, Outcome, Role, look, reset_batch
 from apollonius.agents.network import QNetwork
 from apollonius.agents.store import load_agent
 from apollonius.evaluate.match import count_results, play_games
 from apollonius.game.game import Game
+from apollonius.game.types import GameState
 from apollonius.io.document import write_atomically
 from apollonius.learn.fixed_target import FixedTargetConfig
 from apollonius.learn.folder import agent_file, load_config
@@ -38,28 +38,34 @@ BRAKE = jnp.int32(1)
 """Action of the evader."""
 
 
+class _Course(NamedTuple):
+    """A game so far: its state, the weight of the next reward, and the discounted rewards."""
+
+    state: GameState
+    weight: Float[Array, ""]
+    total: Float[Array, ""]
+
+
 @eqx.filter_jit
 def values_and_returns(
     network: QNetwork, game: Game, gamma: float
 ) -> tuple[Float[Array, " starts"], Float[Array, " starts"]]:
     """Return the value that a network gives each start, and its discounted return from there."""
 
-    def best(state: Any) -> tuple[Int[Array, ""], Float[Array, ""]]:
-        values = network(network.observation(look(game, state, Role.PURSUER)))
-        return jnp.argmax(values).astype(jnp.int32), jnp.max(values)
+    def action_values(state: GameState) -> Float[Array, "9"]:
+        return network(network.observation(look(game, state, Role.PURSUER)))
 
-    def play(state: Any) -> tuple[Float[Array, ""], Float[Array, ""]]:
-        def one_step(carry: Any, _: None) -> tuple[Any, None]:
-            state, weight, total = carry
-            action = best(state)[0]
-            after = game.step(state, action, BRAKE)
-            total = total + weight * after.reward.pursuer
-            weight = weight * gamma * (after.outcome == Outcome.ONGOING)
-            return (after.state, weight, total), None
+    def one_step(course: _Course, _: None) -> tuple[_Course, None]:
+        action = jnp.argmax(action_values(course.state)).astype(jnp.int32)
+        after = game.step(course.state, action, BRAKE)
+        total = course.total + course.weight * after.reward.pursuer
+        weight = course.weight * gamma * (after.outcome == Outcome.ONGOING)
+        return _Course(after.state, weight, total), None
 
-        first = state, jnp.float32(1), jnp.float32(0)
-        (_, _, total), _ = jax.lax.scan(one_step, first, length=1000)
-        return best(state)[1], total
+    def play(state: GameState) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        start = _Course(state, jnp.float32(1), jnp.float32(0))
+        end, _ = jax.lax.scan(one_step, start, length=1000)
+        return jnp.max(action_values(state)), end.total
 
     return jax.vmap(play)(reset_batch(game, jax.random.key(HELD_OUT), STARTS))
 
@@ -119,7 +125,7 @@ def draw(curves: dict[str, list[dict[str, float]]], path: Path) -> None:
         captures.legend(loc="lower right")
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -131,7 +137,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     drawing = commands.add_parser("draw")
     drawing.add_argument("file", type=Path)
     drawing.add_argument("--out", type=Path, required=True)
-    options = parser.parse_args(arguments)
+    options = parser.parse_args()
     if options.command == "draw":
         draw(json.loads(options.file.read_text(encoding="utf-8")), options.out)
         return

@@ -50,9 +50,9 @@ def test_contact_is_that_of_the_arena_alone(moves):
 
 
 @pytest.mark.parametrize("without", ["discs", "polygons"])
-def test_bounds_are_below_the_clearance_and_near_it(moves, without):
-    """Within the walls not more than a cell's diagonal below it."""
-    before, _, _ = moves
+def test_clearance_lies_within_its_bounds(moves, without):
+    """Within the walls they are less than two cells apart."""
+    before = moves[0]
     arenas = [replace(arena, **{without: ()}) for arena in ARENAS]
     bounds = ContactBounds.of(stack_arenas(arenas))
     has_shapes = [number for number, arena in enumerate(arenas) if arena.discs or arena.polygons]
