@@ -216,7 +216,16 @@ def features(settings: Settings) -> list[float]:
         math.log(settings.final_epsilon / 0.0447) / 1.5,
     ]
     flags = settings.moving_in_training, settings.moving_in_tests, settings.limit_ends
-    return [1.0, dt, dt**2, discs, radius, discs * radius, *learning, *(2.0 * f - 1 for f in flags)]
+    return [
+        1.0,
+        dt,
+        dt**2,
+        discs,
+        radius,
+        discs * radius,
+        *learning,
+        *(2.0 * flag - 1 for flag in flags),
+    ]
 
 
 def summary(tables: list[dict[str, int]], captured: float, undefeated: float) -> list[float]:
@@ -290,12 +299,21 @@ def nearest(
 
 
 def describe(
-    prior: Float[np.ndarray, " many"], accepted: Float[np.ndarray, " few"]
+    prior: Float[np.ndarray, " many"], accepted: Float[np.ndarray, " few"], ours: float
 ) -> dict[str, Any]:
-    """Return the median and the 90 % interval of a posterior, and where in the prior they lie."""
+    """Return quantiles of a posterior, and the places in the prior of these and of our choice."""
     points = np.quantile(accepted, [0.05, 0.25, 0.5, 0.75, 0.95])
-    in_prior = [float(np.mean(prior < point) + np.mean(prior == point) / 2) for point in points]
-    return {"quantiles": points.tolist(), "in the prior": in_prior, "mean": float(accepted.mean())}
+    return {
+        "quantiles": points.tolist(),
+        "in the prior": [place_in(prior, point) for point in points],
+        "mean": float(accepted.mean()),
+        "ours in the prior": place_in(prior, ours),
+    }
+
+
+def place_in(prior: Float[np.ndarray, " many"], value: float) -> float:
+    """Return the share of a prior that is below a value, with half of what equals it."""
+    return float(np.mean(prior < value) + np.mean(prior == value) / 2)
 
 
 def counts_within(simulated: Float[np.ndarray, "simulations numbers"]) -> int:
@@ -313,7 +331,7 @@ def explained(y: Float[np.ndarray, "draws numbers"], emulator: Emulator) -> floa
 def coverage(
     x: Float[np.ndarray, "draws features"],
     y: Float[np.ndarray, "draws numbers"],
-    true: Float[np.ndarray, "draws settings"],
+    own_settings: Float[np.ndarray, "draws settings"],
     prior_x: Float[np.ndarray, "simulations features"],
     prior: Float[np.ndarray, "simulations settings"],
 ) -> Float[np.ndarray, " settings"]:
@@ -327,7 +345,7 @@ def coverage(
         simulated = Emulator.fit(x[rest], y[rest]).simulate(prior_x, random)
         accepted = prior[nearest(simulated, y[number])]
         low, high = np.quantile(accepted, [0.05, 0.95], axis=0)
-        inside.append((low <= true[number]) & (true[number] <= high))
+        inside.append((low <= own_settings[number]) & (own_settings[number] <= high))
     return np.mean(inside, axis=0)
 
 
@@ -349,7 +367,10 @@ def judge(file: Path, out: Path) -> None:
     drawn_values = np.array([astuple(settings) for settings in drawn], float)
     inside = coverage(x, y, drawn_values, prior_x[few], prior[few])
     columns = dict(zip(names, prior.T, strict=True))
-    posterior = {name: describe(column, column[accepted]) for name, column in columns.items()}
+    ours = asdict(OURS)
+    posterior = {
+        name: describe(column, column[accepted], ours[name]) for name, column in columns.items()
+    }
     result = {
         "draws": len(rows),
         "simulations": SIMULATIONS,
@@ -385,11 +406,12 @@ LABELS = {
 
 def draw_posterior(posterior: dict[str, dict[str, Any]], path: Path) -> None:
     """Draw a row for each setting, from the least to the greatest value of its prior."""
-    ours = dict(zip(posterior, astuple(OURS), strict=True))
     with style.picture(path, width=6.4, height=3.6) as (axes,):
         for row, name in enumerate(LABELS):
             described = posterior[name]
-            if name in ("moving_in_training", "moving_in_tests", "limit_ends"):
+            ours = described["ours in the prior"]
+            if isinstance(getattr(OURS, name), bool):
+                ours = float(getattr(OURS, name))
                 axes.plot(described["mean"], row, "o", color=palette.PURSUER)
                 axes.text(1.02, row, f"{described['mean']:.0%} say yes", va="center")
             else:
@@ -399,17 +421,10 @@ def draw_posterior(posterior: dict[str, dict[str, Any]], path: Path) -> None:
                 axes.plot(median, row, "o", color=palette.PAPER, markersize=3)
                 ends = described["quantiles"]
                 axes.text(1.02, row, f"{ends[0]:.3g} to {ends[4]:.3g}", va="center")
-            axes.plot(place_in_prior(name, ours[name]), row, "D", color=palette.INK, markersize=4)
+            axes.plot(ours, row, "D", color=palette.INK, markersize=4)
         axes.set_yticks(range(len(LABELS)), LABELS.values())
         axes.set(xlim=(0, 1), xlabel="place in the prior", ylim=(len(LABELS) - 0.5, -0.5))
         axes.set_title("What the paper's tables say of each setting (diamonds: ours)")
-
-
-def place_in_prior(name: str, value: float) -> float:
-    """Return the place of a value in the prior of its setting."""
-    random = np.random.default_rng(0)
-    column = np.array([getattr(draw_settings(random), name) for _ in range(4000)], float)
-    return float(np.mean(column < value) + np.mean(column == value) / 2)
 
 
 def main() -> None:

@@ -2,6 +2,7 @@
 [OPTIONS]`.
 
 `env` plays at random with auto-reset, in any game; one env step moves the robots of both sides.
+`starts` draws starts of any game, `--games` at a time.
 `loops` plays as `env` by the public functions, one loop after another, in seconds of the processor.
 `train` trains in the `paper` game from the first update on.
 `solve` sweeps over one robot's grid and over a grid of two; a backup is one action at one node.
@@ -97,6 +98,13 @@ def _random_play(
 
     # What a step returns overwrites what the one before returned, so all of it is computed.
     return jax.lax.fori_loop(0, STEPS, one_step, carry)
+
+
+def measure_starts(game: Game, games: int) -> dict[str, Any]:
+    """Time the draw of starts."""
+    draw_starts = jax.jit(reset_batch, static_argnums=2)
+    seconds = timed(lambda repeat: draw_starts(game, jax.random.key(repeat), games), 9)
+    return {"games": games, "starts_per_second": games / seconds}
 
 
 def measure_loops(game: Game, games: int) -> dict[str, Any]:
@@ -242,12 +250,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("what", choices=("env", "loops", "train", "solve"))
+    parser.add_argument("what", choices=("env", "starts", "loops", "train", "solve"))
     parser.add_argument(
-        "--games", type=int, default=4096, help="of env and loops: at a time (default: %(default)s)"
+        "--games",
+        type=int,
+        default=4096,
+        help="of env, starts, loops: at a time (default: %(default)s)",
     )
     parser.add_argument(
-        "--game", default="paper", help="of env and loops: a name or file (default: %(default)s)"
+        "--game", default="paper", help="of env, starts, loops: name or file (default: %(default)s)"
     )
     parser.add_argument(
         "--profile", choices=PROFILES, default="fast", help="of train (default: %(default)s)"
@@ -261,6 +272,8 @@ def main() -> None:
     options = parser.parse_args()
     if options.what == "env":
         result = measure_env(find_game(options.game), options.games)
+    elif options.what == "starts":
+        result = measure_starts(find_game(options.game), options.games)
     elif options.what == "loops":
         result = measure_loops(find_game(options.game), options.games)
     elif options.what == "solve":
