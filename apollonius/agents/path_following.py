@@ -13,7 +13,7 @@ from jaxtyping import Array, Float, Int
 from apollonius.agents.classical import AbstractSteering, direction
 from apollonius.agents.guidance import arc_speed
 from apollonius.agents.policy import Memory, mix_bits
-from apollonius.game.chart import COARSE, Chart
+from apollonius.game.chart import Chart
 from apollonius.game.sensing import Sensors
 from apollonius.game.teams import separation
 from apollonius.game.types import Flag, RandomBits, RobotState, Scalar, tree_where
@@ -97,7 +97,7 @@ class Search(AbstractPathFollower):
     def score(
         self, view: View, memory: Int[Array, ""], bits: RandomBits
     ) -> tuple[Float[Array, "9"], Memory]:
-        sought, cell = search_view(view, memory, random_shares(bits))
+        sought, cell = search_view(view, memory, random_shares(bits, view.chart))
         return self.values(sought), cell
 
     def course(self, view: View) -> tuple[Scalar, Scalar]:
@@ -161,9 +161,9 @@ def search_view(
     return replace(view, opponents=opponents), jnp.where(opponent_found, NOWHERE, place)
 
 
-def random_shares(bits: RandomBits) -> Float[Array, " coarse"]:
+def random_shares(bits: RandomBits, chart: Chart) -> Float[Array, " coarse"]:
     """Return a random number from 0 to 1 for each coarse cell of a chart."""
-    words = mix_bits(bits, jnp.arange(1, COARSE**2 + 1, dtype=jnp.uint32))
+    words = mix_bits(bits, jnp.arange(1, chart.columns**2 + 1, dtype=jnp.uint32))
     return (words >> 8).astype(jnp.float32) / 2**24
 
 
@@ -175,4 +175,4 @@ def is_tracked(view: View) -> Flag:
 def cell_middle(chart: Chart, cell: Int[Array, ""]) -> RobotState:
     """Return the middle of a coarse cell, as of a robot at rest."""
     (x, y), zero = chart.middles(), jnp.zeros(())
-    return RobotState(x[0, cell % COARSE], y[cell // COARSE, 0], zero, zero)
+    return RobotState(x[0, cell % chart.columns], y[cell // chart.columns, 0], zero, zero)

@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float
 
 from apollonius.agents.classical import AbstractSteering, direction
 from apollonius.agents.guidance import arc_speed
-from apollonius.game.chart import COARSE, NO_PATH
+from apollonius.game.chart import NO_PATH, Chart
 from apollonius.game.dynamics import wrap_angle
 from apollonius.game.game import Game
 from apollonius.game.teams import separation
@@ -28,8 +28,8 @@ _SHARPNESS = 8
 """Exponent of the weights of directions: a larger one favours the best direction more."""
 _EVEN = 1e-3
 """Costs that differ by less are the same but for rounding: no path leads to where it would go."""
-_STRIDE = 2
-"""Sampling stride over the chart's coarse cells, along rows and columns."""
+_POINTS = 20
+"""Points along a side of the arena up to which paths are compared, or a few more."""
 _AHEAD = 0.75
 """Distance of the places ahead that it compares [m]."""
 _NEAR = 1.6
@@ -107,7 +107,8 @@ class VoronoiPursuit(AbstractSurrounding):
         evader, mates = view.opponent, view.mates
         evader_lengths = path_lengths_from(view, evader)
         is_reachable = evader_lengths < NO_PATH / 100
-        cell = (view.chart.side[view.chart.member] * _STRIDE / COARSE) ** 2
+        chart = view.chart
+        cell = (chart.side[chart.member] * _stride(chart) / chart.columns) ** 2
         blur = jnp.sqrt(cell) / view.own.body.v_max
         deadline = jnp.full(evader_lengths.shape, jnp.inf)
         for mate in mates:
@@ -179,8 +180,13 @@ def path_lengths_from(view: View, robot: Robot) -> Float[Array, " places"]:
     """Return the lengths [m] of the paths from a robot to points all over the arena, huge where it
     cannot be.
     """
-    chart, numbers = view.chart, jnp.arange(0, COARSE, _STRIDE)
+    chart = view.chart
+    numbers = jnp.arange(0, chart.columns, _stride(chart))
     cells, weights = chart.cell_weights(robot.state.x, robot.state.y)
-    places = (numbers[:, None] * COARSE + numbers[None, :]).ravel()
-    lengths = chart.lengths[chart.member, cells[:, None], places[None, :]]
-    return weights @ (lengths.astype(jnp.float32) / 100)
+    places = (numbers[:, None] * chart.columns + numbers[None, :]).ravel()
+    return weights @ (chart.lengths_between(cells, places) / 100)
+
+
+def _stride(chart: Chart) -> int:
+    """Return the coarse cells from one of these points to the next."""
+    return chart.columns // _POINTS

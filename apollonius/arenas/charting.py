@@ -10,10 +10,21 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int, UInt16
+from jaxtyping import Array, Bool, Float, Int, UInt, UInt16
 
+from apollonius.arenas.hubs import paths_by_hubs
 from apollonius.game.arena import Arena
-from apollonius.game.chart import COARSE, COARSE_BITS, NO_PATH, SIDE, Chart, entries
+from apollonius.game.chart import (
+    COARSE,
+    LARGE_COARSE,
+    LARGE_SIDE,
+    NO_PATH,
+    SIDE,
+    Chart,
+    Hubs,
+    cell_bits,
+    entries,
+)
 from apollonius.game.game import Game
 from apollonius.game.obstacle import between_nodes, bilinear
 from apollonius.game.types import Flag, Scalar
@@ -22,6 +33,10 @@ from apollonius.io.cache import Memory
 _STEPS = ((1, 0), (0, 1), (1, 1), (-1, 1), (2, 1), (-2, 1), (1, 2), (-1, 2))
 """From each coarse cell to those beside it, columns and rows: eight directions, and as many between
 them both ways.
+"""
+_WIDEST = (0.4, 0.8)
+"""Greatest width of the coarse cells of an arena that is not large [m]: of one arena and with
+bodies that of the largest robot, but within these bounds.
 """
 _LOOKS = 16
 """Points of a line at which the clearance is looked up."""
@@ -34,10 +49,10 @@ _FAR = 2**30 - 1
 """A length that no path has, and of which twice is a number."""
 _TOGETHER = 64
 """Coarse cells from which paths are looked for at once."""
-_Leaves = tuple[np.ndarray | np.float32, ...]
-"""The fields of a chart in their order, without the axis of arenas."""
-_latest = Memory[_Leaves](4)
-"""The last charts, 5 MB each: both players of a game ask for its chart."""
+_Parts = tuple[Any, ...]
+"""The fields of a chart of one arena in their order, as arrays of NumPy."""
+_latest = Memory[_Parts](4)
+"""The last charts, 5 MB each and 9 of a large arena: both players of a game ask for its chart."""
 _Field = Float[Array, "corners corners"]
 _Cells = Int[Array, "rows columns"]
 _Lengths = Int[Array, "rows columns starts"]
@@ -58,12 +73,15 @@ def with_chart(game: Game, are_read: bool = True) -> Game:
         numbers = range(scenario.count)
         arenas = [jax.tree.map(lambda leaf, i=i: leaf[i], scenario.arenas) for i in numbers]
     radius = largest_radius(game)
+    width = 2 * radius if radius and scenario is None else np.inf
+    widest = float(np.clip(width, *_WIDEST))
+    is_large = max(map(_side, arenas)) > COARSE * widest
     charts = [
-        _latest.get((arena, radius), functools.partial(_draw_fields, arena, radius))
+        _latest.get((arena, radius, is_large), functools.partial(_draw, arena, radius, is_large))
         for arena in arenas
     ]
-    chart = Chart(*jax.device_put([np.stack(leaves) for leaves in zip(*charts, strict=True)]))
-    return replace(game, chart=chart)
+    parts = jax.tree.map(lambda *leaves: np.concatenate(leaves), *charts)
+    return replace(game, chart=Chart(*jax.device_put(parts)))
 
 
 def largest_radius(game: Game) -> float:
@@ -74,20 +92,28 @@ def largest_radius(game: Game) -> float:
     return max(float(np.max(np.asarray(body.radius))) for body in bodies)
 
 
-def _draw_fields(arena: Arena, radius: float) -> _Leaves:
-    x, y = float(arena.x_min), float(arena.y_min)
-    side = max(float(arena.x_max) - x, float(arena.y_max) - y)
-    corners = np.linspace(0, side, SIDE + 1, dtype=np.float32)
+def _side(arena: Arena) -> float:
+    """Return an arena's longer side [m]."""
+    return max(float(arena.x_max) - float(arena.x_min), float(arena.y_max) - float(arena.y_min))
+
+
+def _draw(arena: Arena, radius: float, is_large: bool) -> _Parts:
+    """Draw the chart of an arena for robots of a radius [m]."""
+    x, y, side = float(arena.x_min), float(arena.y_min), _side(arena)
+    cells, columns = (LARGE_SIDE, LARGE_COARSE) if is_large else (SIDE, COARSE)
+    corners = np.linspace(0, side, cells + 1, dtype=np.float32)
     field = clearances(arena, jnp.asarray(x + corners), jnp.asarray(y + corners))
-    lengths, visible = paths(
-        field, jnp.asarray(side, jnp.float32), jnp.asarray(radius, jnp.float32)
-    )
-    links = entries(field, visible)
-    return (
-        *map(np.asarray, (field, lengths, visible)),
-        *map(np.float32, (x, y, side)),
-        np.asarray(links),
-    )
+    body, hubs = jnp.asarray(radius, jnp.float32), None
+    if is_large:
+        steps, visible = steps_and_sight(field, body, columns)
+        lengths, *nearest = paths_by_hubs(np.asarray(steps[0] < _FAR), _STEPS, side / columns)
+        hubs = Hubs(*(jnp.asarray(table)[None] for table in nearest))
+    else:
+        lengths, visible = paths(field, jnp.asarray(side, jnp.float32), body)
+    numbers = (jnp.asarray(number, jnp.float32) for number in (x, y, side))
+    links = entries(field, visible, columns)
+    arrays = (jnp.asarray(array)[None] for array in (field, lengths, visible, *numbers, links))
+    return jax.tree.map(np.asarray, (*arrays, hubs))
 
 
 @eqx.filter_jit
@@ -109,18 +135,33 @@ def paths(
         side: the arena's longer side [m].
         radius: radius of the largest body [m].
     """
-    links = _links(field, radius)
+    steps, visible = steps_and_sight(field, radius, COARSE)
 
     def lengths_from(starts: Int[Array, " starts"]) -> UInt16[Array, "starts coarse"]:
-        unit_lengths = _paths_from(links, starts)
+        unit_lengths = _paths_from(steps, starts)
         centimetres = jnp.round(unit_lengths.astype(jnp.float32) / _UNIT * (100 * side / COARSE))
         lengths = jnp.where(unit_lengths >= _FAR, NO_PATH, jnp.minimum(centimetres, NO_PATH))
         return lengths.astype(jnp.uint16).T
 
-    is_linked = jnp.min(jnp.minimum(links[0], jnp.flip(links[1], (1, 2))), axis=0) < _FAR
     starts = jnp.arange(COARSE**2).reshape(-1, _TOGETHER)
-    lengths = jax.lax.map(lengths_from, starts).reshape(COARSE**2, COARSE**2)
-    return lengths, _visible(field, is_linked.reshape(COARSE**2))
+    return jax.lax.map(lengths_from, starts).reshape(COARSE**2, COARSE**2), visible
+
+
+@functools.partial(jax.jit, static_argnames="columns")
+def steps_and_sight(
+    field: _Field, radius: Scalar, columns: int
+) -> tuple[Int[Array, "2 steps rows columns"], UInt[Array, "cells cells"]]:
+    """Compute the steps between coarse cells in which a robot fits, as in `_links`, and
+    `Chart.visible`.
+
+    Args:
+        field: clearances at the corners of cells [m].
+        radius: radius of the largest body [m].
+        columns: coarse cells along a side.
+    """
+    steps = _links(field, radius, columns)
+    is_linked = jnp.min(jnp.minimum(steps[0], jnp.flip(steps[1], (1, 2))), axis=0) < _FAR
+    return steps, _visible(field, is_linked)
 
 
 def _is_clear(
@@ -128,31 +169,31 @@ def _is_clear(
 ) -> Flag:
     """Check whether a body fits all along a line between two points in cells."""
 
+    corners = field.shape[0]
+
     def look(number: Int[Array, ""], clear: Flag) -> Flag:
         share = number / (_LOOKS - 1)
         place = x + share * (to_x - x), y + share * (to_y - y)
-        across, upwards = (between_nodes(coordinate, SIDE + 1) for coordinate in place)
+        across, upwards = (between_nodes(coordinate, corners) for coordinate in place)
         return clear & (bilinear(lambda row, column: field[row, column], across, upwards) > radius)
 
     return jax.lax.fori_loop(0, _LOOKS, look, jnp.asarray(True))
 
 
-def _cell_middle(cell: Any) -> Any:
-    """Return the middle of the coarse cell of a column or row, in cells of the field."""
-    return (cell + 0.5) * (SIDE / COARSE)
-
-
-def _links(field: _Field, radius: Scalar) -> Int[Array, "2 steps rows columns"]:
+def _links(field: _Field, radius: Scalar, columns: int) -> Int[Array, "2 steps rows columns"]:
     """Return the lengths of steps that lead to each coarse cell: of `_STEPS`, and with the arena
     turned half round.
     """
-    numbers = jnp.arange(COARSE, dtype=jnp.float32)
+    numbers = jnp.arange(columns, dtype=jnp.float32)
+    cell = (field.shape[0] - 1) / columns
 
     def link(step: Float[Array, "2"], row: Scalar, column: Scalar) -> Int[Array, ""]:
         from_column, from_row = column - step[0], row - step[1]
-        in_columns = (from_column >= 0) & (from_column < COARSE)
-        is_inside = in_columns & (from_row >= 0) & (from_row < COARSE)
-        x, y, from_x, from_y = (_cell_middle(cell) for cell in (column, row, from_column, from_row))
+        in_columns = (from_column >= 0) & (from_column < columns)
+        is_inside = in_columns & (from_row >= 0) & (from_row < columns)
+        x, y, from_x, from_y = (
+            (place + 0.5) * cell for place in (column, row, from_column, from_row)
+        )
         length = jnp.round(_UNIT * jnp.hypot(step[0], step[1])).astype(jnp.int32)
         return jnp.where(
             is_inside & _is_clear(field, x, y, from_x, from_y, radius - _SLACK), length, _FAR
@@ -202,6 +243,7 @@ def _paths_from(
 
 def _sweep_up(lengths: _Lengths, links: Int[Array, "steps rows columns"]) -> _Lengths:
     """Shorten paths by last steps upwards and to the right, row by row from below."""
+    columns = lengths.shape[1]
 
     def rightwards(
         before: Int[Array, " starts"], row_and_links: tuple[Array, Array]
@@ -215,7 +257,7 @@ def _sweep_up(lengths: _Lengths, links: Int[Array, "steps rows columns"]) -> _Le
         row, links = row_and_links
         for number, (right, up) in enumerate(_STEPS[1:], 1):
             wide = jnp.pad(before[up - 1], ((2, 2), (0, 0)), constant_values=_FAR)
-            row = jnp.minimum(row, wide[2 - right : 2 - right + COARSE] + links[number, :, None])
+            row = jnp.minimum(row, wide[2 - right : 2 - right + columns] + links[number, :, None])
         _, row = jax.lax.scan(rightwards, jnp.full_like(row[0], _FAR), (row, links[0]))
         return (row, before[0]), row
 
@@ -231,25 +273,30 @@ class _Visibility(NamedTuple):
     shortest: Scalar
 
 
-def _visible(field: _Field, is_linked: Bool[Array, " coarse"]) -> UInt16[Array, "cells cells"]:
+def _visible(field: _Field, is_linked: Bool[Array, "rows columns"]) -> UInt[Array, "cells cells"]:
     """Compute `Chart.visible`: the bits of visible coarse cells, and the nearest one."""
+    side_cells, columns = field.shape[0] - 1, len(is_linked)
+    dtype = jnp.dtype(jnp.uint16 if columns == COARSE else jnp.uint32)
+    bits = cell_bits(dtype)
+    coarse_cell = side_cells / columns
+    is_linked_cell = is_linked.ravel()
 
     def of_cell(row: Scalar, column: Scalar) -> tuple[Int[Array, ""], Int[Array, ""]]:
         x, y = column + 0.5, row + 0.5
-        left = jnp.clip(jnp.floor(x / SIDE * COARSE - 0.5), 0, COARSE - 2)
-        low = jnp.clip(jnp.floor(y / SIDE * COARSE - 0.5), 0, COARSE - 2)
+        left = jnp.clip(jnp.floor(x / side_cells * columns - 0.5), 0, columns - 2)
+        low = jnp.clip(jnp.floor(y / side_cells * columns - 0.5), 0, columns - 2)
 
         def try_cell(bit: Int[Array, ""], before: _Visibility) -> _Visibility:
             right, up = bit % 2, bit // 2
             to_column = left + right.astype(jnp.float32)
             to_row = low + up.astype(jnp.float32)
-            cell = (to_row * COARSE + to_column).astype(jnp.int32)
-            to_x, to_y = _cell_middle(to_column), _cell_middle(to_row)
-            is_seen = is_linked[cell] & _is_clear(field, x, y, to_x, to_y, 0.0)
+            cell = (to_row * columns + to_column).astype(jnp.int32)
+            to_x, to_y = (to_column + 0.5) * coarse_cell, (to_row + 0.5) * coarse_cell
+            is_seen = is_linked_cell[cell] & _is_clear(field, x, y, to_x, to_y, 0.0)
             distance = jnp.hypot(x - to_x, y - to_y)
             is_nearer = is_seen & (distance < before.shortest)
             return _Visibility(
-                bits=before.bits | (is_seen.astype(jnp.int32) << (COARSE_BITS + bit)),
+                bits=before.bits | (is_seen.astype(jnp.int32) << (bits + bit)),
                 nearest=jnp.where(is_nearer, cell, before.nearest),
                 shortest=jnp.where(is_nearer, distance, before.shortest),
             )
@@ -258,13 +305,13 @@ def _visible(field: _Field, is_linked: Bool[Array, " coarse"]) -> UInt16[Array, 
         visibility = jax.lax.fori_loop(0, 4, try_cell, start)
         return visibility.bits, visibility.nearest
 
-    cells = jnp.arange(SIDE, dtype=jnp.float32)
+    cells = jnp.arange(side_cells, dtype=jnp.float32)
     visible_bits, nearest = jax.lax.map(
         lambda row: jax.vmap(lambda column: of_cell(row, column))(cells), cells
     )
     is_free = field[1:, 1:] + field[1:, :-1] + field[:-1, 1:] + field[:-1, :-1] > 0
     nearest = _flood(_flood(nearest, is_free), jnp.ones_like(is_free))
-    return (visible_bits | jnp.maximum(nearest, 0)).astype(jnp.uint16)
+    return (visible_bits | jnp.maximum(nearest, 0)).astype(dtype)
 
 
 def _flood(nearest: _Cells, may: Bool[Array, "rows columns"]) -> _Cells:

@@ -11,7 +11,10 @@ SUITES = ("suite-v1", "suite-v2")
 """All suites. Each is a file beside this one and never changes: another list is another suite."""
 PARTS = ("train", "held-out")
 """Purposes of the arenas of a suite."""
-KINDS = ("discs", "blocks", "rooms", "maze", "racks", "caves", "labyrinth", "fences", "floors")
+KINDS = (
+    *("discs", "blocks", "rooms", "maze", "racks", "caves", "labyrinth", "fences", "floors"),
+    "buildings",
+)
 """Kinds of random arenas."""
 
 

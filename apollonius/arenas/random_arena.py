@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from apollonius.arenas.names import KINDS
+from apollonius.arenas.random.buildings import buildings
 from apollonius.arenas.random.caves import caves
 from apollonius.arenas.random.detours import fences, floors
 from apollonius.arenas.random.scattered import Layout, blocks, discs
@@ -18,7 +19,11 @@ from apollonius.io.errors import require
 from apollonius.io.limits import SEED
 
 _DRAW: dict[str, Callable[[Layout, np.random.Generator], Arena]] = dict(
-    zip(KINDS, (discs, blocks, rooms, maze, racks, caves, labyrinth, fences, floors), strict=True)
+    zip(
+        KINDS,
+        (discs, blocks, rooms, maze, racks, caves, labyrinth, fences, floors, buildings),
+        strict=True,
+    )
 )
 _LARGEST = 100.0
 """Longest side of a random arena [m]."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt16
+from jaxtyping import Bool, Float, Int
 from scipy.ndimage import distance_transform_edt
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import dijkstra
 from apollonius.arenas.charting import clearances, largest_radius, with_chart
 from apollonius.arenas.map_file import label_parts, share_of_unknown_cells
 from apollonius.game.arena import Arena
-from apollonius.game.chart import COARSE, NO_PATH, SIDE
+from apollonius.game.chart import COARSE, NO_PATH, Chart
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 
@@ -37,9 +37,9 @@ _LONGER = 1.1
 """Factor by which a path of a chart may be longer than a straight one, as it goes in sixteen
 directions.
 """
-_DETOUR = 3.0
-"""Coarse cells by which a chart's path may be longer than the real one before a passage counts as
-missed.
+_DETOUR = 3.0 / COARSE
+"""Share of the side by which a chart's path may be longer than the real one before a passage counts
+as missed.
 """
 _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
 """Steps from each cell of the raster to four of its eight neighbours, rows and columns."""
@@ -200,8 +200,9 @@ def missed_passage(game: Game) -> list[str]:
     """Return the note on the passage of one arena that costs players with a chart the longest
     detour, if they miss any.
 
-    From every coarse cell of the chart the free space is flooded on a fine raster. Where two floods
-    meet, the robot can go from one cell to the other; the chart should have a path about as short.
+    From every coarse cell of the chart, in a large arena from every hub, the free space is flooded
+    on a fine raster. Where two floods meet, the robot can go from one cell to the other; the chart
+    should have a path about as short.
     """
     arena = game.arena
     radius = largest_radius(game)
@@ -212,56 +213,62 @@ def missed_passage(game: Game) -> list[str]:
     x, y, cell, clearance = grid_points(arena)
     clearance -= radius
     graph, start, end, length = _links(clearance, cell)
-    cells, seeds = _flood_seeds(lengths, side, cell, clearance.shape)
+    hubs, seeds = _flood_seeds(chart, cell, clearance.shape)
     if not len(seeds):
         return []
     distances, _, source = dijkstra(
         graph, directed=False, indices=seeds, min_only=True, return_predecessors=True
     )
-    cell_at = np.zeros(clearance.size, int)
-    cell_at[seeds] = cells
+    hub_at = np.zeros(clearance.size, int)
+    hub_at[seeds] = hubs
     is_reached = np.isfinite(distances[start] + distances[end])
     meet = np.flatnonzero((source[start] != source[end]) & is_reached)
     if not len(meet):
         return []
     start, end = start[meet], end[meet]
     real_lengths = distances[start] + length[meet] + distances[end]
-    chart_lengths = lengths[cell_at[source[start]], cell_at[source[end]]]
+    chart_lengths = lengths[hub_at[source[start]], hub_at[source[end]]]
     excess = chart_lengths / 100 - _LONGER * real_lengths
     detour = np.where(chart_lengths == NO_PATH, np.inf, excess)
     worst = np.argmax(detour)
-    if detour[worst] <= _DETOUR * side / COARSE:
+    if detour[worst] <= _DETOUR * side:
         return []
     place = ", ".join(f"{axis.ravel()[start[worst]]:.2f}" for axis in (x, y))
     detour_text = f"know a way that is {detour[worst]:.1f} m longer"
     if np.isinf(detour[worst]):
         detour_text = "know no other way"
+    resolution = 2 * radius + side / chart.columns + side / chart.visible.shape[-1]
     return [
         f"the passage at ({place}) is too narrow for the chart of pursuer and evader: "
-        f"they {detour_text}. This arena's chart resolves "
-        f"{2 * radius + side / COARSE + side / SIDE:.2f} m, so widen it to that."
+        f"they {detour_text}. This arena's chart resolves {resolution:.2f} m, so widen it to that."
     ]
 
 
 def _flood_seeds(
-    lengths: UInt16[np.ndarray, "cells cells"], side: float, cell: float, shape: tuple[int, ...]
+    chart: Chart, cell: float, shape: tuple[int, ...]
 ) -> tuple[Int[np.ndarray, " seeds"], Int[np.ndarray, " seeds"]]:
-    """Return the coarse cells of a chart that have a path to another, and the raster's cell in the
-    middle of each.
+    """Return the hubs of a chart of one arena that have a path to another, and the raster's cell
+    where each is.
 
     Args:
-        lengths: lengths of the chart's paths between its coarse cells.
-        side: side of the chart [m].
+        chart: the chart; without hubs, its coarse cells stand for them.
         cell: side of the raster's cells [m].
         shape: rows and columns of the raster.
     """
+    lengths = np.asarray(chart.lengths)[0]
+    if chart.hubs is None:
+        hubs = cells = np.arange(chart.columns**2)
+    else:
+        cells = np.flatnonzero(np.asarray(chart.hubs.length)[0, :, 0] == 0)
+        hubs = np.asarray(chart.hubs.number)[0, cells, 0].astype(int)
     other_lengths = np.where(np.eye(len(lengths), dtype=bool), NO_PATH, lengths)
-    cells = np.flatnonzero(other_lengths.min(axis=1) < NO_PATH)
-    indices = np.divmod(cells, COARSE)
-    middles = [(np.array(index) + 0.5) * side / COARSE / cell for index in indices]
+    has_path = other_lengths.min(axis=1)[hubs] < NO_PATH
+    hubs, cells = hubs[has_path], cells[has_path]
+    indices = np.divmod(cells, chart.columns)
+    middles = [(np.array(index) + 0.5) * float(chart.coarse_cell) / cell for index in indices]
     rows, columns = (middle.astype(int) for middle in middles)
     inside = (rows < shape[0]) & (columns < shape[1])
-    return cells[inside], (rows * shape[1] + columns)[inside]
+    return hubs[inside], (rows * shape[1] + columns)[inside]
 
 
 def _links(

@@ -12,7 +12,7 @@ from apollonius.game.types import Flag, Real, RobotState, Scalar
 from apollonius.io import extensions
 from apollonius.io.errors import require
 
-MOST_POLYGONS = 200
+MOST_POLYGONS = 500
 """Most polygons: each takes some time to compile."""
 MOST_EDGES = 2_000
 """Most corners of all polygons together."""

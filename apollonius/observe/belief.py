@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, UInt32
 
 from apollonius.accelerate.fusion_barrier import fusion_barrier
-from apollonius.game.chart import COARSE, STEPS, Chart
+from apollonius.game.chart import STEPS, Chart
 from apollonius.game.sensing import BOUND, Noise, Percept, Sensors
 from apollonius.game.types import Flag, Real, RobotState, Scalar
 
@@ -71,7 +71,7 @@ def uniform(chart: Chart) -> Belief:
     """
     return Belief(
         jnp.where(_links(chart) > 0, _most(chart), _NOBODY),
-        jnp.full((COARSE, COARSE), NEVER, jnp.float32),
+        jnp.full((chart.columns, chart.columns), NEVER, jnp.float32),
     )
 
 
@@ -99,7 +99,7 @@ def propagate(chart: Chart, belief: Belief, reach: Scalar, time: Real) -> Belief
         reach: longest distance [m] that an opponent can have moved.
         time: the time that passed [s].
     """
-    cell, links = _cell(chart), _links(chart)
+    cell, links = chart.coarse_cell, _links(chart)
     hops = jnp.ceil(reach / (_SHARE * cell))
     share = reach / jnp.maximum(hops, 1.0)
 
@@ -134,7 +134,7 @@ def observe_belief(
     is_visible = functools.reduce(
         jnp.logical_or, [is_active & visible(chart, sensors, robot) for robot, is_active in robots]
     )
-    is_seen, number = is_visible & percept.has_looked, jnp.arange(COARSE**2).reshape(COARSE, COARSE)
+    is_seen, number = is_visible & percept.has_looked, _numbers(chart)
     hidden = jnp.where(is_visible, _SEEN, _owners(chart))
     for _, is_entered, owner in _beside(_links(chart), hidden, _SEEN):
         is_seen &= (owner == _SEEN) | ~(is_entered | (owner == number))
@@ -153,8 +153,8 @@ def _owners(chart: Chart) -> Int[Array, "rows columns"]:
 def localise(chart: Chart, robot: RobotState, bound: Scalar) -> Float[Array, "rows columns"]:
     """Return the budget of an opponent that is within `bound` [m] of where it is seen."""
     x, y = chart.middles()
-    near = (bound > 0) & (jnp.hypot(x - robot.x, y - robot.y) <= bound + 1.5 * _cell(chart))
-    own_cell = jnp.arange(COARSE**2).reshape(COARSE, COARSE) == chart.nearest_cell(robot.x, robot.y)
+    near = (bound > 0) & (jnp.hypot(x - robot.x, y - robot.y) <= bound + 1.5 * chart.coarse_cell)
+    own_cell = _numbers(chart) == chart.nearest_cell(robot.x, robot.y)
     return jnp.where(own_cell | near & (_links(chart) > 0), _most(chart), _NOBODY)
 
 
@@ -166,7 +166,7 @@ def visible(chart: Chart, sensors: Sensors, robot: RobotState) -> Cells:
     x, y = chart.middles()
     dx, dy = x - robot.x, y - robot.y
     distance, own_noise = jnp.hypot(dx, dy), sensors.own_noise or Noise()
-    is_seen = jnp.ones((COARSE, COARSE), bool)
+    is_seen = jnp.ones(distance.shape, bool)
     if sensors.line_of_sight:
         is_seen &= distance <= _profile(chart, robot, own_noise.reach)[_ray(dx, dy)]
     if sensors.range is not None:
@@ -224,9 +224,10 @@ def _beside(
     """Yield for each of a cell's neighbours their distance [cells], whether it is entered from
     there, and its value.
     """
+    rows, columns = values.shape
     wide = jnp.pad(values, 2, constant_values=outside)
     for bit, (right, up) in enumerate(STEPS):
-        neighbours = wide[2 - up : 2 - up + COARSE, 2 - right : 2 - right + COARSE]
+        neighbours = wide[2 - up : 2 - up + rows, 2 - right : 2 - right + columns]
         yield math.hypot(right, up), (links >> bit) & 1 > 0, neighbours
 
 
@@ -235,10 +236,11 @@ def _links(chart: Chart) -> UInt32[Array, "rows columns"]:
     return chart.links[chart.member]
 
 
-def _cell(chart: Chart) -> Scalar:
-    return chart.side[chart.member] / COARSE
+def _numbers(chart: Chart) -> Int[Array, "rows columns"]:
+    """Return the numbers of the coarse cells."""
+    return jnp.arange(chart.columns**2).reshape(chart.columns, chart.columns)
 
 
 def _most(chart: Chart) -> Scalar:
     """Return the largest budget [m]: enough to be in the next cell at once."""
-    return _cell(chart) * 2.5
+    return chart.coarse_cell * 2.5

@@ -16,7 +16,7 @@ from apollonius.agents.path_following import search_view
 from apollonius.agents.wrappers import clearance_penalty as penalties
 from apollonius.agents.wrappers.shield import MARGIN
 from apollonius.arenas.charting import clearances, paths
-from apollonius.game.chart import NO_PATH, Chart, entries
+from apollonius.game.chart import COARSE, NO_PATH, Chart, entries
 from apollonius.game.dynamics import MIRRORED, Unicycle
 from apollonius.game.game import Game
 from apollonius.game.sensing import Sensing, Sensors
@@ -245,12 +245,9 @@ def chart(
     clearance_field = clearances(floor.arena(field), corners[0], corners[1])
     lengths, visible = paths(clearance_field, side, radius)
     x, y = corners[:, :1]
-    links, member = entries(clearance_field, visible)[None], jnp.zeros((), jnp.int32)
-    return {
-        "chart": Chart(
-            clearance_field[None], lengths[None], visible[None], x, y, side[None], links, member
-        )
-    }
+    links = entries(clearance_field, visible, COARSE)[None]
+    arrays = clearance_field[None], lengths[None], visible[None], x, y, side[None], links
+    return {"chart": Chart(*arrays, member=jnp.zeros((), jnp.int32))}
 
 
 def arrival_advantage(
@@ -264,7 +261,7 @@ def arrival_advantage(
 
     def time(body: Unicycle, robot: RobotState, reach: Scalar) -> Float[Array, " coarse"]:
         cells, weights = chart.cell_weights(robot.x, robot.y)
-        lengths = weights @ (chart.lengths[chart.member, cells].astype(jnp.float32) / 100)
+        lengths = weights @ (chart.lengths_between(cells, jnp.arange(COARSE**2)) / 100)
         remaining = jnp.maximum(lengths - reach, 0)
         v = jnp.maximum(robot.v, 0)
         thrust = jnp.maximum(body.u1_max, 1e-6)

@@ -154,7 +154,14 @@ def _examples() -> dict[str, Any]:
         ),
         "field": real(_ENDLESS),
         "chart": Chart(
-            real(1, SIDE + 1, SIDE + 1), lengths, visible, real(1), real(1), real(1), links, whole()
+            real(1, SIDE + 1, SIDE + 1),
+            lengths,
+            visible,
+            real(1),
+            real(1),
+            real(1),
+            links,
+            member=whole(),
         ),
         "searcher": SearcherState(
             Track((robot,), (robot,), (number,), None, belief, Sightings(whole(), whole())), whole()

@@ -147,7 +147,7 @@ def test_entries_link_adjacent_free_cells():
             for number, known in enumerate(STEPS):
                 entered = end[(start >= 0) & (end >= 0) & np.all(step == known, axis=1)]
                 expected[entered] |= np.uint32(1 << number)
-    np.testing.assert_array_equal(np.ravel(entries(jnp.asarray(corners), jnp.asarray(visible))), expected)
+    np.testing.assert_array_equal(np.ravel(entries(jnp.asarray(corners), jnp.asarray(visible), COARSE)), expected)
 
 
 def test_game_in_another_arena_does_not_keep_the_chart():

@@ -105,37 +105,37 @@ AT = 9.8
 """Where the wall begins that parts the floor [m]."""
 
 
-def floor(width, radius=0.2, second=0.0):
+def floor(width, radius=0.26, second=0.0):
     """A floor of 20 by 14 m, parted by a wall with a door of this width, and maybe a second one at its end."""
     body = Unicycle(radius=radius)
     ends = ((0.0, 7.0 - width / 2), (7.0 + width / 2, 14.0 - second))
     wall = tuple(Polygon(((AT, low), (AT + 0.15, low), (AT + 0.15, high), (AT, high))) for low, high in ends)
-    return Game(pursuer=body, evader=body, capture_distance=0.6, arena=Arena(x_max=20.0, y_max=14.0, polygons=wall))
+    return Game(pursuer=body, evader=body, capture_distance=0.7, arena=Arena(x_max=20.0, y_max=14.0, polygons=wall))
 
 
 def test_missed_passage_reports_an_unresolved_door_and_its_detour():
-    (alone,), (beside,) = missed_passage(floor(0.55)), missed_passage(floor(0.55, second=1.5))
+    (alone,), (beside,) = missed_passage(floor(0.67)), missed_passage(floor(0.67, second=1.5))
     for found in (alone, beside):
         x, y, resolves = map(float, re.search(r"at \((.*), (.*)\) is .* chart resolves (.*) m, so", found).groups())
         assert (x, y) == pytest.approx((AT, 7.0), abs=0.3)
-        assert 0.9 <= resolves <= 1.01
+        assert 1.0 <= resolves <= 1.13
     assert "they know no other way. This" in alone
     assert 8.0 < float(re.search(r"they know a way that is (.*) m longer\. This", beside)[1]) < 13.0
     west, east = 20 * COARSE + 5, 20 * COARSE + 35
-    assert np.asarray(with_chart(floor(0.55)).chart.lengths)[0, west, east] == NO_PATH
+    assert np.asarray(with_chart(floor(0.67)).chart.lengths)[0, west, east] == NO_PATH
 
 
-@pytest.mark.parametrize("game", [floor(1.01), floor(0.55, radius=0.0)], ids=["wide", "thin robots"])
+@pytest.mark.parametrize("game", [floor(1.13), floor(0.55, radius=0.0)], ids=["wide", "thin robots"])
 def test_missed_passage_reports_nothing_for_resolved_passages(game):
     assert missed_passage(game) == []
 
 
 def test_arena_check_states_the_resolution_of_the_chart(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    Path("floor.toml").write_text(tomli_w.dumps(to_dict(floor(0.55))), encoding="utf-8")
+    Path("floor.toml").write_text(tomli_w.dumps(to_dict(floor(0.67))), encoding="utf-8")
     assert main(["arena", "check", "floor.toml", "--json"]) == 0
     (note,) = json.loads(capsys.readouterr().out)["notes"]
-    assert note.endswith("know no other way. This arena's chart resolves 1.00 m, so widen it to that.")
+    assert note.endswith("know no other way. This arena's chart resolves 1.12 m, so widen it to that.")
 
 
 def warning_lines(game, players=(), name="floor.toml"):
@@ -145,7 +145,7 @@ def warning_lines(game, players=(), name="floor.toml"):
 
 
 def test_only_players_that_read_charts_are_warned_of_a_missed_passage():
-    game = floor(0.55)
+    game = floor(0.67)
     assert warning_lines(game, [find_player("still", Role.EVADER, game)]) == []
     (line,) = warning_lines(game, [find_player("pursuer", Role.PURSUER, game)])
     assert line.startswith("floor.toml: the passage at (9.")

@@ -31,6 +31,6 @@ class Searching(AbstractValueWrapper):
     def score(
         self, view: View, memory: tuple[Memory, Int[Array, ""]], bits: RandomBits
     ) -> tuple[Float[Array, "9"], Memory]:
-        sought, cell = search_view(view, memory[1], random_shares(bits))
+        sought, cell = search_view(view, memory[1], random_shares(bits, view.chart))
         values, own_memory = self.score_view(sought, memory[0], bits)
         return values, (own_memory, cell)

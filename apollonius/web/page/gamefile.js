@@ -47,7 +47,7 @@ export async function fromFragment(mark, fragment) {
 const MAX_TURN = 2; // in one step [rad]
 const MAX_SIZE = 1e6; // of any number
 const MAX_STEPS = 2 ** 31 - 1;
-const [MOST_DISCS, MOST_POLYGONS, MOST_CORNERS, MOST_EDGES] = [250, 200, 1000, 2000];
+const [MOST_DISCS, MOST_POLYGONS, MOST_CORNERS, MOST_EDGES] = [250, 500, 1000, 2000];
 const SHORTEST = 0.01; // step [s] that the page keeps up with
 const LONGEST_STOP = 1000; // steps that a robot may take to stop, as shields look so far ahead
 
