@@ -271,11 +271,11 @@ def main() -> None:
     )
     options = parser.parse_args()
     if options.what == "env":
-        result = measure_env(find_game(options.game), options.games)
+        result = measure_env(find_game(options.game).packed(), options.games)
     elif options.what == "starts":
-        result = measure_starts(find_game(options.game), options.games)
+        result = measure_starts(find_game(options.game).packed(), options.games)
     elif options.what == "loops":
-        result = measure_loops(find_game(options.game), options.games)
+        result = measure_loops(find_game(options.game).packed(), options.games)
     elif options.what == "solve":
         result = measure_solver(options.grid, hold=10)
     else:

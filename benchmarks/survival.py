@@ -11,7 +11,6 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import jax
 import numpy as np
 
 from apollonius.agents.source import NamedPlayer
@@ -22,7 +21,7 @@ from apollonius.evaluate.match import Match, play_games
 from apollonius.exploit.attackers import PLANNER, planner_against
 from apollonius.game.game import Game
 from apollonius.game.outcome import evader_winning
-from apollonius.game.scenario import stack_arenas
+from apollonius.game.scenario import Scenario
 from apollonius.game.types import BySide, Role
 
 FOLLOWED = "flee", "flee-aware", "E_curriculum"
@@ -42,11 +41,10 @@ def main() -> None:
         for name in suite_names(suite, "held-out")[::every]
     ]
     arenas = [suite_arena(*place) for place in places]
-    stacked, survivals = stack_arenas(arenas), dict[str, dict[str, list[int]]]()
-    for number, (place, arena) in enumerate(zip(places, arenas, strict=True)):
+    own_arenas = Scenario.of(arenas).each()  # of one shape, so that steps compile once
+    survivals = dict[str, dict[str, list[int]]]()
+    for place, arena, own_arena in zip(places, arenas, own_arenas, strict=True):
         chart = with_chart(Game(arena=arena)).chart
-        # Of one shape, so that steps compile once.
-        own_arena = jax.tree.map(lambda leaf, number=number: leaf[number], stacked)
         game = replace(Game(arena=own_arena, chart=chart), max_steps=SECONDS * 10)
         pursuer = find_player("pursuer", Role.PURSUER, game)
         planner = NamedPlayer(PLANNER, planner_against(pursuer, Role.PURSUER, game, FOLLOWED))

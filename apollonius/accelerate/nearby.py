@@ -12,6 +12,10 @@ from jaxtyping import Array, Float, Int
 T = TypeVar("T")
 _CELLS = 64
 """Cells along the longer side of the indexed rectangle."""
+_FEW = 8
+"""Lists of things near a cell are as long as this times a power of two, so that few programs serve
+many rectangles.
+"""
 _ROUNDING = 1e-3
 """Addition to a reach [m], many times the rounding of single precision."""
 
@@ -20,8 +24,8 @@ class NearbyIndex(eqx.Module, Generic[T]):
     """For each square cell of a rectangle the things within reach from anywhere in it.
 
     Attributes:
-        things: leaves `[things]`; the last thing is far from everywhere.
-        within: their numbers in each cell, padded with that of the last one.
+        things: leaves `[things]`; the last ones are far from everywhere.
+        within: their numbers in each cell, padded with that of one far from everywhere.
         x, y: the rectangle's lower left corner [m].
         cell: the side of a cell [m].
     """
@@ -51,9 +55,9 @@ def index_nearby(
     """Index things by the cells of a rectangle.
 
     Args:
-        things: leaves `[things]`; the last thing is far from everywhere.
+        things: leaves `[things]`; the last ones, one at least, are far from everywhere.
         distances: the function from the x of columns and the y of rows to the distances [m] of all
-            things but the last from where they meet.
+            things but these from where they meet.
         reach: distance [m] up to which a thing counts as near.
         x_range, y_range: the rectangle's ends [m].
     """
@@ -64,8 +68,11 @@ def index_nearby(
     x = jnp.float32(x_min + cell * (np.arange(columns) + 0.5))
     y = jnp.float32(y_min + cell * (np.arange(rows) + 0.5))
     is_near = np.asarray(distances(x, y)) <= reach + cell / np.sqrt(2) + _ROUNDING
-    most = max(1, int(is_near.sum(axis=0).max()))
-    within = np.full((most, rows, columns), len(is_near), np.int32)
+    most = _FEW
+    while most < is_near.sum(axis=0).max():
+        most *= 2
+    side = max(rows, columns)
+    within = np.full((most, side, side), len(is_near), np.int32)
     number, row, column = np.nonzero(is_near)
     within[np.cumsum(is_near, axis=0)[number, row, column] - 1, row, column] = number
     return NearbyIndex(

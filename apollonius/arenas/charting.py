@@ -27,6 +27,7 @@ from apollonius.game.chart import (
 )
 from apollonius.game.game import Game
 from apollonius.game.obstacle import between_nodes, bilinear
+from apollonius.game.packed_arena import pack
 from apollonius.game.types import Flag, Scalar
 from apollonius.io.cache import Memory
 
@@ -67,11 +68,7 @@ def with_chart(game: Game, are_read: bool = True) -> Game:
     if game.chart is not None or not (are_read or game.reward.along_paths):
         return game
     scenario = game.scenario
-    if scenario is None:
-        arenas = [game.arena]
-    else:
-        numbers = range(scenario.count)
-        arenas = [jax.tree.map(lambda leaf, i=i: leaf[i], scenario.arenas) for i in numbers]
+    arenas = scenario.each() if scenario else [game.arena]
     radius = largest_radius(game)
     width = 2 * radius if radius and scenario is None else np.inf
     widest = float(np.clip(width, *_WIDEST))
@@ -102,7 +99,7 @@ def _draw(arena: Arena, radius: float, is_large: bool) -> _Parts:
     x, y, side = float(arena.x_min), float(arena.y_min), _side(arena)
     cells, columns = (LARGE_SIDE, LARGE_COARSE) if is_large else (SIDE, COARSE)
     corners = np.linspace(0, side, cells + 1, dtype=np.float32)
-    field = clearances(arena, jnp.asarray(x + corners), jnp.asarray(y + corners))
+    field = clearances(pack(arena), jnp.asarray(x + corners), jnp.asarray(y + corners))
     body, hubs = jnp.asarray(radius, jnp.float32), None
     if is_large:
         steps, visible = steps_and_sight(field, body, columns)

@@ -131,7 +131,7 @@ def make_contest(
     outsider = ExternalPolicy(first, reads)
     players = ROLES.map(lambda role: single_player(policies.get(role, outsider)))
     reads_chart = reads.needs_chart or any(policy.needs_chart for policy in policies.values())
-    return Contest(with_chart(game, reads_chart), players, reads, own)
+    return Contest(with_chart(game, reads_chart).packed(), players, reads, own)
 
 
 def _observation(game: Game, option: object, role: Role) -> AbstractObservation:

@@ -86,8 +86,9 @@ class Match:
 
     @cached_property
     def rules(self) -> Game:
-        """The game as it is played: with charts, where players read them."""
-        return with_chart(self.game, any(player.policy.needs_chart for player in self.players))
+        """The game as it is played: packed, and with charts where players read them."""
+        needs_chart = any(player.policy.needs_chart for player in self.players)
+        return with_chart(self.game, needs_chart).packed()
 
     @property
     def pools(self) -> BySide[Pool]:
@@ -172,7 +173,7 @@ def record_game(match: Match, index: int) -> Replay:
 def draw_starts(match: Match) -> tuple[GameState, PRNGKeyArray]:
     """Return the starts of a match, and the key of everything random in its games."""
     start_key, play_key = match_keys(np.uint32(match.seed))
-    return sample_starts(match.game, start_key, match.games), play_key
+    return sample_starts(match.rules, start_key, match.games), play_key
 
 
 def count_results(match: Match, results: Results) -> MatchResult:

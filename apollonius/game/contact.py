@@ -5,7 +5,9 @@ A game among many arenas has as many discs and polygons as the fullest: too many
 step. Bounds of the distance to the nearest decide most questions, and the rest are few.
 """
 
+import functools
 from abc import abstractmethod
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -15,12 +17,16 @@ from jaxtyping import Array, Bool, Float, Int
 
 from apollonius.accelerate.batch_rule import broadcast_rows, with_batch_function
 from apollonius.accelerate.few_rows import compute_where
-from apollonius.game.arena import Arena, Disc
-from apollonius.game.polygon import Edges, Polygon
+from apollonius.game.arena import Disc
+from apollonius.game.obstacle import AbstractObstacle
+from apollonius.game.polygon import Edges
 from apollonius.game.types import Flag, Real, RobotState, Scalar
 
-_CELLS = 64
-"""Cells along the longer side of an arena, for whose middles the distance is known."""
+_CELLS, _MORE_CELLS = 64, 256
+"""Cells along the longer side of an arena, for whose middles the distance is known; of one with
+`_MANY` edges or more.
+"""
+_MANY = 512
 _ROUNDING = 1e-3
 """Distance [m] that is left for rounding, many times that of single precision."""
 _TOGETHER = 64
@@ -32,25 +38,36 @@ class ContactBounds(eqx.Module):
 
     Attributes:
         shapes: leaves `[arenas, shapes]`.
-        distances: from the middle of each of `_CELLS` by `_CELLS` cells to the nearest disc or
-            polygon [m]; negative inside one.
+        distances: from the middle of each of `_CELLS` by `_CELLS` cells (`_MORE_CELLS`) to the
+            nearest disc or polygon [m]; negative inside one.
         x, y: the lower left corners of the arenas [m].
         cell: the sides of their cells [m].
     """
 
-    shapes: "_Shapes"
+    shapes: "Shapes"
     distances: Float[Array, "arenas rows columns"]
     x: Float[Array, " arenas"]
     y: Float[Array, " arenas"]
     cell: Float[Array, " arenas"]
 
     @classmethod
-    def of(cls, arenas: Arena) -> "ContactBounds":
-        """Measure the distances in several arenas, leaves `[arenas]`."""
-        x, y = jnp.asarray(arenas.x_min), jnp.asarray(arenas.y_min)
-        cell = jnp.maximum(arenas.x_max - x, arenas.y_max - y) / _CELLS
-        shapes = _shapes_of(arenas.discs, arenas.polygons)
-        return cls(shapes, _distances(shapes, x, y, cell), x, y, cell)
+    def of(
+        cls,
+        shapes: "Shapes",
+        x: Float[Array, " arenas"],
+        y: Float[Array, " arenas"],
+        x_max: Float[Array, " arenas"],
+        y_max: Float[Array, " arenas"],
+    ) -> "ContactBounds":
+        """Measure the distances from shapes in several arenas with these walls [m]."""
+        has_many = shapes.edges is not None and shapes.edges.edges.x.shape[1] >= _MANY
+        cells = _MORE_CELLS if has_many else _CELLS
+        cell = jnp.maximum(x_max - x, y_max - y) / cells
+        return cls(shapes, _distances(shapes, x, y, cell, cells), x, y, cell)
+
+    def shapes_of(self, member: Int[Array, ""] | int) -> "Shapes":
+        """Return the shapes of one arena."""
+        return jax.tree.map(lambda leaf: leaf[member], self.shapes)
 
     def is_hit(
         self, member: Int[Array, ""], before: RobotState, after: RobotState, radius: Real
@@ -87,46 +104,56 @@ class ContactBounds(eqx.Module):
         """
         cell = self.cell[member]
         right, up = x - self.x[member], y - self.y[member]
-        column = jnp.clip(jnp.floor(right / cell), 0, _CELLS - 1)
-        row = jnp.clip(jnp.floor(up / cell), 0, _CELLS - 1)
+        last = self.distances.shape[-1] - 1
+        column = jnp.clip(jnp.floor(right / cell), 0, last)
+        row = jnp.clip(jnp.floor(up / cell), 0, last)
         distance = self.distances[member, row.astype(jnp.int32), column.astype(jnp.int32)]
         away = jnp.hypot(right - cell * (column + 0.5), up - cell * (row + 0.5)) + _ROUNDING
         return distance - away, distance + away
 
 
-class _Shapes(eqx.Module):
-    """The discs of an arena, leaves `[discs]`, and the edges of its polygons."""
+class Shapes(AbstractObstacle):
+    """The discs of an arena, leaves `[discs]`, and the edges of its polygons, as one obstacle."""
 
     discs: Disc | None
     edges: Edges | None
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
         """Return the distance [m] from a point to the nearest shape; negative inside."""
-        least = jnp.full((), jnp.inf)
-        if self.discs is not None:
-            least = jnp.min(jax.vmap(lambda disc: disc.clearance(x, y))(self.discs))
-        return least if self.edges is None else jnp.minimum(least, self.edges.clearance(x, y))
+        return self._least(lambda shape: shape.clearance(x, y))
 
-    def is_hit(self, before: RobotState, after: RobotState, radius: Scalar) -> Flag:
+    def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
+        """Return the least clearance [m] on the segment between two states."""
+        return self._least(lambda shape: shape.clearance_along(before, after))
+
+    def is_hit(self, before: RobotState, after: RobotState, radius: Real) -> Flag:
         """Check whether a body of this radius [m] touches one anywhere along a straight step."""
         hit = jnp.zeros((), bool)
         if self.discs is not None:
             hit = jnp.any(jax.vmap(lambda disc: disc.is_hit(before, after, radius))(self.discs))
         return hit if self.edges is None else hit | self.edges.is_hit(before, after, radius)
 
+    def _least(self, clearance: Callable[[AbstractObstacle], Scalar]) -> Scalar:
+        least = jnp.full((), jnp.inf)
+        if self.discs is not None:
+            least = jnp.min(jax.vmap(clearance)(self.discs))
+        return least if self.edges is None else jnp.minimum(least, clearance(self.edges))
 
-@jax.jit
-@jax.vmap
-def _shapes_of(discs: tuple[Disc, ...], polygons: tuple[Polygon, ...]) -> _Shapes:
-    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *discs) if discs else None
-    return _Shapes(stacked, Edges.of(polygons) if polygons else None)
 
+@functools.partial(jax.jit, static_argnames="cells")
+def _distances(
+    shapes: Shapes, x: Array, y: Array, cell: Array, cells: int
+) -> Float[Array, "arenas rows columns"]:
+    middles = jnp.arange(cells, dtype=jnp.float32) + 0.5
 
-@jax.jit
-@jax.vmap
-def _distances(shapes: _Shapes, x: Scalar, y: Scalar, cell: Scalar) -> Float[Array, "rows columns"]:
-    middles = cell * (jnp.arange(_CELLS, dtype=jnp.float32) + 0.5)
-    return jax.vmap(jax.vmap(shapes.clearance, (0, None)), (None, 0))(x + middles, y + middles)
+    @jax.vmap
+    def of_arena(
+        shapes: Shapes, x: Scalar, y: Scalar, cell: Scalar
+    ) -> Float[Array, "rows columns"]:
+        columns, rows = x + cell * middles, y + cell * middles
+        return jax.vmap(jax.vmap(shapes.clearance, (0, None)), (None, 0))(columns, rows)
+
+    return of_arena(shapes, x, y, cell)
 
 
 class _Question(eqx.Module):
@@ -135,12 +162,12 @@ class _Question(eqx.Module):
     is_open: Flag
     member: Int[Array, ""]
 
-    def answer(self, shapes: _Shapes) -> Flag:
+    def answer(self, shapes: Shapes) -> Flag:
         """Return the answer from the shapes of all arenas."""
         return self.ask(jax.tree.map(lambda leaf: leaf[self.member], shapes))
 
     @abstractmethod
-    def ask(self, shapes: _Shapes) -> Flag:
+    def ask(self, shapes: Shapes) -> Flag:
         """Return the answer from the shapes of the arena."""
 
 
@@ -149,7 +176,7 @@ class _Hits(_Question):
     after: RobotState
     radius: Scalar
 
-    def ask(self, shapes: _Shapes) -> Flag:
+    def ask(self, shapes: Shapes) -> Flag:
         return shapes.is_hit(self.before, self.after, self.radius)
 
 
@@ -158,12 +185,12 @@ class _IsClear(_Question):
     y: Scalar
     distance: Scalar
 
-    def ask(self, shapes: _Shapes) -> Flag:
+    def ask(self, shapes: Shapes) -> Flag:
         return shapes.clearance(self.x, self.y) >= self.distance
 
 
 def _answer_few(
-    size: int, batched: Any, shapes: _Shapes, question: _Question
+    size: int, batched: Any, shapes: Shapes, question: _Question
 ) -> Bool[Array, " rows"]:
     questions = broadcast_rows(size, batched[1], question)
 
@@ -175,12 +202,12 @@ def _answer_few(
 
 
 @with_batch_function(_answer_few)
-def _answer_one(shapes: _Shapes, question: _Question) -> Flag:
+def _answer_one(shapes: Shapes, question: _Question) -> Flag:
     return jax.lax.cond(
         question.is_open, lambda: question.answer(shapes), lambda: jnp.zeros((), bool)
     )
 
 
-def _answer(shapes: _Shapes, question: _Question) -> Flag:
+def _answer(shapes: Shapes, question: _Question) -> Flag:
     """Answer a question that is open; of a batch the open ones, a few at a time."""
     return _answer_one(shapes, jax.lax.stop_gradient(question))

@@ -16,6 +16,7 @@ from apollonius.game.chart import Chart
 from apollonius.game.drive import Drives
 from apollonius.game.dynamics import Unicycle, as_action
 from apollonius.game.judge import judge, robot_events
+from apollonius.game.packed_arena import pack
 from apollonius.game.reward import Reward, nearest_distances
 from apollonius.game.scenario import Scenario
 from apollonius.game.sensing import Sensing
@@ -177,6 +178,12 @@ class Game(eqx.Module):
     def in_arena(self, arena: Arena) -> "Game":
         """Return the game in another arena, of which it has no chart."""
         return replace(self, arena=arena, scenario=None, chart=None)
+
+    def packed(self) -> "Game":
+        """Return the game with its arena's discs and polygons in arrays: one program plays it in
+        many arenas.
+        """
+        return self if self.scenario else replace(self, arena=pack(self.arena))
 
     def require_one_arena(self, caller: str) -> None:
         """Refuse a game in one of several arenas, for `caller` needs one; raises InvalidInput."""

@@ -58,7 +58,9 @@ class Polygon(AbstractObstacle):
         count = len(corners)
         bound = f"3 to {MOST_CORNERS}; give [x, y] of each, in order"
         require(3 <= count <= MOST_CORNERS, name, f"{count} corners", bound)
-        outside = np.flatnonzero([not walls.enclose(x, y) for x, y in corners])
+        low = np.array([walls.x_min, walls.y_min])
+        high = np.array([walls.x_max, walls.y_max])
+        outside = np.flatnonzero(~((corners >= low) & (corners <= high)).all(axis=1))
         beyond = f"inside the walls {walls.sides}; move them"
         require(not len(outside), name, f"{_places(corners, outside)} and others", beyond)
         meeting = _crossing_edges(corners)

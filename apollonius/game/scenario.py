@@ -12,14 +12,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
-from apollonius.game.arena import Arena, Disc
+from apollonius.game.arena import Arena
 from apollonius.game.contact import ContactBounds
 from apollonius.game.drive import Drives
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.occupancy import OccupancyMap, OneOfMaps
-from apollonius.game.polygon import Polygon
+from apollonius.game.packed_arena import PackedArena, contact_bounds, packed_arena, without_shapes
 from apollonius.game.sensing import Sensing
-from apollonius.game.types import Flag, Real, RobotState, Role, Scalar
+from apollonius.game.types import Real, Role
 from apollonius.game.validation import check_parts
 from apollonius.io.errors import require
 
@@ -120,42 +120,10 @@ def _with(part: Any, path: Sequence[str], value: Real, field: str) -> Any:
     return replace(part, **{name: _with(inner, rest, value, field)})
 
 
-class OneOfArenas(Arena):
-    """The arena of a game in one of several: discs and polygons are looked at only near them."""
-
-    bounds: ContactBounds | None = None
-    member: Int[Array, ""] | int = 0
-
-    def hits_obstacle(self, before: RobotState, after: RobotState, radius: Real) -> Flag:
-        """Check whether a body of this radius [m] touches an obstacle anywhere along a straight
-        step.
-        """
-        if self.bounds is None:
-            return super().hits_obstacle(before, after, radius)
-        is_hit = self._without_shapes.hits_obstacle(before, after, radius)
-        return is_hit | self.bounds.is_hit(jnp.asarray(self.member), before, after, radius)
-
-    def is_clear(self, x: Scalar, y: Scalar, distance: Real, matters: Flag | bool = True) -> Flag:
-        """Check whether walls and obstacles are at least a distance [m] away from a point; where it
-        does not matter, the answer may be wrong.
-        """
-        if self.bounds is None:
-            return super().is_clear(x, y, distance, matters)
-        is_clear = self._without_shapes.is_clear(x, y, distance)
-        member = jnp.asarray(self.member)
-        return is_clear & self.bounds.is_clear(member, x, y, distance, is_clear & matters)
-
-    @property
-    def _without_shapes(self) -> Arena:
-        """The arena without discs and polygons, which are in the bounds."""
-        walls = self.x_min, self.x_max, self.y_min, self.y_max
-        return Arena(*walls, map=self.map, extra=self.extra)
-
-
 class Scenario(eqx.Module):
-    """Arenas of one shape, leaves `[arenas]`, all equally likely, and maybe robots of several
-    kinds, all of a side alike, equally likely too; and its name in a game's file
-    (`apollonius.arenas.suite`). `Scenario.of` makes one with `bounds`, by which it is faster.
+    """Arenas without discs and polygons, leaves `[arenas]`, all equally likely, these as `bounds`,
+    and maybe robots of several kinds, all of a side alike, equally likely too; and its name in a
+    game's file (`apollonius.arenas.suite`).
     """
 
     arenas: Arena
@@ -187,13 +155,21 @@ class Scenario(eqx.Module):
         cls, arenas: Sequence[Arena], kinds: RobotKinds | None = None, name: str = ""
     ) -> "Scenario":
         """Return the scenario of some arenas; raises InvalidInput unless they are alike."""
-        stacked = stack_arenas(arenas)
-        bounds = ContactBounds.of(stacked) if stacked.discs or stacked.polygons else None
-        return cls(stacked, len(arenas), bounds, kinds, name)
+        return cls(_stack(arenas), len(arenas), contact_bounds(arenas), kinds, name)
 
-    def arena(self, variant: Int[Array, ""]) -> Arena:
-        """Return the arena of a variant. A map's field stays with all others: it is too large to
-        copy.
+    def each(self) -> list[PackedArena]:
+        """Return every arena by itself."""
+
+        def alone(number: int) -> PackedArena:
+            arena, bounds = jax.tree.map(lambda leaf: leaf[number], self.arenas), self.bounds
+            own_bounds = bounds and jax.tree.map(lambda leaf: leaf[number : number + 1], bounds)
+            return packed_arena(arena, own_bounds, 0)
+
+        return list(map(alone, range(self.count)))
+
+    def arena(self, variant: Int[Array, ""]) -> PackedArena:
+        """Return the arena of a variant. Discs, polygons and a map's field stay with all others:
+        they are too large to copy.
         """
         number = variant % self.count
         cells = self.arenas.map
@@ -205,43 +181,24 @@ class Scenario(eqx.Module):
         own_map = cells and OneOfMaps(
             cells.field, own(cells.x), own(cells.y), own(cells.cell), "", "", number
         )
-        parts: dict[str, Any] = {part.name: getattr(arena, part.name) for part in fields(Arena)}
-        parts["map"] = own_map
-        return OneOfArenas(**parts, bounds=self.bounds, member=number)
+        return packed_arena(replace(arena, map=own_map), self.bounds, number)
 
 
-def stack_arenas(arenas: Sequence[Arena]) -> Arena:
-    """Return arenas as one, leaves `[arenas]`; raises InvalidInput unless they are alike.
+def _stack(arenas: Sequence[Arena]) -> Arena:
+    """Return arenas without discs and polygons as one, leaves `[arenas]`; raises InvalidInput
+    unless they are alike.
 
-    All get as many discs, polygons and corners of each as any has; what is added is far from
-    everywhere. A map's field gets as many rows and columns, and continues as it ends; an arena
-    without a map, while others have one, gets one that is free everywhere.
+    A map's field gets as many rows and columns as any, and continues as it ends; an arena without a
+    map, while others have one, gets one that is free everywhere.
     """
     maps = [arena.map.field.shape for arena in arenas if arena.map]
     corners_of_map = tuple(np.max(maps, axis=0).tolist()) if maps else None
-    discs = max(len(arena.discs) for arena in arenas)
-    polygons = max(len(arena.polygons) for arena in arenas)
-    outlines = [polygon.vertices for arena in arenas for polygon in arena.polygons]
-    corners = max(map(len, outlines), default=0)
-    # The corners of a polygon in one array: compiling takes time for every number that is passed
-    # alone.
-    nowhere = np.full((corners, 2), _FAR)
-
-    def pad(arena: Arena) -> Arena:
-        outlines = [np.asarray(polygon.vertices, float) for polygon in arena.polygons]
-        outlines_padded = [
-            np.pad(outline, ((0, corners - len(outline)), (0, 0)), mode="edge")
-            for outline in outlines
-        ]
-        outlines_padded += [nowhere] * (polygons - len(outlines))
-        return replace(
-            arena,
-            discs=(*arena.discs, *[Disc(_FAR, _FAR, 0.0)] * (discs - len(arena.discs))),
-            polygons=tuple(Polygon(jnp.asarray(outline)) for outline in outlines_padded),
-            map=corners_of_map and _padded_map(arena.map, corners_of_map),
+    padded = [
+        replace(
+            without_shapes(arena), map=corners_of_map and _padded_map(arena.map, corners_of_map)
         )
-
-    padded = list(map(pad, arenas))
+        for arena in arenas
+    ]
     shapes = set(map(jax.tree.structure, padded))
     require(
         len(shapes) == 1, "arenas", "of several kinds", "alike but for discs, polygons and maps"

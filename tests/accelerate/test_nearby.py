@@ -23,7 +23,8 @@ INDEXED = (
 def test_indexed_clearance_matches_all_polygons_within_reach(length):
     """From points, and from segments, among them those that are nearest to a polygon at neither of their ends."""
     index, everything = index_polygons(INDEXED, REACH, (-3.0, 13.0), (-4.0, 12.0)), Edges.of(INDEXED)
-    assert index.within.shape == (64, 64, len(HALL))
+    assert index.within.shape == (64, 64, 16)
+    assert (index.within < sum(len(polygon.vertices) for polygon in INDEXED)).sum(axis=2).max() == len(HALL) == 12
     rng = np.random.default_rng(5)
     starts, angle = rng.uniform((-2, -3), (12, 11), (6000, 2)), rng.uniform(-np.pi, np.pi, 6000)
     ends = robots(starts), robots(starts + length * np.stack([np.cos(angle), np.sin(angle)], axis=1))

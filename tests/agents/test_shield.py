@@ -116,7 +116,11 @@ def test_can_stop_straight_is_sound_and_nearby_polygons_suffice(make):
     @jax.vmap
     def tried(state, action):
         robot = Robot(game.pursuer, state)
-        everywhere = replace(backup, surroundings=None).clearance_after(robot, action) if backup.surroundings else 0.0
+        everywhere = (
+            replace(backup, arena=arena, surroundings=None).clearance_after(robot, action)
+            if backup.surroundings
+            else 0.0
+        )
         return backup.can_stop_straight(robot, action), backup.clearance_after(robot, action), everywhere
 
     sure, clearance, everywhere = map(np.asarray, tried(robots, jnp.arange(600) % 9))
@@ -145,7 +149,7 @@ def test_nearby_polygons_include_a_wall_within_reach_of_a_large_body():
     def tried(away):
         state = RobotState(10.0 - away, jnp.float32(10.0), jnp.float32(1.2), jnp.float32(0.0))
         robot = Robot(game.pursuer, state)
-        ways = backup, replace(backup, surroundings=None)
+        ways = backup, replace(backup, arena=game.arena, surroundings=None)
         return [one.clearance_after(robot, jnp.int32(7)) > MARGIN for one in ways]
 
     found, everywhere = map(np.asarray, tried(away))

@@ -26,7 +26,7 @@ from apollonius.export.player import Player, exported_side, find_exportable
 from apollonius.export.writing import check, write_c
 from apollonius.game.drive import Drive, Drives
 from apollonius.game.game import reset_batch
-from apollonius.game.scenario import stack_arenas
+from apollonius.game.scenario import Scenario
 from apollonius.game.types import BySide, Outcome, Role
 from apollonius.io.errors import InvalidInput, missing_extra
 from apollonius.play.rollout import init_games, step_games
@@ -65,9 +65,8 @@ def games_of(name):
     """The game of this name, or the paper's in many arenas of one shape."""
     if name != "drawn":
         return [find_game(name)]
-    arenas = stack_arenas([suite_arena("suite-v1", one) for one in suite_names("suite-v1", "train")[:DRAWN]])
-    arena = [jax.tree.map(lambda leaf: leaf[place], arenas) for place in range(DRAWN)]  # noqa: B023
-    return [replace(find_game("paper"), arena=one) for one in arena]
+    scenario = Scenario.of([suite_arena("suite-v1", one) for one in suite_names("suite-v1", "train")[:DRAWN]])
+    return [replace(find_game("paper"), arena=arena) for arena in scenario.each()]
 
 
 def with_wide_index(player):

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from apollonius.arenas.suite import suite_arena, suite_names
-from apollonius.game.contact import ContactBounds
 from apollonius.game.game import Game
+from apollonius.game.packed_arena import contact_bounds, pack
 from apollonius.game.presets import in_arenas
-from apollonius.game.scenario import Scenario, stack_arenas
+from apollonius.game.scenario import Scenario
 from apollonius.game.types import Role
 from tests.acting import robot
 
@@ -38,9 +38,6 @@ def test_contact_is_that_of_the_arena_alone(moves):
     expected = np.stack(alone)[numbers, np.arange(MOVES)]
     assert 200 < expected.sum() < MOVES - 200
     np.testing.assert_array_equal(jax.jit(together)(numbers, *moves), expected)
-    without_bounds = replace(scenario, bounds=None)
-    slowly = jax.vmap(lambda number, *move: without_bounds.arena(number).hits_obstacle(*move))
-    np.testing.assert_array_equal(jax.jit(slowly)(numbers, *moves), expected)
     nested = jax.vmap(together)(*jax.tree.map(lambda leaf: leaf.reshape(-1, 40), (numbers, *moves)))
     np.testing.assert_array_equal(nested.ravel(), expected)
     for index in (*np.flatnonzero(expected)[:2], *np.flatnonzero(~expected)[:2]):
@@ -54,7 +51,7 @@ def test_clearance_lies_within_its_bounds(moves, without):
     """Within the walls they are less than two cells apart."""
     before = moves[0]
     arenas = [replace(arena, **{without: ()}) for arena in ARENAS]
-    bounds = ContactBounds.of(stack_arenas(arenas))
+    bounds = contact_bounds(arenas)
     has_shapes = [number for number, arena in enumerate(arenas) if arena.discs or arena.polygons]
     assert has_shapes
     for number in has_shapes:
@@ -75,8 +72,6 @@ def test_place_is_clear_as_in_the_arena_alone(moves):
     alone = [jax.jit(jax.vmap(arena.is_clear))(before.x, before.y, distance) for arena in ARENAS]
     expected = np.stack(alone)[numbers, np.arange(MOVES)]
     assert 200 < expected.sum() < MOVES - 200
-    slowly = jax.vmap(lambda number, *place: replace(scenario, bounds=None).arena(number).is_clear(*place))
-    np.testing.assert_array_equal(jax.jit(slowly)(numbers, before.x, before.y, distance), expected)
     matters = jnp.arange(MOVES) % 3 > 0
     together = jax.vmap(lambda number, *place: scenario.arena(number).is_clear(*place))
     np.testing.assert_array_equal(together(numbers, before.x, before.y, distance), expected)
@@ -96,3 +91,30 @@ def test_starts_are_those_of_the_arena_alone():
             ours, theirs = (state.robots[role][0] for state in (together, alone))
             np.testing.assert_array_equal(ours.x[own], theirs.x)
             np.testing.assert_array_equal(ours.heading[own], theirs.heading)
+
+
+def test_packed_arena_answers_as_the_arena_itself(moves):
+    """A packed one has no lists, and numbers of one length for many arenas."""
+    before, after, radius = moves
+    packed = [pack(arena) for arena in ARENAS]
+    assert sum(not arena.discs and not arena.polygons for arena in packed) == 5
+    for arena, other in zip(ARENAS, packed, strict=True):
+        for method, arguments in (
+            ("clearance", (before.x, before.y)),
+            ("clearance_along", (before, after)),
+            ("hits_obstacle", (before, after, radius)),
+            ("hides", (before, after)),
+            ("is_clear", (before.x, before.y, radius)),
+        ):
+            answers = [jax.jit(jax.vmap(getattr(one, method)))(*arguments) for one in (arena, other)]
+            np.testing.assert_array_equal(*answers, err_msg=method)
+
+
+def test_arenas_share_a_program_unless_they_are_small_or_swept():
+    shapes = {str(jax.tree.map(jnp.shape, pack(suite_arena("suite-v2", f"fences-0{number}")))) for number in range(8)}
+    assert len(shapes) <= 2
+    small = Game().arena
+    assert pack(small) is small
+    swept = replace(ARENAS[0], discs=tuple(replace(disc, x=jnp.float32(disc.x)) for disc in ARENAS[0].discs))
+    assert swept.discs
+    assert pack(swept) is swept

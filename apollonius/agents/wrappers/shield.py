@@ -18,6 +18,7 @@ from apollonius.game.arena import Arena
 from apollonius.game.drive import limited_turn_rate
 from apollonius.game.dynamics import Unicycle, action_levels, unit_vector
 from apollonius.game.game import Game
+from apollonius.game.packed_arena import list_length, pack, padded_edges
 from apollonius.game.polygon import Edge, Edges, Polygon
 from apollonius.game.types import (
     NUM_ACTIONS,
@@ -36,10 +37,7 @@ MARGIN = 1e-3
 """Clearance [m] that must be left at any scale of the robots: many times its rounding error."""
 BRAKING = (0, 1, 2)
 """Actions that brake: while turning right, going straight, or turning left."""
-_FAR = 1e6
-"""Coordinates of what is far from everywhere [m]."""
 
-_edges_of = jax.jit(Edges.of)
 _clearances = jax.jit(jax.vmap(jax.vmap(Polygon.clearance, (None, 0, None)), (None, None, 0)))
 
 
@@ -57,7 +55,8 @@ class Backup(eqx.Module):
         arena, dt: where the manoeuvres are tried, and for how long an action is held [s].
         steps: how many steps they last.
         manoeuvres: the braking action that each holds to the end.
-        surroundings: index of the edges near each place; None: every polygon is looked at.
+        surroundings: index of the edges near each place of the polygons, which `arena` then lacks;
+            None: every polygon is looked at.
         uses_arena_of_view: whether the arena of the view is used, as it differs from state to
             state.
     """
@@ -132,10 +131,10 @@ class Backup(eqx.Module):
         return Edges(self.surroundings.near(robot.x, robot.y)) if self.surroundings else None
 
     def _clearance_along(self, before: RobotState, after: RobotState, near: Edges | None) -> Scalar:
-        """Return the least clearance [m] on a segment; polygons count by these edges only."""
+        """Return the least clearance [m] on a segment from the arena and these edges."""
+        clearance = self.arena.clearance_along(before, after)
         if near is None:
-            return self.arena.clearance_along(before, after)
-        clearance = replace(self.arena, polygons=()).clearance_along(before, after)
+            return clearance
         return jnp.minimum(clearance, near.clearance_along(before, after))
 
     def _brake(self, robot: Robot, motions: list[BrakingMotion]) -> list[BrakingMotion]:
@@ -235,7 +234,9 @@ def brakes(game: Game, role: Role) -> Backup:
     body = bodies[0]
     if game.scenario is not None or any(other != body for other in bodies):
         return Backup(game.arena, game.dt, steps, uses_arena_of_view=True)
-    return Backup(game.arena, game.dt, steps, surroundings=_surroundings(game, body))
+    surroundings = _surroundings(game, body)
+    arena = replace(game.arena, polygons=()) if surroundings else game.arena
+    return Backup(pack(arena), game.dt, steps, surroundings=surroundings)
 
 
 def _surroundings(game: Game, body: Unicycle) -> NearbyIndex[Edge] | None:
@@ -264,10 +265,7 @@ def index_polygons(
         x_range, y_range: the rectangle's ends [m].
     """
     corners = [len(polygon.vertices) for polygon in polygons]
-    far_polygon = Polygon(((_FAR, _FAR),) * corners[-1])
-    edges = jax.tree.map(
-        lambda leaf: leaf[: sum(corners) + 1], _edges_of((*polygons, far_polygon)).edges
-    )
+    edges = padded_edges(polygons, list_length(sum(corners) + 1))
 
     def distances(x: Array, y: Array) -> Float[np.ndarray, "edges rows columns"]:
         clearances = [np.asarray(_clearances(polygon, x, y)) for polygon in polygons]
