@@ -7,7 +7,7 @@ from apollonius.io.errors import closest_names, unknown_name
 
 GALLERY = Path(__file__).parent / "gallery"
 """Folder of the game files that ship with the package."""
-SUITES = ("suite-v1", "suite-v2")
+SUITES = ("suite-v1", "suite-v2", "suite-v3")
 """All suites. Each is a file beside this one and never changes: another list is another suite."""
 PARTS = ("train", "held-out")
 """Purposes of the arenas of a suite."""

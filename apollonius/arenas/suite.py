@@ -7,14 +7,16 @@ Longer sides of `suite-v1` were drawn log-uniformly from 6 to 30 m, the shorter 
 or more, gaps uniformly from a fourteenth of the longer side, 0.8 m at least, to a seventh.
 `suite-v2` has long ways round and narrower passages: longer sides from 6.5 to 22 m, gaps uniformly
 from 0.65 m and 0.032 longer sides, 0.8 m at least, what a chart resolves for robots of radius 0.3
-m, to an eighth of the longer side, 0.2 m more at least.
+m, to an eighth of the longer side, 0.2 m more at least. `suite-v3` has floors of buildings: longer
+sides from 20 to 60 m, half as long or more across, 2000 m^2 at most, gaps uniformly from 0.65 m and
+0.006 longer sides, 0.8 m at least, to 0.2 m more.
 """
 
 import functools
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +34,11 @@ from apollonius.io.document import parse_toml
 from apollonius.io.errors import require
 from apollonius.io.record import read_record
 
+BUILDINGS = "suite-v3"
+_LONG_GAME = 3_000
+"""Time limit in buildings [steps]."""
+_RADIUS_IN_BUILDINGS = (0.15, 0.3)
+"""Smallest and largest radius of a robot in buildings [m]."""
 PAPER_PAIRS = 16
 """Pairs of the paper's robots in training."""
 OTHER_PAIRS = 48
@@ -133,21 +140,27 @@ def is_scenario(name: str) -> bool:
 def scenario_game(name: str) -> Game:
     """Return the paper's rules in the arenas of a scenario.
 
-    In `train` robots are of many kinds (`kinds`), and games begin nearer to walls and obstacles, so
-    that the larger robots find a start. Raises InvalidInput for an unknown scenario.
+    In `train`, and in buildings, robots are of many kinds (`kinds`), and games begin nearer to
+    walls and obstacles, so that the larger robots find a start. Raises InvalidInput for an unknown
+    scenario.
     """
-    starts = Starts(clearance=0.15) if name.endswith("/train") else Starts()
-    return Game(starts=starts, scenario=find_scenario(name))
+    scenario = find_scenario(name)
+    starts = Starts(clearance=0.15) if scenario.kinds else Starts()
+    game = Game(starts=starts, scenario=scenario)
+    return replace(game, max_steps=_LONG_GAME) if name.startswith(BUILDINGS) else game
 
 
 @functools.cache
 def find_scenario(name: Any) -> Scenario:
-    """Return the arenas of a part of a suite, in `train` with its robots, or of a list.
+    """Return the arenas of a part of a suite, in `train` and in buildings with its robots, or of a
+    list.
 
     Raises InvalidInput for unknown ones, and where one is not drawn as published.
     """
     arenas = _arenas(name)
-    kinds = draw_robot_kinds(name.split("/")[0]) if name.endswith("/train") else None
+    suite, within = name.split("/")
+    has_kinds = within == "train" or suite == BUILDINGS
+    kinds = draw_robot_kinds(suite) if has_kinds else None
     return Scenario.of(arenas, kinds, name)
 
 
@@ -187,8 +200,8 @@ def arena_names(name: Any) -> list[str]:
 def draw_robot_kinds(suite: str = SUITES[0]) -> RobotKinds:
     """Draw the robots of training: the paper's two robots, and log-uniform pairs of others.
 
-    In `suite-v1` every other pair has bodies; in later ones all have, and every other pair of the
-    paper's robots too. The evader is caught within 0.2 to 0.4 m between bodies.
+    In `suite-v1` every other pair has bodies; in `suite-v2` all have, and every other pair of the
+    paper's robots too; in buildings all. The evader is caught within 0.2 to 0.4 m between bodies.
     """
     rng = np.random.default_rng(0)
 
@@ -206,6 +219,8 @@ def draw_robot_kinds(suite: str = SUITES[0]) -> RobotKinds:
         if suite != SUITES[0]:
             is_other = np.arange(len(v)) >= PAPER_PAIRS
             radius = rng.uniform(0, 0.3, len(v)).astype(np.float32) * (every_other | is_other)
+        if suite == BUILDINGS:
+            radius = rng.uniform(*_RADIUS_IN_BUILDINGS, len(v)).astype(np.float32)
         return Unicycle(
             jnp.zeros(len(v)), *(jnp.asarray(leaf, jnp.float32) for leaf in (v, u1, u2, radius))
         )

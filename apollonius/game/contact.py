@@ -22,7 +22,7 @@ from apollonius.game.obstacle import AbstractObstacle
 from apollonius.game.polygon import Edges
 from apollonius.game.types import Flag, Real, RobotState, Scalar
 
-_CELLS, _MORE_CELLS = 64, 256
+_CELLS, _MORE_CELLS = 64, 128
 """Cells along the longer side of an arena, for whose middles the distance is known; of one with
 `_MANY` edges or more.
 """

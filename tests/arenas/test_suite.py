@@ -35,6 +35,8 @@ PARTS = {
     ("suite-v1", "held-out"): {"racks": 60, "caves": 60, "gallery": 5},
     ("suite-v2", "train"): {"discs": 8, "blocks": 16, "rooms": 24, "maze": 32, "labyrinth": 80},
     ("suite-v2", "held-out"): {"racks": 8, "caves": 8, "fences": 48, "floors": 32, "gallery": 5},
+    ("suite-v3", "train"): {"buildings": 32},
+    ("suite-v3", "held-out"): {"buildings": 20},
 }
 
 
@@ -161,6 +163,16 @@ def test_drawn_robot_kinds_range_around_the_robots_of_the_paper():
         assert np.mean(radii > 0) == 1 - own / 2 / len(stout)
     gaps = np.asarray(found.capture_distance - found.pursuer.radius - found.evader.radius)
     assert 0.2 - 1e-5 <= gaps.min() <= gaps.max() <= 0.4 + 1e-5
+
+
+def test_buildings_have_robots_with_bodies_and_time_to_cross_them():
+    for part in ("train", "held-out"):
+        game = find_game(f"suite-v3/{part}")
+        assert game.max_steps == 3000
+        radii = [body.radius for role in Role for body in game.scenario.kinds.every(role)]
+        assert 0.15 <= min(radii) < 0.17
+        assert 0.28 < max(radii) <= 0.3
+    assert find_game("suite-v2/held-out").scenario.kinds is None
 
 
 def test_each_game_has_the_robots_of_its_variant():
