@@ -38,7 +38,9 @@ PARTS = {
         "concepts",
         "paper self_play shield solver any_arena sensing pursuers simulation architecture",
     ),
-    "Benchmarks": _folder("benchmarks", "as_printed replication leaderboard generalisation speed"),
+    "Benchmarks": _folder(
+        "benchmarks", "as_printed replication leaderboard generalisation buildings speed"
+    ),
     "Project": ("contributing", "changelog", "security", "licence", "report"),
 }
 """The tabs of the site besides its home page, each with its documents: first the one that it opens.

@@ -190,12 +190,13 @@ class Chart(eqx.Module):
         """
         if self.hubs is None:
             return self.lengths[self.member, starts[:, None], ends[None, :]].astype(jnp.float32)
-        numbers, lengths = self.hubs.number[self.member], self.hubs.length[self.member]
+        hubs, member = self.hubs, self.member
 
         def lengths_from(start: Int[Array, ""]) -> Float[Array, " ends"]:
-            over_hub = _add(lengths[start][:, None], self.lengths[self.member, numbers[start]])
-            to_hubs = jnp.min(over_hub, axis=0)
-            return jnp.min(_add(lengths[ends], to_hubs[numbers[ends]]), axis=1)
+            beside = self.lengths[member, hubs.number[member, start]]
+            to_hubs = jnp.min(_add(hubs.length[member, start][:, None], beside), axis=0)
+            over_hubs = _add(hubs.length[member, ends], to_hubs[hubs.number[member, ends]])
+            return jnp.min(over_hubs, axis=1)
 
         return jax.vmap(lengths_from)(starts)
 

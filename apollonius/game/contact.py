@@ -22,9 +22,9 @@ from apollonius.game.obstacle import AbstractObstacle
 from apollonius.game.polygon import Edges
 from apollonius.game.types import Flag, Real, RobotState, Scalar
 
-_CELLS, _MORE_CELLS = 64, 128
-"""Cells along the longer side of an arena, for whose middles the distance is known; of one with
-`_MANY` edges or more.
+_CELLS, _MORE_CELLS, _MOST_CELLS = 64, 128, 256
+"""Cells along the longer side of an arena, for whose middles the distance is known: with fewer
+edges than `_MANY`, with more in several arenas, and in one alone.
 """
 _MANY = 512
 _ROUNDING = 1e-3
@@ -38,8 +38,8 @@ class ContactBounds(eqx.Module):
 
     Attributes:
         shapes: leaves `[arenas, shapes]`.
-        distances: from the middle of each of `_CELLS` by `_CELLS` cells (`_MORE_CELLS`) to the
-            nearest disc or polygon [m]; negative inside one.
+        distances: from the middle of each of `_CELLS` by `_CELLS` cells, or more, to the nearest
+            disc or polygon [m]; negative inside one.
         x, y: the lower left corners of the arenas [m].
         cell: the sides of their cells [m].
     """
@@ -60,8 +60,9 @@ class ContactBounds(eqx.Module):
         y_max: Float[Array, " arenas"],
     ) -> "ContactBounds":
         """Measure the distances from shapes in several arenas with these walls [m]."""
-        has_many = shapes.edges is not None and shapes.edges.edges.x.shape[1] >= _MANY
-        cells = _MORE_CELLS if has_many else _CELLS
+        arenas, edges = (0, 0) if shapes.edges is None else shapes.edges.edges.x.shape
+        more = _MOST_CELLS if arenas == 1 else _MORE_CELLS
+        cells = more if edges >= _MANY else _CELLS
         cell = jnp.maximum(x_max - x, y_max - y) / cells
         return cls(shapes, _distances(shapes, x, y, cell, cells), x, y, cell)
 

@@ -18,9 +18,11 @@ from apollonius.game.chart import LARGE_COARSE, NO_PATH
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
+from apollonius.game.presets import in_arenas
 
 STEPS = ((1, 0), (0, 1), (1, 1), (-1, 1))
 CELL = 0.2
+"""The side of a cell [m]."""
 
 
 def steps_between(free):
@@ -129,6 +131,15 @@ def test_path_in_a_large_hall_leads_through_a_door_as_narrow_as_the_robot():
 
 def test_door_narrower_than_the_robot_is_closed():
     assert np.isinf(length(hall(0.3).chart, (10.0, 2.0), (30.0, 3.0)))
+
+
+def test_large_halls_in_one_game_have_their_own_hubs():
+    halls = hall(0.8), hall(0.3)
+    together = with_chart(in_arenas(halls[0], [one.arena for one in halls])).chart
+    for member, one in enumerate(halls):
+        own = replace(together, member=jnp.int32(member))
+        for start, end in (((10.0, 2.0), (30.0, 3.0)), ((2.0, 20.0), (18.0, 3.0))):
+            assert length(own, start, end) == pytest.approx(length(one.chart, start, end), rel=1e-6)
 
 
 def test_survey_of_a_large_hall_finds_no_missed_passage():

@@ -1,0 +1,70 @@
+"""`pursuer` and `evader` on floors of buildings that they have never seen:
+`python benchmarks/buildings.py FILE` plays in each held-out arena of `suite-v3` and counts.
+
+Robots have the paper's limits and radii from 0.15 to 0.3 m, other ones on each floor, and 0.3 m
+between their bodies at a capture.
+"""
+
+import argparse
+import json
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from apollonius.arenas.suite import BUILDINGS, scenario_game, single_arena_games, suite_names
+from apollonius.evaluate.match import Match, play_match
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game
+
+PAIRS = (
+    ("shielded:pursuer", "still"),
+    ("pursuer", "still"),
+    ("shielded:pursuer", "shielded:evader"),
+)
+"""Pursuers and evaders that play."""
+RADII = 0.15, 0.3
+"""Smallest and largest radius of a robot [m]."""
+
+
+def with_bodies(game: Game, radius: float) -> Game:
+    """Return a game of robots of a radius [m]."""
+    body = Unicycle(radius=radius)
+    starts = replace(game.starts, clearance=0.15)
+    bodies = replace(game, pursuer=body, evader=body, starts=starts)
+    return replace(bodies, capture_distance=0.3 + 2 * radius)
+
+
+def main() -> None:
+    """Play, and write the counts of each pair and floor after each floor."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("out", type=Path)
+    parser.add_argument(
+        "--games", type=int, default=50, help="of a pair on each floor (default: %(default)s)"
+    )
+    options = parser.parse_args()
+    names = suite_names(BUILDINGS, "held-out")
+    games = single_arena_games(scenario_game(f"{BUILDINGS}/{','.join(names)}"))
+    radii = np.linspace(*RADII, len(names)).round(3).tolist()
+    floors = list[dict[str, Any]]()
+    for name, game, radius in zip(names, games, radii, strict=True):
+        outcomes = dict[str, dict[str, int]]()
+        for pair in PAIRS:
+            match = Match.of_names(with_bodies(game, radius), *pair, options.games)
+            outcomes[" v ".join(pair)] = play_match(match).outcomes
+        floors.append({"floor": name, "radius": radius, "outcomes": outcomes})
+        totals = {
+            pair: dict(sum((Counter(floor["outcomes"][pair]) for floor in floors), Counter()))
+            for pair in outcomes
+        }
+        print(name, radius, totals, flush=True)
+        record = {"games of a pair on a floor": options.games, "totals": totals, "floors": floors}
+        options.out.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
