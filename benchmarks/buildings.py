@@ -14,7 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from apollonius.arenas.suite import BUILDINGS, scenario_game, single_arena_games, suite_names
+from apollonius.arenas.suite import (
+    BUILDINGS,
+    RADIUS_IN_BUILDINGS,
+    scenario_game,
+    single_arena_games,
+    suite_names,
+)
 from apollonius.evaluate.match import Match, play_match
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
@@ -25,16 +31,13 @@ PAIRS = (
     ("shielded:pursuer", "shielded:evader"),
 )
 """Pursuers and evaders that play."""
-RADII = 0.15, 0.3
-"""Smallest and largest radius of a robot [m]."""
 
 
 def with_bodies(game: Game, radius: float) -> Game:
     """Return a game of robots of a radius [m]."""
     body = Unicycle(radius=radius)
-    starts = replace(game.starts, clearance=0.15)
-    bodies = replace(game, pursuer=body, evader=body, starts=starts)
-    return replace(bodies, capture_distance=0.3 + 2 * radius)
+    capture_distance = game.capture_distance + 2 * radius
+    return replace(game, pursuer=body, evader=body, capture_distance=capture_distance)
 
 
 def main() -> None:
@@ -49,7 +52,7 @@ def main() -> None:
     options = parser.parse_args()
     names = suite_names(BUILDINGS, "held-out")
     games = single_arena_games(scenario_game(f"{BUILDINGS}/{','.join(names)}"))
-    radii = np.linspace(*RADII, len(names)).round(3).tolist()
+    radii = np.linspace(*RADIUS_IN_BUILDINGS, len(names)).round(3).tolist()
     floors = list[dict[str, Any]]()
     for name, game, radius in zip(names, games, radii, strict=True):
         outcomes = dict[str, dict[str, int]]()

@@ -68,8 +68,8 @@ def index_nearby(
     x = jnp.float32(x_min + cell * (np.arange(columns) + 0.5))
     y = jnp.float32(y_min + cell * (np.arange(rows) + 0.5))
     is_near = np.asarray(distances(x, y)) <= reach + cell / np.sqrt(2) + _ROUNDING
-    most = _FEW
-    while most < is_near.sum(axis=0).max():
+    needed, most = int(is_near.sum(axis=0).max()), _FEW
+    while most < needed:
         most *= 2
     side = max(rows, columns)
     within = np.full((most, side, side), len(is_near), np.int32)

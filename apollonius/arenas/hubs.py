@@ -98,7 +98,9 @@ def _floor_of(
     is_step: Bool[np.ndarray, "steps rows columns"], steps: Sequence[tuple[int, int]], cell: float
 ) -> _Floor:
     columns = is_step.shape[2]
-    firsts, lasts, lengths = [], [], []
+    firsts = []
+    lasts = []
+    lengths = []
     for (right, up), is_entered in zip(steps, is_step, strict=True):
         last = np.flatnonzero(is_entered)
         firsts.append(last - up * columns - right)

@@ -37,7 +37,7 @@ from apollonius.io.record import read_record
 BUILDINGS = "suite-v3"
 _LONG_GAME = 3_000
 """Time limit in buildings [steps]."""
-_RADIUS_IN_BUILDINGS = (0.15, 0.3)
+RADIUS_IN_BUILDINGS = (0.15, 0.3)
 """Smallest and largest radius of a robot in buildings [m]."""
 PAPER_PAIRS = 16
 """Pairs of the paper's robots in training."""
@@ -220,7 +220,7 @@ def draw_robot_kinds(suite: str = SUITES[0]) -> RobotKinds:
             is_other = np.arange(len(v)) >= PAPER_PAIRS
             radius = rng.uniform(0, 0.3, len(v)).astype(np.float32) * (every_other | is_other)
         if suite == BUILDINGS:
-            radius = rng.uniform(*_RADIUS_IN_BUILDINGS, len(v)).astype(np.float32)
+            radius = rng.uniform(*RADIUS_IN_BUILDINGS, len(v)).astype(np.float32)
         return Unicycle(
             jnp.zeros(len(v)), *(jnp.asarray(leaf, jnp.float32) for leaf in (v, u1, u2, radius))
         )

@@ -24,7 +24,7 @@ SIDE = 192
 COARSE = 40
 """Cells of the coarse grid along the longer side, between whose middles path lengths are known."""
 LARGE_SIDE, LARGE_COARSE = 512, 256
-"""Those cells in a large arena."""
+"""Cells of the field and of the coarse grid along the longer side of a large arena."""
 COARSE_BITS, LARGE_COARSE_BITS = 11, 27
 """Bits of the number of a coarse cell."""
 _STEP = 2

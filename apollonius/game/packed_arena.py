@@ -101,7 +101,7 @@ def contact_bounds(
     All get lists as long as the longest, or of the least of these lengths that suffices; what is
     added is far from everywhere.
     """
-    discs = [np.array([tuple(_disc_numbers(disc)) for disc in arena.discs]) for arena in arenas]
+    discs = [_disc_numbers(arena.discs) for arena in arenas]
     edges = [_edge_numbers(arena.polygons) for arena in arenas]
     all_discs, all_edges = _stack(discs, _FAR_DISC, lengths), _stack(edges, _FAR_EDGE, lengths)
     if all_discs is None and all_edges is None:
@@ -114,15 +114,16 @@ def contact_bounds(
     return ContactBounds.of(shapes, *jnp.asarray(walls, jnp.float32).T)
 
 
-def _disc_numbers(disc: Disc) -> tuple[Real, Real, Real]:
-    return disc.x, disc.y, disc.radius
-
-
 def padded_edges(polygons: Sequence[Polygon], count: int) -> Edge:
     """Return the edges of polygons, and others far from everywhere, leaves `[count]`."""
     columns = _stack([_edge_numbers(polygons)], _FAR_EDGE, (count,))
     assert columns is not None, "the count is positive"
     return jax.tree.map(lambda leaf: leaf[0], _edge(*columns))
+
+
+def _disc_numbers(discs: Sequence[Disc]) -> np.ndarray:
+    """Return the fields of `Disc` for all discs, `[discs, 3]`."""
+    return np.array([(disc.x, disc.y, disc.radius) for disc in discs], np.float32)
 
 
 def _edge_numbers(polygons: Sequence[Polygon]) -> np.ndarray:
