@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from apollonius.agents.built_in import BuiltIn
 from apollonius.agents.classical import BRAKE_STRAIGHT, Still, Uniform
 from apollonius.agents.extension import Extension
-from apollonius.agents.names import SEARCHING, SHIELDED
+from apollonius.agents.names import IDENTIFYING, SEARCHING, SHIELDED
 from apollonius.agents.network import QNetwork, one_action_network
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
 from apollonius.agents.pool import Pool, single_player, stack
@@ -18,10 +18,12 @@ from apollonius.agents.source import NamedPlayer, PlayerSource, unknown_player
 from apollonius.agents.trained import EpsilonGreedy, Greedy, SquashedGaussian, SquashedMean, Trained
 from apollonius.agents.wrappers.clearance_penalty import ClearancePenalty
 from apollonius.agents.wrappers.departure import Departing
+from apollonius.agents.wrappers.identification import Identifying
 from apollonius.agents.wrappers.searching import Searching
 from apollonius.agents.wrappers.shield import with_shield
 from apollonius.game.game import Game
 from apollonius.game.types import Role
+from apollonius.game.uncertainty import Uncertainty
 from apollonius.io.errors import require
 from apollonius.solve.solving import SolvedGame
 
@@ -40,8 +42,9 @@ def find_player(name: str | AbstractPolicy, role: Role, game: Game) -> NamedPlay
     was trained. A policy is returned under the name of its class.
 
     Args:
-        name: `shielded:` before it puts the player behind a shield
-            (`apollonius.agents.wrappers.shield`), then `searching:` makes a pursuer search
+        name: `identifying:` before it makes the player learn its robot's drive and limits
+            (`apollonius.agents.wrappers.identification`), then `shielded:` puts the player behind a
+            shield (`apollonius.agents.wrappers.shield`), then `searching:` makes a pursuer search
             (`apollonius.agents.wrappers.searching`). `RUN/NAME` is an agent of a training run, by
             the run's folder or its name among `runs`; `zoo/NAME` is one of the zoo, `PACKAGE:NAME`
             one of another package (`apollonius.agents.extension`).
@@ -58,11 +61,15 @@ def find_player(name: str | AbstractPolicy, role: Role, game: Game) -> NamedPlay
         name,
         "a name, the path of a file, or an AbstractPolicy",
     )
-    is_once = max(name.count(SHIELDED), name.count(SEARCHING)) <= 1
-    require(is_once, "player", name, f"one with '{SHIELDED}' once, and '{SEARCHING}' once")
+    prefixes = IDENTIFYING, SHIELDED, SEARCHING
+    is_once = max(map(name.count, prefixes)) <= 1
+    listed = ", ".join(f"'{prefix}'" for prefix in prefixes)
+    is_first = name.find(IDENTIFYING) <= 0
+    require(is_once and is_first, "player", name, f"one with {listed} in this order, each once")
+    if name.startswith(IDENTIFYING):
+        return _identifying(name.removeprefix(IDENTIFYING), role, game)
     if name.startswith(SHIELDED):
-        bare = find_player(name.removeprefix(SHIELDED), role, game)
-        return replace(bare, name=SHIELDED + bare.name, policy=with_shield(bare.policy, game, role))
+        return _shielded(name.removeprefix(SHIELDED), role, game, is_uncertain=False)
     if name.startswith(SEARCHING):
         bare = find_player(name.removeprefix(SEARCHING), role, game)
         bound = (
@@ -88,6 +95,36 @@ def find_player(name: str | AbstractPolicy, role: Role, game: Game) -> NamedPlay
         if player:
             return player
     raise unknown_player(name, *SOURCES)
+
+
+def _shielded(name: str, role: Role, game: Game, is_uncertain: bool) -> NamedPlayer:
+    """Return the player of a name behind a shield.
+
+    Args:
+        name: its name.
+        role: its side.
+        game: the rules.
+        is_uncertain: whether its robot is uncertain of itself.
+    """
+    bare = find_player(name, role, game)
+    policy = with_shield(bare.policy, game, role, is_uncertain)
+    return replace(bare, name=SHIELDED + bare.name, policy=policy)
+
+
+def _identifying(name: str, role: Role, game: Game) -> NamedPlayer:
+    """Return the player of a name that learns its robot's drive; raises InvalidInput where the
+    robots of its side differ.
+    """
+    nominal, *mates = game.bodies[role]
+    bound = "alike on its side, as it knows one robot's limits"
+    require(all(mate == nominal for mate in mates), IDENTIFYING, "robots that differ", bound)
+    if name.startswith(SHIELDED):
+        player = _shielded(name.removeprefix(SHIELDED), role, game, is_uncertain=True)
+    else:
+        player = find_player(name, role, game)
+    known = game.uncertainty_of(role) or Uncertainty()
+    policy = Identifying(player.policy, nominal, known)
+    return replace(player, name=IDENTIFYING + player.name, policy=policy)
 
 
 def loss_value(player: NamedPlayer, game: Game) -> float:

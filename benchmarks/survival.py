@@ -1,17 +1,20 @@
 """Starts that the zoo's evader survives, and a planner that knows the pursuer: `python
 benchmarks/survival.py OUT`.
 
-Every sixth held-out arena of `suite-v1` and every fifth of `suite-v2`, points, games of 60 s
-against `pursuer`, from the same starts for both; 1 is survived. The planner follows no course of
-the evader that is judged, so that its starts are the same for all. Some 20 minutes of a core.
+Some held-out arenas of the suites, games against `pursuer` from the same starts for both; 1 is
+survived. Robots are points in `suite-v1` and `suite-v2`, with games of 60 s, and discs of 0.2 m on
+the floors of `suite-v3`, with games of 120 s. The planner follows no course of the evader that is
+judged, so that its starts are the same for all. Some 20 minutes of a core for the first two.
 """
 
 import argparse
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from buildings import with_bodies
 
 from apollonius.agents.source import NamedPlayer
 from apollonius.arenas.charting import with_chart
@@ -26,26 +29,51 @@ from apollonius.game.types import BySide, Role
 
 FOLLOWED = "flee", "flee-aware", "E_curriculum"
 """Players by whose courses the planner plans."""
-SECONDS, EVERY = 60, {"suite-v1": 6, "suite-v2": 5}
+
+
+class Setting(NamedTuple):
+    """Every how many of a suite's held-out arenas are played in, for how long [s], and the robots'
+    radius [m]."""
+
+    every: int
+    seconds: int
+    radius: float
+
+
+SETTINGS = {
+    "suite-v1": Setting(every=6, seconds=60, radius=0.0),
+    "suite-v2": Setting(every=5, seconds=60, radius=0.0),
+    "suite-v3": Setting(every=4, seconds=120, radius=0.2),
+}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("out", type=Path)
+    parser.add_argument(
+        "--suites",
+        nargs="+",
+        choices=SETTINGS,
+        default=["suite-v1", "suite-v2"],
+        help="whose arenas are played in (default: the first two)",
+    )
     parser.add_argument("--games", type=int, default=4, help="in each arena (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=11, help="of the starts (default: %(default)s)")
     options = parser.parse_args()
     places = [
         (suite, name)
-        for suite, every in EVERY.items()
-        for name in suite_names(suite, "held-out")[::every]
+        for suite in options.suites
+        for name in suite_names(suite, "held-out")[:: SETTINGS[suite].every]
     ]
     arenas = [suite_arena(*place) for place in places]
     own_arenas = Scenario.of(arenas).each()  # of one shape, so that steps compile once
     survivals = dict[str, dict[str, list[int]]]()
     for place, arena, own_arena in zip(places, arenas, own_arenas, strict=True):
-        chart = with_chart(Game(arena=arena)).chart
-        game = replace(Game(arena=own_arena, chart=chart), max_steps=SECONDS * 10)
+        setting = SETTINGS[place[0]]
+        rules = with_bodies(Game(arena=arena), setting.radius)
+        chart = with_chart(rules).chart
+        rules = replace(rules, arena=own_arena, chart=chart)
+        game = replace(rules, max_steps=setting.seconds * 10)
         pursuer = find_player("pursuer", Role.PURSUER, game)
         planner = NamedPlayer(PLANNER, planner_against(pursuer, Role.PURSUER, game, FOLLOWED))
         for evader in (planner, find_player("evader", Role.EVADER, game)):

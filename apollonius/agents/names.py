@@ -32,8 +32,17 @@ LISTED = "apollonius players lists all that there are"
 """The end of a message about an unknown name."""
 SHIELDED = "shielded:"
 """Prefix that puts the player of a name behind a shield."""
+IDENTIFYING = "identifying:"
+"""Prefix that makes the player of a name learn its robot's drive while it drives."""
 SEARCHING = "searching:"
 """Prefix that makes the pursuer of a name search while it does not see its opponent."""
+
+
+def bare_name(name: str) -> str:
+    """Return a player's name without the prefixes of wrappers."""
+    for prefix in (IDENTIFYING, SHIELDED, SEARCHING):
+        name = name.removeprefix(prefix)
+    return name
 
 
 def zoo_names() -> list[str]:

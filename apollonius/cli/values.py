@@ -18,9 +18,8 @@ from apollonius.agents.names import (
     BUILT_IN,
     FROM_ZOO,
     LISTED,
-    SEARCHING,
-    SHIELDED,
     agents_folders,
+    bare_name,
     side_of,
     zoo_names,
 )
@@ -181,7 +180,7 @@ def existing_agent(text: str, side: str | None = None) -> str:
     """Return a player's name or file; one that nobody has is refused here, where JAX is not needed
     for it.
     """
-    bare = player_or_file(text).removeprefix(SHIELDED).removeprefix(SEARCHING)
+    bare = bare_name(player_or_file(text))
     if bare.lower().endswith(_FILES):
         existing_file(bare)
     names = [*BUILT_IN, *zoo_names()]

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, UInt32
 
-from apollonius.agents.names import SEARCHING, SHIELDED
+from apollonius.agents.names import bare_name
 from apollonius.agents.onnx_agent import OnnxAgent, OnnxProcess, external_process
 from apollonius.agents.source import NamedPlayer
 from apollonius.agents.trained import agent_path
@@ -277,7 +277,7 @@ def digest_of(name: str, agent: NamedPlayer | None = None) -> tuple[str, str]:
     process = external_process(agent.policy) if agent else None
     if process:
         return name, sha256(process.content).hexdigest()
-    path = agent_path(name.removeprefix(SHIELDED).removeprefix(SEARCHING))
+    path = agent_path(bare_name(name))
     content = path.read_bytes() if path and os.path.isfile(path) else b""
     return name, sha256(content).hexdigest()
 

@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool, Float, Float32
 
 from apollonius.agents.built_in import PLAYERS
 from apollonius.agents.classical import BRAKE_STRAIGHT
-from apollonius.agents.names import SEARCHING, SHIELDED
+from apollonius.agents.names import bare_name
 from apollonius.agents.policy import AbstractPolicy, Memory
 from apollonius.agents.trained import find_trained
 from apollonius.arenas.charting import with_chart
@@ -193,7 +193,7 @@ def exported_side(name: str, side: str | None = None) -> Role:
     """Return the side that a player plays, or the given one of a player of either; raises
     InvalidInput otherwise.
     """
-    bare = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
+    bare = bare_name(name)
     sides = _sides_of_rule(bare) or (Role[find_trained(bare)[0].header.role.upper()],)
     named = [side.name.lower() for side in sides]
     require(
@@ -225,7 +225,7 @@ def training_game(name: str) -> Game:
     """Return the game that a player was made for, `paper` for none; raises InvalidInput for one of
     any arena.
     """
-    bare = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
+    bare = bare_name(name)
     if _sides_of_rule(bare):
         return make_game("paper")
     header = find_trained(bare)[0].header

@@ -23,6 +23,7 @@ from apollonius.game.types import (
     Scalar,
     tree_where,
 )
+from apollonius.game.uncertainty import Uncertainty
 from apollonius.io.errors import require
 
 MOST_LAG = 10
@@ -77,32 +78,55 @@ class Drive(eqx.Module):
         return (u1, u2), replace(state, turn_rate=rate)
 
 
+class Prediction(eqx.Module):
+    """A robot when a command of now takes effect.
+
+    Attributes:
+        robot: its state.
+        turn_rate: its turn rate [rad/s]; None for one that turns at once.
+        uncertainty: bounds of its errors; None for a robot that knows itself exactly.
+    """
+
+    robot: RobotState
+    turn_rate: Scalar | None
+    uncertainty: Uncertainty | None = None
+
+
 def predict_after_lag(
-    drive: Drive, state: DriveState, body: Unicycle, robot: RobotState, dt: Real
-) -> tuple[RobotState, Scalar | None]:
-    """Predict a robot, and its turn rate [rad/s], when a command of now takes effect.
+    drive: Drive, state: DriveState, body: Unicycle, now: Prediction, dt: Real
+) -> Prediction:
+    """Predict a robot when a command of now takes effect.
 
     Until then it obeys the commands that are on their way.
 
     Args:
         drive, state: the robot's drive, and its pending commands.
         body: the robot's limits.
-        robot: its state now.
+        now: the robot as it is.
         dt: duration of a step [s].
     """
     pending = state.pending
     if pending is None or drive.lag is None:
-        return robot, state.turn_rate
+        return now
     lag = jnp.asarray(drive.lag).astype(jnp.int32)
 
-    def one_step(
-        now: tuple[RobotState, Scalar | None], step: Array
-    ) -> tuple[tuple[RobotState, Scalar | None], None]:
-        (robot, rate), (u1, u2) = now, pending[jnp.maximum(lag - 1 - step, 0)]
-        mean, after = limited_turn_rate(body, drive.turn_time, rate, u2, dt)
-        return tree_where(step < lag, (body.move(robot, u1, mean, dt), after), now), None
+    def command(age: Array) -> Controls:
+        u1, u2 = pending[jnp.clip(age, 0, MOST_LAG - 1)]
+        return u1, u2
 
-    return jax.lax.scan(one_step, (robot, state.turn_rate), jnp.arange(MOST_LAG))[0]
+    def one_step(before: Prediction, step: Array) -> tuple[Prediction, None]:
+        age = lag - 1 - step
+        u1, u2 = command(age)
+        mean, rate = limited_turn_rate(body, drive.turn_time, before.turn_rate, u2, dt)
+        robot = body.move(before.robot, u1, mean, dt)
+        uncertainty = before.uncertainty
+        if uncertainty is not None:
+            uncertainty = uncertainty.after_switch(command(age + 1), (u1, u2))
+            uncertainty = uncertainty.after_motion(body, before.robot, robot, (u1, u2), dt)
+        after = Prediction(robot, rate, uncertainty)
+        return tree_where(step < lag, after, before), None
+
+    return jax.lax.scan(one_step, now, jnp.arange(MOST_LAG))[0]
 
 
 def limited_turn_rate(

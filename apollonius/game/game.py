@@ -37,6 +37,7 @@ from apollonius.game.types import (
     tree_where,
     value_for_each,
 )
+from apollonius.game.uncertainty import Uncertainties, Uncertainty
 from apollonius.io.errors import require
 
 MAX_STEPS = 2**31 - 1
@@ -72,6 +73,8 @@ class Game(eqx.Module):
         teams: the other robots of either side; None in a game of two.
         reward, starts: rewards of both sides, and the distribution of initial states.
         sensors, drives: of either side; None for robots that see everything and act at once.
+        uncertainty: bounds of what robots of either side do not know of themselves, which shields
+            allow for; None for robots that know themselves exactly.
         chart: distances in its arena, or in all those of its scenario, which players for any arena
             read; derived (`apollonius.arenas.charting.with_chart`), never in a file. `in_arena`
             replaces the arena and drops its chart.
@@ -92,6 +95,7 @@ class Game(eqx.Module):
     teams: Teams | None = None
     sensors: Sensing | None = None
     drives: Drives | None = None
+    uncertainty: Uncertainties | None = None
     chart: Chart | None = None
 
     def __check_init__(self) -> None:
@@ -113,6 +117,7 @@ class Game(eqx.Module):
         require(1 <= steps <= MAX_STEPS and steps == int(steps), "max_steps", steps, bound)
         self.reward.check()
         validation.check_bodies(self.bodies, float(self.dt), self.sensors, self.drives)
+        validation.check_uncertainty(self.uncertainty, self.drives)
         self.arena.check()
         self.starts.check(self.capture_distance)
         validation.check_space_to_start(self.arena, self.bodies, self.starts)
@@ -131,6 +136,17 @@ class Game(eqx.Module):
     def body(self, role: Role) -> Unicycle:
         """Return the limits of one side's robot, in a game of two."""
         return value_for_each(self.bodies)[role]
+
+    def uncertainty_of(self, role: Role) -> Uncertainty | None:
+        """Return the bounds of what a side's robots do not know of themselves: those of the game,
+        and those of the noise of their sensors; None without either.
+        """
+        bounds = self.uncertainty and self.uncertainty[role]
+        sensors = self.sensors and self.sensors[role]
+        noise = sensors and sensors.own_noise
+        if noise is None:
+            return bounds
+        return noise.bounds if bounds is None else bounds.plus(noise.bounds)
 
     def reset(self, key: PRNGKeyArray) -> GameState:
         """Draw an arena and an initial state. The key is consumed."""

@@ -24,6 +24,7 @@ from apollonius.game.types import (
     Role,
     Scalar,
 )
+from apollonius.game.uncertainty import Uncertainty
 from apollonius.io.errors import require
 
 MOST_DELAY = 10
@@ -49,6 +50,13 @@ class Noise(eqx.Module):
     position: Real = 0.0
     heading: Real = 0.0
     speed: Real = 0.0
+
+    @property
+    def bounds(self) -> Uncertainty:
+        """The largest errors."""
+        return Uncertainty(
+            position=self.reach, heading=self.heading * BOUND, speed=self.speed * BOUND
+        )
 
     @property
     def reach(self) -> Scalar:

@@ -12,11 +12,12 @@ import numpy as np
 from jaxtyping import Float
 
 from apollonius.game.arena import Arena
-from apollonius.game.drive import Drives
+from apollonius.game.drive import MOST_LAG, Drives
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.sensing import Sensing
 from apollonius.game.starts import Starts
 from apollonius.game.types import BySide
+from apollonius.game.uncertainty import Uncertainties
 from apollonius.io.errors import InvalidInput, format_value, require
 from apollonius.io.limits import ROBOTS
 
@@ -31,7 +32,16 @@ _TOGETHER = 5_000
 _PLACINGS = 100
 """Starts of teams that are tried out."""
 _SIDES = ("pursuer", "evader")
-_OPTIONAL = ("arena.map", "arena.territory", "scenario", "teams", "sensors", "drives", "chart")
+_OPTIONAL = (
+    "arena.map",
+    "arena.territory",
+    "scenario",
+    "teams",
+    "sensors",
+    "drives",
+    "uncertainty",
+    "chart",
+)
 """Beginnings of the names of parts that a game need not have."""
 
 _SINGLE, _SEEDS = "everything here is in single precision", "a seed means other games otherwise"
@@ -114,6 +124,17 @@ def check_parts(sensors: Sensing | None, drives: Drives | None) -> None:
         for side, part in zip(_SIDES, parts or (), strict=False):
             if part:
                 part.check(f"{name}.{side}")
+
+
+def check_uncertainty(uncertainty: Uncertainties | None, drives: Drives | None) -> None:
+    """Refuse impossible bounds, and those of a delay without the lag that it adds to."""
+    for side, bounds, drive in zip(_SIDES, uncertainty or (), drives or (None, None), strict=False):
+        if bounds is None:
+            continue
+        bounds.check(f"uncertainty.{side}")
+        has_lag = drive is not None and drive.lag is not None and drive.lag < MOST_LAG
+        bound = f"0 s, or beside drives.{side}.lag of 0 to {MOST_LAG - 1} steps, to which it adds"
+        require(not bounds.delay or has_lag, f"uncertainty.{side}.delay", bounds.delay, bound)
 
 
 def check_bodies(bodies: Bodies, dt: float, sensors: Sensing | None, drives: Drives | None) -> None:

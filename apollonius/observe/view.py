@@ -11,12 +11,13 @@ from jaxtyping import Array, Float, Int
 from apollonius.accelerate.fusion_barrier import fusion_barrier
 from apollonius.game.arena import Arena
 from apollonius.game.chart import Chart
-from apollonius.game.drive import drive_of, predict_after_lag
+from apollonius.game.drive import Prediction, drive_of, predict_after_lag
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.teams import Teams, nearest
 from apollonius.game.types import (
     BySide,
+    Controls,
     DriveState,
     DriveStates,
     Flag,
@@ -26,6 +27,7 @@ from apollonius.game.types import (
     Role,
     Scalar,
 )
+from apollonius.game.uncertainty import Uncertainty
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.knowledge import Knowledge
 
@@ -45,6 +47,8 @@ class Robot(eqx.Module):
         turn_time: in which its drive changes the turn rate by u2_max [s]; None for one that does so
             at once.
         turn_rate: when a command that is given now takes effect [rad/s]; None without a turn time.
+        uncertainty: bounds of the errors of all this; None for one that knows itself exactly.
+        command: its latest command, u1 [m/s^2] and u2 [rad/s]; None where it is not known.
     """
 
     body: Unicycle
@@ -54,6 +58,8 @@ class Robot(eqx.Module):
     predicted_state: RobotState | None = None
     turn_time: Real | None = None
     turn_rate: Scalar | None = None
+    uncertainty: Uncertainty | None = None
+    command: Controls | None = None
 
     @property
     def predicted(self) -> RobotState:
@@ -150,15 +156,24 @@ def _robots_of_side(
     game: Game, role: Role, robots: tuple[Robot, ...], drives: DriveStates
 ) -> tuple[Robot, ...]:
     """Return the robots of a side with what they know of their drives in a game in one arena."""
-    drive = drive_of(game.drives, role)
+    drive, uncertainty = drive_of(game.drives, role), game.uncertainty_of(role)
+    uncertain_robots = tuple(replace(robot, uncertainty=uncertainty) for robot in robots)
     if not drives or not jax.tree.leaves(drive):
-        return robots
+        return uncertain_robots
 
-    def with_drive(robot: Robot, driven: DriveState) -> Robot:
-        soon, rate = predict_after_lag(drive, driven, robot.body, robot.state, game.dt)
-        return replace(robot, predicted_state=soon, turn_time=drive.turn_time, turn_rate=rate)
+    def with_drive(robot: Robot, state: DriveState) -> Robot:
+        now = Prediction(robot.state, state.turn_rate, robot.uncertainty)
+        soon = predict_after_lag(drive, state, robot.body, now, game.dt)
+        return replace(
+            robot,
+            predicted_state=soon.robot,
+            turn_time=drive.turn_time,
+            turn_rate=soon.turn_rate,
+            uncertainty=soon.uncertainty,
+            command=None if state.pending is None else tuple(state.pending[0]),
+        )
 
-    return tuple(map(with_drive, robots, drives))
+    return tuple(map(with_drive, uncertain_robots, drives))
 
 
 Row = tuple[Knowledge, Int[Array, ""] | None]

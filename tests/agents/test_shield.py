@@ -28,6 +28,7 @@ from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.types import BySide, GameState, RobotState, Role
+from apollonius.game.uncertainty import Uncertainties, Uncertainty
 from apollonius.io.errors import InvalidInput
 from apollonius.observe import paper
 from apollonius.observe.knowledge import Knowledge
@@ -86,6 +87,77 @@ def yard():
         for column, shape in enumerate([star, triangle] * 2)
     ]
     return Game(arena=Arena(-20.0, -2.0, -4.0, 14.0, polygons=tuple(polygons)), max_steps=80)
+
+
+BOUNDS = Uncertainty(position=0.05, heading=0.05, speed=0.05, delay=0.1)
+
+
+def own_failures_under_errors(game, player, games, steps):
+    """Own failures of one robot that is given extreme errors of its state by chance, and late commands by chance."""
+    starts = jax.tree.map(lambda leaf: leaf, reset_batch(game, jax.random.key(4), games))
+    drive, role = Drive(lag=0).at_rest(), Role.PURSUER
+
+    def one_step(carry, key):
+        state, memory, last, failed = carry
+        keys = jax.random.split(key, 4)
+        heading, speed = jax.random.rademacher(keys[0], (2,), jnp.float32)
+        angle = 6.3 * jax.random.uniform(keys[1])
+        own = state.pursuer
+        believed = RobotState(
+            x=own.x + BOUNDS.position * jnp.cos(angle),
+            y=own.y + BOUNDS.position * jnp.sin(angle),
+            v=jnp.maximum(own.v + BOUNDS.speed * speed, 0.0),
+            heading=own.heading + BOUNDS.heading * heading,
+        )
+        command = (replace(drive, pending=drive.pending.at[0].set(last)),)
+        seen = replace(state, robots=BySide((believed,), state.robots.evader))
+        view = view_of(game, Knowledge.complete(seen, command), role)
+        action, memory = player(player.observation(view), memory, jax.random.bits(keys[2]))
+        command = jnp.stack(game.pursuer.controls(action))
+        held = jnp.where(jax.random.bernoulli(keys[3]), last, command)
+        stays = (jnp.zeros(()), jnp.zeros(()))
+        after = game.step_controls(state, BySide((tuple(held),), (stays,)))
+        failed |= after.state.status.pursuer[0] > 1
+        return (after.state, memory, command, failed), None
+
+    def one_game(state, key):
+        start = (state, player.memory, jnp.zeros(2), jnp.zeros((), bool))
+        return jax.lax.scan(one_step, start, jax.random.split(key, steps))[0][-1]
+
+    return int(jnp.sum(jax.jit(jax.vmap(one_game))(starts, jax.random.split(jax.random.key(5), games))))
+
+
+@pytest.mark.parametrize("make", [lambda: PAPER, pytest.param(yard, marks=pytest.mark.slow)], ids=["discs", "polygons"])
+def test_shield_that_knows_the_bounds_of_errors_fails_under_none_of_them(make):
+    game = replace(make(), drives=Drives(Drive(lag=0)))
+    uncertain = replace(game, uncertainty=Uncertainties(pursuer=BOUNDS))
+    aware, unaware = (with_shield(Reckless(), rules, Role.PURSUER) for rules in (uncertain, game))
+    assert own_failures_under_errors(game, unaware, 40, 150) > 30
+    assert own_failures_under_errors(uncertain, aware, 40, 150) == 0
+
+
+def test_robot_that_no_action_is_safe_for_goes_on_with_the_last_safe_manoeuvre():
+    """Beside a wall, where by its worst errors every way leads into it: it brakes to the left as it did, not right."""
+    uncertain = replace(PAPER, drives=Drives(Drive(lag=0)), uncertainty=Uncertainties(pursuer=BOUNDS))
+    player = with_shield(Reckless(), uncertain, Role.PURSUER)
+    drives = (Drive(lag=0).at_rest(),)
+
+    def decide(pursuer, memory):
+        state = GameState.of_two(robot(*pursuer), robot(1.0, 1.0), jnp.int32(0))
+        view = view_of(uncertain, Knowledge.complete(state, drives), Role.PURSUER)
+        return player(player.observation(view), memory, jnp.uint32(0))
+
+    assert player.memory[1] == -1
+    decide = jax.jit(decide)
+    action, (_, safe) = decide((5.0, 1.5, 0.0), player.memory)
+    assert int(action) in (6, 7, 8)
+    assert int(safe) >= 0
+    near = (5.0, 0.03, 0.3, 0.0)
+    for manoeuvre in range(3):
+        action, (_, safe) = decide(near, ((), jnp.int32(manoeuvre)))
+        assert int(action) == int(safe) == manoeuvre
+    action, (_, safe) = decide(near, player.memory)
+    assert int(safe) == -1, "it was never safe, and nothing is promised"
 
 
 VALUED = Greedy(make_network("encoded", 8, 2, jax.random.key(3)))

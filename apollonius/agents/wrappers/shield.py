@@ -23,6 +23,7 @@ from apollonius.game.polygon import Edge, Edges, Polygon
 from apollonius.game.types import (
     NUM_ACTIONS,
     Action,
+    Controls,
     Flag,
     RandomBits,
     Real,
@@ -30,11 +31,17 @@ from apollonius.game.types import (
     Role,
     Scalar,
 )
+from apollonius.game.uncertainty import Uncertainty
 from apollonius.io.errors import require
 from apollonius.observe.view import Robot, View
 
 MARGIN = 1e-3
 """Clearance [m] that must be left at any scale of the robots: many times its rounding error."""
+_NO_MANOEUVRE = -1
+_LONGER = 2
+"""Times as many steps as braking takes, in which a robot that is uncertain of itself has to come to
+rest.
+"""
 BRAKING = (0, 1, 2)
 """Actions that brake: while turning right, going straight, or turning left."""
 
@@ -42,10 +49,35 @@ _clearances = jax.jit(jax.vmap(jax.vmap(Polygon.clearance, (None, 0, None)), (No
 
 
 class BrakingMotion(eqx.Module):
-    """A robot on a manoeuvre: its state and, with a slow drive, its turn rate [rad/s]."""
+    """A robot on a manoeuvre: its state and, with a slow drive, its turn rate [rad/s]. Of one that
+    is uncertain of these, the bounds of its errors and its latest command, u1 [m/s^2] and
+    u2 [rad/s].
+    """
 
     state: RobotState
     turn_rate: Scalar | None
+    uncertainty: Uncertainty | None = None
+    command: Controls | None = None
+
+    @classmethod
+    def of(cls, robot: Robot) -> "BrakingMotion":
+        """Return a robot when a command that is given now takes effect."""
+        motion = cls(robot.predicted, robot.turn_rate)
+        if robot.uncertainty is None:
+            return motion
+        no_command = jnp.zeros(()), jnp.zeros(())
+        return replace(motion, uncertainty=robot.uncertainty, command=robot.command or no_command)
+
+    @property
+    def error(self) -> Real | None:
+        """The largest distance of the true place from the known one [m], if there is any."""
+        return self.uncertainty and self.uncertainty.position
+
+    def is_over(self, most_error: Real) -> Flag:
+        """Check whether the robot has certainly come to rest, and within an error of its place."""
+        assert self.uncertainty is not None, "else it knows"
+        is_at_rest = (self.state.v <= 0) & (self.uncertainty.speed <= 0)
+        return is_at_rest & (self.uncertainty.position <= most_error)
 
 
 class Backup(eqx.Module):
@@ -59,6 +91,8 @@ class Backup(eqx.Module):
             None: every polygon is looked at.
         uses_arena_of_view: whether the arena of the view is used, as it differs from state to
             state.
+        most_error: the largest distance of the true place of a robot that is uncertain of itself
+            from the known one [m], beyond which no stop is safe; None for one that is certain.
     """
 
     arena: Arena
@@ -67,6 +101,12 @@ class Backup(eqx.Module):
     manoeuvres: tuple[int, ...] = eqx.field(static=True, default=BRAKING)
     surroundings: NearbyIndex[Edge] | None = None
     uses_arena_of_view: bool = eqx.field(static=True, default=False)
+    most_error: Real | None = None
+
+    @property
+    def is_uncertain(self) -> bool:
+        """Check whether the robot is uncertain of itself."""
+        return self.most_error is not None
 
     def for_view(self, view: View) -> "Backup":
         """Return the manoeuvres of the robot that sees this."""
@@ -77,13 +117,20 @@ class Backup(eqx.Module):
         """Return the least clearance [m] of the best stop after one step of an action.
 
         It is the least on the path from when the action takes effect until rest, less the body's
-        radius, for the best of the manoeuvres. Polygons out of reach by the `surroundings` are left
-        out; that only changes clearances above `MARGIN`.
+        radius, for the best of the manoeuvres. Where the robot is uncertain of itself, it is less
+        by the largest distance of its true place from that path. Polygons out of reach by the
+        `surroundings` are left out; that only changes clearances above `MARGIN`.
         """
-        before = BrakingMotion(robot.predicted, robot.turn_rate)
+        return jnp.max(self.clearances_after(robot, action))
+
+    def clearances_after(self, robot: Robot, action: Action) -> Float[Array, " manoeuvres"]:
+        """Return the least clearance [m] of each stop after one step of an action."""
+        before = BrakingMotion.of(robot)
         near, after = self._nearby_edges(before.state), self._hold(robot, before, action)
         step = self._clearance_along(before.state, after.state, near) - robot.body.radius
-        return jnp.minimum(step, jnp.max(self._clearances(robot, after, near)))
+        if after.error is not None:
+            step -= after.error
+        return jnp.minimum(step, self._clearances(robot, after, near))
 
     @jax.jit
     def can_stop_straight(self, robot: Robot, action: Action) -> Flag:
@@ -92,8 +139,9 @@ class Backup(eqx.Module):
         That path is one segment, so this takes little arithmetic. It must leave twice the `MARGIN`,
         once for rounding.
         """
-        if self.arena.map is not None or robot.turn_time is not None:
-            # Clearances on maps depend on where a segment is cut, and a slow drive keeps turning.
+        if self.arena.map is not None or robot.turn_time is not None or robot.uncertainty:
+            # Clearances on maps depend on where a segment is cut, a slow drive keeps turning, and
+            # errors grow from step to step.
             return replace(self, manoeuvres=(1,)).clearance_after(robot, action) > MARGIN
         before = BrakingMotion(robot.predicted, None)
         near, after = self._nearby_edges(before.state), self._hold(robot, before, action).state
@@ -110,12 +158,12 @@ class Backup(eqx.Module):
     ) -> Float[Array, " manoeuvres"]:
         def one_step(
             before: list[BrakingMotion], _: None
-        ) -> tuple[list[BrakingMotion], list[RobotState]]:
+        ) -> tuple[list[BrakingMotion], list[tuple[RobotState, Real | None]]]:
             after = self._brake(robot, before)
-            return after, [motion.state for motion in after]
+            return after, [(motion.state, motion.error) for motion in after]
 
-        _, paths = jax.lax.scan(one_step, [motion] * len(self.manoeuvres), length=self.steps)
-        after = jax.tree.map(lambda *leaves: jnp.stack(leaves), *paths)
+        ends, paths = jax.lax.scan(one_step, [motion] * len(self.manoeuvres), length=self.steps)
+        after, errors = jax.tree.map(lambda *leaves: jnp.stack(leaves), *paths)
 
         def shift(first: Array, later: Array) -> Array:
             firsts = jnp.broadcast_to(first, (len(later), 1))
@@ -125,7 +173,11 @@ class Backup(eqx.Module):
         along = jax.vmap(jax.vmap(lambda start, end: self._clearance_along(start, end, near)))(
             before, after
         )
-        return jnp.min(along, axis=1) - robot.body.radius
+        if self.most_error is None:
+            return jnp.min(along, axis=1) - robot.body.radius
+        clearances = jnp.min(along - errors, axis=1) - robot.body.radius
+        is_safe = jnp.stack([end.is_over(self.most_error) for end in ends])
+        return jnp.where(is_safe, clearances, -jnp.inf)
 
     def _nearby_edges(self, robot: RobotState) -> Edges | None:
         return Edges(self.surroundings.near(robot.x, robot.y)) if self.surroundings else None
@@ -146,7 +198,13 @@ class Backup(eqx.Module):
     def _hold(self, robot: Robot, motion: BrakingMotion, action: Action) -> BrakingMotion:
         u1, u2 = robot.body.controls(action)
         mean, rate = limited_turn_rate(robot.body, robot.turn_time, motion.turn_rate, u2, self.dt)
-        return BrakingMotion(robot.body.move(motion.state, u1, mean, self.dt), rate)
+        after = robot.body.move(motion.state, u1, mean, self.dt)
+        if motion.uncertainty is None:
+            return BrakingMotion(after, rate)
+        assert motion.command is not None, "it has one where it is uncertain"
+        uncertainty = motion.uncertainty.after_switch(motion.command, (u1, u2))
+        uncertainty = uncertainty.after_motion(robot.body, motion.state, after, (u1, u2), self.dt)
+        return BrakingMotion(after, rate, uncertainty, (u1, u2))
 
 
 class Shielded(AbstractWrapper[AbstractPolicy]):
@@ -159,20 +217,58 @@ class Shielded(AbstractWrapper[AbstractPolicy]):
     safety filter with backup manoeuvres (Hobbs et al., "Runtime assurance for safety-critical
     systems", 2023): what it calls safe is a part of the viability kernel.
 
+    A robot that is uncertain of itself keeps farther away by the largest distance between its true
+    path and the one that it knows. What it knows in the next step may be worse by chance, so it
+    then goes on with the manoeuvre that was safe, where no action is allowed.
+
     A player with continuous actions keeps its own where that is allowed, and otherwise has the
     allowed discrete action nearest to it.
     """
 
     backup: Backup
 
+    @property
+    def memory(self) -> Memory:
+        """The memory of the player and, of a robot that is uncertain of itself, the last manoeuvre
+        that was safe; `_NO_MANOEUVRE` before there is one.
+        """
+        if not self.backup.is_uncertain:
+            return self.policy.memory
+        return self.policy.memory, jnp.int32(_NO_MANOEUVRE)
+
     def __call__(self, view: View, memory: Memory, bits: RandomBits) -> tuple[Action, Memory]:
-        scores, memory = self.score_view(view, memory, bits)
+        own_memory, last_safe = memory if self.backup.is_uncertain else (memory, None)
+        scores, own_memory = self.score_view(view, own_memory, bits)
         search = jax.lax.while_loop(
             lambda search: search.is_open,
             lambda search: self.try_next(view, scores, search),
             self.start_search(view, scores),
         )
-        return search.action, memory
+        if last_safe is None:
+            return search.action, own_memory
+        action, manoeuvre = self.go_on_where_none_is_safe(view, search.action, last_safe)
+        return action, (own_memory, manoeuvre)
+
+    def go_on_where_none_is_safe(
+        self, view: View, action: Action, last_safe: Int[Array, ""]
+    ) -> tuple[Action, Int[Array, ""]]:
+        """Return an action that is safe, else that of the last safe manoeuvre, else the action.
+
+        The second value is the manoeuvre that is now known to be safe.
+
+        Args:
+            view: what the robot sees.
+            action: the one that the search for an allowed one ended with.
+            last_safe: the last safe manoeuvre; `_NO_MANOEUVRE` where there is none.
+        """
+        backup = self.backup.for_view(view)
+        clearances = backup.clearances_after(view.own, action)
+        is_safe = jnp.max(clearances) > MARGIN
+        held = jnp.asarray(backup.manoeuvres, jnp.int32)[jnp.maximum(last_safe, 0)]
+        held_action = jnp.stack(action_levels(held)) if self.policy.continuous else held
+        goes_on = ~is_safe & (last_safe != _NO_MANOEUVRE)
+        safe = jnp.where(is_safe, jnp.argmax(clearances), last_safe).astype(jnp.int32)
+        return jnp.where(goes_on, held_action, action), safe
 
     def preferred_action(self, scores: Any) -> Action:
         """Return the action of the player behind the shield."""
@@ -221,31 +317,52 @@ class _Search(eqx.Module):
     is_open: Flag
 
 
-def brakes(game: Game, role: Role) -> Backup:
-    """Return full braking in three directions, for one side; raises InvalidInput where one of its
-    robots cannot.
+def brakes(game: Game, role: Role, is_uncertain: bool = False) -> Backup:
+    """Return full braking in three directions.
+
+    Args:
+        game: the rules.
+        role: the side whose robots brake.
+        is_uncertain: whether they are uncertain of themselves, as they are where the game says so.
+
+    Raises:
+        InvalidInput: where one of the robots does not come to rest by braking.
     """
     kinds = game.scenario.kinds if game.scenario else None
     bodies = game.bodies[role] if kinds is None else kinds.every(role)
     for body in bodies:
         bound = "0 and more than 0: of a robot that can stop, as it does when it brakes"
         require(body.brakes_to_rest, "v_min, u1_max", (body.v_min, body.u1_max), bound)
-    steps = max(ceil(body.v_max / (body.u1_max * game.dt)) for body in bodies)
+    is_uncertain = is_uncertain or game.uncertainty_of(role) is not None
+    longer = _LONGER if is_uncertain else 1
+    steps = longer * max(ceil(body.v_max / (body.u1_max * game.dt)) for body in bodies)
+    most_error = min(map(_stopping_distance, bodies)) if is_uncertain else None
     body = bodies[0]
     if game.scenario is not None or any(other != body for other in bodies):
-        return Backup(game.arena, game.dt, steps, uses_arena_of_view=True)
-    surroundings = _surroundings(game, body)
+        return Backup(game.arena, game.dt, steps, uses_arena_of_view=True, most_error=most_error)
+    surroundings = _surroundings(game, body, most_error or 0.0)
     arena = replace(game.arena, polygons=()) if surroundings else game.arena
-    return Backup(pack(arena), game.dt, steps, surroundings=surroundings)
+    return Backup(pack(arena), game.dt, steps, surroundings=surroundings, most_error=most_error)
 
 
-def _surroundings(game: Game, body: Unicycle) -> NearbyIndex[Edge] | None:
-    """Index the polygons near a robot that brakes after one step; None if they are traced."""
+def _stopping_distance(body: Unicycle) -> Real:
+    """Return the way of a robot that brakes from its top speed [m]."""
+    return body.v_max**2 / (2 * body.u1_max)
+
+
+def _surroundings(game: Game, body: Unicycle, most_error: Real) -> NearbyIndex[Edge] | None:
+    """Index the polygons near a robot that brakes after one step; None if they are traced.
+
+    Args:
+        game: the rules.
+        body: the robot's limits.
+        most_error: the largest distance of its true place from the known one [m].
+    """
     arena = game.arena
     numbers = (arena.polygons, arena.x_min, arena.x_max, arena.y_min, arena.y_max, body, game.dt)
     if not arena.polygons or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(numbers)):
         return None
-    reach = body.v_max * game.dt + body.v_max**2 / (2 * body.u1_max) + body.radius + MARGIN
+    reach = body.v_max * game.dt + _stopping_distance(body) + body.radius + MARGIN + most_error
     x_range = float(arena.x_min), float(arena.x_max)
     y_range = float(arena.y_min), float(arena.y_max)
     return index_polygons(arena.polygons, float(reach), x_range, y_range)
@@ -274,10 +391,18 @@ def index_polygons(
     return index_nearby(edges, distances, reach, x_range, y_range)
 
 
-def with_shield(policy: AbstractPolicy, game: Game, role: Role) -> Shielded:
+def with_shield(
+    policy: AbstractPolicy, game: Game, role: Role, is_uncertain: bool = False
+) -> Shielded:
     """Put a player behind a shield, which replaces actions after which it could not brake in time.
+
+    Args:
+        policy: the player.
+        game: the rules.
+        role: its side.
+        is_uncertain: whether its robot is uncertain of itself, as it is where the game says so.
 
     Raises:
         InvalidInput: if a robot of the side cannot brake to rest.
     """
-    return Shielded(policy, brakes(game, role))
+    return Shielded(policy, brakes(game, role, is_uncertain))
