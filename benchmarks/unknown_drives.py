@@ -82,15 +82,17 @@ def main() -> None:
     )
     parser.add_argument("out", type=Path)
     parser.add_argument("--games", type=int, default=1000)
+    parser.add_argument("--max-steps", type=int, default=600)
     parser.add_argument("--in-games", nargs="+", default=GAMES)
     parser.add_argument(
         "--pairs", nargs="+", default=["pursuer evader", "shielded:pursuer shielded:evader"]
     )
-    parser.add_argument("--ways", nargs="+", default=["told", "identifying", "not told"])
+    parser.add_argument("--ways", nargs="+", default=["identifying", "told", "not told"])
     options = parser.parse_args()
     record: dict[str, Any] = {}
     for name in options.in_games:
-        game = with_unknown_drives(find_game(name))
+        rules = replace(find_game(name), max_steps=options.max_steps)
+        game = with_unknown_drives(rules)
         for pair in options.pairs:
             for way in options.ways:
                 names = BySide(*pair.split())

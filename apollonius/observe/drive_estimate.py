@@ -16,7 +16,7 @@ from jaxtyping import Array, Float, Int
 
 from apollonius.game.drive import MOST_LAG, Drive, limited_turn_rate
 from apollonius.game.dynamics import Unicycle, action_levels, wrap_angle
-from apollonius.game.types import Action, DriveState, Real, RobotState, Scalar
+from apollonius.game.types import Action, Controls, DriveState, Real, RobotState, Scalar
 from apollonius.game.uncertainty import Uncertainty
 
 LAGS = 6
@@ -232,6 +232,13 @@ class EstimatedDrive(NamedTuple):
     drive: Drive
     state: DriveState
     uncertainty: Uncertainty
+
+    @property
+    def command(self) -> Controls:
+        """The latest command, u1 [m/s^2] and u2 [rad/s]."""
+        assert self.state.pending is not None, "it remembers its commands"
+        u1, u2 = self.state.pending[0]
+        return u1, u2
 
 
 def _share(deviation: Scalar) -> Scalar:

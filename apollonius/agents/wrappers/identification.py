@@ -2,13 +2,14 @@
 
 from dataclasses import replace
 
+from apollonius.accelerate.fusion_barrier import fusion_barrier
 from apollonius.agents.policy import AbstractPolicy, AbstractWrapper, Memory
 from apollonius.game.drive import Prediction, predict_after_lag
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.types import Action, RandomBits
+from apollonius.game.types import Action, RandomBits, Real
 from apollonius.game.uncertainty import Uncertainty
 from apollonius.observe.drive_estimate import DriveEstimate
-from apollonius.observe.view import View
+from apollonius.observe.view import Robot, View
 
 
 class Identifying(AbstractWrapper[AbstractPolicy]):
@@ -39,20 +40,23 @@ class Identifying(AbstractWrapper[AbstractPolicy]):
 
     def view_of(self, view: View, estimate: DriveEstimate) -> View:
         """Return a view in which the robot drives as is estimated."""
-        estimated = estimate.drive(self.nominal, view.dt)
-        body = replace(estimated.body, radius=view.own.body.radius)
+        return replace(view, own=self._as_estimated(view.own, estimate, view.dt))
+
+    @fusion_barrier
+    def _as_estimated(self, robot: Robot, estimate: DriveEstimate, dt: Real) -> Robot:
+        """Return a robot that drives as is estimated: what follows reads this many times."""
+        estimated = estimate.drive(self.nominal, dt)
+        body = replace(estimated.body, radius=robot.body.radius)
         now = Prediction(
-            view.own.state, estimated.state.turn_rate, self.known.plus(estimated.uncertainty)
+            robot.state, estimated.state.turn_rate, self.known.plus(estimated.uncertainty)
         )
-        soon = predict_after_lag(estimated.drive, estimated.state, body, now, view.dt)
-        u1, u2 = estimated.state.pending[0]
-        own = replace(
-            view.own,
+        soon = predict_after_lag(estimated.drive, estimated.state, body, now, dt)
+        return replace(
+            robot,
             body=body,
             predicted_state=soon.robot,
             turn_time=estimated.drive.turn_time,
             turn_rate=soon.turn_rate,
             uncertainty=soon.uncertainty,
-            command=(u1, u2),
+            command=estimated.command,
         )
-        return replace(view, own=own)

@@ -38,6 +38,8 @@ from apollonius.observe.view import Robot, View
 MARGIN = 1e-3
 """Clearance [m] that must be left at any scale of the robots: many times its rounding error."""
 _NO_MANOEUVRE = -1
+_NOT_OVER = -1e6
+"""Clearance [m] of a stop that is not certainly over."""
 _LONGER = 2
 """Times as many steps as braking takes, in which a robot that is uncertain of itself has to come to
 rest.
@@ -177,7 +179,7 @@ class Backup(eqx.Module):
             return jnp.min(along, axis=1) - robot.body.radius
         clearances = jnp.min(along - errors, axis=1) - robot.body.radius
         is_safe = jnp.stack([end.is_over(self.most_error) for end in ends])
-        return jnp.where(is_safe, clearances, -jnp.inf)
+        return jnp.where(is_safe, clearances, _NOT_OVER)
 
     def _nearby_edges(self, robot: RobotState) -> Edges | None:
         return Edges(self.surroundings.near(robot.x, robot.y)) if self.surroundings else None
