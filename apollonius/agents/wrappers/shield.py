@@ -8,18 +8,17 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
-from apollonius.accelerate.nearby import NearbyIndex, index_nearby
 from apollonius.agents.policy import AbstractPolicy, AbstractWrapper, Memory
 from apollonius.game.arena import Arena
 from apollonius.game.drive import limited_turn_rate
 from apollonius.game.dynamics import Unicycle, action_levels, unit_vector
 from apollonius.game.game import Game
-from apollonius.game.packed_arena import list_length, pack, padded_edges
-from apollonius.game.polygon import Edge, Edges, Polygon
+from apollonius.game.near_edges import NearEdges, near_edges
+from apollonius.game.packed_arena import LENGTHS, PackedArena, pack, stacked_edges, without_edges
+from apollonius.game.polygon import Edges
 from apollonius.game.types import (
     NUM_ACTIONS,
     Action,
@@ -38,8 +37,6 @@ MARGIN = 1e-3
 BRAKING = (0, 1, 2)
 """Actions that brake: while turning right, going straight, or turning left."""
 
-_clearances = jax.jit(jax.vmap(jax.vmap(Polygon.clearance, (None, 0, None)), (None, None, 0)))
-
 
 class BrakingMotion(eqx.Module):
     """A robot on a manoeuvre: its state and, with a slow drive, its turn rate [rad/s]."""
@@ -55,8 +52,8 @@ class Backup(eqx.Module):
         arena, dt: where the manoeuvres are tried, and for how long an action is held [s].
         steps: how many steps they last.
         manoeuvres: the braking action that each holds to the end.
-        surroundings: index of the edges near each place of the polygons, which `arena` then lacks;
-            None: every polygon is looked at.
+        surroundings: the polygons, which `arena` then lacks, by the edges near each step; None:
+            every edge is looked at.
         uses_arena_of_view: whether the arena of the view is used, as it differs from state to
             state.
     """
@@ -65,20 +62,26 @@ class Backup(eqx.Module):
     dt: Real
     steps: int = eqx.field(static=True)
     manoeuvres: tuple[int, ...] = eqx.field(static=True, default=BRAKING)
-    surroundings: NearbyIndex[Edge] | None = None
+    surroundings: NearEdges | None = None
     uses_arena_of_view: bool = eqx.field(static=True, default=False)
 
     def for_view(self, view: View) -> "Backup":
         """Return the manoeuvres of the robot that sees this."""
-        return replace(self, arena=view.arena) if self.uses_arena_of_view else self
+        arena = view.arena
+        if not self.uses_arena_of_view:
+            return self
+        if self.surroundings is None or not isinstance(arena, PackedArena):
+            return replace(self, arena=arena)
+        surroundings = replace(self.surroundings, member=arena.member)
+        return replace(self, arena=without_edges(arena), surroundings=surroundings)
 
     @jax.jit
     def clearance_after(self, robot: Robot, action: Action) -> Scalar:
         """Return the least clearance [m] of the best stop after one step of an action.
 
         It is the least on the path from when the action takes effect until rest, less the body's
-        radius, for the best of the manoeuvres. Polygons out of reach by the `surroundings` are left
-        out; that only changes clearances above `MARGIN`.
+        radius, for the best of the manoeuvres. Of the `surroundings` only those within reach are
+        looked at; that only changes clearances above `MARGIN`.
         """
         before = BrakingMotion(robot.predicted, robot.turn_rate)
         near, after = self._nearby_edges(before.state), self._hold(robot, before, action)
@@ -89,11 +92,13 @@ class Backup(eqx.Module):
     def can_stop_straight(self, robot: Robot, action: Action) -> Flag:
         """Check by one segment whether braking straight ahead after an action is certainly safe.
 
-        That path is one segment, so this takes little arithmetic. It must leave twice the `MARGIN`,
-        once for rounding.
+        As one segment the path takes little arithmetic. It must leave twice the `MARGIN`, once for
+        rounding.
         """
-        if self.arena.map is not None or robot.turn_time is not None:
-            # Clearances on maps depend on where a segment is cut, and a slow drive keeps turning.
+        by_steps = self.arena.map is not None or self.surroundings is not None
+        if by_steps or robot.turn_time is not None:
+            # Clearances on maps depend on where a segment is cut, edges are looked up step by step,
+            # and a slow drive keeps turning.
             return replace(self, manoeuvres=(1,)).clearance_after(robot, action) > MARGIN
         before = BrakingMotion(robot.predicted, None)
         near, after = self._nearby_edges(before.state), self._hold(robot, before, action).state
@@ -127,8 +132,8 @@ class Backup(eqx.Module):
         )
         return jnp.min(along, axis=1) - robot.body.radius
 
-    def _nearby_edges(self, robot: RobotState) -> Edges | None:
-        return Edges(self.surroundings.near(robot.x, robot.y)) if self.surroundings else None
+    def _nearby_edges(self, _: RobotState) -> Edges | None:
+        return self.surroundings
 
     def _clearance_along(self, before: RobotState, after: RobotState, near: Edges | None) -> Scalar:
         """Return the least clearance [m] on a segment from the arena and these edges."""
@@ -231,47 +236,25 @@ def brakes(game: Game, role: Role) -> Backup:
         bound = "0 and more than 0: of a robot that can stop, as it does when it brakes"
         require(body.brakes_to_rest, "v_min, u1_max", (body.v_min, body.u1_max), bound)
     steps = max(ceil(body.v_max / (body.u1_max * game.dt)) for body in bodies)
-    body = bodies[0]
-    if game.scenario is not None or any(other != body for other in bodies):
-        return Backup(game.arena, game.dt, steps, uses_arena_of_view=True)
-    surroundings = _surroundings(game, body)
+    surroundings = _surroundings(game, bodies)
+    if game.scenario is not None:
+        return Backup(
+            game.arena, game.dt, steps, surroundings=surroundings, uses_arena_of_view=True
+        )
     arena = replace(game.arena, polygons=()) if surroundings else game.arena
     return Backup(pack(arena), game.dt, steps, surroundings=surroundings)
 
 
-def _surroundings(game: Game, body: Unicycle) -> NearbyIndex[Edge] | None:
-    """Index the polygons near a robot that brakes after one step; None if they are traced."""
-    arena = game.arena
-    numbers = (arena.polygons, arena.x_min, arena.x_max, arena.y_min, arena.y_max, body, game.dt)
-    if not arena.polygons or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(numbers)):
+def _surroundings(game: Game, bodies: Sequence[Unicycle]) -> NearEdges | None:
+    """Index the polygons near any step of a robot; None without any, or if they are traced."""
+    walls = game.arena if game.scenario is None else game.scenario.arenas
+    shapes = game.arena.polygons if game.scenario is None else game.scenario.bounds
+    numbers = (shapes, walls.x_min, walls.x_max, walls.y_min, walls.y_max, list(bodies), game.dt)
+    if not shapes or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(numbers)):
         return None
-    reach = body.v_max * game.dt + body.v_max**2 / (2 * body.u1_max) + body.radius + MARGIN
-    x_range = float(arena.x_min), float(arena.x_max)
-    y_range = float(arena.y_min), float(arena.y_max)
-    return index_polygons(arena.polygons, float(reach), x_range, y_range)
-
-
-def index_polygons(
-    polygons: Sequence[Polygon],
-    reach: float,
-    x_range: tuple[float, float],
-    y_range: tuple[float, float],
-) -> NearbyIndex[Edge]:
-    """Index the edges of polygons by the cells of a rectangle: all edges of each that is near.
-
-    Args:
-        polygons: one at least.
-        reach: distance [m] up to which a polygon counts as near.
-        x_range, y_range: the rectangle's ends [m].
-    """
-    corners = [len(polygon.vertices) for polygon in polygons]
-    edges = padded_edges(polygons, list_length(sum(corners) + 1))
-
-    def distances(x: Array, y: Array) -> Float[np.ndarray, "edges rows columns"]:
-        clearances = [np.asarray(_clearances(polygon, x, y)) for polygon in polygons]
-        return np.repeat(clearances, corners, axis=0)
-
-    return index_nearby(edges, distances, reach, x_range, y_range)
+    edges = game.scenario.edges if game.scenario else stacked_edges([game.arena], LENGTHS)
+    reach = max(body.radius + body.v_max * game.dt / 2 for body in bodies) + 2 * MARGIN
+    return edges and near_edges(edges, walls, float(reach))
 
 
 def with_shield(policy: AbstractPolicy, game: Game, role: Role) -> Shielded:
