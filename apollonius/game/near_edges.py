@@ -79,7 +79,10 @@ def near_edges(edges: Edge, walls: Walls, reach: float) -> NearEdges:
         np.ravel(np.asarray(end, float))
         for end in (walls.x_min, walls.y_min, walls.x_max, walls.y_max)
     )
-    is_first = _is_first(edges)
+    # An edge begins where the one before ends, or a polygon; two that meet there count as one.
+    starts, along = jnp.stack([edges.x, edges.y]), jnp.stack([edges.along_x, edges.along_y])
+    gaps = jnp.abs(starts[..., 1:] - (starts + along)[..., :-1]).max(axis=0)
+    is_first = jnp.pad(gaps > _JOINED, ((0, 0), (1, 0)), constant_values=True)
 
     def distances(
         arena: int, x: Float[Array, " columns"], y: Float[Array, " rows"]
@@ -94,18 +97,6 @@ def near_edges(edges: Edge, walls: Walls, reach: float) -> NearEdges:
     far, zero = jnp.float32(_FAR), jnp.float32(0)
     flat = jax.tree.map(jnp.append, edges, Edge(far, far, zero, zero, jnp.int32(1)))
     return NearEdges(flat, index, jnp.float32(reach))
-
-
-@jax.jit
-def _is_first(edges: Edge) -> Bool[Array, "arenas edges"]:
-    """Check which edges do not begin where the one before ends. Polygons that follow one another
-    and meet there count as one.
-    """
-    gap_x, gap_y = (
-        jnp.abs((start + along)[:, :-1] - start[:, 1:])
-        for start, along in ((edges.x, edges.along_x), (edges.y, edges.along_y))
-    )
-    return jnp.pad(jnp.maximum(gap_x, gap_y) > _JOINED, ((0, 0), (1, 0)), constant_values=True)
 
 
 @jax.jit

@@ -166,7 +166,7 @@ def several_arenas():
     kinds = RobotKinds(bodies, bodies, jnp.ones(2))
     names = "suite-v3/buildings-40", "suite-v2/floors-00", "suite-v2/caves-00", "suite-v1/discs-00"
     arenas = [suite_arena(*name.split("/")) for name in names]
-    return Game(starts=Starts(clearance=0.15), scenario=Scenario.of(arenas, kinds), max_steps=80)
+    return Game(starts=Starts(clearance=0.15), scenario=Scenario.of(arenas, kinds), max_steps=60)
 
 
 def test_shield_among_several_arenas_decides_as_by_all_edges():
@@ -193,11 +193,12 @@ def test_shield_among_several_arenas_decides_as_by_all_edges():
     assert ((by_arena > 0.1) & (by_arena < 0.95)).all()
 
 
+@pytest.mark.slow
 def test_shielded_robots_never_crash_in_several_arenas():
     game = several_arenas()
     players = [with_shield(Reckless(), game, role) for role in Role]
-    outcomes = play_match(a_match(game, *players, games=32)).outcomes
-    assert outcomes["captured"] + outcomes["no_result"] == 32
+    outcomes = play_match(a_match(game, *players, games=16)).outcomes
+    assert outcomes["captured"] + outcomes["no_result"] == 16
 
 
 @pytest.mark.parametrize(

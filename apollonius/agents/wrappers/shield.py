@@ -237,12 +237,9 @@ def brakes(game: Game, role: Role) -> Backup:
         require(body.brakes_to_rest, "v_min, u1_max", (body.v_min, body.u1_max), bound)
     steps = max(ceil(body.v_max / (body.u1_max * game.dt)) for body in bodies)
     surroundings = _surroundings(game, bodies)
-    if game.scenario is not None:
-        return Backup(
-            game.arena, game.dt, steps, surroundings=surroundings, uses_arena_of_view=True
-        )
-    arena = replace(game.arena, polygons=()) if surroundings else game.arena
-    return Backup(pack(arena), game.dt, steps, surroundings=surroundings)
+    arena = pack(replace(game.arena, polygons=()) if surroundings else game.arena)
+    uses_arena_of_view = game.scenario is not None
+    return Backup(arena, game.dt, steps, BRAKING, surroundings, uses_arena_of_view)
 
 
 def _surroundings(game: Game, bodies: Sequence[Unicycle]) -> NearEdges | None:
