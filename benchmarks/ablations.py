@@ -69,8 +69,8 @@ def plain_bits(_: Callable[..., Any]) -> Callable[..., Any]:
 def all_nearby(index_nearby: Callable[..., Any]) -> Callable[..., Any]:
     """Return a function in whose index everything is near everywhere."""
 
-    def index(things: Any, distances: Any, reach: float, *ranges: Any) -> Any:
-        return index_nearby(things, distances, 1e4, *ranges)
+    def index(distances: Any, reach: float, *squares: Any) -> Any:
+        return index_nearby(distances, 1e4, *squares)
 
     return index
 

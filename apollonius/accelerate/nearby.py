@@ -1,80 +1,82 @@
-"""Obstacles within reach of a place, looked up by the cell that the place is in."""
+"""Things within reach of a place, looked up by the cell that the place is in."""
 
 from collections.abc import Callable
-from typing import Any, Generic, TypeVar
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-T = TypeVar("T")
 _CELLS = 64
-"""Cells along the longer side of the indexed rectangle."""
-_FEW = 8
-"""Lists of things near a cell are as long as this times a power of two, so that few programs serve
-many rectangles.
+"""Cells along each side of a square; half as many, and so on, if the lists of all cells would have
+more than `_MOST` numbers.
 """
+_MOST = 2**24
+_FEW = 8
+"""Lists are as long as a multiple of this, so that few programs serve many squares."""
 _ROUNDING = 1e-3
 """Addition to a reach [m], many times the rounding of single precision."""
 
 
-class NearbyIndex(eqx.Module, Generic[T]):
-    """For each square cell of a rectangle the things within reach from anywhere in it.
+class NearbyIndex(eqx.Module):
+    """For each cell of several squares the numbers of the things within reach from anywhere in it.
 
     Attributes:
-        things: leaves `[things]`; the last ones are far from everywhere.
-        within: their numbers in each cell, padded with that of one far from everywhere.
-        x, y: the rectangle's lower left corner [m].
-        cell: the side of a cell [m].
+        within: the numbers, padded with that of a thing far from everywhere.
+        x, y: the lower left corners of the squares [m].
+        cell: the sides of their cells [m].
     """
 
-    things: T
-    within: Int[Array, "rows columns near"]
-    x: Float[Array, ""]
-    y: Float[Array, ""]
-    cell: Float[Array, ""]
+    within: Int[Array, "squares rows columns near"]
+    x: Float[Array, " squares"]
+    y: Float[Array, " squares"]
+    cell: Float[Array, " squares"]
 
-    def near(self, x: Float[Array, ""], y: Float[Array, ""]) -> T:
-        """Return all things within reach from a point, and maybe more."""
-        rows, columns, _ = self.within.shape
-        row = jnp.clip(jnp.floor((y - self.y) / self.cell).astype(jnp.int32), 0, rows - 1)
-        column = jnp.clip(jnp.floor((x - self.x) / self.cell).astype(jnp.int32), 0, columns - 1)
-        numbers = self.within[row, column]
-        return jax.tree.map(lambda leaf: leaf[numbers], self.things)
+    def near(
+        self, square: Int[Array, ""] | int, x: Float[Array, ""], y: Float[Array, ""]
+    ) -> Int[Array, " near"]:
+        """Return the numbers of all things within reach from a point, and maybe of more."""
+        last, cell = self.within.shape[1] - 1, self.cell[square]
+        row = jnp.clip(jnp.floor((y - self.y[square]) / cell).astype(jnp.int32), 0, last)
+        column = jnp.clip(jnp.floor((x - self.x[square]) / cell).astype(jnp.int32), 0, last)
+        return self.within[square, row, column]
 
 
 def index_nearby(
-    things: T,
-    distances: Callable[[Array, Array], Float[Any, "things rows columns"]],
+    distances: Callable[[int, Array, Array], Float[np.ndarray, "things rows columns"]],
     reach: float,
-    x_range: tuple[float, float],
-    y_range: tuple[float, float],
-) -> NearbyIndex[T]:
-    """Index things by the cells of a rectangle.
+    x: Float[np.ndarray, " squares"],
+    y: Float[np.ndarray, " squares"],
+    side: Float[np.ndarray, " squares"],
+    cells: int = _CELLS,
+) -> NearbyIndex:
+    """Index things by the cells of squares.
+
+    They are numbered throughout: as many of each square, one square after the other, and at last
+    one that is far from everywhere.
 
     Args:
-        things: leaves `[things]`; the last ones, one at least, are far from everywhere.
-        distances: the function from the x of columns and the y of rows to the distances [m] of all
-            things but these from where they meet.
+        distances: the function from a square's number, the x of columns and the y of rows to the
+            distances [m] of its things from where they meet.
         reach: distance [m] up to which a thing counts as near.
-        x_range, y_range: the rectangle's ends [m].
+        x, y, side: the lower left corners of the squares, and their sides [m].
+        cells: number of cells along a side, at most.
     """
-    (x_min, x_max), (y_min, y_max) = x_range, y_range
-    cell = max(x_max - x_min, y_max - y_min) / _CELLS
-    columns = max(1, int(np.ceil((x_max - x_min) / cell)))
-    rows = max(1, int(np.ceil((y_max - y_min) / cell)))
-    x = jnp.float32(x_min + cell * (np.arange(columns) + 0.5))
-    y = jnp.float32(y_min + cell * (np.arange(rows) + 0.5))
-    is_near = np.asarray(distances(x, y)) <= reach + cell / np.sqrt(2) + _ROUNDING
-    needed, most = int(is_near.sum(axis=0).max()), _FEW
-    while most < needed:
-        most *= 2
-    side = max(rows, columns)
-    within = np.full((most, side, side), len(is_near), np.int32)
-    number, row, column = np.nonzero(is_near)
-    within[np.cumsum(is_near, axis=0)[number, row, column] - 1, row, column] = number
-    return NearbyIndex(
-        things, jnp.asarray(np.moveaxis(within, 0, 2)), *map(jnp.float32, (x_min, y_min, cell))
-    )
+    cell, middles = side / cells, np.arange(cells) + 0.5
+    things, lists = 0, list[tuple[np.ndarray, ...]]()
+    for square, size in enumerate(cell):
+        columns, rows = (jnp.float32(corner[square] + size * middles) for corner in (x, y))
+        away = distances(square, columns, rows)
+        is_near = away <= reach + size / np.sqrt(2) + _ROUNDING
+        things = len(away)
+        row, column, number = np.nonzero(np.moveaxis(is_near, 0, 2))
+        before = np.cumsum(is_near.sum(axis=0)).reshape(cells, cells) - is_near.sum(axis=0)
+        lists.append((row, column, np.arange(len(row)) - before[row, column], number))
+    longest = 1 + max(int(place.max(initial=0)) for _, _, place, _ in lists)
+    near = _FEW * -(-longest // _FEW)
+    if cells > 1 and len(lists) * cells * cells * near > _MOST:
+        return index_nearby(distances, reach, x, y, side, cells // 2)
+    within = np.full((len(lists), cells, cells, near), len(lists) * things, np.int32)
+    for square, (row, column, place, number) in enumerate(lists):
+        within[square, row, column, place] = square * things + number
+    return NearbyIndex(jnp.asarray(within), *map(jnp.float32, (x, y, cell)))

@@ -168,8 +168,8 @@ def pad_shields(policies: Sequence[AbstractPolicy]) -> list[AbstractPolicy]:
     if not backups:
         return list(policies)
     steps = max(backup.steps for backup in backups)
-    surroundings = [backup.surroundings for backup in backups if backup.surroundings]
-    edges = max((edges_of.within.shape[-1] for edges_of in surroundings), default=0)
+    lists = [backup.surroundings.index for backup in backups if backup.surroundings]
+    edges = max((index.within.shape[-1] for index in lists), default=0)
 
     def enlarge(policy: AbstractPolicy) -> AbstractPolicy:
         if not isinstance(policy, Shielded):
@@ -186,7 +186,7 @@ def _enlarge(backup: Backup, steps: int, edges: int) -> Backup:
     surroundings = backup.surroundings
     if surroundings is None:
         return replace(backup, steps=steps)
-    padding = edges - surroundings.within.shape[-1]
-    far_edge = surroundings.things.x.shape[0] - 1
-    within = jnp.pad(surroundings.within, ((0, 0), (0, 0), (0, padding)), constant_values=far_edge)
-    return replace(backup, steps=steps, surroundings=replace(surroundings, within=within))
+    index, far_edge = surroundings.index, len(surroundings.edges.x) - 1
+    padding = [(0, 0)] * 3 + [(0, edges - index.within.shape[-1])]
+    wider = replace(index, within=jnp.pad(index.within, padding, constant_values=far_edge))
+    return replace(backup, steps=steps, surroundings=replace(surroundings, index=wider))

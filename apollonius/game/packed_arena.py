@@ -75,7 +75,7 @@ def pack(arena: Arena) -> Arena:
     return packed_arena(without_shapes(arena), contact_bounds([arena], LENGTHS), 0)
 
 
-def list_length(count: int, lengths: Sequence[int] = LENGTHS) -> int:
+def list_length(count: int, lengths: Sequence[int]) -> int:
     """Return the least of some lengths that suffices for a list."""
     return min(length for length in lengths if length >= count)
 
@@ -101,24 +101,31 @@ def contact_bounds(
     All get lists as long as the longest, or of the least of these lengths that suffices; what is
     added is far from everywhere.
     """
-    discs = [_disc_numbers(arena.discs) for arena in arenas]
-    edges = [_edge_numbers(arena.polygons) for arena in arenas]
-    all_discs, all_edges = _stack(discs, _FAR_DISC, lengths), _stack(edges, _FAR_EDGE, lengths)
-    if all_discs is None and all_edges is None:
+    discs = _stack([_disc_numbers(arena.discs) for arena in arenas], _FAR_DISC, lengths)
+    edges = stacked_edges(arenas, lengths)
+    if discs is None and edges is None:
         return None
     shapes = Shapes(
-        discs=None if all_discs is None else Disc(*all_discs),
-        edges=None if all_edges is None else Edges(_edge(*all_edges)),
+        discs=None if discs is None else Disc(*discs), edges=None if edges is None else Edges(edges)
     )
     walls = [(arena.x_min, arena.y_min, arena.x_max, arena.y_max) for arena in arenas]
     return ContactBounds.of(shapes, *jnp.asarray(walls, jnp.float32).T)
 
 
-def padded_edges(polygons: Sequence[Polygon], count: int) -> Edge:
-    """Return the edges of polygons, and others far from everywhere, leaves `[count]`."""
-    columns = _stack([_edge_numbers(polygons)], _FAR_EDGE, (count,))
-    assert columns is not None, "the count is positive"
-    return jax.tree.map(lambda leaf: leaf[0], _edge(*columns))
+def stacked_edges(arenas: Sequence[Arena], lengths: Sequence[int] | None = None) -> Edge | None:
+    """Return the edges of the polygons of arenas, leaves `[arenas, edges]`, in lists of lengths as
+    those of `contact_bounds`; None without any.
+    """
+    columns = _stack([_edge_numbers(arena.polygons) for arena in arenas], _FAR_EDGE, lengths)
+    return None if columns is None else _edge(*columns)
+
+
+def without_edges(arena: PackedArena) -> PackedArena:
+    """Return a packed arena without the edges of its polygons."""
+    if arena.bounds is None:
+        return arena
+    shapes = replace(arena.bounds.shapes, edges=None)
+    return replace(arena, bounds=shapes.discs and replace(arena.bounds, shapes=shapes))
 
 
 def _disc_numbers(discs: Sequence[Disc]) -> np.ndarray:

@@ -163,7 +163,7 @@ class Edges(AbstractObstacle):
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
         """Return the distance [m] from a point to the nearest edge; negative inside a polygon."""
         return self._over_edges(
-            lambda place, edge: place.with_edge(edge), _far_from_edges(x, y)
+            lambda place, edge: place.with_edge(edge), far_from_edges(x, y)
         ).clearance
 
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
@@ -185,8 +185,8 @@ class Edges(AbstractObstacle):
             )
 
         no_edges = _Segment(
-            start=_far_from_edges(before.x, before.y),
-            end=_far_from_edges(after.x, after.y),
+            start=far_from_edges(before.x, before.y),
+            end=far_from_edges(after.x, after.y),
             between=jnp.asarray(jnp.inf, jnp.float32),
         )
         segment = self._over_edges(add_edge, no_edges)
@@ -217,7 +217,8 @@ def _numbers(corners: Float[Array, "corners 2"]) -> tuple[Array, ...]:
     return x, y, next_x - x, next_y - y, jnp.full(x.shape, turn)
 
 
-def _far_from_edges(x: Scalar, y: Scalar) -> PointToEdges:
+def far_from_edges(x: Scalar, y: Scalar) -> PointToEdges:
+    """Return a point with no edges so far."""
     return PointToEdges(x, y, jnp.asarray(jnp.inf, jnp.float32), jnp.zeros((), jnp.int32))
 
 

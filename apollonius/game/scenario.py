@@ -18,6 +18,7 @@ from apollonius.game.drive import Drives
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.occupancy import OccupancyMap, OneOfMaps
 from apollonius.game.packed_arena import PackedArena, contact_bounds, packed_arena, without_shapes
+from apollonius.game.polygon import Edge
 from apollonius.game.sensing import Sensing
 from apollonius.game.types import Real, Role
 from apollonius.game.validation import check_parts
@@ -136,6 +137,12 @@ class Scenario(eqx.Module):
     def size(self) -> int:
         """The number of variants: every arena with every kind of robots."""
         return self.count * (len(self.kinds) if self.kinds else 1)
+
+    @property
+    def edges(self) -> Edge | None:
+        """The edges of all polygons, leaves `[arenas, edges]`; None without any."""
+        edges = self.bounds and self.bounds.shapes.edges
+        return edges and edges.edges
 
     def sample(self, key: PRNGKeyArray) -> Int[Array, ""]:
         """Draw a variant. The key is consumed."""

@@ -185,9 +185,7 @@ class DynamicBackup(Backup):
 
     steps: int | Array  # pyright: ignore[reportIncompatibleVariableOverride]
 
-    def _clearances(
-        self, robot: Robot, motion: BrakingMotion, near: Edges | None
-    ) -> Float[Array, " manoeuvres"]:
+    def _clearances(self, robot: Robot, motion: BrakingMotion) -> Float[Array, " manoeuvres"]:
         def one_step(
             _: Int[Array, ""], carry: list[tuple[BrakingMotion, Scalar]]
         ) -> list[tuple[BrakingMotion, Scalar]]:

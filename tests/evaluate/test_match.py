@@ -369,7 +369,7 @@ def test_pad_shields_gives_one_structure_and_keeps_the_clearances():
 
     def clearances(backup, body, x, y, heading):
         motion = BrakingMotion(RobotState(x, y, jnp.float32(0.6), heading), None)
-        return backup._clearances(Robot(body, motion.state), motion, backup._nearby_edges(motion.state))
+        return backup._clearances(Robot(body, motion.state), motion)
 
     measured = jax.jit(jax.vmap(clearances, in_axes=(None, None, 0, 0, 0)))
     for game, old, new in zip(games, before, after, strict=True):

@@ -70,16 +70,14 @@ def games_of(name):
 
 
 def with_wide_index(player):
-    """The player, the index of its shield padded to one size for all arenas: square, with room for all edges."""
-    index = getattr(getattr(player.package, "backup", None), "surroundings", None)
-    if index is None:
+    """The player, the index of its shield padded to one size for all arenas, with room for all edges."""
+    edges = getattr(getattr(player.package, "backup", None), "surroundings", None)
+    if edges is None:
         return player
-    (rows, columns, edges), last = index.within.shape, len(index.things.x) - 1
-    size = max(rows, columns)
-    within = jnp.pad(index.within, [(0, size - rows), (0, size - columns), (0, 0)], mode="edge")
-    within = jnp.pad(within, [(0, 0), (0, 0), (0, last - edges)], constant_values=last)
+    within, last = edges.index.within, len(edges.edges.x) - 1
+    within = jnp.pad(within, [(0, 0)] * 3 + [(0, last - within.shape[-1])], constant_values=last)
     policies = player.package, player.policy
-    wider = [eqx.tree_at(lambda shield: shield.backup.surroundings.within, one, within) for one in policies]
+    wider = [eqx.tree_at(lambda shield: shield.backup.surroundings.index.within, one, within) for one in policies]
     return replace(player, package=wider[0], policy=wider[1])
 
 

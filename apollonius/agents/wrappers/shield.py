@@ -8,18 +8,16 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
-from apollonius.accelerate.nearby import NearbyIndex, index_nearby
 from apollonius.agents.policy import AbstractPolicy, AbstractWrapper, Memory
 from apollonius.game.arena import Arena
 from apollonius.game.drive import limited_turn_rate
 from apollonius.game.dynamics import Unicycle, action_levels, unit_vector
 from apollonius.game.game import Game
-from apollonius.game.packed_arena import list_length, pack, padded_edges
-from apollonius.game.polygon import Edge, Edges, Polygon
+from apollonius.game.near_edges import NearEdges, near_edges
+from apollonius.game.packed_arena import LENGTHS, PackedArena, pack, stacked_edges, without_edges
 from apollonius.game.types import (
     NUM_ACTIONS,
     Action,
@@ -46,8 +44,6 @@ rest.
 """
 BRAKING = (0, 1, 2)
 """Actions that brake: while turning right, going straight, or turning left."""
-
-_clearances = jax.jit(jax.vmap(jax.vmap(Polygon.clearance, (None, 0, None)), (None, None, 0)))
 
 
 class BrakingMotion(eqx.Module):
@@ -89,8 +85,8 @@ class Backup(eqx.Module):
         arena, dt: where the manoeuvres are tried, and for how long an action is held [s].
         steps: how many steps they last.
         manoeuvres: the braking action that each holds to the end.
-        surroundings: index of the edges near each place of the polygons, which `arena` then lacks;
-            None: every polygon is looked at.
+        surroundings: the polygons, which `arena` then lacks, by the edges near each step; None:
+            every edge is looked at.
         uses_arena_of_view: whether the arena of the view is used, as it differs from state to
             state.
         most_error: the largest distance of the true place of a robot that is uncertain of itself
@@ -101,7 +97,7 @@ class Backup(eqx.Module):
     dt: Real
     steps: int = eqx.field(static=True)
     manoeuvres: tuple[int, ...] = eqx.field(static=True, default=BRAKING)
-    surroundings: NearbyIndex[Edge] | None = None
+    surroundings: NearEdges | None = None
     uses_arena_of_view: bool = eqx.field(static=True, default=False)
     most_error: Real | None = None
 
@@ -112,7 +108,13 @@ class Backup(eqx.Module):
 
     def for_view(self, view: View) -> "Backup":
         """Return the manoeuvres of the robot that sees this."""
-        return replace(self, arena=view.arena) if self.uses_arena_of_view else self
+        arena = view.arena
+        if not self.uses_arena_of_view:
+            return self
+        if self.surroundings is None or not isinstance(arena, PackedArena):
+            return replace(self, arena=arena)
+        surroundings = replace(self.surroundings, member=arena.member)
+        return replace(self, arena=without_edges(arena), surroundings=surroundings)
 
     @jax.jit
     def clearance_after(self, robot: Robot, action: Action) -> Scalar:
@@ -120,44 +122,42 @@ class Backup(eqx.Module):
 
         It is the least on the path from when the action takes effect until rest, less the body's
         radius, for the best of the manoeuvres. Where the robot is uncertain of itself, it is less
-        by the largest distance of its true place from that path. Polygons out of reach by the
-        `surroundings` are left out; that only changes clearances above `MARGIN`.
+        by the largest distance of its true place from that path. Of the `surroundings` only those
+        within reach are looked at; that only changes clearances above `MARGIN`.
         """
         return jnp.max(self.clearances_after(robot, action))
 
     def clearances_after(self, robot: Robot, action: Action) -> Float[Array, " manoeuvres"]:
         """Return the least clearance [m] of each stop after one step of an action."""
         before = BrakingMotion.of(robot)
-        near, after = self._nearby_edges(before.state), self._hold(robot, before, action)
-        step = self._clearance_along(before.state, after.state, near) - robot.body.radius
+        after = self._hold(robot, before, action)
+        step = self._clearance_along(before.state, after.state) - robot.body.radius
         if after.error is not None:
             step -= after.error
-        return jnp.minimum(step, self._clearances(robot, after, near))
+        return jnp.minimum(step, self._clearances(robot, after))
 
     @jax.jit
     def can_stop_straight(self, robot: Robot, action: Action) -> Flag:
         """Check by one segment whether braking straight ahead after an action is certainly safe.
 
-        That path is one segment, so this takes little arithmetic. It must leave twice the `MARGIN`,
-        once for rounding.
+        As one segment the path takes little arithmetic. It must leave twice the `MARGIN`, once for
+        rounding.
         """
-        if self.arena.map is not None or robot.turn_time is not None or robot.uncertainty:
-            # Clearances on maps depend on where a segment is cut, a slow drive keeps turning, and
-            # errors grow from step to step.
+        by_steps = self.arena.map is not None or self.surroundings is not None
+        if by_steps or robot.turn_time is not None or robot.uncertainty:
+            # Clearances on maps depend on where a segment is cut, edges are looked up step by step,
+            # a slow drive keeps turning, and errors grow from step to step.
             return replace(self, manoeuvres=(1,)).clearance_after(robot, action) > MARGIN
         before = BrakingMotion(robot.predicted, None)
-        near, after = self._nearby_edges(before.state), self._hold(robot, before, action).state
+        after = self._hold(robot, before, action).state
         (cos, sin), length = unit_vector(after.heading), after.v**2 / (2 * robot.body.u1_max)
         rest = replace(after, x=after.x + length * cos, y=after.y + length * sin)
         least = jnp.minimum(
-            self._clearance_along(before.state, after, near),
-            self._clearance_along(after, rest, near),
+            self._clearance_along(before.state, after), self._clearance_along(after, rest)
         )
         return least - robot.body.radius > 2 * MARGIN
 
-    def _clearances(
-        self, robot: Robot, motion: BrakingMotion, near: Edges | None
-    ) -> Float[Array, " manoeuvres"]:
+    def _clearances(self, robot: Robot, motion: BrakingMotion) -> Float[Array, " manoeuvres"]:
         def one_step(
             before: list[BrakingMotion], _: None
         ) -> tuple[list[BrakingMotion], list[tuple[RobotState, Real | None]]]:
@@ -172,24 +172,19 @@ class Backup(eqx.Module):
             return jnp.concatenate([firsts, later[:, :-1]], axis=1)
 
         before = jax.tree.map(shift, motion.state, after)
-        along = jax.vmap(jax.vmap(lambda start, end: self._clearance_along(start, end, near)))(
-            before, after
-        )
+        along = jax.vmap(jax.vmap(self._clearance_along))(before, after)
         if self.most_error is None:
             return jnp.min(along, axis=1) - robot.body.radius
         clearances = jnp.min(along - errors, axis=1) - robot.body.radius
         is_safe = jnp.stack([end.is_over(self.most_error) for end in ends])
         return jnp.where(is_safe, clearances, _NOT_OVER)
 
-    def _nearby_edges(self, robot: RobotState) -> Edges | None:
-        return Edges(self.surroundings.near(robot.x, robot.y)) if self.surroundings else None
-
-    def _clearance_along(self, before: RobotState, after: RobotState, near: Edges | None) -> Scalar:
-        """Return the least clearance [m] on a segment from the arena and these edges."""
+    def _clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
+        """Return the least clearance [m] on a segment from the arena and its surroundings."""
         clearance = self.arena.clearance_along(before, after)
-        if near is None:
+        if self.surroundings is None:
             return clearance
-        return jnp.minimum(clearance, near.clearance_along(before, after))
+        return jnp.minimum(clearance, self.surroundings.clearance_along(before, after))
 
     def _brake(self, robot: Robot, motions: list[BrakingMotion]) -> list[BrakingMotion]:
         """Return the motion in each manoeuvre after one more step."""
@@ -339,12 +334,10 @@ def brakes(game: Game, role: Role, is_uncertain: bool = False) -> Backup:
     longer = _LONGER if is_uncertain else 1
     steps = longer * max(ceil(body.v_max / (body.u1_max * game.dt)) for body in bodies)
     most_error = min(map(_stopping_distance, bodies)) if is_uncertain else None
-    body = bodies[0]
-    if game.scenario is not None or any(other != body for other in bodies):
-        return Backup(game.arena, game.dt, steps, uses_arena_of_view=True, most_error=most_error)
-    surroundings = _surroundings(game, body, most_error or 0.0)
-    arena = replace(game.arena, polygons=()) if surroundings else game.arena
-    return Backup(pack(arena), game.dt, steps, surroundings=surroundings, most_error=most_error)
+    surroundings = _surroundings(game, bodies, most_error or 0.0)
+    arena = pack(replace(game.arena, polygons=()) if surroundings else game.arena)
+    uses_arena_of_view = game.scenario is not None
+    return Backup(arena, game.dt, steps, BRAKING, surroundings, uses_arena_of_view, most_error)
 
 
 def _stopping_distance(body: Unicycle) -> Real:
@@ -352,45 +345,22 @@ def _stopping_distance(body: Unicycle) -> Real:
     return body.v_max**2 / (2 * body.u1_max)
 
 
-def _surroundings(game: Game, body: Unicycle, most_error: Real) -> NearbyIndex[Edge] | None:
-    """Index the polygons near a robot that brakes after one step; None if they are traced.
+def _surroundings(game: Game, bodies: Sequence[Unicycle], most_error: Real) -> NearEdges | None:
+    """Index the polygons near any step of a robot; None without any, or if they are traced.
 
     Args:
         game: the rules.
-        body: the robot's limits.
-        most_error: the largest distance of its true place from the known one [m].
+        bodies: the limits of the robots.
+        most_error: the largest distance of a robot's true place from the known one [m].
     """
-    arena = game.arena
-    numbers = (arena.polygons, arena.x_min, arena.x_max, arena.y_min, arena.y_max, body, game.dt)
-    if not arena.polygons or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(numbers)):
+    walls = game.arena if game.scenario is None else game.scenario.arenas
+    shapes = game.arena.polygons if game.scenario is None else game.scenario.bounds
+    numbers = (shapes, walls.x_min, walls.x_max, walls.y_min, walls.y_max, list(bodies), game.dt)
+    if not shapes or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(numbers)):
         return None
-    reach = body.v_max * game.dt + _stopping_distance(body) + body.radius + MARGIN + most_error
-    x_range = float(arena.x_min), float(arena.x_max)
-    y_range = float(arena.y_min), float(arena.y_max)
-    return index_polygons(arena.polygons, float(reach), x_range, y_range)
-
-
-def index_polygons(
-    polygons: Sequence[Polygon],
-    reach: float,
-    x_range: tuple[float, float],
-    y_range: tuple[float, float],
-) -> NearbyIndex[Edge]:
-    """Index the edges of polygons by the cells of a rectangle: all edges of each that is near.
-
-    Args:
-        polygons: one at least.
-        reach: distance [m] up to which a polygon counts as near.
-        x_range, y_range: the rectangle's ends [m].
-    """
-    corners = [len(polygon.vertices) for polygon in polygons]
-    edges = padded_edges(polygons, list_length(sum(corners) + 1))
-
-    def distances(x: Array, y: Array) -> Float[np.ndarray, "edges rows columns"]:
-        clearances = [np.asarray(_clearances(polygon, x, y)) for polygon in polygons]
-        return np.repeat(clearances, corners, axis=0)
-
-    return index_nearby(edges, distances, reach, x_range, y_range)
+    edges = game.scenario.edges if game.scenario else stacked_edges([game.arena], LENGTHS)
+    reach = max(body.radius + body.v_max * game.dt / 2 for body in bodies) + 2 * MARGIN
+    return edges and near_edges(edges, walls, float(reach + most_error))
 
 
 def with_shield(
