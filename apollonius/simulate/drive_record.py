@@ -1,0 +1,189 @@
+"""A robot's drive on record: what it was commanded, and how its odometry says that it moved."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from apollonius.io.errors import format_value, require
+from apollonius.io.recording import Message, read_topics
+
+LONGEST_HOLD = 0.5
+"""A drive may stop by itself where no command comes for so long [s]; 0.5 s is usual."""
+_SHORTEST = 10.0
+"""Time that commands and odometry must share [s]."""
+_LEAST_RATE = 5.0
+"""Least rate of odometry, and of commands while they come [1/s]."""
+_LARGEST = 1e6
+"""No place [m], speed or turn rate is beyond this."""
+_LEAST_MOTION = 0.05
+"""A robot whose speed [m/s] and turn rate [rad/s] vary by less does not move."""
+_ODOMETRY = "nav_msgs/msg/Odometry"
+_TWISTS = ("geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped")
+
+
+@dataclass(frozen=True)
+class DriveRecord:
+    """Odometry and commands by their times [s]: places [m], heading [rad], speeds [m/s] and turn
+    rates [rad/s], these in the robot's own frame.
+
+    Raises:
+        InvalidInput: For times that do not increase, numbers that are not finite, a record that is
+            too short or has too few commands, and a robot that does not move.
+    """
+
+    times: Float[np.ndarray, " samples"]
+    x: Float[np.ndarray, " samples"]
+    y: Float[np.ndarray, " samples"]
+    heading: Float[np.ndarray, " samples"]
+    speed: Float[np.ndarray, " samples"]
+    turn_rate: Float[np.ndarray, " samples"]
+    command_times: Float[np.ndarray, " commands"]
+    command_speed: Float[np.ndarray, " commands"]
+    command_turn_rate: Float[np.ndarray, " commands"]
+
+    def __post_init__(self) -> None:
+        for name, times in (("odometry", self.times), ("commands", self.command_times)):
+            bound = f"at least {_LEAST_RATE * _SHORTEST:.0f}; record a longer drive"
+            require(len(times) >= _LEAST_RATE * _SHORTEST, f"messages of {name}", len(times), bound)
+        for field in fields(self):
+            self._require_finite(field.name)
+        _require_order("odometry", self.times)
+        _require_order("commands", self.command_times)
+        self._require_overlap()
+        require(
+            len(self.times) >= _LEAST_RATE * np.ptp(self.times),
+            "rate of the odometry",
+            f"{len(self.times) / np.ptp(self.times):.1f}",
+            f"at least {_LEAST_RATE:g} a second, and better 20 or more",
+        )
+        motion = max(_spread(self.speed), _spread(self.turn_rate))
+        bound = f"at least {_LEAST_MOTION}: the robot stood; record it while it drives"
+        require(motion >= _LEAST_MOTION, "change of speed and turn rate", f"{motion:.3f}", bound)
+        commanded = max(np.ptp(self.command_speed), np.ptp(self.command_turn_rate))
+        bound = f"at least {_LEAST_MOTION}: send speeds and turn rates that change"
+        require(commanded >= _LEAST_MOTION, "change of commands", f"{commanded:.3f}", bound)
+
+    def _require_finite(self, name: str) -> None:
+        values = getattr(self, name)
+        wrong = np.flatnonzero(~(np.abs(values) <= (np.inf if "times" in name else _LARGEST)))
+        if wrong.size:
+            message = f"{name} of message {wrong[0] + 1:,} of {len(values):,}"
+            bound = f"a number within {_LARGEST:,.0f} of 0; mend what publishes it, record again"
+            require(False, message, values[wrong[0]], bound)
+
+    def _require_overlap(self) -> None:
+        spans = (np.ptp(self.times[samples]) for _, samples in self.stretches())
+        shared = float(sum(spans))
+        name = f"time with odometry and a command every {LONGEST_HOLD:g} s"
+        bound = (
+            f"at least {_SHORTEST:g} s: record a longer drive, send commands all the time, and "
+            "date both by one clock"
+        )
+        require(shared >= _SHORTEST, name, f"{shared:.1f} s", bound)
+
+    @property
+    def duration(self) -> float:
+        """From the first odometry to the last [s]."""
+        return float(np.ptp(self.times))
+
+    def stretches(self) -> Iterator[tuple[slice, slice]]:
+        """Yield the commands, and the odometry during them, of each stretch in which commands came
+        without a pause.
+        """
+        pauses = np.flatnonzero(np.diff(self.command_times) > LONGEST_HOLD) + 1
+        edges = [0, *pauses.tolist(), len(self.command_times)]
+        for first, end in pairwise(edges):
+            begins = self.command_times[first]
+            ends = self.command_times[end - 1] + LONGEST_HOLD / 2
+            samples = slice(*np.searchsorted(self.times, (begins, ends)).tolist())
+            if samples.stop - samples.start >= _LEAST_RATE:
+                yield slice(first, end), samples
+
+
+def _spread(values: Float[np.ndarray, " samples"]) -> float:
+    """Return the range of values without a hundredth at either end, in which single errors are."""
+    low, high = np.quantile(values, [0.01, 0.99])
+    return float(high - low)
+
+
+def _require_order(name: str, times: Float[np.ndarray, " messages"]) -> None:
+    """Refuse times that do not increase."""
+    wrong = np.flatnonzero(np.diff(times) <= 0)
+    if wrong.size:
+        after = f"{times[wrong[0] + 1] - times[wrong[0]]:+.3f} s"
+        where = f"step of the stamps of {name} after message {wrong[0] + 1:,}"
+        bound = "more than 0: record one robot with one clock, and each topic from one publisher"
+        require(False, where, after, bound)
+
+
+def load_drive_record(folder: Path, odometry: str, commands: str) -> DriveRecord:
+    """Read a bag's odometry and commands.
+
+    Messages are dated by their own stamps; a Twist, which has none, by the bag's.
+
+    Args:
+        folder: The bag.
+        odometry: Topic of the odometry, whole or its end.
+        commands: Topic of the commands, whole or its end.
+
+    Raises:
+        InvalidInput: As `read_topics` and `DriveRecord`, and for messages of other types.
+    """
+    topics = read_topics(folder, (odometry, commands), f"'{folder}'")
+    _require_type(odometry, topics[odometry], (_ODOMETRY,))
+    _require_type(commands, topics[commands], _TWISTS)
+    motions = np.array([_motion(message.content) for message in topics[odometry]]).T
+    twists = np.array([_command(message.content) for message in topics[commands]]).T
+    times, command_times = (_times(topics[name]) for name in (odometry, commands))
+    origin = min(times[0], command_times[0])
+    return DriveRecord(
+        times=1e-9 * (times - origin),
+        x=motions[0],
+        y=motions[1],
+        heading=motions[2],
+        speed=motions[3],
+        turn_rate=motions[4],
+        command_times=1e-9 * (command_times - origin),
+        command_speed=twists[0],
+        command_turn_rate=twists[1],
+    )
+
+
+def _require_type(topic: str, messages: list[Message], types: tuple[str, ...]) -> None:
+    names = sorted({message.type for message in messages})
+    bound = f"{' or '.join(types)}; name another topic"
+    require(set(names) <= set(types), f"type of '{format_value(topic)}'", ", ".join(names), bound)
+    require(messages, f"messages of '{format_value(topic)}'", 0, "some; record again")
+
+
+def _times(messages: list[Message]) -> np.ndarray:
+    """Return the times of messages, as whole numbers [ns]."""
+    stamps = [_stamp(message) for message in messages]
+    return np.array(stamps, np.int64)
+
+
+def _stamp(message: Message) -> int:
+    header = getattr(message.content, "header", None)
+    own = header.stamp.sec * 10**9 + header.stamp.nanosec if header else 0
+    return own or message.stamp
+
+
+def _motion(message: Any) -> tuple[float, ...]:
+    """Return x, y, heading, speed and turn rate of an odometry."""
+    place = message.pose.pose.position
+    turn = message.pose.pose.orientation
+    twist = message.twist.twist
+    sine = 2 * (turn.w * turn.z + turn.x * turn.y)
+    cosine = 1 - 2 * (turn.y * turn.y + turn.z * turn.z)
+    return place.x, place.y, float(np.arctan2(sine, cosine)), twist.linear.x, twist.angular.z
+
+
+def _command(message: Any) -> tuple[float, float]:
+    """Return the speed and the turn rate of a command."""
+    twist = getattr(message, "twist", message)
+    return twist.linear.x, twist.angular.z
