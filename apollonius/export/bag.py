@@ -20,7 +20,7 @@ from apollonius.io.document import parse_json
 from apollonius.io.errors import require, require_within
 from apollonius.io.limits import MOST_COUNTED
 from apollonius.io.record import read_record
-from apollonius.io.recording import read_topics
+from apollonius.io.recording import Message, read_topics
 
 _LARGEST = 1e12
 """No number of a time [s], a state or a control is beyond this."""
@@ -78,12 +78,12 @@ def load_bag(folder: Path) -> Bag:
     bag of the node.
     """
     about = f"'{folder}' is no bag of the ROS 2 node"
-    topics = read_topics(folder, ("export", "decisions"), about)
-    texts = {
-        name: [message.content.data.encode() for message in messages]
-        for name, messages in topics.items()
-    }
-    return bag_of(texts, about)
+    readers = {"export": _text, "decisions": _text}
+    return bag_of(read_topics(folder, readers, about), about)
+
+
+def _text(message: Message) -> bytes:
+    return message.content.data.encode()
 
 
 def bag_of(texts: Mapping[str, Sequence[bytes]], about: str) -> Bag:

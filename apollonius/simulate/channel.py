@@ -2,8 +2,8 @@
 than its limits, and with the lag of its controller.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import exp, inf
 
 import numpy as np
@@ -41,55 +41,37 @@ class Commands:
     values: Float[np.ndarray, " commands"]
     start: float = 0.0
 
-    def changes(self) -> list[tuple[float, float]]:
-        """Return the time and the value of each command that differs from the one before."""
+    @cached_property
+    def changes(self) -> list[tuple[float, float, float]]:
+        """The time and the value of each command that differs from the one before, and the time of
+        the next such one.
+        """
         is_new = np.diff(self.values, prepend=np.nan) != 0
-        return list(zip(self.times[is_new].tolist(), self.values[is_new].tolist(), strict=True))
+        times = self.times[is_new].tolist()
+        return list(zip(times, self.values[is_new].tolist(), [*times[1:], inf], strict=True))
 
 
-@dataclass
-class _Ramps:
-    """Pieces of a reference, on each of which it is linear: beginnings [s], values and slopes."""
-
-    times: list[float]
-    values: list[float]
-    slopes: list[float]
-
-    def add(self, time: float, value: float, slope: float) -> None:
-        self.times.append(time)
-        self.values.append(value)
-        self.slopes.append(slope)
+Ramp = tuple[float, float, float]
+"""A piece of a reference, on which it is linear: its beginning [s], value there and slope."""
 
 
-def _stages(value: float, target: float, limits: ChannelLimits) -> Sequence[tuple[float, float]]:
-    """Return the values that lie before a target, the target included, and the rates towards
-    them.
-    """
-    if value * target < 0:
-        return (0.0, limits.fall), (target, limits.rise)
-    return ((target, limits.rise if abs(target) > abs(value) else limits.fall),)
-
-
-def _reference(commands: Commands, limits: ChannelLimits) -> _Ramps:
+def _reference(commands: Commands, limits: ChannelLimits) -> list[Ramp]:
     """Return the reference of commands that take effect at once."""
-    ramps = _Ramps([], [], [])
+    ramps: list[Ramp] = []
     value = commands.start
-    changes = commands.changes()
-    ends = [time for time, _ in changes[1:]] + [inf]
-    for (time, command), end in zip(changes, ends, strict=True):
+    for time, command, end in commands.changes:
         target = min(max(command, -limits.lowest), limits.highest)
-        for goal, rate in _stages(value, target, limits):
-            duration = abs(goal - value) / rate
-            if duration > 0 and time < end:
-                slope = rate if goal > value else -rate
-                ramps.add(time, value, slope)
-                is_reached = time + duration <= end
-                value = goal if is_reached else value + slope * (end - time)
-                time = time + duration if is_reached else end
-            elif time < end:
-                value = goal
+        while value != target and time < end:
+            goal = 0.0 if value * target < 0 else target
+            rate = limits.rise if abs(goal) > abs(value) else limits.fall
+            reached = time + abs(goal - value) / rate
+            slope = rate if goal > value else -rate
+            if reached > time:
+                ramps.append((time, value, slope))
+            value = goal if reached <= end else value + slope * (end - time)
+            time = min(reached, end)
         if time < end:
-            ramps.add(time, value, 0.0)
+            ramps.append((time, value, 0.0))
     return ramps
 
 
@@ -111,13 +93,13 @@ def channel_response(
     lag = max(lag, _LEAST_LAG)
     value = commands.start
     offsets: list[float] = []
-    lasts = [*np.diff(ramps.times).tolist(), 0.0]
-    for reference, slope, duration in zip(ramps.values, ramps.slopes, lasts, strict=True):
+    ends = [time for time, _, _ in ramps[1:]] + [ramps[-1][0]]
+    for (time, reference, slope), end in zip(ramps, ends, strict=True):
         offset = value - reference + slope * lag
         offsets.append(offset)
-        value = reference + slope * (duration - lag) + offset * exp(-duration / lag)
-    pieces = np.searchsorted(ramps.times, at, side="right") - 1
-    times, references, slopes = map(np.array, (ramps.times, ramps.values, ramps.slopes))
+        value = reference + slope * (end - time - lag) + offset * exp((time - end) / lag)
+    times, references, slopes = np.array(ramps).T
+    pieces = np.searchsorted(times, at, side="right") - 1
     since = np.maximum(at - times[pieces], 0.0)
     faded = np.array(offsets)[pieces] * np.exp(-since / lag)
     values = references[pieces] + slopes[pieces] * (since - lag) + faded

@@ -9,7 +9,7 @@ from math import exp, inf, log, sqrt
 
 import numpy as np
 import scipy  # its parts are loaded where they are used
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from apollonius.simulate.channel import ChannelLimits, Commands, channel_response
 from apollonius.simulate.drive_record import DriveRecord
@@ -35,6 +35,9 @@ _MARGIN = 1.05
 """A limit shows only where commands exceed it by so much: a drive may be slow by less."""
 _BLOCK = 2.0
 """Residuals further apart are taken as independent [s]."""
+
+_LONGEST_CORRELATION = 1000
+"""Of residuals [samples]."""
 
 Parameters = Mapping[str, float]
 
@@ -116,7 +119,7 @@ class DriveFit:
         return np.concatenate(parts) / self.scales[channel]
 
     @property
-    def samples(self) -> Float[np.ndarray, " samples"]:
+    def samples(self) -> Int[np.ndarray, " samples"]:
         """The numbers of the odometries that are explained."""
         of_stretches = [
             np.arange(len(self.record.times))[stretch.samples]
@@ -171,12 +174,12 @@ class DriveFit:
                     columns[row, place] = change / step
         return columns.reshape(len(vector), -1).T
 
-    def refit(self, fixed: Collection[str] = (), most: int = 50) -> "DriveFit":
+    def refit(self, fixed: Collection[str] = (), tolerance: float = 1e-6) -> "DriveFit":
         """Return the best fit from here on.
 
         Args:
             fixed: Parameters that stay as they are, as those without a finite value do.
-            most: Most evaluations.
+            tolerance: Change of the cost, relative to it, at which the search ends.
         """
         names = [name for name in self.free if name not in fixed]
         lowest = np.array([0.0 if name in DELAYS else log(_SMALLEST) for name in names])
@@ -192,9 +195,9 @@ class DriveFit:
             bounds=(lowest, highest),
             x_scale=np.array([0.02 if name in DELAYS else 0.1 for name in names]),
             tr_solver="lsmr",  # without decompositions, whose threads thwart each other
-            ftol=1e-6,
+            ftol=tolerance,
             xtol=1e-6,
-            max_nfev=most,
+            max_nfev=50,
         )
         return at(solution.x)
 
@@ -217,7 +220,7 @@ class DriveFit:
     def with_fixed(self, name: str, value: float) -> "DriveFit":
         """Return the best fit in which a parameter has this value; infinity for no limit."""
         changed = self.with_parameters({**self.parameters, name: value})
-        return changed.refit(fixed=(name,), most=12)
+        return changed.refit(fixed=(name,), tolerance=1e-4)
 
     def is_shown(self, name: str) -> bool:
         """Check whether the record shows a limit: commands exceed it, and without it the record is
@@ -246,12 +249,20 @@ class DriveFit:
             low, high = (low, middle) if is_possible else (middle, high)
         return exp(high) if low > log(_SMALLEST) else 0.0
 
-    def furthest_delay(self, name: str, end: float) -> float:
-        """Return the delay [s] between its best value and `end` up to which it is possible, to half
-        a millisecond.
+    def furthest_delay(self, name: str, reach: float, furthest: float) -> float:
+        """Return the least or greatest value of a delay [s] by its standard error, or by its
+        profile where that reaches further, to a millisecond.
+
+        Args:
+            name: the delay.
+            reach: difference from the best value by the standard error, of either sign.
+            furthest: difference beyond which no value is tried.
         """
-        near, far = self.parameters[name], end
-        while abs(far - near) > 0.0005:
+        best = self.parameters[name]
+        near, far = max(best + reach, 0.0), max(best + furthest, 0.0)
+        if near == 0 or not self.is_possible(name, near):
+            return near
+        while abs(far - near) > 0.001:
             middle = (near + far) / 2
             is_possible = self.is_possible(name, middle)
             near, far = (middle, far) if is_possible else (near, middle)
@@ -266,7 +277,7 @@ class DriveFit:
         """
         names = self.free
         jacobian = self.jacobian(names)
-        bread = np.linalg.pinv(jacobian.T @ jacobian)
+        bread = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12, hermitian=True)
         times = self.record.times[self.samples]
         blocks = np.floor((times - times[0]) / _BLOCK).astype(int)
         residuals = np.concatenate([*self.residuals.values()])
@@ -277,6 +288,7 @@ class DriveFit:
         by_blocks = bread @ (scores.T @ scores) @ bread * correction
         by_newton = bread * self.inflation * self.cost / len(residuals)
         variances = np.maximum(np.diag(by_blocks), np.diag(by_newton))
+        variances = np.maximum(variances, 0.0)  # which rounding can miss
         return {name: sqrt(value) for name, value in zip(names, variances.tolist(), strict=True)}
 
 
@@ -287,7 +299,7 @@ def correlation_time(values: Float[np.ndarray, " samples"]) -> float:
     centred = values - values.mean()
     power = float(centred @ centred)
     total = 1.0
-    for lag in range(1, len(values) // 4):
+    for lag in range(1, min(len(values) // 4, _LONGEST_CORRELATION)):
         correlation = float(centred[lag:] @ centred[:-lag]) / power if power else 0.0
         if correlation <= 2 / sqrt(len(values)):
             break

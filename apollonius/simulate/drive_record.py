@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -16,14 +15,14 @@ LONGEST_HOLD = 0.5
 """A drive may stop by itself where no command comes for so long [s]; 0.5 s is usual."""
 _SHORTEST = 10.0
 """Time that commands and odometry must share [s]."""
+_SHORTEST_STRETCH = 1.0
+"""Time of commands without a pause that is used [s]."""
 _LEAST_RATE = 5.0
 """Least rate of odometry, and of commands while they come [1/s]."""
 _LARGEST = 1e6
 """No place [m], speed or turn rate is beyond this."""
 _LEAST_MOTION = 0.05
 """A robot whose speed [m/s] and turn rate [rad/s] vary by less does not move."""
-_ODOMETRY = "nav_msgs/msg/Odometry"
-_TWISTS = ("geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped")
 
 
 @dataclass(frozen=True)
@@ -101,7 +100,8 @@ class DriveRecord:
             begins = self.command_times[first]
             ends = self.command_times[end - 1] + LONGEST_HOLD / 2
             samples = slice(*np.searchsorted(self.times, (begins, ends)).tolist())
-            if samples.stop - samples.start >= _LEAST_RATE:
+            is_long = ends - begins > _SHORTEST_STRETCH
+            if is_long and samples.stop - samples.start >= _LEAST_RATE:
                 yield slice(first, end), samples
 
 
@@ -134,56 +134,57 @@ def load_drive_record(folder: Path, odometry: str, commands: str) -> DriveRecord
     Raises:
         InvalidInput: As `read_topics` and `DriveRecord`, and for messages of other types.
     """
-    topics = read_topics(folder, (odometry, commands), f"'{folder}'")
-    _require_type(odometry, topics[odometry], (_ODOMETRY,))
-    _require_type(commands, topics[commands], _TWISTS)
-    motions = np.array([_motion(message.content) for message in topics[odometry]]).T
-    twists = np.array([_command(message.content) for message in topics[commands]]).T
-    times, command_times = (_times(topics[name]) for name in (odometry, commands))
+    readers = {odometry: _motion, commands: _command}
+    topics = read_topics(folder, readers, f"'{folder}' is no bag of a drive")
+    for name, rows in topics.items():
+        require(rows, f"messages of '{format_value(name)}'", 0, "some; record again")
+    motions, twists = (np.array(topics[name], float).T for name in (odometry, commands))
+    times, command_times = (_nanoseconds(topics[name]) for name in (odometry, commands))
     origin = min(times[0], command_times[0])
     return DriveRecord(
-        times=1e-9 * (times - origin),
-        x=motions[0],
-        y=motions[1],
-        heading=motions[2],
-        speed=motions[3],
-        turn_rate=motions[4],
+        1e-9 * (times - origin),
+        x=motions[1],
+        y=motions[2],
+        heading=motions[3],
+        speed=motions[4],
+        turn_rate=motions[5],
         command_times=1e-9 * (command_times - origin),
-        command_speed=twists[0],
-        command_turn_rate=twists[1],
+        command_speed=twists[1],
+        command_turn_rate=twists[2],
     )
 
 
-def _require_type(topic: str, messages: list[Message], types: tuple[str, ...]) -> None:
-    names = sorted({message.type for message in messages})
-    bound = f"{' or '.join(types)}; name another topic"
-    require(set(names) <= set(types), f"type of '{format_value(topic)}'", ", ".join(names), bound)
-    require(messages, f"messages of '{format_value(topic)}'", 0, "some; record again")
-
-
-def _times(messages: list[Message]) -> np.ndarray:
-    """Return the times of messages, as whole numbers [ns]."""
-    stamps = [_stamp(message) for message in messages]
-    return np.array(stamps, np.int64)
+def _nanoseconds(rows: list[tuple[int | float, ...]]) -> np.ndarray:
+    """Return the first column of rows as whole numbers, which a float would round."""
+    return np.array([row[0] for row in rows], np.int64)
 
 
 def _stamp(message: Message) -> int:
+    """Return the time of a message [ns]: its own, or else the bag's."""
     header = getattr(message.content, "header", None)
     own = header.stamp.sec * 10**9 + header.stamp.nanosec if header else 0
     return own or message.stamp
 
 
-def _motion(message: Any) -> tuple[float, ...]:
-    """Return x, y, heading, speed and turn rate of an odometry."""
-    place = message.pose.pose.position
-    turn = message.pose.pose.orientation
-    twist = message.twist.twist
+def _require_type(message: Message, *types: str) -> None:
+    bound = f"{' or '.join(types)}; name another topic"
+    require(message.type in types, "type of a message", message.type, bound)
+
+
+def _motion(message: Message) -> tuple[int | float, ...]:
+    """Return the time, x, y, heading, speed and turn rate of an odometry."""
+    _require_type(message, "nav_msgs/msg/Odometry")
+    place = message.content.pose.pose.position
+    turn = message.content.pose.pose.orientation
+    twist = message.content.twist.twist
     sine = 2 * (turn.w * turn.z + turn.x * turn.y)
     cosine = 1 - 2 * (turn.y * turn.y + turn.z * turn.z)
-    return place.x, place.y, float(np.arctan2(sine, cosine)), twist.linear.x, twist.angular.z
+    heading = float(np.arctan2(sine, cosine))
+    return _stamp(message), place.x, place.y, heading, twist.linear.x, twist.angular.z
 
 
-def _command(message: Any) -> tuple[float, float]:
-    """Return the speed and the turn rate of a command."""
-    twist = getattr(message, "twist", message)
-    return twist.linear.x, twist.angular.z
+def _command(message: Message) -> tuple[int | float, ...]:
+    """Return the time, the speed and the turn rate of a command."""
+    _require_type(message, "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped")
+    twist = getattr(message.content, "twist", message.content)
+    return _stamp(message), twist.linear.x, twist.angular.z

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import exp, inf, sqrt
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from apollonius.io.errors import require
 from apollonius.simulate.drive_fit import (
@@ -155,8 +155,8 @@ def _delay(fit: DriveFit, name: str) -> Estimate:
     """
     value = fit.parameters[name]
     reach = QUANTILE * fit.standard_errors[name]
-    low = min(value - reach, fit.furthest_delay(name, 0.0)) - DELAY_ERROR
-    high = max(value + reach, fit.furthest_delay(name, value + _WIDEST)) + DELAY_ERROR
+    low = fit.furthest_delay(name, -reach, -_WIDEST) - DELAY_ERROR
+    high = fit.furthest_delay(name, reach, _WIDEST) + DELAY_ERROR
     if high - value > _WIDEST:
         return Estimate(None, max(low, 0.0), inf, "s", "command more steps of speed and turn rate")
     return Estimate(value, max(low, 0.0), high, "s")
@@ -185,7 +185,7 @@ def _noise(fit: DriveFit) -> dict[str, Estimate]:
     }
 
 
-def _rests(fit: DriveFit) -> list[Float[np.ndarray, " numbers"]]:
+def _rests(fit: DriveFit) -> list[Int[np.ndarray, " _"]]:
     """Return the numbers of the odometries of each rest of a second or more, without its first half
     second.
     """
@@ -202,7 +202,7 @@ def _rests(fit: DriveFit) -> list[Float[np.ndarray, " numbers"]]:
     return rests
 
 
-def _spread_of(stretches: list[Float[np.ndarray, " samples"]], unit: str) -> Estimate:
+def _spread_of(stretches: list[Float[np.ndarray, " _"]], unit: str) -> Estimate:
     """Return the standard deviation about the mean of each stretch.
 
     Its error is that of a variance of correlated values with the tails that these have, at least

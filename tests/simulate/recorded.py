@@ -1,10 +1,10 @@
 """Drives on record: commands, and the odometry of a robot that follows them as the simulation's drives do."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from apollonius.simulate.drive import References, RobotHardware
 from apollonius.simulate.drive_record import DriveRecord
 
 STEP = 0.005
@@ -37,26 +37,27 @@ def command_rows(holds, period=0.1):
     return np.column_stack([np.arange(len(rows)) * period, np.array(rows, float)])
 
 
+def towards(value, goal, reach):
+    return value + min(max(goal - value, -reach), reach)
+
+
 def motion(robot, commands):
     """Rows of time, x, y, heading, speed and turn rate, one for each step."""
-    steps = int((commands[-1, 0] + 0.3) / STEP)
-    times = np.arange(1, steps + 1) * STEP
-    asked = np.searchsorted(commands[:, 0], times - STEP / 2 - robot.latency) - 1
-    rows = np.where(asked[:, None] >= 0, commands[np.maximum(asked, 0), 1:], 0.0)
-    hardware = RobotHardware(latency=0.0, turn_acceleration=robot.turn_acceleration)
-    references, out, actual = References(np.zeros((1, 1))), np.empty((steps, 6)), np.zeros(2)
-    x = y = heading = 0.0
-    limits, turning = np.array([[robot.v_min, robot.v_max]]), np.array([robot.turn_acceleration])
-    fade = 1 - np.exp(-STEP / robot.lag) if robot.lag else 1.0
-    for step, (v, turn) in enumerate(rows):
-        u1 = np.clip((v - references.v[0, 0]) / STEP, -robot.u1_max, robot.u1_max)
-        controls = np.array([[[u1, np.clip(turn, -robot.u2_max, robot.u2_max)]]])
-        references.follow(hardware, controls, limits, 1, STEP, turning)
-        actual += fade * (np.array([references.v[0, 0], references.turn_rate[0, 0]]) - actual)
-        heading += actual[1] * STEP
-        x, y = x + actual[0] * np.cos(heading) * STEP, y + actual[0] * np.sin(heading) * STEP
-        out[step] = times[step], x, y, heading, *actual
-    return out
+    times = np.arange(1, int((commands[-1, 0] + 0.3) / STEP) + 1) * STEP
+    places = np.searchsorted(commands[:, 0], times - STEP / 2 - robot.latency) - 1
+    asked = np.where(places[:, None] >= 0, commands[np.maximum(places, 0), 1:], 0.0)
+    lowest, highest = [robot.v_min, -robot.u2_max], [robot.v_max, robot.u2_max]
+    fade = 1 - math.exp(-STEP / robot.lag)
+    v_followed = turn_followed = x = y = heading = v = turn = 0.0
+    rows = []
+    for time, (v_asked, turn_asked) in zip(times, np.clip(asked, lowest, highest).tolist(), strict=True):
+        v_followed = towards(v_followed, v_asked, robot.u1_max * STEP)
+        turn_followed = towards(turn_followed, turn_asked, robot.turn_acceleration * STEP)
+        v, turn = v + fade * (v_followed - v), turn + fade * (turn_followed - turn)
+        heading += turn * STEP
+        x, y = x + v * math.cos(heading) * STEP, y + v * math.sin(heading) * STEP
+        rows.append((time, x, y, heading, v, turn))
+    return np.array(rows)
 
 
 def record_of(robot, holds=CALIBRATION, seed=0, jitter=0.0, lost=0.0, commands=None):
