@@ -5,18 +5,20 @@ import re
 import tomllib
 from dataclasses import replace
 from math import inf, nan
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from apollonius.arenas.file import find_game
+from apollonius.cli.identify import drive_file
 from apollonius.cli.main import main
 from apollonius.io.errors import InvalidInput
 from apollonius.simulate.channel import ChannelLimits, Commands, channel_response
 from apollonius.simulate.drive import load_drive
 from apollonius.simulate.drive_fit import correlation_time, fit_drive
 from apollonius.simulate.drive_record import DriveRecord, load_drive_record
-from apollonius.simulate.identification import identify
+from apollonius.simulate.identification import Estimate, Identification, identify
 from tests.export.bags import write_drive
 from tests.simulate.recorded import CALIBRATION, REST, ROUND, TURNS, Robot, command_rows, record_of
 
@@ -240,6 +242,54 @@ def test_commands_of_another_robot_are_refused():
         identify(record)
 
 
+def told(**changes):
+    """An identification in round numbers, and with other estimates."""
+    drive = {
+        "v_max": Estimate(0.7, 0.68571, 0.72, "m/s"),
+        "u1_max": Estimate(0.5, 0.4, 0.6, "m/s^2"),
+        "u2_max": Estimate(1.0, 0.9, 1.1, "rad/s"),
+        "turn_acceleration": Estimate(2.0, 1.8, 2.2, "rad/s^2"),
+        "latency": Estimate(0.2, 0.19, 0.21, "s"),
+        "lag": Estimate(0.05, 0.04, 0.06, "s"),
+    }
+    noise = dict.fromkeys(NOISE, Estimate(0.01, 0.0099, 0.01041, "m")) | {"speed": Estimate(0.0, 0.0, 0.0, "m/s")}
+    return Identification(drive | changes, noise)
+
+
+@pytest.mark.parametrize(
+    ("latency", "own", "steps", "in_simulation"),
+    [(0.2, 0.1, 3, 1), (0.1, 0.1, 2, 0), (0.23, 0.03, 3, 2), (0.04, 0.04, 2, 0)],
+)
+def test_file_has_at_most_one_step_of_latency_and_the_game_the_rest(latency, own, steps, in_simulation):
+    text = drive_file(told(latency=Estimate(latency, latency - 0.01, latency + 0.01, "s")), Path("bag"))
+    assert tomllib.loads(text) == {"latency": pytest.approx(own), "lag": 0.05, "turn_acceleration": 2.0}
+    assert f"# lag = {steps}  # steps of 0.1 s; {in_simulation} with simulate --drive" in text
+
+
+def test_lines_for_the_game_round_limits_down_and_delays_up():
+    text = drive_file(told(), Path("bag"))
+    for line in (
+        "v_max = 0.685",
+        "u1_max = 0.400",
+        "u2_max = 0.900",
+        "turn_time = 0.612",
+        "position = 0.0105",
+        "speed = 0.00",
+    ):
+        assert f"\n# {line}\n" in text
+    unknown_drive = drive_file(
+        told(u2_max=Estimate(None, 0.5, inf, "rad/s", "turn"), lag=Estimate(None, 0.0, inf, "s", "more")), Path("bag")
+    )
+    assert tomllib.loads(unknown_drive).keys() == {"latency", "turn_acceleration"}
+    for line in (
+        "lag: not identified; more",
+        "lag: not identified",
+        "u2_max: not identified",
+        "turn_time: not identified",
+    ):
+        assert f"\n# {line}\n" in unknown_drive
+
+
 @pytest.fixture(scope="module")
 def bags(tmp_path_factory):
     pytest.importorskip("rosbags", reason="needs rosbags: pip install rosbags")
@@ -275,15 +325,15 @@ def test_identify_writes_a_drive_that_simulate_takes(bags, tmp_path, capsys, mon
     lines = (tmp_path / "robot.toml").read_text(encoding="utf-8").splitlines()
     game_lines = lines[next(place for place, line in enumerate(lines) if line == "# [pursuer]") :]
     text = "\n".join(line.removeprefix("#").strip() for line in game_lines)
-    told = tomllib.loads(text)
-    assert 0.66 < told["pursuer"]["v_max"] < 0.7
-    assert 0.47 < told["pursuer"]["u1_max"] < 0.5
-    assert 0.95 < told["pursuer"]["u2_max"] < 1.0
-    assert told["drives"]["pursuer"]["lag"] == 4, "0.23 s and 0.08 s, rounded up"
-    assert 0.5 < told["drives"]["pursuer"]["turn_time"] < 0.56
-    assert 0.01 < told["sensors"]["pursuer"]["own_noise"]["position"] < 0.0115
+    game = tomllib.loads(text)
+    assert 0.66 < game["pursuer"]["v_max"] < 0.7
+    assert 0.47 < game["pursuer"]["u1_max"] < 0.5
+    assert 0.95 < game["pursuer"]["u2_max"] < 1.0
+    assert game["drives"]["pursuer"]["lag"] == 4, "0.23 s and 0.08 s, rounded up"
+    assert 0.5 < game["drives"]["pursuer"]["turn_time"] < 0.56
+    assert 0.01 < game["sensors"]["pursuer"]["own_noise"]["position"] < 0.0115
     (tmp_path / "game.toml").write_text(text, encoding="utf-8")
-    assert float(find_game("game.toml").pursuer.v_max) == pytest.approx(told["pursuer"]["v_max"])
+    assert float(find_game("game.toml").pursuer.v_max) == pytest.approx(game["pursuer"]["v_max"])
     before = (tmp_path / "robot.toml").read_bytes()
     assert main(words) == 2
     assert "a new file" in capsys.readouterr().err
