@@ -169,6 +169,7 @@ class Count:
     """What became of a number of the robots.
 
     Attributes:
+        unidentified: bags that gave none.
         identified: bags that gave an estimate.
         inside: bags whose 95 % interval holds the true value.
         errors: of the estimates, as shares of the true values.
@@ -176,6 +177,7 @@ class Count:
         misses: the bags whose interval lies elsewhere.
     """
 
+    unidentified: list[int] = field(default_factory=list[int])
     identified: int = 0
     inside: int = 0
     errors: list[float] = field(default_factory=list[float])
@@ -185,6 +187,7 @@ class Count:
     def add(self, bag: int, truth: float, estimate: Estimate) -> bool:
         """Count an estimate; return whether its interval holds the true value."""
         if estimate.value is None:
+            self.unidentified.append(bag)
             return False
         is_inside = estimate.low <= truth <= estimate.high
         self.identified += 1
@@ -199,6 +202,7 @@ class Count:
     def summary(self) -> dict[str, Any]:
         return {
             "identified": self.identified,
+            "bags without": self.unidentified,
             "inside": self.inside,
             "median error": float(np.median(self.errors)),
             "median of the half width": float(np.median(self.reaches)),
@@ -227,7 +231,10 @@ def main() -> None:
             for name, truth in robot.truth.items()
         ]
         whole_bags += all(inside)
-        print(f"{bag + 1} bags, {whole_bags} with all inside", flush=True)
+        misses = [
+            name for name, is_inside in zip(robot.truth, inside, strict=True) if not is_inside
+        ]
+        print(f"bag {bag}: {', '.join(misses) or 'all'} {'not ' * bool(misses)}inside", flush=True)
     result = {
         "command": "python benchmarks/identified_bags.py FILE",
         "seed": options.seed,

@@ -19,10 +19,14 @@ _SHORTEST_STRETCH = 1.0
 """Time of commands without a pause that is used [s]."""
 _LEAST_RATE = 5.0
 """Least rate of odometry, and of commands while they come [1/s]."""
+_TAIL = 2.33
+"""Standard deviations beyond which a normal distribution has a hundredth."""
 _LARGEST = 1e6
 """No place [m], speed or turn rate is beyond this."""
 _LEAST_MOTION = 0.05
-"""A robot whose speed [m/s] and turn rate [rad/s] vary by less does not move."""
+"""A robot whose speed [m/s] or turn rate [rad/s] varies by less does not move so."""
+_TOLD = 0.2
+"""A robot whose commands vary by so much should move."""
 
 
 @dataclass(frozen=True)
@@ -60,12 +64,21 @@ class DriveRecord:
             f"{len(self.times) / np.ptp(self.times):.1f}",
             f"at least {_LEAST_RATE:g} a second, and better 20 or more",
         )
-        motion = max(_spread(self.speed), _spread(self.turn_rate))
-        bound = f"at least {_LEAST_MOTION}: the robot stood; record it while it drives"
-        require(motion >= _LEAST_MOTION, "change of speed and turn rate", f"{motion:.3f}", bound)
         commanded = max(np.ptp(self.command_speed), np.ptp(self.command_turn_rate))
-        bound = f"at least {_LEAST_MOTION}: send speeds and turn rates that change"
-        require(commanded >= _LEAST_MOTION, "change of commands", f"{commanded:.3f}", bound)
+        bound = f"at least {_TOLD}: send speeds and turn rates that change"
+        require(commanded >= _TOLD, "change of commands", f"{commanded:.3f}", bound)
+        self._require_motion("speed", self.speed, self.command_speed)
+        self._require_motion("turn rate", self.turn_rate, self.command_turn_rate)
+
+    def _require_motion(self, name: str, measured: np.ndarray, commanded: np.ndarray) -> None:
+        change = float(np.ptp(commanded))
+        motion = _motion_range(measured)
+        bound = (
+            f"at least {_LEAST_MOTION} where {change:.2f} was commanded: the robot did not move; "
+            "record it while it does"
+        )
+        is_possible = motion >= _LEAST_MOTION or change < _TOLD
+        require(is_possible, f"change of the {name}", f"{motion:.3f}", bound)
 
     def _require_finite(self, name: str) -> None:
         values = getattr(self, name)
@@ -105,10 +118,11 @@ class DriveRecord:
                 yield slice(first, end), samples
 
 
-def _spread(values: Float[np.ndarray, " samples"]) -> float:
-    """Return the range of values without a hundredth at either end, in which single errors are."""
+def _motion_range(values: Float[np.ndarray, " samples"]) -> float:
+    """Return the range of values, without a hundredth at either end and without that of noise."""
     low, high = np.quantile(values, [0.01, 0.99])
-    return float(high - low)
+    noise = np.std(np.diff(values)) / np.sqrt(2)
+    return max(float(high - low - 2 * _TAIL * noise), 0.0)
 
 
 def _require_order(name: str, times: Float[np.ndarray, " messages"]) -> None:
