@@ -260,7 +260,7 @@ class DriveFit:
         """
         best = self.parameters[name]
         near, far = max(best + reach, 0.0), max(best + furthest, 0.0)
-        if near == 0 or not self.is_possible(name, near):
+        if far == near or not self.is_possible(name, near):
             return near
         while abs(far - near) > 0.001:
             middle = (near + far) / 2

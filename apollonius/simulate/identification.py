@@ -27,6 +27,8 @@ DELAY_ERROR = 0.01
 """The same of delays [s]: a motor and a mass lag, too. In simulation delays were missed by 6 ms."""
 _WIDEST = 0.25
 """A delay whose interval reaches further [s] is not identified."""
+_SHORT_LAG = 0.005
+"""A lag [s] whose standard error says nothing."""
 _LEAST_REST = 3.0
 """Rest that the noise of sensors is measured in, in stretches of a second and more [s]."""
 _STILL = 0.002
@@ -151,11 +153,13 @@ def _limit(fit: DriveFit, limit: _Limit) -> Estimate:
 
 
 def _delay(fit: DriveFit, name: str) -> Estimate:
-    """Return a delay; its interval is the wider of those by its standard error and by its profile,
-    which holds at 0, too.
+    """Return a delay; its interval is the wider of those by its standard error and by its profile.
+
+    Next to no lag the profile alone counts: there, the derivatives by lag and latency are equal.
     """
     value = fit.parameters[name]
-    reach = QUANTILE * fit.standard_errors[name]
+    has_lag = fit.parameters["lag"] > _SHORT_LAG
+    reach = QUANTILE * fit.standard_errors[name] if has_lag else 0.0
     low = fit.furthest_delay(name, -reach, -_WIDEST) - DELAY_ERROR
     high = fit.furthest_delay(name, reach, _WIDEST) + DELAY_ERROR
     if high - value > _WIDEST:

@@ -73,6 +73,16 @@ def test_true_values_are_within_narrow_intervals(robot, uneven):
         assert (found[name].high - found[name].low) / found[name].value < 0.5, name
 
 
+def test_lag_of_nothing_leaves_the_latency_certain():
+    """There, no derivative tells the two apart."""
+    robot = replace(ROBOT, latency=0.2, lag=0.0005)
+    found = estimates(record_of(robot))
+    assert outside(robot, found) == {}
+    assert unknown(found) == set()
+    assert found["latency"].high - found["latency"].low < 0.07
+    assert found["lag"].high < 0.05
+
+
 def test_limits_that_no_command_exceeds_are_not_identified():
     found = estimates(record_of(replace(ROBOT, v_max=2.0, v_min=-2.0, u2_max=3.0)))
     assert unknown(found) == {"v_max", "u2_max"}
