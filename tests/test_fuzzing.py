@@ -51,15 +51,17 @@ from apollonius.play.replay import load_replay
 from apollonius.show.animation import save_animation
 from apollonius.show.report import for_page, render, report_of
 from apollonius.simulate.drive import RobotHardware, load_drive
+from apollonius.simulate.drive_record import load_drive_record
 from apollonius.simulate.simulation import simulate_match
 from apollonius.solve.grid import make_grid
 from apollonius.solve.store import Problem, Solution, is_solution, load_solution, save_solution
 from tests.acting import robot, state
 from tests.damage import mutated
 from tests.documents import REPOSITORY
-from tests.export.bags import write_bag
+from tests.export.bags import write_bag, write_drive
 from tests.export.test_bag import BRAKED, EXPORT, SOUND
 from tests.io.test_files_that_lie import COUNTS, GAME, KINDS, PAPER, STANDING, read_agent, read_replay, write_map
+from tests.simulate.recorded import Robot, record_of
 
 DRAWN = set()
 """Shapes of games for which starts have been drawn."""
@@ -200,6 +202,14 @@ def bag_files(name, folder):
     return [(folder / "bag" / name).read_bytes()]
 
 
+def drive_bags(folder):
+    """Return a file of a bag of a robot that turns on the spot."""
+    pytest.importorskip("rosbags", reason="needs rosbags: pip install rosbags")
+    record = record_of(Robot(rate=10.0), [(0, 0, 4), (0, 1, 3), (0, -1, 3), (0, 0, 3)])
+    write_drive(folder / "drive", record, stamped=True)
+    return [(folder / "drive" / "drive.mcap").read_bytes()]
+
+
 def cards(folder):
     """Return the card of an agent whose games have been made up."""
     one = Benchmark("full", Role.PURSUER)
@@ -309,6 +319,9 @@ FUZZED = {
     "bag": Kind("bag/bag.mcap", "bytes", partial(bag_files, "bag.mcap"), lambda path: use_bag(load_bag(path.parent))),
     "bag's metadata": Kind(
         "bag/metadata.yaml", "yaml", partial(bag_files, "metadata.yaml"), lambda path: use_bag(load_bag(path.parent))
+    ),
+    "drive's bag": Kind(
+        "drive/drive.mcap", "bytes", drive_bags, lambda path: load_drive_record(path.parent, "odom", "cmd_vel")
     ),
     "card": Kind("card.json", "json", cards, load_card),
     "drive": Kind("drive.toml", "toml", drives, use_drive),

@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 from apollonius.cli.arena import add_arena, add_players
 from apollonius.cli.exploit import add_exploit, add_regret
 from apollonius.cli.export import add_export, add_replay
+from apollonius.cli.identify import add_identify
 from apollonius.cli.judge import add_evaluate, add_simulate, add_suite, add_tournament
 from apollonius.cli.runs import add_reproduce, add_runs, add_track
 from apollonius.cli.show import add_play, add_report, add_show, add_slice
@@ -104,6 +105,11 @@ COMMANDS = {
             add_replay,
             "compare a robot's recorded actions with its agent's",
             "--bag bags/pursuer-1",
+        ),
+        "identify": (
+            add_identify,
+            "measure a robot's limits, delays and noise in a recorded drive",
+            "--bag bags/drive --out robot.toml",
         ),
     },
     "The paper": {

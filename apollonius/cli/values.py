@@ -242,6 +242,7 @@ def _path(is_fit: Callable[[Path], bool], kind: str) -> Callable[[str], Path]:
 
 
 existing_file = _path(Path.is_file, "file")
+bag_folder = _path(Path.is_dir, "folder of a bag")
 run_folder = _path(lambda path: (path / "config.toml").is_file(), "folder of a training run")
 runs_folder = _path(
     lambda path: path.is_dir() and any(path.rglob("config.toml")), "folder of training runs"

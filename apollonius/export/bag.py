@@ -17,9 +17,10 @@ from apollonius.export.player import find_exportable
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.io.document import parse_json
-from apollonius.io.errors import InvalidInput, require, require_extra, require_within
+from apollonius.io.errors import require, require_within
 from apollonius.io.limits import MOST_COUNTED
 from apollonius.io.record import read_record
+from apollonius.io.recording import Message, read_topics
 
 _LARGEST = 1e12
 """No number of a time [s], a state or a control is beyond this."""
@@ -76,22 +77,13 @@ def load_bag(folder: Path) -> Bag:
     """Read a bag; raises InvalidInput where `rosbags` is not installed, and for a folder that is no
     bag of the node.
     """
-    require_extra("bag", "reading a bag")
-    from rosbags.highlevel import AnyReader  # pyright: ignore[reportMissingImports]
-
     about = f"'{folder}' is no bag of the ROS 2 node"
-    texts: dict[str, list[bytes]] = {"export": [], "decisions": []}
-    try:
-        other_entries = [path.name for path in folder.iterdir() if not path.is_file()]
-        require(not other_entries, "content", other_entries, "files alone")
-        with AnyReader([folder]) as reader:
-            connections = [own for own in reader.connections if own.topic in texts]
-            for connection, _, raw in reader.messages(connections):
-                message = reader.deserialize(raw, connection.msgtype)
-                texts[connection.topic].append(message.data.encode())
-    except Exception as error:  # rosbags raises what it likes for a damaged file
-        raise InvalidInput(f"{about}: {str(error) or repr(error)}") from error
-    return bag_of(texts, about)
+    readers = {"export": _text, "decisions": _text}
+    return bag_of(read_topics(folder, readers, about), about)
+
+
+def _text(message: Message) -> bytes:
+    return message.content.data.encode()
 
 
 def bag_of(texts: Mapping[str, Sequence[bytes]], about: str) -> Bag:
