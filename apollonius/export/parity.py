@@ -14,6 +14,7 @@ from jaxtyping import Array, Bool, Float32, PRNGKeyArray, UInt32
 from apollonius.agents.classical import Uniform
 from apollonius.agents.policy import AbstractActionValuePolicy
 from apollonius.agents.pool import Pool, single_player
+from apollonius.agents.wrappers.identification import Identifying
 from apollonius.agents.wrappers.shield import MARGIN, Shielded
 from apollonius.export.player import LARGEST, Player, knowledge_and_memory, pack_memory
 from apollonius.game.game import Game, reset_batch
@@ -192,7 +193,7 @@ def compare_decisions(decide: Decide, player: Player, cases: Cases) -> Parity:
 
 def _is_as_good(player: Player, cases: Cases, place: int, action: int, own: int) -> bool:
     """Test whether a player values this action like its own, to `TOLERANCE`, and its shield allows
-    it.
+    it; or whether the shield's consent to either hangs on rounding.
     """
     policy = player.package
     state, active, memory, bits = cases.at(place)
@@ -202,10 +203,22 @@ def _is_as_good(player: Player, cases: Cases, place: int, action: int, own: int)
         player.game, player.role, sides, jnp.asarray(state), in_play, memory
     )
     view = view_of(player.game, knowledge, player.role)
+    if isinstance(policy, Identifying):
+        estimate, memory = memory
+        nominal, known = policy.nominal, policy.known
+        estimate = estimate.after_state(view.own.state, nominal, known, view.dt)
+        view = policy.view_of(view, estimate)
+        policy = policy.policy
     if isinstance(policy, Shielded):
-        clearance = policy.backup.for_view(view).clearance_after(view.own, jnp.int32(action))
-        if clearance <= MARGIN - BREADTH:
+        backup = policy.backup.for_view(view)
+        clearance, own_clearance = (
+            float(backup.clearance_after(view.own, jnp.int32(number))) for number in (action, own)
+        )
+        if min(abs(clearance - MARGIN), abs(own_clearance - MARGIN)) <= BREADTH:
+            return True
+        if clearance <= MARGIN:
             return False
+        memory = memory[0] if policy.backup.is_uncertain else memory
         policy = policy.policy
     if not isinstance(policy, AbstractActionValuePolicy):
         return False

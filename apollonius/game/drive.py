@@ -105,9 +105,9 @@ def predict_after_lag(
         now: the robot as it is.
         dt: duration of a step [s].
     """
-    pending = state.pending
-    if pending is None or drive.lag is None:
+    if state.pending is None or drive.lag is None:
         return now
+    pending = jnp.asarray(state.pending)
     lag = jnp.asarray(drive.lag).astype(jnp.int32)
 
     def command(age: Array) -> Controls:
