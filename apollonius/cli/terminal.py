@@ -109,6 +109,9 @@ def match_table(match: "Match", result: "MatchResult") -> str:
         if sight.first_steps is not None:
             lines[-1] += f", first after {sight.first_steps * float(match.game.dt):.1f} s (median)"
         lines[-1] += f", and in {sight.share:.1%} of all steps"
+    for side, count in (result.unpromised or {}).items():
+        lines.append(f"  from {count / result.games:.1%} of starts the {side}'s shield promises")
+        lines[-1] += " nothing: there it finds no stop that is surely free"
     arenas = result.arenas
     if arenas:
         lines.append(

@@ -2,14 +2,16 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PRNGKeyArray, UInt32
+from jaxtyping import Array, Bool, Float, PRNGKeyArray, UInt32
 
 from apollonius.agents.pool import Pool, single_player
 from apollonius.agents.source import NamedPlayer
+from apollonius.agents.wrappers.shield import Shielded
 from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
@@ -23,12 +25,15 @@ from apollonius.evaluate.result import (
 from apollonius.game.game import Game, sample_starts
 from apollonius.game.outcome import PURSUER_WINS, counts_by_name, evader_winning
 from apollonius.game.teams import separation
-from apollonius.game.types import ROLES, BySide, GameState, Outcome, Scalar
+from apollonius.game.types import ROLES, BySide, Flag, GameState, Outcome, Role, Scalar
 from apollonius.io.errors import require
 from apollonius.io.limits import GAMES, SEED
 from apollonius.io.workers import Job, JobRunner
+from apollonius.observe.knowledge import Knowledge
+from apollonius.observe.view import view_of
 from apollonius.play.playout import Report, Results, no_report, play_out
 from apollonius.play.replay import Replay, as_rows, trace
+from apollonius.play.rollout import drives_at_start
 
 
 def with_start_speeds(game: Game, speed: str | None) -> Game:
@@ -190,8 +195,38 @@ def count_results(match: Match, results: Results) -> MatchResult:
         arenas=count_by_arena(match.game.scenario, results) if match.game.scenario else None,
         detours=None if detours is None else count_by_detour(detours, results),
         sight=count_sightings(results),
+        unpromised=_count_unpromised(match),
         robots=count_robots(results.status) if match.game.teams else None,
     )
+
+
+def _count_unpromised(match: Match) -> dict[str, int] | None:
+    """Count the starts from which a side's shield promises nothing; None without any.
+
+    From rest, a robot that is certain of itself can always stay where it is.
+    """
+    game = match.rules
+    counts = dict[str, int]()
+    for role in ROLES:
+        player = match.players[role].policy
+        if not isinstance(player, Shielded):
+            continue
+        if game.starts.speed == "moving" or player.backup.is_uncertain:
+            promises = _promises(game, player, draw_starts(match)[0], role)
+            counts[role.name.lower()] = int(np.sum(~np.asarray(promises)))
+    return {side: count for side, count in counts.items() if count} or None
+
+
+@partial(jax.jit, static_argnames="role")
+def _promises(game: Game, player: Shielded, starts: GameState, role: Role) -> Bool[Array, " games"]:
+    def of_side(start: GameState) -> Flag:
+        drives = drives_at_start(game, start, role)
+        knowledge = Knowledge.complete(start, drives)
+        robots = range(len(start.robots[role]))
+        views = [view_of(game, knowledge, role, number) for number in robots]
+        return jnp.all(jnp.stack([player.promises(view) for view in views]))
+
+    return jax.vmap(of_side)(starts)
 
 
 def _detours(match: Match) -> Float[np.ndarray, " games"] | None:

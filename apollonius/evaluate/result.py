@@ -143,6 +143,8 @@ class MatchResult:
     """
     sight: dict[str, SightingCounts] | None = None
     """Sightings by each side with sensors."""
+    unpromised: dict[str, int] | None = None
+    """Starts from which a side's shield promises nothing; None where it promises from all."""
     robots: dict[str, dict[str, int]] | None = None
     """Robots of each side by their status at the end, in a game of teams."""
 
@@ -190,15 +192,16 @@ class MatchResult:
         return (self.games - self.pursuer_wins - self.outcomes["both_failed"]) / self.games
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result as JSON-like data, without the fields of several arenas, sensors and
-        teams where they are None.
+        """Return the result as JSON-like data, without the fields of several arenas, sensors,
+        shields and teams where they are None.
         """
         derived = {name: getattr(self, name) for name in _DERIVED}
         data = {"games": self.games} | asdict(self) | derived
         return {
             name: value
             for name, value in data.items()
-            if name not in ("arenas", "detours", "sight", "robots") or value is not None
+            if name not in ("arenas", "detours", "sight", "unpromised", "robots")
+            or value is not None
         }
 
 

@@ -356,6 +356,16 @@ def test_with_numbers_refuses_unknown_and_impossible_numbers(numbers, named):
         with_numbers(PAPER, numbers)
 
 
+def test_starts_that_a_shield_promises_nothing_from_are_counted_and_hold_all_its_failures():
+    match = Match.of_names("paper", "shielded:intercept", "still", 300, starts="moving")
+    result = play_match(match)
+    failures = result.outcomes["pursuer_hit_obstacle"] + result.outcomes["pursuer_out_of_range"]
+    assert 0 < failures <= result.unpromised["pursuer"] < 30
+    assert read_result(result.to_dict(), "a test") == result
+    at_rest = replace(match, game=make_game("paper"), games=20)
+    assert "unpromised" not in play_match(at_rest).to_dict()
+
+
 def test_pad_shields_gives_one_structure_and_keeps_the_clearances():
     games = [replace(find_game("suite-v1/blocks-00"), pursuer=Unicycle(v_max=v_max)) for v_max in (0.6, 1.8)]
     before = [find_player("shielded:random", Role.PURSUER, game).policy for game in games]

@@ -267,6 +267,15 @@ class Shielded(AbstractWrapper[AbstractPolicy]):
         safe = jnp.where(is_safe, jnp.argmax(clearances), last_safe).astype(jnp.int32)
         return jnp.where(goes_on, held_action, action), safe
 
+    def promises(self, view: View) -> Flag:
+        """Check whether the robot certainly never fails from here on: whether some action leaves a
+        safe stop.
+        """
+        backup = self.backup.for_view(view)
+        actions = jnp.arange(NUM_ACTIONS)
+        clearances = jax.vmap(backup.clearance_after, (None, 0))(view.own, actions)
+        return jnp.max(clearances) > MARGIN
+
     def preferred_action(self, scores: Any) -> Action:
         """Return the action of the player behind the shield."""
         if self.policy.continuous:
