@@ -122,8 +122,8 @@ def _identifying(name: str, role: Role, game: Game) -> NamedPlayer:
         player = _shielded(name.removeprefix(SHIELDED), role, game, is_uncertain=True)
     else:
         player = find_player(name, role, game)
-    known = game.uncertainty_of(role) or Uncertainty()
-    policy = Identifying(player.policy, nominal, known)
+    noise = game.uncertainty_of(role) or Uncertainty()
+    policy = Identifying(player.policy, nominal, noise)
     return replace(player, name=IDENTIFYING + player.name, policy=policy)
 
 

@@ -31,7 +31,7 @@ FOLLOWED = "flee", "flee-aware", "E_curriculum"
 """Players by whose courses the planner plans."""
 
 
-class Setting(NamedTuple):
+class SuiteRules(NamedTuple):
     """Every how many of a suite's held-out arenas are played in, for how long [s], and the robots'
     radius [m]."""
 
@@ -41,9 +41,9 @@ class Setting(NamedTuple):
 
 
 SETTINGS = {
-    "suite-v1": Setting(every=6, seconds=60, radius=0.0),
-    "suite-v2": Setting(every=5, seconds=60, radius=0.0),
-    "suite-v3": Setting(every=4, seconds=120, radius=0.2),
+    "suite-v1": SuiteRules(every=6, seconds=60, radius=0.0),
+    "suite-v2": SuiteRules(every=5, seconds=60, radius=0.0),
+    "suite-v3": SuiteRules(every=4, seconds=120, radius=0.2),
 }
 
 
@@ -69,11 +69,11 @@ def main() -> None:
     own_arenas = Scenario.of(arenas).each()  # of one shape, so that steps compile once
     survivals = dict[str, dict[str, list[int]]]()
     for place, arena, own_arena in zip(places, arenas, own_arenas, strict=True):
-        setting = SETTINGS[place[0]]
-        rules = with_bodies(Game(arena=arena), setting.radius)
+        suite_rules = SETTINGS[place[0]]
+        rules = with_bodies(Game(arena=arena), suite_rules.radius)
         chart = with_chart(rules).chart
         rules = replace(rules, arena=own_arena, chart=chart)
-        game = replace(rules, max_steps=setting.seconds * 10)
+        game = replace(rules, max_steps=suite_rules.seconds * 10)
         pursuer = find_player("pursuer", Role.PURSUER, game)
         planner = NamedPlayer(PLANNER, planner_against(pursuer, Role.PURSUER, game, FOLLOWED))
         for evader in (planner, find_player("evader", Role.EVADER, game)):

@@ -1,9 +1,9 @@
-"""Robots whose drives and limits nobody has told them: `python benchmarks/unknown_drives.py OUT`.
+"""Robots of unknown drives and limits: `python benchmarks/unknown_drives.py OUT`.
 
 Each game draws, for both robots, a lag of 0 to 5 steps, a turn time of 0 to 0.9 s, and limits
-within 25 % of those that the game names. `identifying:` players learn them while they drive; `told`
-ones know them, as do the game's other players; `not told` ones take the named limits and an instant
-drive for the truth. A side's own failures count those after the first 2 s.
+within 25 % of those that the game names. `identifying` players learn them while they drive;
+`knowing` ones know them; `ignorant` ones take the named limits and an instant drive for the truth.
+A side's own failures count those after the first 2 s.
 """
 
 import argparse
@@ -36,7 +36,7 @@ GAMES = "paper", "office", "suite-v3/held-out"
 SIDES = ("pursuer", "evader")
 
 
-class NotTold(AbstractWrapper[AbstractPolicy]):
+class Ignorant(AbstractWrapper[AbstractPolicy]):
     """Another player, which takes the named limits and an instant drive for the truth."""
 
     nominal: Unicycle
@@ -46,8 +46,8 @@ class NotTold(AbstractWrapper[AbstractPolicy]):
         own = replace(
             view.own, body=body, predicted_state=None, turn_time=None, turn_rate=None, command=None
         )
-        seen = self.policy.observation(replace(view, own=own))
-        return self.policy(seen, memory, bits)
+        observation = self.policy.observation(replace(view, own=own))
+        return self.policy(observation, memory, bits)
 
 
 def with_unknown_drives(game: Game) -> Game:
@@ -65,14 +65,14 @@ def with_unknown_drives(game: Game) -> Game:
     return with_chart(randomised(replace(game, drives=drives), spreads))
 
 
-def player_of(way: str, bare: str, role: Role, game: Game) -> NamedPlayer:
-    """Return a player that is told, is not told, or learns its drive."""
-    if way == "identifying":
+def player_of(kind: str, bare: str, role: Role, game: Game) -> NamedPlayer:
+    """Return a player that knows, ignores or learns its drive."""
+    if kind == "identifying":
         return find_player(f"identifying:{bare}", role, game)
     player = find_player(bare, role, game)
-    if way == "told":
+    if kind == "knowing":
         return player
-    return NamedPlayer(f"not told: {bare}", NotTold(player.policy, game.bodies[role][0]))
+    return NamedPlayer(f"ignorant: {bare}", Ignorant(player.policy, game.bodies[role][0]))
 
 
 def main() -> None:
@@ -87,28 +87,28 @@ def main() -> None:
     parser.add_argument(
         "--pairs", nargs="+", default=["pursuer evader", "shielded:pursuer shielded:evader"]
     )
-    parser.add_argument("--ways", nargs="+", default=["identifying", "told", "not told"])
+    parser.add_argument("--kinds", nargs="+", default=["identifying", "knowing", "ignorant"])
     options = parser.parse_args()
     record: dict[str, Any] = {}
     for name in options.in_games:
         rules = replace(find_game(name), max_steps=options.max_steps)
         game = with_unknown_drives(rules)
         for pair in options.pairs:
-            for way in options.ways:
+            for kind in options.kinds:
                 names = BySide(*pair.split())
                 players = BySide(
-                    player_of(way, names.pursuer, Role.PURSUER, game),
-                    player_of(way, names.evader, Role.EVADER, game),
+                    player_of(kind, names.pursuer, Role.PURSUER, game),
+                    player_of(kind, names.evader, Role.EVADER, game),
                 )
                 results = play_games(Match(game, players, options.games, seed=0))
                 counts = count(np.asarray(results.outcome), np.asarray(results.steps))
-                record[f"{name}: {way} {pair}"] = counts
-                print(name, way, pair, counts, flush=True)
+                record[f"{name}: {kind} {pair}"] = counts
+                print(name, kind, pair, counts, flush=True)
                 options.out.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
 
 
 def count(outcomes: np.ndarray, steps: np.ndarray) -> dict[str, Any]:
-    """Return how many games ended in each way, and the own failures of each side after 2 s."""
+    """Return the counts of outcomes, and of the own failures of each side after 2 s."""
     counts: dict[str, Any] = {
         Outcome(int(outcome)).name.lower(): int(np.sum(outcomes == outcome))
         for outcome in np.unique(outcomes)

@@ -96,10 +96,10 @@ def errors_of(robot: RobotState, angle: Scalar, signs: Array) -> Errors:
 def away_from_obstacles(game: Game, robot: RobotState, late: Array) -> Errors:
     """Return the errors under which a robot thinks that it is farther from the nearest obstacle,
     heads away from it, and is slower."""
-    here = game.arena.clearance(robot.x, robot.y)
+    clearance = game.arena.clearance(robot.x, robot.y)
     step = 1e-3
-    gradient_x = game.arena.clearance(robot.x + step, robot.y) - here
-    gradient_y = game.arena.clearance(robot.x, robot.y + step) - here
+    gradient_x = game.arena.clearance(robot.x + step, robot.y) - clearance
+    gradient_y = game.arena.clearance(robot.x, robot.y + step) - clearance
     away = jnp.arctan2(gradient_y, gradient_x)
     turn = jnp.where(wrap_angle(away - robot.heading) > 0, 1.0, -1.0)
     return errors_of(robot, away, jnp.stack([turn, -1.0, late]))
@@ -225,8 +225,8 @@ def play(
     ) -> tuple[RobotState, Array, Array]:
         body = game.bodies[role][0]
         command = jnp.stack(body.controls(action))
-        held = jnp.where(is_late, side.command, command)
-        return body.move(robot, held[0], held[1], game.dt), command, held
+        executed = jnp.where(is_late, side.command, command)
+        return body.move(robot, executed[0], executed[1], game.dt), command, executed
 
     def choose(
         role: Role, state: GameState, side: Side, key: Array
@@ -265,10 +265,10 @@ def play(
                 own_key = jax.random.fold_in(key, role)
                 action, memory, is_late = choose(role, state, side, own_key)
                 robot = state.robots[role][0]
-                _, command, held = robot_after(role, robot, side, action, is_late)
+                _, command, executed = robot_after(role, robot, side, action, is_late)
                 is_safe = memory[1] >= 0 if exact_promises[role] else side.is_promised
                 promised = jnp.where(number == 0, is_safe, side.is_promised)
-                return Side(memory, command, promised), held
+                return Side(memory, command, promised), executed
 
             acted = ROLES.map(act)
             controls = acted.map(lambda pair: ((pair[1][0], pair[1][1]),))

@@ -205,8 +205,8 @@ def _is_as_good(player: Player, cases: Cases, place: int, action: int, own: int)
     view = view_of(player.game, knowledge, player.role)
     if isinstance(policy, Identifying):
         estimate, memory = memory
-        nominal, known = policy.nominal, policy.known
-        estimate = estimate.after_state(view.own.state, nominal, known, view.dt)
+        nominal, noise = policy.nominal, policy.noise
+        estimate = estimate.after_state(view.own.state, nominal, noise, view.dt)
         view = policy.view_of(view, estimate)
         policy = policy.policy
     if isinstance(policy, Shielded):

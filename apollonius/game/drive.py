@@ -78,7 +78,7 @@ class Drive(eqx.Module):
         return (u1, u2), replace(state, turn_rate=rate)
 
 
-class Prediction(eqx.Module):
+class PredictedRobot(eqx.Module):
     """A robot when a command of now takes effect.
 
     Attributes:
@@ -93,8 +93,8 @@ class Prediction(eqx.Module):
 
 
 def predict_after_lag(
-    drive: Drive, state: DriveState, body: Unicycle, now: Prediction, dt: Real
-) -> Prediction:
+    drive: Drive, state: DriveState, body: Unicycle, now: PredictedRobot, dt: Real
+) -> PredictedRobot:
     """Predict a robot when a command of now takes effect.
 
     Until then it obeys the commands that are on their way.
@@ -114,7 +114,7 @@ def predict_after_lag(
         u1, u2 = pending[jnp.clip(age, 0, MOST_LAG - 1)]
         return u1, u2
 
-    def one_step(before: Prediction, step: Array) -> tuple[Prediction, None]:
+    def one_step(before: PredictedRobot, step: Array) -> tuple[PredictedRobot, None]:
         age = lag - 1 - step
         u1, u2 = command(age)
         mean, rate = limited_turn_rate(body, drive.turn_time, before.turn_rate, u2, dt)
@@ -123,7 +123,7 @@ def predict_after_lag(
         if uncertainty is not None:
             uncertainty = uncertainty.after_switch(command(age + 1), (u1, u2))
             uncertainty = uncertainty.after_motion(body, before.robot, robot, (u1, u2), dt)
-        after = Prediction(robot, rate, uncertainty)
+        after = PredictedRobot(robot, rate, uncertainty)
         return tree_where(step < lag, after, before), None
 
     return jax.lax.scan(one_step, now, jnp.arange(MOST_LAG))[0]

@@ -1,4 +1,4 @@
-"""What a robot learns of its drive while it drives: from its own commands and what became of them.
+"""The estimate of a robot's drive, from its own commands and its motion.
 
 Each pair of a lag and a turn time is a hypothesis. Under each, the turn rates of the past steps are
 a known multiple of the largest turn rate, and the accelerations one of the largest acceleration, so
@@ -24,7 +24,7 @@ LAGS = 6
 TURN_TIMES = 20
 """Turn times that are compared."""
 TURN_TIME_STEP = 0.05
-"""Difference of two of them [s]; the first is 0 s."""
+"""Difference of two turn times [s]; the first is 0 s."""
 LIMITS = 0.25
 """Share by which limits are thought to differ from those that the game names."""
 _PRIOR = 1 / (LIMITS / 2) ** 2
@@ -46,21 +46,21 @@ class Fit(NamedTuple):
     """
 
     predicted: Float[Array, "lags *turn_times"]
-    both: Float[Array, "lags *turn_times"]
+    product: Float[Array, "lags *turn_times"]
     measured: Float[Array, "lags *turn_times"]
 
     def add(self, predicted: Array, measured: Array) -> "Fit":
         """Return the sums with one more step."""
         return Fit(
             self.predicted + predicted**2,
-            self.both + predicted * measured,
+            self.product + predicted * measured,
             self.measured + measured**2,
         )
 
     @property
     def share(self) -> Array:
         """The limit as a share of the one that the game names."""
-        return (self.both + _PRIOR) / (self.predicted + _PRIOR)
+        return (self.product + _PRIOR) / (self.predicted + _PRIOR)
 
     @property
     def deviation(self) -> Array:
@@ -70,12 +70,12 @@ class Fit(NamedTuple):
     @property
     def misfit(self) -> Array:
         """The squared distance between the motion and what the hypothesis makes of it."""
-        weighted = (self.both + _PRIOR) * self.share
+        weighted = (self.product + _PRIOR) * self.share
         return jnp.maximum(self.measured + _PRIOR - weighted, 0.0)
 
 
 class DriveEstimate(eqx.Module):
-    """What a robot has learnt of its drive.
+    """An estimate of a robot's drive.
 
     Attributes:
         steps: the number of states that it has seen.
@@ -136,8 +136,8 @@ class DriveEstimate(eqx.Module):
             speeding=speeding,
             fastest=jnp.maximum(self.fastest, robot.v - noise.speed),
         )
-        known = jax.tree.map(lambda old, new: jnp.where(is_first, old, new), self, after)
-        return replace(known, steps=self.steps + 1, last=robot)
+        estimate = jax.tree.map(lambda old, new: jnp.where(is_first, old, new), self, after)
+        return replace(estimate, steps=self.steps + 1, last=robot)
 
     def _turning_after(
         self,
@@ -195,7 +195,7 @@ class DriveEstimate(eqx.Module):
         by_lag = jnp.sum(likelihood, axis=1)
         lag = jnp.argmax(by_lag)
         lags = jnp.arange(LAGS)
-        others = jnp.where(by_lag > _UNLIKELY, jnp.abs(lags - lag), 0)
+        lag_errors = jnp.where(by_lag > _UNLIKELY, jnp.abs(lags - lag), 0)
         by_time = likelihood[lag] / jnp.maximum(by_lag[lag], 1e-9)
         times = TURN_TIME_STEP * jnp.arange(TURN_TIMES, dtype=jnp.float32)
         turn_time = by_time @ times
@@ -217,7 +217,7 @@ class DriveEstimate(eqx.Module):
             drive=Drive(lag, turn_time),
             state=DriveState(self.levels * limits[None], rate),
             uncertainty=Uncertainty(
-                delay=jnp.max(others).astype(jnp.float32) * dt,
+                delay=jnp.max(lag_errors).astype(jnp.float32) * dt,
                 acceleration=_share(self.speeding.deviation[lag] / speeding),
                 turning=_share(deviation / turning),
                 turn_delay=_DEVIATIONS * spread + TURN_TIME_STEP / 2,

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float, Int
 from apollonius.accelerate.fusion_barrier import fusion_barrier
 from apollonius.game.arena import Arena
 from apollonius.game.chart import Chart
-from apollonius.game.drive import Prediction, drive_of, predict_after_lag
+from apollonius.game.drive import PredictedRobot, drive_of, predict_after_lag
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.teams import Teams, nearest
@@ -162,7 +162,7 @@ def _robots_of_side(
         return uncertain_robots
 
     def with_drive(robot: Robot, state: DriveState) -> Robot:
-        now = Prediction(robot.state, state.turn_rate, robot.uncertainty)
+        now = PredictedRobot(robot.state, state.turn_rate, robot.uncertainty)
         soon = predict_after_lag(drive, state, robot.body, now, game.dt)
         return replace(
             robot,

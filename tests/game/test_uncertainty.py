@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from apollonius.arenas.file import from_dict, to_dict
-from apollonius.game.drive import Drive, Drives, Prediction, limited_turn_rate, predict_after_lag
+from apollonius.game.drive import Drive, Drives, PredictedRobot, limited_turn_rate, predict_after_lag
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.sensing import Noise, Sensing, Sensors
@@ -93,7 +93,7 @@ def test_bounds_of_a_robot_that_has_rolled_out_grow_no_more():
 def test_bounds_grow_while_commands_are_on_their_way():
     """Two steps at 1 m/s with an error of the heading of 0.05 rad; then one late change of the turn rate."""
     robot = RobotState(*map(jnp.float32, (0.0, 0.0, 1.0, 0.0)))
-    now = Prediction(robot, None, Uncertainty(heading=0.05, delay=0.1))
+    now = PredictedRobot(robot, None, Uncertainty(heading=0.05, delay=0.1))
     straight = DriveState(jnp.zeros((10, 2)), None)
     soon = predict_after_lag(Drive(lag=2), straight, BODY, now, DT)
     assert float(soon.uncertainty.position) == pytest.approx(0.01)

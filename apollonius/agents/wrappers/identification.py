@@ -1,10 +1,10 @@
-"""A player that is not told how its robot drives, and learns it while it drives."""
+"""A player that learns how its robot drives while it drives."""
 
 from dataclasses import replace
 
 from apollonius.accelerate.fusion_barrier import fusion_barrier
 from apollonius.agents.policy import AbstractPolicy, AbstractWrapper, Memory
-from apollonius.game.drive import Prediction, predict_after_lag
+from apollonius.game.drive import PredictedRobot, predict_after_lag
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.types import Action, RandomBits, Real
 from apollonius.game.uncertainty import Uncertainty
@@ -14,28 +14,28 @@ from apollonius.observe.view import Robot, View
 
 class Identifying(AbstractWrapper[AbstractPolicy]):
     """Another player, whose robot's drive and limits are estimated from its own motion
-    (`apollonius.observe.drive_estimate`), whatever the game says of them.
+    (`apollonius.observe.drive_estimate`), whatever the game says.
 
     Attributes:
         nominal: the robot's limits as the game names them.
-        known: bounds of the errors of its states.
+        noise: bounds of the errors of its states.
     """
 
     nominal: Unicycle
-    known: Uncertainty
+    noise: Uncertainty
 
     @property
     def memory(self) -> tuple[DriveEstimate, Memory]:
-        """What is learnt of the drive, and the memory of the player."""
+        """The estimate of the drive, and the memory of the player."""
         return DriveEstimate.at_start(), self.policy.memory
 
     def __call__(
         self, view: View, memory: tuple[DriveEstimate, Memory], bits: RandomBits
     ) -> tuple[Action, Memory]:
         before, own_memory = memory
-        estimate = before.after_state(view.own.state, self.nominal, self.known, view.dt)
-        seen = self.policy.observation(self.view_of(view, estimate))
-        action, own_memory = self.policy(seen, own_memory, bits)
+        estimate = before.after_state(view.own.state, self.nominal, self.noise, view.dt)
+        observation = self.policy.observation(self.view_of(view, estimate))
+        action, own_memory = self.policy(observation, own_memory, bits)
         return action, (estimate.after_command(action), own_memory)
 
     def view_of(self, view: View, estimate: DriveEstimate) -> View:
@@ -47,8 +47,8 @@ class Identifying(AbstractWrapper[AbstractPolicy]):
         """Return a robot that drives as is estimated: what follows reads this many times."""
         estimated = estimate.drive(self.nominal, dt)
         body = replace(estimated.body, radius=robot.body.radius)
-        now = Prediction(
-            robot.state, estimated.state.turn_rate, self.known.plus(estimated.uncertainty)
+        now = PredictedRobot(
+            robot.state, estimated.state.turn_rate, self.noise.plus(estimated.uncertainty)
         )
         soon = predict_after_lag(estimated.drive, estimated.state, body, now, dt)
         return replace(

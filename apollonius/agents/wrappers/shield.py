@@ -215,8 +215,8 @@ class Shielded(AbstractWrapper[AbstractPolicy]):
     systems", 2023): what it calls safe is a part of the viability kernel.
 
     A robot that is uncertain of itself keeps farther away by the largest distance between its true
-    path and the one that it knows. What it knows in the next step may be worse by chance, so it
-    then goes on with the manoeuvre that was safe, where no action is allowed.
+    path and the one that it knows. What it knows in the next step may be worse by chance.
+    Where no action is allowed then, it continues the manoeuvre that was safe.
 
     A player with continuous actions keeps its own where that is allowed, and otherwise has the
     allowed discrete action nearest to it.
@@ -243,29 +243,28 @@ class Shielded(AbstractWrapper[AbstractPolicy]):
         )
         if last_safe is None:
             return search.action, own_memory
-        action, manoeuvre = self.go_on_where_none_is_safe(view, search.action, last_safe)
+        action, manoeuvre = self.continue_unless_safe(view, search.action, last_safe)
         return action, (own_memory, manoeuvre)
 
-    def go_on_where_none_is_safe(
+    def continue_unless_safe(
         self, view: View, action: Action, last_safe: Int[Array, ""]
     ) -> tuple[Action, Int[Array, ""]]:
-        """Return an action that is safe, else that of the last safe manoeuvre, else the action.
-
-        The second value is the manoeuvre that is now known to be safe.
+        """Return an action that is safe; otherwise that of the last safe manoeuvre, and without one
+        the action itself. The second value is the manoeuvre that is safe now.
 
         Args:
             view: what the robot sees.
             action: the one that the search for an allowed one ended with.
-            last_safe: the last safe manoeuvre; `_NO_MANOEUVRE` where there is none.
+            last_safe: the last safe manoeuvre; `_NO_MANOEUVRE` before the first.
         """
         backup = self.backup.for_view(view)
         clearances = backup.clearances_after(view.own, action)
         is_safe = jnp.max(clearances) > MARGIN
-        held = jnp.asarray(backup.manoeuvres, jnp.int32)[jnp.maximum(last_safe, 0)]
-        held_action = jnp.stack(action_levels(held)) if self.policy.continuous else held
-        goes_on = ~is_safe & (last_safe != _NO_MANOEUVRE)
+        braking = jnp.asarray(backup.manoeuvres, jnp.int32)[jnp.maximum(last_safe, 0)]
+        braking_action = jnp.stack(action_levels(braking)) if self.policy.continuous else braking
+        continues = ~is_safe & (last_safe != _NO_MANOEUVRE)
         safe = jnp.where(is_safe, jnp.argmax(clearances), last_safe).astype(jnp.int32)
-        return jnp.where(goes_on, held_action, action), safe
+        return jnp.where(continues, braking_action, action), safe
 
     def promises(self, view: View) -> Flag:
         """Check whether the robot certainly never fails from here on: whether some action leaves a
