@@ -16,7 +16,7 @@ from jaxtyping import Array, Float, Int
 
 from apollonius.game.drive import MOST_LAG, Drive, limited_turn_rate
 from apollonius.game.dynamics import Unicycle, action_levels, wrap_angle
-from apollonius.game.types import Action, Controls, DriveState, Real, RobotState, Scalar
+from apollonius.game.types import Action, Controls, DriveState, Flag, Real, RobotState, Scalar
 from apollonius.game.uncertainty import Uncertainty
 
 LAGS = 6
@@ -84,6 +84,7 @@ class DriveEstimate(eqx.Module):
         turn_rates: under each hypothesis, as a share of the largest one.
         turning, speeding: fits of the largest turn rate and of the largest acceleration.
         fastest: the highest speed so far [m/s].
+        has_topped: whether it went on speeding up in vain, so that this is its top speed.
     """
 
     steps: Int[Array, ""]
@@ -93,6 +94,7 @@ class DriveEstimate(eqx.Module):
     turning: Fit
     speeding: Fit
     fastest: Scalar
+    has_topped: Flag
 
     @classmethod
     def at_start(cls) -> "DriveEstimate":
@@ -107,6 +109,7 @@ class DriveEstimate(eqx.Module):
             turning=Fit(hypotheses, hypotheses, hypotheses),
             speeding=Fit(lags, lags, lags),
             fastest=zero,
+            has_topped=jnp.zeros((), bool),
         )
 
     def after_command(self, action: Action) -> "DriveEstimate":
@@ -135,9 +138,25 @@ class DriveEstimate(eqx.Module):
             turning=turning,
             speeding=speeding,
             fastest=jnp.maximum(self.fastest, robot.v - noise.speed),
+            has_topped=self.has_topped | self._tops(robot, u1, nominal, noise, dt),
         )
         estimate = jax.tree.map(lambda old, new: jnp.where(is_first, old, new), self, after)
         return replace(estimate, steps=self.steps + 1, last=robot)
+
+    def _tops(
+        self,
+        robot: RobotState,
+        u1: Float[Array, " lags"],
+        nominal: Unicycle,
+        noise: Uncertainty,
+        dt: Real,
+    ) -> Flag:
+        """Check whether the robot gained almost no speed, though it was to speed up whatever its
+        lag.
+        """
+        least_gain = (1 - LIMITS) * nominal.u1_max * dt
+        gain = robot.v - self.last.v + 2 * noise.speed
+        return jnp.all(u1 > 0) & (robot.v >= _TOP * nominal.v_max) & (gain < least_gain / 3)
 
     def _turning_after(
         self,
@@ -206,7 +225,7 @@ class DriveEstimate(eqx.Module):
         speeding = self.speeding.share[lag]
         body = replace(
             nominal,
-            v_max=jnp.maximum(nominal.v_max, self.fastest),
+            v_max=jnp.where(self.has_topped, self.fastest, (1 + LIMITS) * nominal.v_max),
             u1_max=nominal.u1_max * speeding,
             u2_max=nominal.u2_max * turning,
         )
