@@ -134,7 +134,7 @@ def main() -> None:
         for kind in SHARES
         for side in ("pursuer", "evader")
     )
-    low, high = wilson_interval(inside, options.games)
+    low, high = wilson_interval(inside, 2 * options.games)
     record = {
         "game": options.game,
         "pursuer": options.pursuer,
@@ -143,7 +143,7 @@ def main() -> None:
         "max_steps": options.max_steps,
         "shields know the bounds": not options.unaware,
         "own failures of either inside the promise": inside,
-        "share of games [95 %]": [low, high],
+        "share of robots' games [95 %]": [low, high],
         "by kind of adversary": counts,
     }
     options.out.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")

@@ -116,7 +116,7 @@ def test_top_speed_is_learnt_where_a_robot_speeds_up_in_vain():
             found.append(float(estimate.drive(NOMINAL, DT).body.v_max))
         reached = int(np.ceil(top / 0.03))
         assert found[reached - 1] == pytest.approx(1.5)
-        assert found[reached + 2 :] == pytest.approx([top] * (57 - reached))
+        assert found[reached + 2 :] == pytest.approx([top] * (58 - reached))
 
 
 def test_identifying_comes_before_shielded_and_needs_robots_that_are_alike():
