@@ -187,6 +187,9 @@ OTHERS = {
     "shielded:NAME": (
         "any of these behind a shield: it never crashes, by the rules, where it starts at rest"
     ),
+    "identifying:NAME": (
+        "any of these, also shielded, that learns its robot's drive and limits while it drives"
+    ),
     "PACKAGE:NAME": "a player of an installed package",
     "searching:NAME": (
         "a pursuer of limited sight that searches while it does not see the evader; after shielded:"
