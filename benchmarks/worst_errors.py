@@ -1,5 +1,5 @@
 """Shielded robots that know themselves with errors, chosen in every step by an adversary:
-`python benchmarks/worst_errors.py OUT --game paper`.
+`python benchmarks/worst_errors.py OUT --pursuer shielded:intercept --evader shielded:flee`.
 
 Within the bounds of `UNCERTAINTY` the adversary chooses the place, heading and speed that a robot
 believes to have, and whether its command takes effect at once or a step late. In each game it is
@@ -14,7 +14,7 @@ import json
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -27,7 +27,7 @@ from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
 from apollonius.evaluate.statistics import wilson_interval
-from apollonius.game.drive import Drive, Drives
+from apollonius.game.drive import MOST_LAG, Drive, Drives
 from apollonius.game.dynamics import wrap_angle
 from apollonius.game.game import Game, sample_starts
 from apollonius.game.types import (
@@ -61,6 +61,15 @@ class Side(NamedTuple):
     memory: Memory
     command: Array
     is_promised: Array
+
+
+class Course(NamedTuple):
+    """Games under way, and which sides have failed by themselves."""
+
+    state: GameState
+    sides: BySide[Side]
+    outcome: Array
+    failed: BySide[Array]
 
 
 class Errors(NamedTuple):
@@ -106,7 +115,7 @@ def away_from_obstacles(game: Game, robot: RobotState, late: Array) -> Errors:
 
 
 def main() -> None:
-    """Play, and write the counts of every pair of a pursuer and an evader."""
+    """Play, and write the counts of each kind of adversary."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -214,7 +223,7 @@ def play(
         role: Role, state: GameState, side: Side, believed: RobotState, bits: Array
     ) -> tuple[Action, Memory]:
         robots = BySide.of(role, (believed,), state.robots[role.other])
-        drive = DriveState(jnp.zeros((10, 2)).at[0].set(side.command), None)
+        drive = DriveState(jnp.zeros((MOST_LAG, 2)).at[0].set(side.command), None)
         knowledge = Knowledge.complete(replace(state, robots=robots), (drive,))
         player = players[role]
         view = view_of(known_game, knowledge, role)
@@ -253,8 +262,7 @@ def play(
         action, memory, is_late = jax.tree.map(lambda leaf: leaf[worst], choices)
         return action, memory, is_late
 
-    def one_step(carry: Any, number: Array) -> tuple[Any, None]:
-        state, sides, outcome, failed = carry
+    def one_step(before: Course, number: Array) -> tuple[Course, None]:
         step_keys = jax.random.split(jax.random.fold_in(key, number), count)
 
         def one_game(
@@ -275,30 +283,33 @@ def play(
             after = game.step_controls(state, controls)
             return after.state, acted.map(lambda pair: pair[0]), after.outcome
 
-        states, sides_after, outcomes = jax.vmap(one_game)(state, sides, step_keys)
-        is_over = outcome != Outcome.ONGOING
+        states, sides_after, outcomes = jax.vmap(one_game)(before.state, before.sides, step_keys)
+        is_over = before.outcome != Outcome.ONGOING
 
         def keep(old: Array, new: Array) -> Array:
             return jnp.where(is_over.reshape(-1, *[1] * (new.ndim - 1)), old, new)
 
-        state = jax.tree.map(keep, state, states)
-        sides = jax.tree.map(keep, sides, sides_after)
         fell = states.status.map(
             lambda side: (
                 (side[0] == RobotStatus.HIT_OBSTACLE) | (side[0] == RobotStatus.OUT_OF_RANGE)
             )
         )
-        failed = jax.tree.map(lambda old, new: old | (new & ~is_over), failed, fell)
-        return (state, sides, keep(outcome, outcomes), failed), None
+        after = Course(
+            state=jax.tree.map(keep, before.state, states),
+            sides=jax.tree.map(keep, before.sides, sides_after),
+            outcome=keep(before.outcome, outcomes),
+            failed=jax.tree.map(lambda old, new: old | (new & ~is_over), before.failed, fell),
+        )
+        return after, None
 
     sides = jax.tree.map(
         lambda leaf: jnp.broadcast_to(leaf, (count, *jnp.shape(leaf))), ROLES.map(side_at_start)
     )
     nobody = ROLES.map(lambda role: jnp.zeros(count, bool))
     ongoing = jnp.full(count, Outcome.ONGOING, jnp.int32)
-    carry, _ = jax.lax.scan(one_step, (starts, sides, ongoing, nobody), jnp.arange(game.max_steps))
-    _, sides, outcomes, failed = carry
-    return outcomes, failed, sides.map(lambda side: side.is_promised)
+    start = Course(starts, sides, ongoing, nobody)
+    end, _ = jax.lax.scan(one_step, start, jnp.arange(game.max_steps))
+    return end.outcome, end.failed, end.sides.map(lambda side: side.is_promised)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ import tomli_w
 import yaml
 
 from apollonius.agents.built_in import PLAYERS
-from apollonius.agents.names import SEARCHING, SHIELDED
+from apollonius.agents.names import SHIELDED, bare_name
 from apollonius.agents.trained import zoo_names
 from apollonius.arenas.file import find_game, to_dict
 from apollonius.arenas.suite import is_scenario
@@ -100,7 +100,7 @@ def check_command(words, document):
     options, made = options_of(words), files_made(document)
     for player in (options.get(name) for name in ("pursuer", "evader", "pursuers", "evaders", "agent", "against")):
         for name in [player] if isinstance(player, str) else player or []:
-            bare = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
+            bare = bare_name(name)
             trained = TRAINED.fullmatch(bare)
             assert bare in {*PLAYERS, *zoo_names()} or (trained["run"] if trained else bare) in made, name
     game = options.get("game")

@@ -204,10 +204,8 @@ def _is_as_good(player: Player, cases: Cases, place: int, action: int, own: int)
     )
     view = view_of(player.game, knowledge, player.role)
     if isinstance(policy, Identifying):
-        estimate, memory = memory
-        nominal, noise = policy.nominal, policy.noise
-        estimate = estimate.after_state(view.own.state, nominal, noise, view.dt)
-        view = policy.view_of(view, estimate)
+        before, memory = memory
+        view = policy.view_of(view, policy.estimate_after(view, before))
         policy = policy.policy
     if isinstance(policy, Shielded):
         backup = policy.backup.for_view(view)

@@ -1,8 +1,10 @@
 """Bounds of what a robot does not know of itself, and how they grow while it moves."""
 
+import operator
 from dataclasses import replace
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 
 from apollonius.game.dynamics import Unicycle
@@ -52,15 +54,7 @@ class Uncertainty(eqx.Module):
 
     def plus(self, other: "Uncertainty") -> "Uncertainty":
         """Return the bounds where both kinds of errors may occur at once."""
-        return Uncertainty(
-            position=self.position + other.position,
-            heading=self.heading + other.heading,
-            speed=self.speed + other.speed,
-            delay=self.delay + other.delay,
-            acceleration=self.acceleration + other.acceleration,
-            turning=self.turning + other.turning,
-            turn_delay=self.turn_delay + other.turn_delay,
-        )
+        return jax.tree.map(operator.add, self, other)
 
     def after_switch(self, before: Controls, after: Controls) -> "Uncertainty":
         """Return the bounds after a change of command, which may take effect late.

@@ -25,8 +25,8 @@ _LARGEST = 1e6
 """No place [m], speed or turn rate is beyond this."""
 _LEAST_MOTION = 0.05
 """A robot whose speed [m/s] or turn rate [rad/s] varies by less does not move so."""
-_TOLD = 0.2
-"""A robot whose commands vary by so much should move."""
+_LEAST_CHANGE = 0.2
+"""Least change of the commands [m/s, rad/s] by which a robot should move."""
 
 
 @dataclass(frozen=True)
@@ -65,8 +65,8 @@ class DriveRecord:
             f"at least {_LEAST_RATE:g} a second, and better 20 or more",
         )
         commanded = max(np.ptp(self.command_speed), np.ptp(self.command_turn_rate))
-        bound = f"at least {_TOLD}: send speeds and turn rates that change"
-        require(commanded >= _TOLD, "change of commands", f"{commanded:.3f}", bound)
+        bound = f"at least {_LEAST_CHANGE}: send speeds and turn rates that change"
+        require(commanded >= _LEAST_CHANGE, "change of commands", f"{commanded:.3f}", bound)
         self._require_motion("speed", self.speed, self.command_speed)
         self._require_motion("turn rate", self.turn_rate, self.command_turn_rate)
 
@@ -77,7 +77,7 @@ class DriveRecord:
             f"at least {_LEAST_MOTION} where {change:.2f} was commanded: the robot did not move; "
             "record it while it does"
         )
-        is_possible = motion >= _LEAST_MOTION or change < _TOLD
+        is_possible = motion >= _LEAST_MOTION or change < _LEAST_CHANGE
         require(is_possible, f"change of the {name}", f"{motion:.3f}", bound)
 
     def _require_finite(self, name: str) -> None:

@@ -20,11 +20,14 @@ from apollonius.simulate.drive_fit import (
 from apollonius.simulate.drive_record import DriveRecord
 
 LIMIT_ERROR = 0.02
-"""What intervals of limits hold beside the errors of the fit, for what the model leaves out: slip,
-rolling resistance, a controller that is not exact. In simulation limits were missed by 1 %.
+"""Share by which intervals of limits are wider than the errors of the fit, for slip, rolling
+resistance and inexact controllers, which the model leaves out. In simulation its limits were 1 %
+off.
 """
 DELAY_ERROR = 0.01
-"""The same of delays [s]: a motor and a mass lag, too. In simulation delays were missed by 6 ms."""
+"""Time by which intervals of delays are wider [s], for the lags of motors and masses. In simulation
+delays were 6 ms off.
+"""
 _WIDEST = 0.25
 """A delay whose interval reaches further [s] is not identified."""
 _SHORT_LAG = 0.005
@@ -94,7 +97,7 @@ _NOISE_UNITS = {"position": "m", "heading": "rad", "speed": "m/s", "turn_rate": 
 
 @dataclass(frozen=True)
 class Identification:
-    """What a record says of a robot.
+    """A robot's drive and the noise of its odometry, as a record shows them.
 
     Attributes:
         drive: `v_max`, `u1_max`, `u2_max`, `turn_acceleration`, `latency` and `lag`.

@@ -97,7 +97,7 @@ BOUNDS = Uncertainty(position=0.05, heading=0.05, speed=0.05, delay=0.1)
 
 def own_failures_under_errors(game, player, games, steps):
     """Own failures of one robot that is given extreme errors of its state by chance, and late commands by chance."""
-    starts = jax.tree.map(lambda leaf: leaf, reset_batch(game, jax.random.key(4), games))
+    starts = reset_batch(game, jax.random.key(4), games)
     drive, role = Drive(lag=0).at_rest(), Role.PURSUER
 
     def one_step(carry, key):

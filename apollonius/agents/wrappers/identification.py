@@ -33,10 +33,14 @@ class Identifying(AbstractWrapper[AbstractPolicy]):
         self, view: View, memory: tuple[DriveEstimate, Memory], bits: RandomBits
     ) -> tuple[Action, Memory]:
         before, own_memory = memory
-        estimate = before.after_state(view.own.state, self.nominal, self.noise, view.dt)
+        estimate = self.estimate_after(view, before)
         observation = self.policy.observation(self.view_of(view, estimate))
         action, own_memory = self.policy(observation, own_memory, bits)
         return action, (estimate.after_command(action), own_memory)
+
+    def estimate_after(self, view: View, before: DriveEstimate) -> DriveEstimate:
+        """Return the estimate after one more view."""
+        return before.after_state(view.own.state, self.nominal, self.noise, view.dt)
 
     def view_of(self, view: View, estimate: DriveEstimate) -> View:
         """Return a view in which the robot drives as is estimated."""
