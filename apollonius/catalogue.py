@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 
 from apollonius.agents.built_in import BuiltIn
-from apollonius.agents.classical import BRAKE_STRAIGHT, Still, Uniform
+from apollonius.agents.classical import Still, Uniform
 from apollonius.agents.extension import Extension
 from apollonius.agents.names import IDENTIFYING, SEARCHING, SHIELDED
 from apollonius.agents.network import QNetwork, one_action_network
@@ -22,6 +22,7 @@ from apollonius.agents.wrappers.identification import Identifying
 from apollonius.agents.wrappers.searching import Searching
 from apollonius.agents.wrappers.shield import with_shield
 from apollonius.game.game import Game
+from apollonius.game.models import require_unicycle
 from apollonius.game.types import Role
 from apollonius.game.uncertainty import Uncertainty
 from apollonius.io.errors import require
@@ -116,6 +117,9 @@ def _identifying(name: str, role: Role, game: Game) -> NamedPlayer:
     robots of its side differ.
     """
     nominal, *mates = game.bodies[role]
+    require_unicycle(nominal, role.name.lower(), IDENTIFYING)
+    bound = "0 m/s: this player does not drive backwards"
+    require(nominal.v_min == 0, f"{role.name.lower()}.v_min", nominal.v_min, bound)
     bound = "alike on its side, as it knows one robot's limits"
     require(all(mate == nominal for mate in mates), IDENTIFYING, "robots that differ", bound)
     if name.startswith(SHIELDED):
@@ -200,7 +204,7 @@ def _of_one_structure(
         if isinstance(policy, Greedy | ClearancePenalty):
             return policy
         if isinstance(policy, Still):
-            return Greedy(one_action_network(network, BRAKE_STRAIGHT))
+            return Greedy(one_action_network(network, policy.action))
         return Greedy(network)
 
     def penalised(policy: AbstractActionValuePolicy) -> AbstractActionValuePolicy:

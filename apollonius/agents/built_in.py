@@ -2,18 +2,17 @@
 
 from collections.abc import Sequence
 
-from apollonius.agents.classical import AbstractClassical, Still, Uniform
+from apollonius.agents.classical import AbstractClassical, AbstractOpenLoop, Still, Uniform
 from apollonius.agents.guidance import Flee, FleeAware, Intercept, PurePursuit, Territory
 from apollonius.agents.names import BUILT_IN
 from apollonius.agents.path_following import Hide, Search
-from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.source import NamedPlayer, PlayerSource
 from apollonius.agents.surrounding import Encirclement, VoronoiPursuit
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.io.errors import require
 
-_POLICIES: dict[str, type[AbstractPolicy]] = {
+_POLICIES: dict[str, type[AbstractOpenLoop] | type[AbstractClassical]] = {
     "random": Uniform,
     "still": Still,
     "pure-pursuit": PurePursuit,
@@ -54,6 +53,4 @@ class BuiltIn(PlayerSource):
         require(
             role in sides, side, f"'{name}'", f"another player, as this one plays the {only} only"
         )
-        return NamedPlayer(
-            name, policy.for_side(game, role) if issubclass(policy, AbstractClassical) else policy()
-        )
+        return NamedPlayer(name, policy.for_side(game, role))

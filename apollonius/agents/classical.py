@@ -5,6 +5,7 @@ share.
 from abc import abstractmethod
 from typing import Any, ClassVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
@@ -20,6 +21,8 @@ from apollonius.observe.view import View
 
 BRAKE_STRAIGHT = 1
 """Index of the action (u1 = -u1_max, u2 = 0)."""
+COAST = 4
+"""Index of the action (u1 = 0, u2 = 0)."""
 
 
 class AbstractOpenLoop(AbstractPolicy):
@@ -30,14 +33,32 @@ class AbstractOpenLoop(AbstractPolicy):
         """The paper's observation, for those who collect its transitions."""
         return PAPER
 
+    @classmethod
+    def for_side(cls, game: Game, role: Role) -> "AbstractOpenLoop":
+        """Return the player of one side of a game."""
+        del game, role
+        return cls()
+
 
 class Still(AbstractOpenLoop):
-    """Brakes straight ahead and then stays: the stationary evader of stage 1 (Algorithm 1)."""
+    """Brakes straight ahead and then stays: the stationary evader of stage 1 (Algorithm 1).
+
+    A robot that can drive backwards would do so if it went on braking: it coasts, and so stays
+    where it starts at rest.
+    """
+
+    action: int = eqx.field(static=True, default=BRAKE_STRAIGHT)
+
+    @classmethod
+    def for_side(cls, game: Game, role: Role) -> "Still":
+        """Return the player of one side of a game."""
+        reverses = any(body.v_min < 0 for body in game.bodies[role])
+        return cls(COAST if reverses else BRAKE_STRAIGHT)
 
     def __call__(
         self, observation: Float[Array, " size"], memory: Memory, bits: RandomBits
     ) -> tuple[Int[Array, ""], Memory]:
-        return jnp.full((), BRAKE_STRAIGHT, jnp.int32), memory
+        return jnp.full((), self.action, jnp.int32), memory
 
 
 def uniform_action(bits: RandomBits) -> Int[Array, ""]:
@@ -86,7 +107,7 @@ class AbstractSteering(AbstractClassical):
         heading, speed = self.course(view)
         own = view.own
         dt = view.dt
-        turn = jnp.maximum(own.body.u2_max * dt, 1e-6)
+        turn = jnp.maximum(own.body.usual_turn_rate * dt, 1e-6)
         thrust = jnp.maximum(own.body.u1_max * dt, 1e-6)
 
         def value(action: Int[Array, ""]) -> Scalar:

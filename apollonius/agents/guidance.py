@@ -59,9 +59,7 @@ def arc_speed(body: Unicycle, robot: RobotState, target: RobotState) -> Scalar:
     """
     angle = jnp.abs(wrap_angle(direction(robot, target) - robot.heading))
     sine = jnp.sin(jnp.minimum(angle, jnp.pi / 2))
-    return jnp.minimum(
-        body.v_max, body.u2_max * separation(robot, target) / jnp.maximum(2 * sine, 1e-6)
-    )
+    return body.fastest_on_arc(separation(robot, target) / jnp.maximum(2 * sine, 1e-6))
 
 
 _HORIZON = 4.0

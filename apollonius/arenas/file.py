@@ -20,7 +20,9 @@ from apollonius.arenas.suite import (
     suite_arena,
 )
 from apollonius.game.arena import Arena, find_obstacle_kind, table_of
+from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
+from apollonius.game.models import MODELS, model_of
 from apollonius.game.names import TEAM
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Polygon
@@ -107,8 +109,9 @@ def to_dict(config: Any) -> dict[str, Any]:
     An occupancy map, millions of numbers, is given by its file, or its random arena, and its
     SHA-256.
     """
-    hooks = {
+    hooks: Hooks = {
         Scenario: _name,
+        **dict.fromkeys(MODELS.values(), _robot_data),
         OccupancyMap: lambda occupancy: {"file": occupancy.file, "sha256": occupancy.digest},
     }
     return write_record(
@@ -144,6 +147,7 @@ def from_dict(
         ),
         Arena: lambda arena: _with_map(_with_extra(arena), folder),
         Polygon: _read_document,
+        Unicycle: _read_robot,
         Scenario: lambda value: value if isinstance(value, Scenario) else find_scenario(value),
     }
     return read_record(kind, data, source, {**own_hooks, **hooks}, named=(Scenario, OccupancyMap))
@@ -157,6 +161,26 @@ def _name(scenario: Scenario) -> str:
         "written as a game in each of its arenas, as no file holds it",
     )
     return scenario.name
+
+
+def _robot_data(body: Unicycle) -> dict[str, Any]:
+    """Return a robot's record, with its model unless that is the usual one."""
+    model = {} if type(body) is Unicycle else {"model": model_of(body)}
+    return model | write_record(body, {})
+
+
+def _read_robot(robot: Any) -> Any:
+    """Read a robot of another model than the usual one, which stays as it is."""
+    if not isinstance(robot, dict) or "model" not in robot:
+        return robot
+    limits = dict(robot)
+    model = limits.pop("model")
+    bound = f"one of {', '.join(MODELS)}"
+    require(isinstance(model, str) and model in MODELS, "model", model, bound)
+    kind = MODELS[model]
+    return (
+        limits if kind is Unicycle else read_record(kind, limits, f"a robot of model '{model}'", {})
+    )
 
 
 def _arena_data(arena: Arena, hooks: Hooks) -> dict[str, Any]:

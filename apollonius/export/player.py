@@ -12,7 +12,6 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Float32
 
 from apollonius.agents.built_in import PLAYERS
-from apollonius.agents.classical import BRAKE_STRAIGHT
 from apollonius.agents.names import bare_name
 from apollonius.agents.policy import AbstractPolicy, Memory
 from apollonius.agents.trained import find_trained
@@ -20,10 +19,12 @@ from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import from_dict
 from apollonius.catalogue import find_player
 from apollonius.game.drive import Drives, drive_of
+from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.sensing import Percept, Sensing
 from apollonius.game.types import (
+    NUM_ACTIONS,
     BySide,
     DriveState,
     GameState,
@@ -31,6 +32,7 @@ from apollonius.game.types import (
     RobotState,
     RobotStatus,
     Role,
+    Scalar,
 )
 from apollonius.io import extensions
 from apollonius.io.errors import require
@@ -42,8 +44,6 @@ from apollonius.observe.view import view_of
 
 LARGEST = 1e6
 """Largest number of a state; the sum of squares is compared, one test that a NaN fails too."""
-_FALLBACK = -1.0, 0.0
-"""Full braking straight ahead, as shares of the largest controls."""
 
 
 @dataclass(frozen=True)
@@ -131,9 +131,12 @@ def _decide(role: Role, sides: BySide[int]) -> Callable[..., dict[str, Any]]:
         is_sane = jnp.sum(own_rows * own_rows) <= LARGEST**2
         if policy.continuous:
             is_sane &= jnp.isfinite(action).all()
-        brake = jnp.array(_FALLBACK) if policy.continuous else jnp.int32(BRAKE_STRAIGHT)
-        action = jnp.where(is_sane, action, brake)
         body = game.bodies[role][0]
+        level = _braking_level(body, state[0, 2])
+        brake = jnp.stack([level, jnp.zeros(())])
+        if not policy.continuous:
+            brake = jnp.int32(NUM_ACTIONS // 2) + 3 * level.astype(jnp.int32)
+        action = jnp.where(is_sane, action, brake)
         controls = body.controls(action)
         drive = drive_of(game.drives, role)
         _, drive_state = drive.respond(drive_state, body, action, game.dt)
@@ -141,6 +144,14 @@ def _decide(role: Role, sides: BySide[int]) -> Callable[..., dict[str, Any]]:
         return {"action": action, "controls": jnp.stack(controls), "memory": memory}
 
     return decide
+
+
+def _braking_level(body: Unicycle, v: Scalar) -> Scalar:
+    """Return the share of u1_max that brakes at a speed [m/s]; of a robot that may drive backwards
+    at an unknown one, a NaN, none.
+    """
+    braking = jnp.where(body.v_min < 0, -jnp.sign(v), -1.0)
+    return jnp.where(jnp.isnan(braking), 0.0, braking)
 
 
 def pack_memory(track: Track | None, drive: DriveState, own: Memory) -> Memory:
@@ -255,12 +266,12 @@ def find_exportable(name: str | AbstractPolicy, role: Role, game: Game) -> Playe
     )
     require(finite, "weights", "NaN or infinite", "finite; train the agent again")
     body = game.bodies[role][0]
-    stops = body.v_min == 0 and body.u1_max > 0
     limits = float(body.v_min), float(body.u1_max)
     bound = (
-        "0 m/s and more than 0 m/s^2, so that braking, the answer to a broken state, ends at rest"
+        "at most 0 m/s and more than 0 m/s^2, so that braking, the answer to a broken state, ends "
+        "at rest"
     )
-    require(stops, "v_min, u1_max", limits, bound)
+    require(body.brakes_to_rest, "v_min, u1_max", limits, bound)
     side = role.name.lower()
     own_sensors = game.sensors and game.sensors[role]
     own_drive = game.drives and game.drives[role]

@@ -1,6 +1,11 @@
-"""A robot's motion: a unicycle driven by acceleration and turn rate, within limits (Eq. 1)."""
+"""A robot's motion: a unicycle driven by acceleration and turn rate, within limits (Eq. 1).
 
-from typing import Any
+Robots of other kinds are unicycles too, whose turn rates depend on their speeds: a car
+(`apollonius.game.car`), wheels (`apollonius.game.wheels`), omnidirectional wheels
+(`apollonius.game.omni`).
+"""
+
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -98,7 +103,7 @@ class Unicycle(eqx.Module):
     """One robot's body and limits; a `Game` refuses impossible ones.
 
     Attributes:
-        v_min, v_max: speed limits [m/s].
+        v_min, v_max: speed limits [m/s]; with v_min below 0 the robot drives backwards, too.
         u1_max: largest linear acceleration, either sign [m/s^2].
         u2_max: largest turn rate, either sign [rad/s].
         radius: radius of the robot's disc-shaped body [m]; 0 is a point.
@@ -110,10 +115,26 @@ class Unicycle(eqx.Module):
     u2_max: Real = 0.8
     radius: Real = 0.0
 
+    second_control: ClassVar[str] = "turn rate u2 [rad/s]"
+    """What u2 is."""
+    turns_on_the_spot: ClassVar[bool] = True
+    """Whether it turns at rest."""
+
     @property
     def brakes_to_rest(self) -> bool:
-        """Check whether full braking ends at rest rather than in driving on or backwards."""
-        return bool(self.v_min == 0 and self.u1_max > 0)
+        """Check whether full braking ends at rest rather than in driving on."""
+        return bool(self.v_min <= 0 and self.u1_max > 0)
+
+    @property
+    def top_speed(self) -> Real:
+        """The highest speed, forwards or backwards [m/s]; of limits in plain numbers."""
+        return max(self.v_max, -self.v_min)
+
+    @property
+    def usual_turn_rate(self) -> Scalar:
+        """The largest turn rate at half the top speed [rad/s]."""
+        half = jnp.asarray(self.v_max, jnp.float32) / 2
+        return self.turn_rate(jnp.asarray(self.u2_max, jnp.float32), half)
 
     def check(self, name: str, dt: Real) -> None:
         """Refuse impossible limits, and turns too large for a step of `dt` [s]."""
@@ -134,29 +155,55 @@ class Unicycle(eqx.Module):
         level_u1, level_u2 = action_levels(action)
         return level_u1 * self.u1_max, level_u2 * self.u2_max
 
+    def turn_rate(self, u2: Scalar, v: Scalar) -> Scalar:
+        """Return the turn rate [rad/s] under a control u2 at a speed [m/s]."""
+        del v
+        return u2
+
+    def turn(self, u2: Scalar, fastest: Scalar, distance: Scalar, dt: Real) -> Scalar:
+        """Return the turn in a step [rad], the same at every moment or at every place of it.
+
+        Args:
+            u2: the second control.
+            fastest: the larger of the speeds before and after the step, without their sign [m/s].
+            distance: length of the path in the step, negative backwards [m].
+            dt: duration of the step [s].
+        """
+        del distance
+        return self.turn_rate(u2, fastest) * dt
+
+    def fastest_on_arc(self, radius: Scalar) -> Scalar:
+        """Return the highest speed [m/s] at which the robot can drive an arc of a radius [m]."""
+        return jnp.minimum(self.v_max, self.u2_max * radius)
+
     def move(self, robot: RobotState, u1: Scalar, u2: Scalar, dt: Real) -> RobotState:
         """Return the robot after holding its controls for a step (Eq. 1).
 
         The speed is a ramp clipped to its limits and the heading turns at a constant rate; both are
-        exact. The robot follows the circular arc of that turn with the ramp's exact mean speed;
-        the chord is `mean_v * dt * sinc(u2 dt / 2)` along the middle heading. That is exact
+        exact. A robot that brakes comes to rest before it drives the other way, in the next step.
+        The robot follows the circular arc of its turn with the ramp's exact mean speed;
+        the chord is `mean_v * dt * sinc(turn / 2)` along the middle heading. That is exact
         whenever the speed is constant or the robot does not turn, and of second order in `dt`
         otherwise (2e-5 m in one step of the `paper` game).
 
         Args:
             robot: its state before.
             u1: acceleration [m/s^2].
-            u2: turn rate [rad/s].
+            u2: turn rate [rad/s], or the second control of another kind of robot.
             dt: duration of the step [s].
         """
         dv = u1 * dt
-        v = jnp.clip(robot.v + dv, self.v_min, self.v_max)
+        slowest = jnp.where(robot.v > 0, jnp.maximum(self.v_min, 0.0), self.v_min)
+        fastest = jnp.where(robot.v < 0, jnp.minimum(self.v_max, 0.0), self.v_max)
+        v = jnp.clip(robot.v + dv, slowest, fastest)
         loss_at_limit = jnp.where(
             dv == 0, 0.0, (v - robot.v) ** 2 / (2 * jnp.where(dv == 0, 1.0, dv))
         )
         mean_v = v - loss_at_limit
-        half_turn = u2 * dt / 2
-        chord = mean_v * dt * sinc(half_turn)
+        distance = mean_v * dt
+        top_speed = jnp.maximum(jnp.abs(robot.v), jnp.abs(v))
+        half_turn = self.turn(u2, top_speed, distance, dt) / 2
+        chord = distance * sinc(half_turn)
         cos, sin = unit_vector(robot.heading + half_turn)
         return RobotState(
             x=robot.x + chord * cos,

@@ -21,7 +21,7 @@ from apollonius.game.reward import Reward, nearest_distances
 from apollonius.game.scenario import Scenario
 from apollonius.game.sensing import Sensing
 from apollonius.game.starts import Starts
-from apollonius.game.teams import Body, Teams
+from apollonius.game.teams import Teams
 from apollonius.game.types import (
     ROLES,
     BySide,
@@ -63,6 +63,7 @@ class Game(eqx.Module):
 
     Attributes:
         pursuer, evader: the robots' limits, of a team those of its first robot; equal in the paper.
+            Robots of other kinds are in `apollonius.game.models`.
         arena: walls and obstacles.
         capture_distance: distance [m] of two centres below which the evader is captured (D_catch of
             Table I).
@@ -83,8 +84,8 @@ class Game(eqx.Module):
         InvalidInput: at construction, for values that no game can be played with.
     """
 
-    pursuer: Body = Body()
-    evader: Body = Body()
+    pursuer: Unicycle = Unicycle()
+    evader: Unicycle = Unicycle()
     arena: Arena = Arena()
     capture_distance: Real = 0.3
     dt: Real = 0.1
@@ -117,7 +118,7 @@ class Game(eqx.Module):
         require(1 <= steps <= MAX_STEPS and steps == int(steps), "max_steps", steps, bound)
         self.reward.check()
         validation.check_bodies(self.bodies, float(self.dt), self.sensors, self.drives)
-        validation.check_uncertainty(self.uncertainty, self.drives)
+        validation.check_uncertainty(self.uncertainty, self.drives, self.bodies)
         self.arena.check()
         self.starts.check(self.capture_distance)
         validation.check_space_to_start(self.arena, self.bodies, self.starts)

@@ -7,12 +7,13 @@ import jax
 import jax.numpy as jnp
 
 from apollonius.game.arena import Arena, Disc
+from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.names import TEAM
 from apollonius.game.reward import Reward
 from apollonius.game.scenario import RobotKinds, Scenario, Spread
 from apollonius.game.sensing import Noise, Sensing, Sensors
-from apollonius.game.teams import Body, Teams
+from apollonius.game.teams import Teams
 from apollonius.io.errors import InvalidInput, closest_names, require, unknown_name
 from apollonius.io.limits import ROBOTS
 
@@ -40,7 +41,7 @@ def zero_sum() -> Game:
 
 def robot() -> Game:
     """The `paper` game of robots of radius 0.2 m, caught where their bodies are 0.1 m apart."""
-    body = Body(radius=0.2)
+    body = Unicycle(radius=0.2)
     return Game(pursuer=body, evader=body, arena=paper().arena, capture_distance=0.5)
 
 

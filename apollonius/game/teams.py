@@ -15,10 +15,6 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.types import Flag, RobotState, Scalar, tree_where
 
 T = TypeVar("T")
-Body = Unicycle
-"""The class of all robots. Another kind extends it by fields that are 0 in the robots so far, and
-is named here.
-"""
 
 
 class Teams(eqx.Module):
@@ -26,8 +22,8 @@ class Teams(eqx.Module):
     out of play.
     """
 
-    pursuers: tuple[Body, ...] = ()
-    evaders: tuple[Body, ...] = ()
+    pursuers: tuple[Unicycle, ...] = ()
+    evaders: tuple[Unicycle, ...] = ()
     mates_collide: bool = eqx.field(static=True, default=False)
 
 

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from apollonius.game.arena import Arena
 from apollonius.game.drive import MOST_LAG, Drives
 from apollonius.game.dynamics import Unicycle
+from apollonius.game.models import model_of, require_unicycle
 from apollonius.game.sensing import Sensing
 from apollonius.game.starts import Starts
 from apollonius.game.types import BySide
@@ -126,12 +127,19 @@ def check_parts(sensors: Sensing | None, drives: Drives | None) -> None:
                 part.check(f"{name}.{side}")
 
 
-def check_uncertainty(uncertainty: Uncertainties | None, drives: Drives | None) -> None:
-    """Refuse impossible bounds, and those of a delay without the lag that it adds to."""
-    for side, bounds, drive in zip(_SIDES, uncertainty or (), drives or (None, None), strict=False):
+def check_uncertainty(
+    uncertainty: Uncertainties | None, drives: Drives | None, bodies: Bodies
+) -> None:
+    """Refuse impossible bounds, those of a delay without the lag that it adds to, and those of
+    robots that are not unicycles.
+    """
+    sides = zip(_SIDES, uncertainty or (), drives or (None, None), bodies, strict=False)
+    for side, bounds, drive, robots in sides:
         if bounds is None:
             continue
         bounds.check(f"uncertainty.{side}")
+        for body in robots:
+            require_unicycle(body, side, f"uncertainty.{side}")
         has_lag = drive is not None and drive.lag is not None and drive.lag < MOST_LAG
         bound = f"0 s, or beside drives.{side}.lag of 0 to {MOST_LAG - 1} steps, to which it adds"
         require(not bounds.delay or has_lag, f"uncertainty.{side}.delay", bounds.delay, bound)
@@ -148,6 +156,9 @@ def check_bodies(bodies: Bodies, dt: float, sensors: Sensing | None, drives: Dri
     check_parts(sensors, drives)
     for side, robots in zip(_SIDES, bodies, strict=True):
         ROBOTS.require(f"{side}s", len(robots))
+        models = sorted({model_of(body) for body in robots})
+        bound = "one kind for all robots of a side"
+        require(len(models) == 1, f"{side}s.model", ", ".join(models), bound)
         for number, body in enumerate(robots):
             body.check(f"{side}s[{number}]" if len(robots) > 1 else side, dt)
 

@@ -61,14 +61,16 @@ def clearances_after(chart: Chart, robot: Robot, dt: Real) -> Float[Array, "9"]:
         return jnp.max(least) - body.radius
 
     def least_clearance(start: _Braking, turn: Scalar) -> Scalar:
-        durations = shares * jnp.maximum(start.state.v, 0.0) / braking
+        # A robot that drives backwards brakes by speeding up.
+        durations = shares * jnp.abs(start.state.v) / braking
+        deceleration = jnp.where(start.state.v < 0, braking, -braking)
 
         def one_stretch(before: _Braking, duration: Scalar) -> tuple[_Braking, None]:
             command = turn * jnp.minimum(body.u2_max, _SHARPEST / jnp.maximum(duration, 1e-3))
             mean, rate = limited_turn_rate(
                 body, robot.turn_time, before.turn_rate, command, duration
             )
-            state = body.move(before.state, -braking, mean, duration)
+            state = body.move(before.state, deceleration, mean, duration)
             clearance = chart.clearance(state.x, state.y)
             length = jnp.hypot(state.x - before.state.x, state.y - before.state.y)
             least = jnp.minimum(before.least, _between(before.clearance, clearance, length))

@@ -63,12 +63,12 @@ class Egocentric(AbstractObservation):
     """The robots, and of the arena rays and path lengths; networks read all on the scale of the
     paper's robots.
 
-    Robots (23). Of the robot itself its speed, v_max, v_min, u1_max, u2_max and radius in units of
-    the paper's robots, and its clearance here and where it would come to rest if it braked straight
-    ahead, clipped to [-1, 1] (8). Of the opponent cosine and sine of its bearing, its distance d as
-    1 / (1 + d) and log(1 + d) / 2, what is left of it before a capture, clipped to 3 m, cosine and
-    sine of its heading, all as the robot sees it; its speed and limits without v_min, and its
-    clearance (14). And the capture distance (1).
+    Robots (23). Of the robot itself its speed, v_max, v_min, u1_max, largest turn rate at half the
+    top speed and radius in units of the paper's robots, and its clearance here and where it would
+    come to rest if it braked straight ahead, clipped to [-1, 1] (8). Of the opponent cosine and
+    sine of its bearing, its distance d as 1 / (1 + d) and log(1 + d) / 2, what is left of it before
+    a capture, clipped to 3 m, cosine and sine of its heading, all as the robot sees it; its speed
+    and limits without v_min, and its clearance (14). And the capture distance (1).
 
     Rays (32): reciprocals 1 / (1 + r) of how far the robot's body could go [m] (IPAPRec: Zhang et
     al., "Learning to navigate with IPAPRec", 2021).
@@ -151,7 +151,7 @@ def _motion(robot: Robot) -> list[Real]:
         robot.state.v / SPEED,
         body.v_max / SPEED,
         body.u1_max / _U1,
-        body.u2_max / _U2,
+        body.usual_turn_rate / _U2,
         body.radius / _LENGTH,
     ]
 

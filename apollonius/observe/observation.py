@@ -115,7 +115,7 @@ def clearances_ahead(
         cos, sin: cosine and sine of its heading.
     """
     body, state = robot.body, robot.state
-    braking = jnp.maximum(state.v, 0.0) ** 2 / jnp.maximum(2 * body.u1_max, 1e-6)
+    braking = state.v * jnp.abs(state.v) / jnp.maximum(2 * body.u1_max, 1e-6)
     clearance_now = surroundings.clearance(state.x, state.y)
     clearance_at_rest = surroundings.clearance(state.x + braking * cos, state.y + braking * sin)
     clearances = (clearance_now, clearance_at_rest)

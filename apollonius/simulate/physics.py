@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float, Float64
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
+from apollonius.game.models import require_unicycle
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Polygon
 from apollonius.game.types import Real, Role
@@ -58,9 +59,7 @@ def mjcf(game: Game, drive: RobotHardware, step: float) -> str:
     game.arena.require_only((Disc, Polygon, OccupancyMap), bound)
     robots = robots_of(game)
     for side, body in robots.items():
-        kind = type(body)
-        bound = "Unicycle: a body has two driven wheels; write a drive for other robots"
-        require(kind is Unicycle, f"class of the {side}", kind.__name__, bound)
+        require_unicycle(body, side, "simulate, whose robots have two driven wheels,")
     model = Element("mujoco", model="pursuit-evasion")
     SubElement(model, "option", timestep=f"{step:.9g}", integrator="implicitfast", cone="elliptic")
     world = SubElement(model, "worldbody")

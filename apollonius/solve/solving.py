@@ -57,7 +57,7 @@ def reference_grid(game: Game, role: Role) -> tuple[Grid, int]:
     speeds = max(
         2, 1 + ceil((body.v_max - body.v_min) / max(float(body.u1_max) * dt * hold, _FASTER) - 1e-6)
     )
-    turn = float(body.u2_max) * dt * hold
+    turn = float(body.usual_turn_rate) * dt * hold
     headings = min(_HEADINGS, key=lambda count: abs(turn * count / tau - round(turn * count / tau)))
     arena = game.arena
     sizes = arena.x_max - arena.x_min, arena.y_max - arena.y_min
@@ -74,7 +74,7 @@ def joint_grid(game: Game, role: Role, pairs: float = PAIRS) -> tuple[Grid, int]
     arena = game.arena
     faster = (float(lead.v_max) - float(lead.v_min)) / (_SPEEDS - 1)
     hold = max(1, min(round(faster / max(float(lead.u1_max), _FASTER) / dt), round(_LONGEST / dt)))
-    headings = min(max(8, round(tau / max(float(lead.u2_max) * dt * hold, 1e-6))), 16)
+    headings = min(max(8, round(tau / max(float(lead.usual_turn_rate) * dt * hold, 1e-6))), 16)
     places = pairs**0.5 / (_SPEEDS * headings)
     shape = (float(arena.x_max) - float(arena.x_min)) / (float(arena.y_max) - float(arena.y_min))
     x, y = (max(2, round((places * ratio) ** 0.5)) for ratio in (shape, 1 / shape))

@@ -24,8 +24,8 @@ from apollonius.agents.wrappers.departure import departure_costs
 from apollonius.export.writing import refuse_untranslatable
 from apollonius.game.arena import MOST_DISCS, MOST_EDGES, Disc
 from apollonius.game.chart import COARSE, SIDE, Chart
+from apollonius.game.dynamics import Unicycle
 from apollonius.game.polygon import Edge
-from apollonius.game.teams import Body
 from apollonius.game.types import RobotState, Scalar
 from apollonius.io.document import write_atomically
 from apollonius.io.errors import require
@@ -141,7 +141,10 @@ def _examples() -> dict[str, Any]:
         return jax.tree.map(lambda leaf: jnp.zeros((count, *leaf.shape), leaf.dtype), tree)
 
     number, many = real(), 2 * ROBOTS
-    body, robot = Body(*[number] * len(fields(Body))), RobotState(number, number, number, number)
+    body, robot = (
+        Unicycle(*[number] * len(fields(Unicycle))),
+        RobotState(number, number, number, number),
+    )
     disc, edge = Disc(number, number, number), Edge(number, number, number, number, whole())
     lengths = jnp.zeros((1, COARSE**2, COARSE**2), jnp.uint16)
     visible = jnp.zeros((1, SIDE, SIDE), jnp.uint16)

@@ -10,10 +10,10 @@ def controls(body, action):
 
 
 def move(body, robot, inputs, dt):
-    """The arc of a constant turn, travelled at the exact mean of a speed that ramps until it meets its limit."""
+    """The arc of a constant turn, travelled at the exact mean of a speed that ramps until it meets its limit, or 0."""
     x, y, v, heading = robot
     u1, u2 = inputs
-    ramp_time = dt if u1 == 0 else min(dt, ((body.v_max if u1 > 0 else body.v_min) - v) / u1)
+    ramp_time = dt if u1 == 0 else min(dt, (speed_limit(body, v, u1) - v) / u1)
     v_after = v + u1 * ramp_time
     travelled = (v + v_after) / 2 * ramp_time + v_after * (dt - ramp_time)
 
@@ -25,6 +25,12 @@ def move(body, robot, inputs, dt):
         dx = radius * (math.sin(heading + turn) - math.sin(heading))
         dy = radius * (math.cos(heading) - math.cos(heading + turn))
     return x + dx, y + dy, v_after, math.remainder(heading + turn, math.tau)
+
+
+def speed_limit(body, v, u1):
+    """Where the ramp ends: a robot that brakes does so at rest."""
+    limit = body.v_max if u1 > 0 else body.v_min
+    return 0.0 if v * limit < 0 else limit
 
 
 def closest_pass(a_before, a_after, b_before, b_after):

@@ -2,7 +2,7 @@
 
 A policy without a memory that turns on the spot can stand for ever, right of a heading at which
 left is best and left of one at which right is best, most often nose to an obstacle that it must not
-touch.
+touch. A car there turns in several moves, forwards and backwards.
 """
 
 import jax
@@ -10,8 +10,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from apollonius.agents.policy import AbstractValueWrapper, Memory
+from apollonius.game.car import Car
 from apollonius.game.dynamics import wrap_angle
 from apollonius.game.types import NUM_ACTIONS, RandomBits, Scalar
+from apollonius.observe.braking import clearances_after
 from apollonius.observe.view import View
 
 NEAR = 0.05
@@ -27,12 +29,16 @@ would lose again.
 """
 _LONGEST = 1e6
 """Length [m] of a way that is not free."""
+_LOSS = 2e-3
+"""Clearance [m] that a move may cost a car that has less than `NEAR`."""
 _FORBIDDEN = 1e5
 """Cost of an action that is not allowed, beyond all values of actions."""
 _RIGHT, _LEFT = 0, 2
 """Actions that turn on the spot."""
 _AHEAD = 7
 """The action that drives straight on."""
+_FAR_ENOUGH = 1.5
+"""Way ahead, in turning radii, with which a car stops driving backwards."""
 
 
 def departures(view: View) -> Bool[Array, "9"]:
@@ -66,12 +72,49 @@ def departures(view: View) -> Bool[Array, "9"]:
     angles = jnp.arange(_DIRECTIONS, dtype=jnp.float32) * (2 * jnp.pi / _DIRECTIONS)
     lengths = jax.vmap(path_length)(angles)
     turn = wrap_angle(angles[jnp.argmin(lengths)] - own.heading)
+    if isinstance(body, Car):
+        return _moves_of_turn(view, body, turn)
     heads_there = jnp.abs(turn) <= body.u2_max * view.dt
     best = jnp.where(heads_there, _AHEAD, jnp.where(turn > 0, _LEFT, _RIGHT))
     actions = jnp.arange(NUM_ACTIONS)
     drives_off = (actions >= NUM_ACTIONS - 3) & (room >= NEAR)
     is_at_rest = own.v < body.u1_max * view.dt / 2
     return ~(is_at_rest & (jnp.min(lengths) < _LONGEST)) | drives_off | (actions == best)
+
+
+def _moves_of_turn(view: View, car: Car, turn: Scalar) -> Bool[Array, "9"]:
+    """Return the actions allowed to a car: all to one that drives forwards.
+
+    At rest, with less way ahead than its turning radius, it drives to where there is more, forwards
+    or backwards, steered so that it turns towards the free way. It drives backwards until there is
+    way enough ahead, or no room behind.
+
+    Args:
+        view: what the robot sees.
+        car: the robot's limits.
+        turn: angle from its heading to the free way [rad].
+    """
+    chart = view.chart
+    own = view.own.predicted
+    cos, sin = jnp.cos(own.heading), jnp.sin(own.heading)
+    ahead = chart.range(own.x, own.y, cos, sin) - car.radius
+    behind = chart.range(own.x, own.y, -cos, -sin) - car.radius
+    is_left = turn > 0
+    forwards, backwards = jnp.where(is_left, 8, 6), jnp.where(is_left, 0, 2)
+    room = chart.clearance(own.x, own.y) - car.radius
+    room_after = clearances_after(chart, view.own, view.dt)
+    is_safe = room_after >= jnp.minimum(NEAR, room - _LOSS)
+    is_at_rest = jnp.abs(own.v) < car.u1_max * view.dt / 2
+    is_backing = own.v < 0
+    is_short = ahead < car.turning_radius
+    starts_back = is_at_rest & is_short & (behind > ahead)
+    goes_on = ~is_at_rest & is_backing & (ahead < _FAR_ENOUGH * car.turning_radius)
+    backs = (starts_back | goes_on) & is_safe[backwards] & (car.v_min < 0)
+    actions = jnp.arange(NUM_ACTIONS)
+    drives_off = actions >= NUM_ACTIONS - 3
+    onward = jnp.where(is_at_rest & is_short & is_safe[forwards], actions == forwards, drives_off)
+    is_free = ~is_at_rest & ~is_backing
+    return jnp.where(backs, actions == backwards, is_free | onward)
 
 
 def departure_costs(view: View) -> Float[Array, "9"]:

@@ -91,6 +91,7 @@ class Backup(eqx.Module):
             state.
         most_error: the largest distance of the true place of a robot that is uncertain of itself
             from the known one [m], beyond which no stop is safe; None for one that is certain.
+        may_reverse: whether robots drive backwards, too, and then brake by speeding up.
     """
 
     arena: Arena
@@ -100,6 +101,7 @@ class Backup(eqx.Module):
     surroundings: NearEdges | None = None
     uses_arena_of_view: bool = eqx.field(static=True, default=False)
     most_error: Real | None = None
+    may_reverse: bool = eqx.field(static=True, default=False)
 
     @property
     def is_uncertain(self) -> bool:
@@ -151,6 +153,8 @@ class Backup(eqx.Module):
         before = BrakingMotion(robot.predicted, None)
         after = self._hold(robot, before, action).state
         (cos, sin), length = unit_vector(after.heading), after.v**2 / (2 * robot.body.u1_max)
+        if self.may_reverse:
+            length = jnp.sign(after.v) * length
         rest = replace(after, x=after.x + length * cos, y=after.y + length * sin)
         least = jnp.minimum(
             self._clearance_along(before.state, after), self._clearance_along(after, rest)
@@ -188,9 +192,18 @@ class Backup(eqx.Module):
 
     def _brake(self, robot: Robot, motions: list[BrakingMotion]) -> list[BrakingMotion]:
         """Return the motion in each manoeuvre after one more step."""
-        actions = [jnp.full((), action, jnp.int32) for action in self.manoeuvres]
-        pairs = zip(motions, actions, strict=True)
-        return [self._hold(robot, motion, action) for motion, action in pairs]
+        pairs = zip(motions, self.manoeuvres, strict=True)
+        return [
+            self._hold(robot, motion, self._braking_action(motion.state, manoeuvre))
+            for motion, manoeuvre in pairs
+        ]
+
+    def _braking_action(self, state: RobotState, manoeuvre: int) -> Action:
+        """Return the action of a manoeuvre, which slows the robot down or keeps it at rest."""
+        action = jnp.full((), manoeuvre, jnp.int32)
+        if not self.may_reverse:
+            return action
+        return (action + 3 * (1 - jnp.sign(state.v))).astype(jnp.int32)
 
     def _hold(self, robot: Robot, motion: BrakingMotion, action: Action) -> BrakingMotion:
         u1, u2 = robot.body.controls(action)
@@ -335,22 +348,33 @@ def brakes(game: Game, role: Role, is_uncertain: bool = False) -> Backup:
     """
     kinds = game.scenario.kinds if game.scenario else None
     bodies = game.bodies[role] if kinds is None else kinds.every(role)
-    for body in bodies:
-        bound = "0 and more than 0: of a robot that can stop, as it does when it brakes"
-        require(body.brakes_to_rest, "v_min, u1_max", (body.v_min, body.u1_max), bound)
     is_uncertain = is_uncertain or game.uncertainty_of(role) is not None
+    for body in bodies:
+        bound = "at most 0 and more than 0: of a robot that can stop, as it does when it brakes"
+        require(body.brakes_to_rest, "v_min, u1_max", (body.v_min, body.u1_max), bound)
+        bound = "0 m/s: a robot that is uncertain of itself must not drive backwards"
+        require(body.v_min == 0 or not is_uncertain, "v_min", body.v_min, bound)
     longer = _LONGER if is_uncertain else 1
-    steps = longer * max(ceil(body.v_max / (body.u1_max * game.dt)) for body in bodies)
+    steps = longer * max(ceil(body.top_speed / (body.u1_max * game.dt)) for body in bodies)
     most_error = min(map(_stopping_distance, bodies)) if is_uncertain else None
     surroundings = _surroundings(game, bodies, most_error or 0.0)
     arena = pack(replace(game.arena, polygons=()) if surroundings else game.arena)
     uses_arena_of_view = game.scenario is not None
-    return Backup(arena, game.dt, steps, BRAKING, surroundings, uses_arena_of_view, most_error)
+    return Backup(
+        arena,
+        game.dt,
+        steps,
+        BRAKING,
+        surroundings,
+        uses_arena_of_view,
+        most_error,
+        may_reverse=any(body.v_min < 0 for body in bodies),
+    )
 
 
 def _stopping_distance(body: Unicycle) -> Real:
     """Return the way of a robot that brakes from its top speed [m]."""
-    return body.v_max**2 / (2 * body.u1_max)
+    return body.top_speed**2 / (2 * body.u1_max)
 
 
 def _surroundings(game: Game, bodies: Sequence[Unicycle], most_error: Real) -> NearEdges | None:
@@ -367,7 +391,7 @@ def _surroundings(game: Game, bodies: Sequence[Unicycle], most_error: Real) -> N
     if not shapes or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(numbers)):
         return None
     edges = game.scenario.edges if game.scenario else stacked_edges([game.arena], LENGTHS)
-    reach = max(body.radius + body.v_max * game.dt / 2 for body in bodies) + 2 * MARGIN
+    reach = max(body.radius + body.top_speed * game.dt / 2 for body in bodies) + 2 * MARGIN
     return edges and near_edges(edges, walls, float(reach + most_error))
 
 
