@@ -203,7 +203,7 @@ class Backup(eqx.Module):
         action = jnp.full((), manoeuvre, jnp.int32)
         if not self.may_reverse:
             return action
-        return (action + 3 * (1 - jnp.sign(state.v))).astype(jnp.int32)
+        return action + 3 * (1 - jnp.sign(state.v).astype(jnp.int32))
 
     def _hold(self, robot: Robot, motion: BrakingMotion, action: Action) -> BrakingMotion:
         u1, u2 = robot.body.controls(action)
