@@ -35,7 +35,6 @@ class Car(Unicycle):
     wheelbase: Real = 0.33
 
     second_control: ClassVar[str] = "steering angle u2 [rad]"
-    turns_on_the_spot: ClassVar[bool] = False
 
     def check(self, name: str, dt: Real) -> None:
         """Refuse impossible limits, and turns too large for a step of `dt` [s]."""
@@ -48,6 +47,11 @@ class Car(Unicycle):
         smaller = "make u2_max or dt smaller, or wheelbase larger"
         bound = f"such that a step turns by at most {MAX_TURN} rad, not {turn:.3g}; {smaller}"
         require(turn <= MAX_TURN, f"{name}.u2_max", self.u2_max, bound)
+
+    @property
+    def turns_on_the_spot(self) -> bool:
+        """Check whether it turns at rest."""
+        return False
 
     @property
     def turning_radius(self) -> Scalar:

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Shaped
 
-from apollonius.game.types import NUM_ACTIONS, Action, Controls, Real, RobotState, Scalar
+from apollonius.game.types import NUM_ACTIONS, Action, Controls, Flag, Real, RobotState, Scalar
 from apollonius.io.errors import require
 
 MAX_TURN = 2.0
@@ -117,13 +117,21 @@ class Unicycle(eqx.Module):
 
     second_control: ClassVar[str] = "turn rate u2 [rad/s]"
     """What u2 is."""
-    turns_on_the_spot: ClassVar[bool] = True
-    """Whether it turns at rest."""
 
     @property
     def brakes_to_rest(self) -> bool:
         """Check whether full braking ends at rest rather than in driving on."""
         return bool(self.v_min <= 0 and self.u1_max > 0)
+
+    @property
+    def turns_on_the_spot(self) -> Flag | bool:
+        """Check whether it turns at rest."""
+        return True
+
+    @property
+    def turning_radius(self) -> Real:
+        """The radius of its sharpest turn [m]."""
+        return 0.0
 
     @property
     def top_speed(self) -> Real:

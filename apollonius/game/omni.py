@@ -32,7 +32,7 @@ class Omni(Unicycle):
         """Refuse impossible limits, and turns too large for a step of `dt` [s]."""
         super().check(name, dt)
         value = self.lateral_acceleration
-        require(value >= 0, f"{name}.lateral_acceleration", value, "0 m/s^2 or more")
+        require(value > 0, f"{name}.lateral_acceleration", value, "more than 0 m/s^2")
 
     def turn_rate(self, u2: Scalar, v: Scalar) -> Scalar:
         """Return the rate at which the course turns [rad/s] at a speed [m/s]."""

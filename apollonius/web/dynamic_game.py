@@ -11,14 +11,17 @@ from jaxtyping import Array, Bool, Float, Int
 
 from apollonius.agents.wrappers.shield import Backup, BrakingMotion
 from apollonius.game.arena import Arena, Disc
+from apollonius.game.car import Car
 from apollonius.game.chart import Chart
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.obstacle import AbstractObstacle
 from apollonius.game.occupancy import OccupancyMap
+from apollonius.game.omni import Omni
 from apollonius.game.polygon import Edge, Edges
 from apollonius.game.teams import Teams
-from apollonius.game.types import BySide, GameState, Real, RobotState, Role, Scalar
+from apollonius.game.types import BySide, Flag, GameState, Real, RobotState, Role, Scalar
+from apollonius.game.wheels import Wheels
 from apollonius.observe.tracking import Track
 from apollonius.observe.view import Robot, View, look
 from apollonius.web.site import ROBOTS
@@ -125,17 +128,74 @@ class Floor(eqx.Module):
         return DynamicArena(x_min, x_max, y_min, y_max, territory=self.territory, extra=drawn)
 
 
+class AnyRobot(Unicycle):
+    """A robot of any kind, with one translated motion however often it moves: of a number that its
+    kind does not have it has 0.
+    """
+
+    wheelbase: Real = 0.0
+    track: Real = 0.0
+    wheel_speed: Real = 0.0
+    lateral_acceleration: Real = 0.0
+
+    move = jax.jit(Unicycle.move)
+
+    @property
+    def turns_on_the_spot(self) -> Flag:
+        """Check whether it turns at rest."""
+        return jnp.asarray(self.wheelbase == 0)
+
+    @property
+    def turning_radius(self) -> Scalar:
+        """The radius of its sharpest turn [m]."""
+        return jnp.where(self.turns_on_the_spot, 0.0, self._car.turning_radius)
+
+    def turn_rate(self, u2: Scalar, v: Scalar) -> Scalar:
+        """Return the turn rate [rad/s] under a control u2 at a speed [m/s]."""
+        of_wheels = Wheels(track=_positive(self.track), wheel_speed=self.wheel_speed)
+        of_omni = Omni(lateral_acceleration=self.lateral_acceleration)
+        rate = jnp.where(self.track > 0, of_wheels.turn_rate(u2, v), u2)
+        rate = jnp.where(self.lateral_acceleration > 0, of_omni.turn_rate(u2, v), rate)
+        return jnp.where(self.wheelbase > 0, self._car.turn_rate(u2, v), rate)
+
+    def turn(self, u2: Scalar, fastest: Scalar, distance: Scalar, dt: Real) -> Scalar:
+        """Return the turn in a step [rad]; the arguments are those of `Unicycle.turn`."""
+        turn = super().turn(u2, fastest, distance, dt)
+        of_car = self._car.turn(u2, fastest, distance, dt)
+        return jnp.where(self.wheelbase > 0, of_car, turn)
+
+    def fastest_on_arc(self, radius: Scalar) -> Scalar:
+        """Return the highest speed [m/s] at which the robot can drive an arc of a radius [m]."""
+        limits = self.v_min, self.v_max, self.u1_max, self.u2_max, self.radius
+        of_wheels = Wheels(*limits, _positive(self.track), self.wheel_speed)
+        of_omni = Omni(*limits, self.lateral_acceleration)
+        fastest = super().fastest_on_arc(radius)
+        fastest = jnp.where(self.track > 0, of_wheels.fastest_on_arc(radius), fastest)
+        is_omni = self.lateral_acceleration > 0
+        fastest = jnp.where(is_omni, of_omni.fastest_on_arc(radius), fastest)
+        return jnp.where(self.wheelbase > 0, self.v_max, fastest)
+
+    @property
+    def _car(self) -> Car:
+        return Car(u2_max=self.u2_max, wheelbase=_positive(self.wheelbase))
+
+
+def _positive(value: Real) -> Scalar:
+    """Return a number by which can be divided, also where it is 0 and the result is not used."""
+    return jnp.where(jnp.asarray(value) > 0, value, 1.0)
+
+
 class Robots(eqx.Module):
     """Robots, leaves `[2 * ROBOTS]`: one side, then the other. Places without a robot are not
     active.
     """
 
-    bodies: Unicycle
+    bodies: AnyRobot
     states: RobotState
     status: Int[Array, " robots"]
 
     @property
-    def first(self) -> tuple[Unicycle, RobotState]:
+    def first(self) -> tuple[AnyRobot, RobotState]:
         """The body and the state of the first robot."""
         return at(self.bodies, 0), at(self.states, 0)
 

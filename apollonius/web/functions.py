@@ -173,7 +173,9 @@ def clearance_after(
     It is less, but more than `MARGIN`, where nothing is within reach of any manoeuvre to rest.
     """
     arena, (body, robot) = floor.arena(field), robots.first
-    backup = DynamicBackup(arena, dt, jnp.ceil(body.v_max / (body.u1_max * dt)).astype(jnp.int32))
+    top_speed = jnp.maximum(body.v_max, -body.v_min)
+    steps = jnp.ceil(top_speed / (body.u1_max * dt)).astype(jnp.int32)
+    backup = DynamicBackup(arena, dt, steps, may_reverse=True)
     after = move(robots, levels, dt)
     longest = after.v**2 / (2 * body.u1_max) + after.v * dt
     least = (

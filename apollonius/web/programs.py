@@ -24,7 +24,6 @@ from apollonius.agents.wrappers.departure import departure_costs
 from apollonius.export.writing import refuse_untranslatable
 from apollonius.game.arena import MOST_DISCS, MOST_EDGES, Disc
 from apollonius.game.chart import COARSE, SIDE, Chart
-from apollonius.game.dynamics import Unicycle
 from apollonius.game.polygon import Edge
 from apollonius.game.types import RobotState, Scalar
 from apollonius.io.document import write_atomically
@@ -34,7 +33,7 @@ from apollonius.observe.registry import find_observation
 from apollonius.observe.tracking import Sightings, Track
 from apollonius.observe.view import View
 from apollonius.web import functions
-from apollonius.web.dynamic_game import Field, Floor, Robots, SearcherState
+from apollonius.web.dynamic_game import AnyRobot, Field, Floor, Robots, SearcherState
 from apollonius.web.site import READS, ROBOTS
 from jaxpr2c.compiler import compile_texts
 from jaxpr2c.program import Program
@@ -142,7 +141,7 @@ def _examples() -> dict[str, Any]:
 
     number, many = real(), 2 * ROBOTS
     body, robot = (
-        Unicycle(*[number] * len(fields(Unicycle))),
+        AnyRobot(*[number] * len(fields(AnyRobot))),
         RobotState(number, number, number, number),
     )
     disc, edge = Disc(number, number, number), Edge(number, number, number, number, whole())

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from apollonius.evaluate.match import Match, play_games, record_game
+from apollonius.game.models import MODELS
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome
 from apollonius.play.replay import save_replay
@@ -22,13 +23,24 @@ PAIRINGS = (
     ("robot", "moving", "random", "random", 200),
     ("zero-sum", "rest", "P_random", "still", 200),
     ("territory", "rest", "random", "territory", 200),
+    ("car", "moving", "random", "random", 200),
+    ("wheels", "moving", "random", "random", 200),
+    ("omni", "moving", "random", "random", 200),
 )
-"""Game, starts, pursuer, evader, time limit [steps]."""
+"""Game, or kind of both robots, starts, pursuer, evader, time limit [steps]."""
 GAMES = 2000
 
 
+def golden_game(name):
+    """Return a game by its name, or that of the robots of a kind."""
+    if name not in MODELS:
+        return make_game(name)
+    body = MODELS[name](radius=0.2)
+    return replace(make_game("robot"), pursuer=body, evader=replace(body, v_min=-0.3, v_max=0.9, u1_max=0.5))
+
+
 def record(name, starts, pursuer_name, evader_name, max_steps):
-    game = make_game(name)
+    game = golden_game(name)
     game = replace(game, starts=replace(game.starts, speed=starts), max_steps=max_steps)
     match = Match.of_names(game, pursuer_name, evader_name, GAMES)
     ended = np.asarray(play_games(match).outcome)

@@ -24,7 +24,7 @@ from tests.documents import REPOSITORY
 from tests.web.browser import needs_chromium, playwright
 
 pytestmark = needs_chromium
-SPIRAL = "eaf7876b54cada04c61699f271ac0f633e5d34713b1a3e9b09a7d501aef9e69b"
+SPIRAL = "b8b77deb6d69d59728a35e2d4fe9933c9cad976cbe29a17205206ede54c0ac44"
 """SHA-256 of the C sources of `spiral.wasm`, which `write_player` makes anew."""
 
 

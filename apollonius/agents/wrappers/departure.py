@@ -10,9 +10,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from apollonius.agents.policy import AbstractValueWrapper, Memory
-from apollonius.game.car import Car
 from apollonius.game.dynamics import wrap_angle
-from apollonius.game.types import NUM_ACTIONS, RandomBits, Scalar
+from apollonius.game.types import NUM_ACTIONS, Flag, RandomBits, Scalar
 from apollonius.observe.braking import clearances_after
 from apollonius.observe.view import View
 
@@ -72,17 +71,33 @@ def departures(view: View) -> Bool[Array, "9"]:
     angles = jnp.arange(_DIRECTIONS, dtype=jnp.float32) * (2 * jnp.pi / _DIRECTIONS)
     lengths = jax.vmap(path_length)(angles)
     turn = wrap_angle(angles[jnp.argmin(lengths)] - own.heading)
-    if isinstance(body, Car):
-        return _moves_of_turn(view, body, turn)
+    if isinstance(body.turns_on_the_spot, Array):
+        on_the_spot = _turns_on_the_spot(view, turn, jnp.min(lengths) < _LONGEST)
+        return jnp.where(body.turns_on_the_spot, on_the_spot, _moves_of_turn(view, turn))
+    if not body.turns_on_the_spot:
+        return _moves_of_turn(view, turn)
+    return _turns_on_the_spot(view, turn, jnp.min(lengths) < _LONGEST)
+
+
+def _turns_on_the_spot(view: View, turn: Scalar, is_some_way_free: Flag) -> Bool[Array, "9"]:
+    """Return the actions allowed to a robot that turns on the spot.
+
+    Args:
+        view: what the robot sees.
+        turn: angle from its heading to the free way [rad].
+        is_some_way_free: whether there is such a way.
+    """
+    own, body = view.own.predicted, view.own.body
+    room = view.chart.clearance(own.x, own.y) - body.radius
     heads_there = jnp.abs(turn) <= body.u2_max * view.dt
     best = jnp.where(heads_there, _AHEAD, jnp.where(turn > 0, _LEFT, _RIGHT))
     actions = jnp.arange(NUM_ACTIONS)
     drives_off = (actions >= NUM_ACTIONS - 3) & (room >= NEAR)
     is_at_rest = own.v < body.u1_max * view.dt / 2
-    return ~(is_at_rest & (jnp.min(lengths) < _LONGEST)) | drives_off | (actions == best)
+    return ~(is_at_rest & is_some_way_free) | drives_off | (actions == best)
 
 
-def _moves_of_turn(view: View, car: Car, turn: Scalar) -> Bool[Array, "9"]:
+def _moves_of_turn(view: View, turn: Scalar) -> Bool[Array, "9"]:
     """Return the actions allowed to a car: all to one that drives forwards.
 
     At rest, with less way ahead than its turning radius, it drives to where there is more, forwards
@@ -91,10 +106,9 @@ def _moves_of_turn(view: View, car: Car, turn: Scalar) -> Bool[Array, "9"]:
 
     Args:
         view: what the robot sees.
-        car: the robot's limits.
         turn: angle from its heading to the free way [rad].
     """
-    chart = view.chart
+    chart, car = view.chart, view.own.body
     own = view.own.predicted
     cos, sin = jnp.cos(own.heading), jnp.sin(own.heading)
     ahead = chart.range(own.x, own.y, cos, sin) - car.radius

@@ -1,7 +1,6 @@
 // Games from elsewhere, a JSON file or a link: what is left out has its default, and what cannot be played is refused with the
 // value, the bound and the remedy, as `arenas/file.py` and `game/validation.py` do.
 
-import { BODY } from "./calls.js";
 import { hasMeetingEdges } from "./plan.js";
 import { drawStart, makeRandom } from "./starts.js";
 
@@ -51,7 +50,14 @@ const [MOST_DISCS, MOST_POLYGONS, MOST_CORNERS, MOST_EDGES] = [250, 500, 1000, 2
 const SHORTEST = 0.01; // step [s] that the page keeps up with
 const LONGEST_STOP = 1000; // steps that a robot may take to stop, as shields look so far ahead
 
-const ROBOT = { ...Object.fromEntries(BODY.map((key) => [key, 0])), v_max: 1.2, u1_max: 0.3, u2_max: 0.8 };
+const ROBOT = { v_min: 0, v_max: 1.2, u1_max: 0.3, u2_max: 0.8, radius: 0 };
+/** What robots of other kinds have besides, or otherwise, as `game/models.py` says. */
+const MODELS = {
+  unicycle: {},
+  car: { v_min: -0.6, u2_max: 0.42, wheelbase: 0.33 },
+  wheels: { track: 0.4, wheel_speed: 1.2 },
+  omni: { u2_max: 4, lateral_acceleration: 0.3 },
+};
 /** The game of an empty file: the paper's, without discs. Keys without a value may be left out. */
 export const DEFAULT = {
   pursuer: ROBOT,
@@ -94,6 +100,13 @@ function filled(said, defaults, name) {
   return made;
 }
 
+/** The defaults of a robot of the kind that a table names. */
+function robotDefaults(said, name) {
+  const model = said?.model ?? "unicycle";
+  require(Object.hasOwn(MODELS, model), `${name}.model`, model, `one of ${Object.keys(MODELS).join(", ")}`);
+  return { ...ROBOT, ...MODELS[model], model: said?.model };
+}
+
 function list(value, name, most) {
   require(Array.isArray(value), name, value, "a list");
   require(value.length <= most, name, `${value.length} of them`, `at most ${most}; draw so many obstacles as an occupancy map`);
@@ -112,7 +125,8 @@ export function gameFrom(said, map = null) {
     require(said?.[key] === undefined, key, said?.[key], "left out here: the numbers of robots are chosen under Games");
   }
   const ends = map && { x_min: map.x, x_max: map.x + (map.columns - 1) * map.cell, y_min: map.y, y_max: map.y + (map.rows - 1) * map.cell };
-  const game = filled(said, { ...DEFAULT, arena: { ...DEFAULT.arena, ...ends } }, "game");
+  const robots = Object.fromEntries(["pursuer", "evader"].map((side) => [side, robotDefaults(said?.[side], side)]));
+  const game = filled(said, { ...DEFAULT, ...robots, arena: { ...DEFAULT.arena, ...ends } }, "game");
   const { arena } = game;
   arena.discs = list(arena.discs, "arena.discs", MOST_DISCS).map((disc, i) => filled(disc, DISC, `arena.discs[${i}]`));
   arena.polygons = list(arena.polygons, "arena.polygons", MOST_POLYGONS).map((polygon, i) => {
@@ -152,10 +166,27 @@ function checkBody(body, name, dt) {
   require(body.u1_max >= 0, `${name}.u1_max`, body.u1_max, "0 m/s^2 or more");
   require(body.u2_max >= 0, `${name}.u2_max`, body.u2_max, "0 rad/s or more");
   require(body.u2_max * dt <= MAX_TURN, `${name}.u2_max`, body.u2_max, `at most ${MAX_TURN} rad in a step`);
+  checkKind(body, name, dt);
   require(body.radius >= 0, `${name}.radius`, body.radius, "0 m (a point) or more");
   // What only the page demands, as it plays at the clock's pace.
   const stops = body.v_max <= LONGEST_STOP * body.u1_max * dt;
   require(stops, `${name}.u1_max`, body.u1_max, `enough to stop from v_max = ${body.v_max} m/s within ${LONGEST_STOP} steps`);
+}
+
+/** Check the numbers that only robots of a kind have. */
+function checkKind({ model, wheelbase, track, wheel_speed: rim, lateral_acceleration: across, ...body }, name, dt) {
+  const fastest = Math.max(body.v_max, -body.v_min);
+  if (model === "car") {
+    require(wheelbase > 0, `${name}.wheelbase`, wheelbase, "more than 0 m");
+    require(body.u2_max < Math.PI / 2, `${name}.u2_max`, body.u2_max, "less than pi / 2 rad: u2 is a car's steering angle");
+    const turn = (fastest * dt * Math.tan(body.u2_max)) / wheelbase;
+    require(turn <= MAX_TURN, `${name}.u2_max`, body.u2_max, `such that a step turns by at most ${MAX_TURN} rad`);
+  }
+  if (model === "wheels") {
+    require(track > 0, `${name}.track`, track, "more than 0 m");
+    require(fastest <= rim, `${name}.v_max`, body.v_max, `at most wheel_speed = ${rim} m/s in size`);
+  }
+  if (model === "omni") require(across > 0, `${name}.lateral_acceleration`, across, "more than 0 m/s^2");
 }
 
 function checkArena(arena, ends) {
