@@ -28,6 +28,8 @@ would lose again.
 """
 _LONGEST = 1e6
 """Length [m] of a way that is not free."""
+_BEHIND = 2.3
+"""Angle from the heading to a free way [rad], beyond which that is behind the robot."""
 _LOSS = 2e-3
 """Clearance [m] that a move may cost a car that has less than `NEAR`."""
 _FORBIDDEN = 1e5
@@ -37,7 +39,9 @@ _RIGHT, _LEFT = 0, 2
 _AHEAD = 7
 """The action that drives straight on."""
 _FAR_ENOUGH = 1.5
-"""Way ahead, in turning radii, with which a car stops driving backwards."""
+"""Way ahead, in turning radii, and clearance, in `NEAR`, with which a car stops driving
+backwards.
+"""
 
 
 def departures(view: View) -> Bool[Array, "9"]:
@@ -100,9 +104,10 @@ def _turns_on_the_spot(view: View, turn: Scalar, is_some_way_free: Flag) -> Bool
 def _moves_of_turn(view: View, turn: Scalar) -> Bool[Array, "9"]:
     """Return the actions allowed to a car: all to one that drives forwards.
 
-    At rest, with less way ahead than its turning radius, it drives to where there is more, forwards
-    or backwards, steered so that it turns towards the free way. It drives backwards until there is
-    way enough ahead, or no room behind.
+    At rest, with less way ahead than its turning radius or less clearance than `NEAR`, it drives to
+    where there is more, forwards or backwards, steered so that it turns towards the free way or, if
+    that is behind it, to the side with more room. It drives backwards until there is way enough
+    ahead, or no room behind.
 
     Args:
         view: what the robot sees.
@@ -113,16 +118,19 @@ def _moves_of_turn(view: View, turn: Scalar) -> Bool[Array, "9"]:
     cos, sin = jnp.cos(own.heading), jnp.sin(own.heading)
     ahead = chart.range(own.x, own.y, cos, sin) - car.radius
     behind = chart.range(own.x, own.y, -cos, -sin) - car.radius
-    is_left = turn > 0
+    to_the_left = chart.range(own.x, own.y, -sin, cos)
+    to_the_right = chart.range(own.x, own.y, sin, -cos)
+    is_left = jnp.where(jnp.abs(turn) < _BEHIND, turn > 0, to_the_left > to_the_right)
     forwards, backwards = jnp.where(is_left, 8, 6), jnp.where(is_left, 0, 2)
     room = chart.clearance(own.x, own.y) - car.radius
     room_after = clearances_after(chart, view.own, view.dt)
     is_safe = room_after >= jnp.minimum(NEAR, room - _LOSS)
     is_at_rest = jnp.abs(own.v) < car.u1_max * view.dt / 2
     is_backing = own.v < 0
-    is_short = ahead < car.turning_radius
+    is_short = (ahead < car.turning_radius) | (room < NEAR)
+    is_still_short = (ahead < _FAR_ENOUGH * car.turning_radius) | (room < _FAR_ENOUGH * NEAR)
     starts_back = is_at_rest & is_short & (behind > ahead)
-    goes_on = ~is_at_rest & is_backing & (ahead < _FAR_ENOUGH * car.turning_radius)
+    goes_on = ~is_at_rest & is_backing & is_still_short
     backs = (starts_back | goes_on) & is_safe[backwards] & (car.v_min < 0)
     actions = jnp.arange(NUM_ACTIONS)
     drives_off = actions >= NUM_ACTIONS - 3
