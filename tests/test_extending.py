@@ -1,4 +1,4 @@
-"""Agents by name; and `docs/how-to/extend.md`: a new obstacle or robot is a short file and a line."""
+"""Agents by name; and `docs/how-to/extend.md`: a new obstacle is a short file and a line."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -41,7 +41,6 @@ from jaxpr2c import CompiledProgram, translate
 from tests.acting import act, act_in_rows, robot, state
 from tests.bearing import BEARING, Bearing
 from tests.capsule import Capsule
-from tests.car import Car
 from tests.documents import REPOSITORY
 from tests.jaxpr2c.gcc import needs_gcc
 from tests.learn.test_earlier_versions import versions_of
@@ -49,19 +48,12 @@ from tests.learn.test_earlier_versions import versions_of
 DOCUMENT = (REPOSITORY / "docs" / "how-to" / "extend.md").read_text()
 
 
-class WithCars(Game):
-    """The line in `apollonius/game/teams.py`."""
-
-    pursuer: Car = Car()
-    evader: Car = Car()
-
-
-STEERED = {"pursuer": {"wheelbase": 0.5, "steer_max": 0.4}, "arena": {"discs": [{"x": 5, "y": 5, "radius": 1}]}}
 WALL = Capsule(3.0, 5.0, 7.0, 6.0, 0.3)
 
 
 def test_document_names_the_example_files():
-    assert all(f"tests/{name}.py" in DOCUMENT for name in ("capsule", "car"))
+    assert "tests/capsule.py" in DOCUMENT
+    assert "apollonius/game/car.py" in DOCUMENT
 
 
 def test_new_obstacle_is_as_far_away_as_its_points():
@@ -156,31 +148,6 @@ def test_new_scheme_is_read_from_configs_and_draws_opponents(monkeypatch):
     keys = jax.random.split(jax.random.key(0), 7000)
     drawn = jax.jit(jax.vmap(lambda key: draw_version(versions_of(3), "recent", key).drawn[1]))(keys)
     np.testing.assert_allclose(np.bincount(drawn) / 7000, [1 / 7, 2 / 7, 4 / 7], atol=0.03)
-
-
-def test_new_robot_is_read_from_files_and_turns_as_it_is_steered():
-    game = from_dict(WithCars, STEERED, "a file")
-    assert to_dict(game)["pursuer"].items() >= STEERED["pursuer"].items()
-    for v, turned in ((0.0, 0.0), (0.5, 0.5 * np.tan(0.4) / 0.5), (1.2, 0.8)):
-        moved = [
-            body.move(robot(2.0, 2.0, v), *map(jnp.float32, (0.0, 0.8)), 0.1) for body in (game.pursuer, game.evader)
-        ]
-        assert [float(one.heading) for one in moved] == pytest.approx([0.1 * turned, 0.08])
-    with pytest.raises(InvalidInput, match=r"pursuer.wheelbase = -1.0 is not possible"):
-        from_dict(WithCars, {"pursuer": {"wheelbase": -1}}, "a file")
-
-
-@pytest.mark.slow
-@needs_gcc
-def test_new_robot_is_the_same_in_c_and_its_shield_prevents_crashes():
-    game = from_dict(WithCars, STEERED, "a file")
-    player = find_exportable("shielded:P_curriculum", Role.PURSUER, game)
-    in_c, cases = CompiledProgram(translate(player.decide, *player.arguments, name="car")), cases_of(player, 500)
-    assert compare_decisions(lambda *given: in_c(player.policy, player.game, *given)[:2], player, cases).errors == 0
-    starts = jax.jit(reset_batch, static_argnums=2)(game, jax.random.key(0), 200)
-    uniform = find_exportable("random", Role.EVADER, game).package
-    ends = play_out(game, BySide(single_player(player.package), single_player(uniform)), starts, jax.random.key(1))
-    assert not np.isin(ends.outcome, (Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE)).any()
 
 
 PAPER = make_game("paper")
