@@ -42,6 +42,10 @@ class FreeSpace:
         """The area of the largest part [m^2]."""
         return float(self.free.sum()) * self.cell**2
 
+    def spacing_of(self, cells: int) -> float:
+        """Return the spacing [m] of hexagonal cells, this many of which fill the area."""
+        return float(np.sqrt(2 * self.area / np.sqrt(3) / cells))
+
 
 def free_space(game: Game) -> FreeSpace:
     """Return the free space of a game's larger robot; raises InvalidInput where it fits nowhere."""

@@ -1,1 +1,1 @@
-"""Gymnasium, vector and PettingZoo environments."""
+"""Gymnasium, vector, PettingZoo and OpenSpiel environments."""

@@ -107,6 +107,7 @@ EXTRAS = {
         "markdown_it": "markdown-it-py",
     },
     "gym": {"gymnasium": "gymnasium", "pettingzoo": "pettingzoo"},
+    "openspiel": {"pyspiel": "open_spiel"},
     "slurm": {"submitit": "submitit"},
     "ray": {"ray": "ray"},
     "track": {name: name for name in ("tensorboardX", "wandb", "mlflow", "trackio")},

@@ -111,7 +111,7 @@ def find_cop_number(
     """
     readings: list[GraphResult] = []
     for number, size in enumerate(sizes):
-        spacing = float(np.sqrt(2 * space.area / np.sqrt(3) / size))
+        spacing = space.spacing_of(size)
         report(spacing)
         reading = read(tile(space, spacing, (number + 1) % 2 * _TURN))
         if reading is None:

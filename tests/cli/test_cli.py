@@ -1,6 +1,7 @@
 """The command: what it prints, and that it refuses bad input in one line and leaves everything as it was."""
 
 import errno
+import importlib
 import io
 import json
 import os
@@ -388,6 +389,13 @@ def test_interface_without_its_library_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "pettingzoo", None)
     with pytest.raises(InvalidInput, match="the extra 'gym'"):
         _ = apollonius.parallel_env
+
+
+def test_open_spiel_without_its_library_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyspiel", None)
+    monkeypatch.delitem(sys.modules, "apollonius.envs.open_spiel", raising=False)
+    with pytest.raises(InvalidInput, match=r"pip install open_spiel \(the extra 'openspiel'\)"):
+        importlib.import_module("apollonius.envs.open_spiel")
 
 
 def test_train_makes_and_evaluates_a_run_and_force_replaces_its_files(tiny, capsys, monkeypatch):
