@@ -21,13 +21,12 @@ from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import find_game, from_dict, to_dict
 from apollonius.arenas.survey import survey
 from apollonius.catalogue import find_player, find_pool
-from apollonius.export.parity import cases_of, compare_decisions
 from apollonius.export.player import find_exportable
 from apollonius.game.arena import Arena, Disc, register_obstacle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
-from apollonius.game.types import BySide, Outcome, Role
+from apollonius.game.types import BySide, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn.earlier_versions import SCHEMES, draw_version
 from apollonius.learn.self_play import SelfPlayConfig
@@ -37,12 +36,11 @@ from apollonius.observe.view import look
 from apollonius.play.playout import play_out
 from apollonius.show.canvas import Canvas
 from apollonius.show.palette import OBSTACLE
-from jaxpr2c import CompiledProgram, translate
+from jaxpr2c import translate
 from tests.acting import act, act_in_rows, robot, state
 from tests.bearing import BEARING, Bearing
 from tests.capsule import Capsule
 from tests.documents import REPOSITORY
-from tests.jaxpr2c.gcc import needs_gcc
 from tests.learn.test_earlier_versions import versions_of
 
 DOCUMENT = (REPOSITORY / "docs" / "how-to" / "extend.md").read_text()

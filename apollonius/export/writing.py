@@ -13,8 +13,10 @@ from apollonius.agents.names import SHIELDED
 from apollonius.arenas.file import to_dict
 from apollonius.export.parity import Decide, cases_of, compare_decisions, microseconds
 from apollonius.export.player import LARGEST, Player
+from apollonius.game.models import model_of
 from apollonius.io.document import to_json, write_atomically
 from apollonius.io.errors import InvalidInput, require, require_extra
+from apollonius.io.record import write_record
 from jaxpr2c.compiler import CompiledProgram, has_compiler
 from jaxpr2c.errors import TranslationError
 from jaxpr2c.program import Program
@@ -166,7 +168,7 @@ def _facts(program: Program, player: Player, files: Mapping[Path, bytes]) -> dic
         "opponents": len(game.bodies[player.role.other]),
         "dt": float(game.dt),
         "max_steps": int(game.max_steps),
-        "v_max": float(body.v_max),
+        "body": {"model": model_of(body)} | write_record(body, {}),
         "fastest": max(
             abs(float(v))
             for side in game.bodies
@@ -192,7 +194,8 @@ def _about(program: Program, player: Player) -> list[str]:
         files: "the structs below as a little-endian machine has them: read them into memory"
     } | _argument_notes(player)
     speeds = f"v from {body.v_min:g} to {body.v_max:g} m/s"
-    limits = f"{speeds}, |u1| to {body.u1_max:g} m/s^2, |u2| to {body.u2_max:g} rad/s"
+    u2 = f"{body.second_control} within {body.u2_max:g}"
+    limits = f"{speeds}, |u1| to {body.u1_max:g} m/s^2, {u2}"
     return [
         f"The {player.role.name.lower()} {player.name} of a pursuit-evasion game, {game.size}.",
         f"Its robot: {limits}, radius {body.radius:g} m.",
@@ -212,7 +215,7 @@ def _about(program: Program, player: Player) -> list[str]:
 
 def _argument_notes(player: Player) -> dict[str, str]:
     """Describe the arguments and results of a decision, by their names."""
-    _, *mates = player.game.bodies[player.role]
+    body, *mates = player.game.bodies[player.role]
     opponents = player.game.bodies[player.role.other]
     opponents_text = "its opponent's"
     if player.robots > 2:
@@ -227,5 +230,5 @@ def _argument_notes(player: Player) -> dict[str, str]:
         "memory": "where a game begins that of the file, later what the last call returned",
         "bits": "32 random bits, fresh for every call",
         "action": levels if player.policy.continuous else nine,
-        "controls": f"acceleration u1 [m/s^2] and turn rate u2 [rad/s], to be held for {dt:g} s",
+        "controls": f"acceleration u1 [m/s^2] and {body.second_control}, to be held for {dt:g} s",
     }

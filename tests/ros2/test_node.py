@@ -17,6 +17,7 @@ from unittest.mock import MagicMock
 from xml.etree import ElementTree
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import yaml
@@ -24,13 +25,17 @@ import yaml
 from apollonius.arenas.file import find_game
 from apollonius.export.player import find_exportable
 from apollonius.export.writing import write_c
+from apollonius.game.models import MODELS
 from apollonius.game.types import Role
+from apollonius.io.record import write_record
+from tests.acting import robot as robot_at
 from tests.jaxpr2c.gcc import needs_gcc
 
 PACKAGE = Path(__file__).parents[2] / "ros2" / "apollonius_ros"
 OWN, OPPONENT, MATE = (2.0, 3.0, 0.5, 0.1), (7.0, 6.0, 0.0, -1.5), (2.0, 4.0, 0.5, 0.1)
+BODY = {"model": "unicycle", "v_min": 0.0, "v_max": 1.2}
 FACTS = {
-    "player": "pursuer", "mates": 0, "opponents": 1, "dt": 0.1, "max_steps": 100, "v_max": 1.2, "u1_max": 0.3,
+    "player": "pursuer", "mates": 0, "opponents": 1, "dt": 0.1, "max_steps": 100, "body": BODY, "u1_max": 0.3,
     "u2_max": 0.8, "fastest": 1.5, "game": {"arena": {"x_min": 0.0, "x_max": 10.0, "y_min": -1.0, "y_max": 8.0}},
 }  # fmt: skip
 
@@ -55,6 +60,41 @@ class Player:
     def decide(self, states, active, bits):
         self.asked.append((list(states), list(active)))
         return [8], [0.3, 0.8]
+
+
+@pytest.mark.parametrize("name", ["unicycle", "car", "wheels"])
+def test_node_turns_and_speeds_up_as_the_rules_do(name):
+    """The node has no Apollonius to ask."""
+    module, body = importlib.import_module("apollonius_ros.pilot"), MODELS[name](v_min=-0.5)
+    facts = {"model": name} | write_record(body, {})
+    for v in (-0.49, -0.02, 0.0, 0.02, 0.6, 1.19):
+        for u1 in (-0.3, 0.0, 0.3):
+            speed = module.next_speed(facts, v, u1 * 0.1)
+            after = body.move(robot_at(0, 0, v), jnp.float32(u1), jnp.float32(0), 0.1)
+            assert speed == pytest.approx(float(after.v), abs=1e-6)
+            for u2 in (-body.u2_max, 0.0, body.u2_max / 2):
+                rate = float(body.turn_rate(jnp.float32(u2), jnp.float32(speed)))
+                assert module.turn_rate(facts, u2, speed) == pytest.approx(rate, abs=1e-6)
+
+
+def test_node_of_a_robot_that_reverses_brakes_in_both_directions(pilot):
+    pilot.player.facts["body"] = {"model": "unicycle", "v_min": -0.6, "v_max": 1.2}
+    pilot.stopped = True
+    for speed, after in ((0.5, 0.47), (0.02, 0.0), (0.0, 0.0), (-0.02, 0.0), (-0.5, -0.47)):
+        pilot.speed = speed
+        assert pilot.command(10.1).speed == pytest.approx(after)
+    pilot.stopped, pilot.speed = False, -0.5
+    own = pilot.robots[0]
+    own.state = (2.0, 3.0, -0.4, 0.1)
+    assert pilot.command(10.1).speed == pytest.approx(-0.47), "within the lead of what is measured"
+    assert pilot.doubt == ""
+
+
+def test_node_refuses_robots_whose_course_it_cannot_know():
+    module, player = importlib.import_module("apollonius_ros.pilot"), Player()
+    player.facts["body"] = {"model": "omni"}
+    with pytest.raises(ValueError, match="model: omni"):
+        module.Pilot(player, [])
 
 
 @pytest.fixture
@@ -249,7 +289,11 @@ SLOW = [("searching:intercept", "office"), ("shielded:intercept", "team-3v2")]
 def test_compiled_export_decides_as_the_package_over_successive_calls(name, game, tmp_path):
     export, player = compile_export(name, game, tmp_path)
     facts, body = export.facts, player.game.pursuer
-    assert (facts["dt"], facts["max_steps"], facts["v_max"]) == (player.game.dt, player.game.max_steps, body.v_max)
+    assert (facts["dt"], facts["max_steps"], facts["body"]["v_max"]) == (
+        player.game.dt,
+        player.game.max_steps,
+        body.v_max,
+    )
     assert facts["fastest"] == max(
         abs(v) for side in player.game.bodies for one in side for v in (one.v_min, one.v_max)
     )

@@ -84,6 +84,23 @@ class Robot:
         return f"{self.name}: poses differ from its own frame's twist by {drift:.2f} m/s" * differs
 
 
+def next_speed(body: dict[str, Any], speed: float, change: float) -> float:
+    """Return a speed after a change [m/s], of a robot that is at rest before it reverses."""
+    low = max(body["v_min"], 0.0) if speed > 0 else body["v_min"]
+    high = min(body["v_max"], 0.0) if speed < 0 else body["v_max"]
+    return min(max(speed + change, low), high)
+
+
+def turn_rate(body: dict[str, Any], u2: float, speed: float) -> float:
+    """Return the turn rate [rad/s] of a robot of some kind, as the game has it."""
+    if body["model"] == "car":
+        return speed * math.tan(u2) / body["wheelbase"]
+    if body["model"] == "wheels":
+        limit = 2 * max(body["wheel_speed"] - abs(speed), 0.0) / body["track"]
+        return min(max(u2, -limit), limit)
+    return u2
+
+
 @dataclass
 class Pilot:
     """The driver of one robot.
@@ -107,15 +124,25 @@ class Pilot:
     speed: float = 0.0
     step: int = 0
 
+    def __post_init__(self) -> None:
+        if self.player.facts["body"]["model"] == "omni":
+            raise ValueError(
+                "model: omni, whose heading is its course, which an odometry does not say"
+            )
+
     def command(self, now: float) -> Decision:
         """Return the decision from now [s] on; to be called every `dt`."""
         facts = self.player.facts
         try:
             made = self._ask(now)
-            u1, made.turn_rate = made.controls
+            u1, u2 = made.controls
         except Exception as error:  # whatever it is, a robot under way must be stopped
-            made, u1 = Decision(self.step, trouble=str(error) or repr(error)), -facts["u1_max"]
-        made.speed = self.speed = min(max(self.speed + u1 * facts["dt"], 0.0), facts["v_max"])
+            made = Decision(self.step, trouble=str(error) or repr(error))
+            u1, u2 = -math.copysign(facts["u1_max"], self.speed), 0.0
+            if self.speed == 0:
+                u1 = 0.0
+        self.speed = next_speed(facts["body"], self.speed, u1 * facts["dt"])
+        made.speed, made.turn_rate = self.speed, turn_rate(facts["body"], u2, self.speed)
         return made
 
     def _ask(self, now: float) -> Decision:
@@ -141,14 +168,18 @@ class Pilot:
             self.player.begin()
         bits = secrets.randbits(32)
         action, controls = self.player.decide(states, active, bits)
-        u1, turn_rate = controls
+        u1, u2 = controls
         if not (
-            abs(u1) <= 1.01 * facts["u1_max"] and abs(turn_rate) <= 1.01 * facts["u2_max"]
+            abs(u1) <= 1.01 * facts["u1_max"] and abs(u2) <= 1.01 * facts["u2_max"]
         ):  # also where NaN
             raise ValueError(
-                f"player: controls {u1}, {turn_rate} beyond {facts['u1_max']}, {facts['u2_max']}"
+                f"player: controls {u1}, {u2} beyond {facts['u1_max']}, {facts['u2_max']}"
             )
-        self.speed = min(self.speed, states[0][2] + self.lead)
+        measured = states[0][2]
+        if self.speed > 0:
+            self.speed = min(self.speed, max(measured + self.lead, 0.0))
+        else:
+            self.speed = max(self.speed, min(measured - self.lead, 0.0))
         self.step += 1
         return Decision(self.step - 1, 0.0, 0.0, "", states, active, bits, action, controls)
 
@@ -156,7 +187,8 @@ class Pilot:
     def doubt(self) -> str:
         """Contradictions in what is known of the robots, which do not make it brake, or nothing."""
         own, v = self.robots[0].name, self.robots[0].trusted[3]
-        backwards = f"{own}: at {v:.2f} m/s, though it cannot reverse" * (v < -0.1)
+        slowest = self.player.facts["body"]["v_min"]
+        backwards = f"{own}: at {v:.2f} m/s, though it cannot reverse" * (v < slowest - 0.1)
         return "; ".join(filter(None, [backwards, *(robot.doubt for robot in self.robots)]))
 
     def _is_in_play(self, robot: Robot, now: float) -> bool:
