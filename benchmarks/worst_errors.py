@@ -22,7 +22,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from apollonius.agents.policy import AbstractPolicy, Memory
-from apollonius.agents.wrappers.shield import Backup, Shielded, brakes
+from apollonius.agents.wrappers.backup import Backup, brakes
+from apollonius.agents.wrappers.shield import Shielded
 from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player

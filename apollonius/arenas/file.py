@@ -22,7 +22,7 @@ from apollonius.arenas.suite import (
 from apollonius.game.arena import Arena, find_obstacle_kind, table_of
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
-from apollonius.game.models import MODELS, model_of
+from apollonius.game.models import MODELS, model_name
 from apollonius.game.names import TEAM
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Polygon
@@ -165,7 +165,7 @@ def _name(scenario: Scenario) -> str:
 
 def _robot_data(body: Unicycle) -> dict[str, Any]:
     """Return a robot's record, with its model unless that is the usual one."""
-    model = {} if type(body) is Unicycle else {"model": model_of(body)}
+    model = {} if type(body) is Unicycle else {"model": model_name(body)}
     return model | write_record(body, {})
 
 

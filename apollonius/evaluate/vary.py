@@ -14,7 +14,8 @@ import numpy as np
 from jaxtyping import Float
 
 from apollonius.agents.policy import AbstractPolicy
-from apollonius.agents.wrappers.shield import Backup, Shielded
+from apollonius.agents.wrappers.backup import Backup
+from apollonius.agents.wrappers.shield import Shielded
 from apollonius.evaluate.match import Match, MatchResult, play_match, play_matches
 from apollonius.game.game import Game
 from apollonius.game.types import ROLES, BySide

@@ -14,8 +14,9 @@ from jaxtyping import Array, Bool, Float32, PRNGKeyArray, UInt32
 from apollonius.agents.classical import Uniform
 from apollonius.agents.policy import AbstractActionValuePolicy
 from apollonius.agents.pool import Pool, single_player
+from apollonius.agents.wrappers.backup import MARGIN
 from apollonius.agents.wrappers.identification import Identifying
-from apollonius.agents.wrappers.shield import MARGIN, Shielded
+from apollonius.agents.wrappers.shield import Shielded
 from apollonius.export.player import LARGEST, Player, knowledge_and_memory, pack_memory
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.sensing import sense

@@ -13,7 +13,7 @@ from apollonius.agents.names import SHIELDED
 from apollonius.arenas.file import to_dict
 from apollonius.export.parity import Decide, cases_of, compare_decisions, microseconds
 from apollonius.export.player import LARGEST, Player
-from apollonius.game.models import model_of
+from apollonius.game.models import model_name
 from apollonius.io.document import to_json, write_atomically
 from apollonius.io.errors import InvalidInput, require, require_extra
 from apollonius.io.record import write_record
@@ -168,7 +168,7 @@ def _facts(program: Program, player: Player, files: Mapping[Path, bytes]) -> dic
         "opponents": len(game.bodies[player.role.other]),
         "dt": float(game.dt),
         "max_steps": int(game.max_steps),
-        "body": {"model": model_of(body)} | write_record(body, {}),
+        "body": {"model": model_name(body)} | write_record(body, {}),
         "fastest": max(
             abs(float(v))
             for side in game.bodies

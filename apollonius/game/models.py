@@ -15,7 +15,7 @@ MODELS: dict[str, type[Unicycle]] = {
 """Another kind of robot extends `Unicycle` and is named here."""
 
 
-def model_of(body: Unicycle) -> str:
+def model_name(body: Unicycle) -> str:
     """Return the name of a robot's kind."""
     return next(name for name, kind in MODELS.items() if type(body) is kind)
 
@@ -23,4 +23,4 @@ def model_of(body: Unicycle) -> str:
 def require_unicycle(body: Unicycle, name: str, caller: str) -> None:
     """Refuse robots of other kinds, for `caller` knows unicycles only; raises InvalidInput."""
     bound = f"'unicycle': {caller} knows no other kind"
-    require(type(body) is Unicycle, f"{name}.model", model_of(body), bound)
+    require(type(body) is Unicycle, f"{name}.model", model_name(body), bound)

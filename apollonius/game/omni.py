@@ -18,10 +18,7 @@ class Omni(Unicycle):
     every course is open, one turn of u2_max at a time.
 
     Attributes:
-        v_min, v_max: speed limits along the course [m/s].
-        u1_max: largest acceleration along the course, either sign [m/s^2].
         u2_max: largest rate at which the course turns, either sign [rad/s].
-        radius: radius of the robot's disc-shaped body [m].
         lateral_acceleration: largest acceleration across the course [m/s^2].
     """
 

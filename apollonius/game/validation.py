@@ -14,7 +14,7 @@ from jaxtyping import Float
 from apollonius.game.arena import Arena
 from apollonius.game.drive import MOST_LAG, Drives
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.models import model_of, require_unicycle
+from apollonius.game.models import model_name, require_unicycle
 from apollonius.game.sensing import Sensing
 from apollonius.game.starts import Starts
 from apollonius.game.types import BySide
@@ -156,7 +156,7 @@ def check_bodies(bodies: Bodies, dt: float, sensors: Sensing | None, drives: Dri
     check_parts(sensors, drives)
     for side, robots in zip(_SIDES, bodies, strict=True):
         ROBOTS.require(f"{side}s", len(robots))
-        models = sorted({model_of(body) for body in robots})
+        models = sorted({model_name(body) for body in robots})
         bound = "one kind for all robots of a side"
         require(len(models) == 1, f"{side}s.model", ", ".join(models), bound)
         for number, body in enumerate(robots):

@@ -16,12 +16,9 @@ class Wheels(Unicycle):
     two share what the motors can do.
 
     Attributes:
-        v_min, v_max: speed limits [m/s], of sizes up to wheel_speed.
-        u1_max: largest acceleration, either sign [m/s^2].
-        u2_max: largest turn rate, either sign [rad/s].
-        radius: radius of the robot's disc-shaped body [m].
         track: distance between the wheels [m].
-        wheel_speed: largest speed of a wheel's rim, forwards and backwards [m/s].
+        wheel_speed: largest speed of a wheel's rim, forwards and backwards [m/s]; the robot's
+            limits are up to that.
     """
 
     track: Real = 0.4

@@ -43,7 +43,7 @@ def clearances_after(chart: Chart, robot: Robot, dt: Real) -> Float[Array, "9"]:
     The action is held for a step of `dt` [s], or for `LEAST_HOLD` if that is longer. Then the robot
     brakes while it turns right, drives straight or turns left, whichever keeps the most clearance.
 
-    These are the manoeuvres of `apollonius.agents.wrappers.shield`, by the chart instead of the
+    These are the manoeuvres of `apollonius.agents.wrappers.backup`, by the chart instead of the
     rules' exact contact, and by the robot's drive as far as that is known.
     """
     body, turns = robot.body, jnp.array([-1.0, 0.0, 1.0])

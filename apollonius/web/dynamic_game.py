@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from apollonius.agents.wrappers.shield import Backup, BrakingMotion
+from apollonius.agents.wrappers.backup import Backup, BrakingMotion
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.car import Car
 from apollonius.game.chart import Chart

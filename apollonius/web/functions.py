@@ -14,7 +14,7 @@ from jaxtyping import Array, Float, Int
 
 from apollonius.agents.path_following import search_view
 from apollonius.agents.wrappers import clearance_penalty as penalties
-from apollonius.agents.wrappers.shield import MARGIN
+from apollonius.agents.wrappers.backup import MARGIN
 from apollonius.arenas.charting import clearances, paths
 from apollonius.game.chart import COARSE, NO_PATH, Chart, entries
 from apollonius.game.dynamics import MIRRORED, Unicycle

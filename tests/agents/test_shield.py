@@ -14,7 +14,8 @@ from apollonius.agents.classical import Uniform
 from apollonius.agents.network import make_network
 from apollonius.agents.policy import AbstractContinuous, AbstractPolicy
 from apollonius.agents.trained import Greedy
-from apollonius.agents.wrappers.shield import MARGIN, brakes, with_shield
+from apollonius.agents.wrappers.backup import MARGIN, brakes
+from apollonius.agents.wrappers.shield import with_shield
 from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import find_game
 from apollonius.arenas.random_arena import random_arena

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from scipy.special import expit
 
 from apollonius.agents.classical import Still, Uniform
-from apollonius.agents.wrappers.shield import BRAKING, BrakingMotion
+from apollonius.agents.wrappers.backup import BRAKING, BrakingMotion
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
 from apollonius.cli.main import main

@@ -10,7 +10,7 @@ from apollonius.agents.classical import AbstractClassical
 from apollonius.agents.guidance import PurePursuit, Territory
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.pool import single_player
-from apollonius.agents.wrappers.shield import Backup
+from apollonius.agents.wrappers.backup import Backup
 from apollonius.evaluate.match import Match, play_match
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.drive import Drive, Drives

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from apollonius.agents.wrappers.shield import Backup, brakes, with_shield
+from apollonius.agents.wrappers.backup import Backup, brakes
+from apollonius.agents.wrappers.shield import with_shield
 from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import from_dict, to_dict
 from apollonius.catalogue import find_player

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.wrappers.shield import Backup
+from apollonius.agents.wrappers.backup import Backup
 from apollonius.arenas.charting import with_chart
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.drive import MOST_LAG, Drive, Drives

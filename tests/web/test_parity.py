@@ -17,7 +17,7 @@ from apollonius.agents.classical import AbstractClassical
 from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.store import describe, save_agent
 from apollonius.agents.trained import ZOO
-from apollonius.agents.wrappers.shield import MARGIN, brakes
+from apollonius.agents.wrappers.backup import MARGIN, brakes
 from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import find_game, from_dict, game_names, load_game, to_dict
 from apollonius.game.arena import Arena, Disc
