@@ -135,12 +135,17 @@ def test_robots_that_turn_more_sharply_when_slow_take_shorter_paths(body):
     assert np.mean(saved(body, 1.0) > 0.1) > 0.01
 
 
-@pytest.mark.parametrize("car", CARS)
-def test_less_than_half_a_circle_at_full_lock_is_the_shortest_path(car):
-    """Shorter ones than 0.3 rad leave the smaller circle of `SLACK` by no more than places are rounded."""
-    rng, radius = np.random.default_rng(2), sharpest(car)
+@pytest.mark.parametrize(
+    ("body", "radius"),
+    [*((car, sharpest(car)) for car in CARS), (Unicycle(u2_max=2.0), 0.5), (Omni(lateral_acceleration=2.0), 0.5)],
+)
+def test_less_than_half_a_circle_at_full_lock_is_the_shortest_path(body, radius):
+    """Also of robots of other kinds, at one speed. Arcs of less than 0.3 rad leave the smaller circle of `SLACK` by no
+    more than places are rounded.
+    """
+    rng = np.random.default_rng(2)
     turns, sides = rng.uniform(0.3, 3.0, PAIRS), rng.choice([-1, 1], PAIRS)
-    steering, dt = (np.tile(values, (PARTS, 1)) for values in (car.u2_max * sides, turns * radius / SPEED / PARTS))
-    course = drive(car, robots_at(np.zeros((3, PAIRS))), np.zeros_like(dt), steering, dt)
+    steering, dt = (np.tile(values, (PARTS, 1)) for values in (body.u2_max * sides, turns * radius / SPEED / PARTS))
+    course = drive(body, robots_at(np.zeros((3, PAIRS))), np.zeros_like(dt), steering, dt)
     lengths = shortest(at_step(course, 0), at_step(course, -1), radius * (1 - SLACK))
     np.testing.assert_allclose(lengths / radius, turns, atol=2 * SLACK)
