@@ -99,7 +99,9 @@ def solve_duel(duel: Duel, report: Report | None = None, tolerance: float = TOLE
 
 
 @eqx.filter_jit
-def value_before_move(duel: Duel, moved: JointTable) -> JointTable:
+def value_before_move(
+    duel: Duel, moved: JointTable
+) -> Float[Array, "other_tiles first other_lanes"]:
     """Return the value for the first side before it moves, G(s, o), from that after it, A(s', o).
 
     The result is in tiles in which the first side moves.
@@ -153,7 +155,9 @@ def _sweep(duel: Duel, table: JointTable) -> tuple[JointTable, Scalar]:
     return after, residual
 
 
-def _tile_of(table: JointTable, tile: Int[Array, ""], lanes: int) -> Float[Array, "moving lanes"]:
+def _tile_of(
+    table: JointTable, tile: Int[Array, ""], lanes: int
+) -> Float[Array, "waiting {lanes}"]:
     """Return one tile of the same table after the robots have changed parts."""
     tiles, _, before = table.shape
     block = jax.lax.dynamic_slice(table, (0, tile * lanes, 0), (tiles, lanes, before))
