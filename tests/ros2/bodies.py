@@ -51,7 +51,7 @@ class World:
     def __post_init__(self):
         self.drive, self.rng = RobotHardware(), np.random.default_rng(0)
         self.physics = Physics(self.game, self.drive)
-        self.starts = as_rows(sample_starts(self.game, jax.random.key(1), 64))
+        self.starts = as_rows(sample_starts(self.game, jax.random.key(1), 128))
         self.judge = jax.jit(
             lambda before, after, step: judge(self.game, as_state(before, step), as_state(after, step + 1))[0]
         )

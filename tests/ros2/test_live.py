@@ -1,6 +1,7 @@
 """Two nodes on ROS 2 itself, each in a process of its own, drive two robots with bodies in whole games.
 
-`GAMES=20` plays as many; `LOG=file.json` keeps what was measured.
+`GAMES=20` plays as many, `PREFIX=shielded:` with players that do not learn their drive;
+`LOG=file.json` keeps what was measured.
 """
 
 import json
@@ -18,20 +19,29 @@ import yaml
 from apollonius.export.player import find_exportable
 from apollonius.export.writing import write_c
 from apollonius.game.arena import Arena, Disc
+from apollonius.game.drive import Drive, Drives
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.types import Outcome, Role
+from apollonius.game.uncertainty import Uncertainties, Uncertainty
 
 rclpy = pytest.importorskip("rclpy", reason="needs rclpy: install ROS 2")
 rosbag2 = pytest.importorskip("rosbags.highlevel", reason="needs rosbags: pip install rosbags")
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 PACKAGE = Path(__file__).parents[2] / "ros2" / "apollonius_ros"
 GAMES = int(os.environ.get("GAMES", "3"))
+PREFIX = os.environ.get("PREFIX", "identifying:shielded:")
+DRIVE = Drive(lag=2, turn_time=0.46)
+"""Of the bodies: odometry of 0.04 s, a node that decides up to 0.1 s later, and 0.1 s until the wheels follow."""
+ERRORS = Uncertainty(position=0.03, heading=0.015, speed=0.06, delay=0.1, acceleration=0.1, turning=0.1, turn_delay=0.1)
+"""Three times the noise of the odometry, and what the drive may do otherwise."""
 GAME = Game(
     pursuer=Unicycle(radius=0.2),
     evader=Unicycle(radius=0.2, v_max=0.8),
     arena=Arena(x_max=7.0, y_max=7.0, discs=(Disc(3.5, 3.5, 0.5),)),
     max_steps=300,
+    drives=Drives(DRIVE, DRIVE),
+    uncertainty=Uncertainties(ERRORS, ERRORS),
 )
 ALONE = {"ROS_DOMAIN_ID": "77", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 
@@ -42,7 +52,7 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("robots")
     for role in Role:
         name = role.name.lower()
-        write_c(find_exportable(f"shielded:{name}", role, GAME), folder / f"{name}.c", states=100)
+        write_c(find_exportable(PREFIX + name, role, GAME), folder / f"{name}.c", states=100)
         command = ["gcc", "-std=c99", "-O2", "-shared", "-fPIC", f"{name}.c", "-lm", "-o", f"{name}.so"]
         subprocess.run(command, cwd=folder, check=True)
     params = yaml.safe_load((PACKAGE / "config" / "params.yaml").read_text())
