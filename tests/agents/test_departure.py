@@ -11,6 +11,7 @@ from apollonius.agents.policy import AbstractActionValuePolicy
 from apollonius.agents.wrappers.departure import NEAR, Departing, departures
 from apollonius.arenas.charting import with_chart
 from apollonius.game.arena import Arena
+from apollonius.game.car import Car
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
@@ -86,3 +87,42 @@ def test_departing_frees_a_robot_that_oscillates_on_the_spot():
     clearances = np.asarray(jax.vmap(GAME.arena.clearance)(leaves.x, leaves.y)) - 0.2
     assert float(leaves.y[-1]) > 3.1
     assert clearances.min() > NEAR / 4
+
+
+CARS = with_chart(Game(Car(radius=0.2), arena=GAME.arena))
+RADIUS = float(CARS.pursuer.turning_radius)
+BACKWARDS_AND_LEFT, FORWARDS_AND_LEFT = {0}, {8}
+
+
+def before_wall(ahead, v=0.0):
+    """A car that heads for the wall, whose end is on its left, with so much way ahead of its body."""
+    return robot(4.0 - 0.2 - ahead, 3.0, v, 0.0)
+
+
+def test_car_before_a_wall_drives_backwards_until_it_can_turn():
+    assert allowed_actions(before_wall(0.9 * RADIUS), CARS) == BACKWARDS_AND_LEFT
+    assert allowed_actions(before_wall(1.1 * RADIUS), CARS) == DRIVES
+    assert allowed_actions(before_wall(1.1 * RADIUS, -0.1), CARS) == BACKWARDS_AND_LEFT
+    assert allowed_actions(before_wall(1.6 * RADIUS, -0.1), CARS) == DRIVES
+    assert allowed_actions(before_wall(0.5 * RADIUS, 0.1), CARS) == set(range(9))
+
+
+def test_car_without_room_behind_drives_forwards_or_brakes():
+    corridor = with_chart(Game(Car(radius=0.2), arena=Arena(0.0, 1.2, 0.0, 8.0)))
+    evader = robot(0.6, 7.0)
+
+    @jax.jit
+    def allowed_in_corridor(own):
+        return departures(look(corridor, GameState.of_two(own, evader, jnp.int32(0)), Role.PURSUER))
+
+    def actions(x, v=0.0):
+        return set(np.flatnonzero(allowed_in_corridor(robot(x, 3.0, v, 0.0))))
+
+    assert actions(0.7) == BACKWARDS_AND_LEFT
+    assert actions(0.5) == FORWARDS_AND_LEFT, "there is more way ahead"
+    assert actions(0.24, -0.2) == DRIVES, "it brakes"
+
+
+def test_car_that_cannot_reverse_drives_forwards():
+    forwards_only = with_chart(replace(GAME, pursuer=Car(v_min=0.0, radius=0.2)))
+    assert allowed_actions(before_wall(0.5 * RADIUS), forwards_only) == FORWARDS_AND_LEFT
