@@ -1,7 +1,7 @@
 """Agents in robots of all kinds: `python benchmarks/robot_kinds.py OUT`.
 
 `pursuer` and `evader` were trained with unicycles alone. Robots of a kind have the paper's limits
-and its own numbers by default; real ones are those of `examples/robots`, in the paper's arena.
+and its own numbers by default; real ones are those of `examples/games`, in the paper's arena.
 """
 
 import argparse
@@ -39,7 +39,7 @@ def games() -> Iterator[tuple[str, Game]]:
         for name, kind in MODELS.items():
             yield f"{name} in {arena}", replace(rules, pursuer=kind(), evader=kind())
     for name in REAL:
-        yield name, find_game(f"examples/robots/{name}.toml")
+        yield name, find_game(f"examples/games/{name}.toml")
 
 
 def count(outcomes: np.ndarray) -> dict[str, Any]:

@@ -202,7 +202,9 @@ class Unicycle(eqx.Module):
         """
         dv = u1 * dt
         slowest = jnp.where(robot.v > 0, jnp.maximum(self.v_min, 0.0), self.v_min)
-        fastest = jnp.where(robot.v < 0, jnp.minimum(self.v_max, 0.0), self.v_max)
+        # A speed below v_min = 0 is an error of a sensor.
+        reverses = (robot.v < 0) & jnp.asarray(self.v_min < 0)
+        fastest = jnp.where(reverses, jnp.minimum(self.v_max, 0.0), self.v_max)
         v = jnp.clip(robot.v + dv, slowest, fastest)
         loss_at_limit = jnp.where(
             dv == 0, 0.0, (v - robot.v) ** 2 / (2 * jnp.where(dv == 0, 1.0, dv))

@@ -145,10 +145,14 @@ class References:
         """
         wheel_speeds = np.empty((len(self.v), steps, *self.v.shape[1:], 2))
         reach = turn_acceleration * h
+        # As in the rules a robot is at rest for the rest of a step before it drives the other way.
+        slowest = np.where(self.v > 0, np.maximum(limits[:, 0], 0.0), limits[:, 0])
+        reverses = (self.v < 0) & (limits[:, 0] < 0)
+        fastest = np.where(reverses, np.minimum(limits[:, 1], 0.0), limits[:, 1])
         for step in range(steps):
             if step * h >= drive.latency - 1e-9:
                 self.controls = chosen
-            self.v = np.clip(self.v + self.controls[..., 0] * h, *limits.T)
+            self.v = np.clip(self.v + self.controls[..., 0] * h, slowest, fastest)
             self.turn_rate = self.turn_rate + np.clip(
                 self.controls[..., 1] - self.turn_rate, -reach, reach
             )

@@ -318,9 +318,7 @@ def test_batched_shield_matches_trying_all_nine_actions_in_each_game(make, polic
     assert held_back % 8
 
 
-@pytest.mark.parametrize(
-    ("v_min", "u1_max"), [(0.2, 0.3), (-0.5, 0.3), (0.0, 0.0)], ids=["drives on", "goes backwards", "does not brake"]
-)
+@pytest.mark.parametrize(("v_min", "u1_max"), [(0.2, 0.3), (0.0, 0.0)], ids=["drives on", "does not brake"])
 def test_shield_refuses_a_robot_that_cannot_stop(v_min, u1_max):
     with pytest.raises(InvalidInput, match=rf"v_min, u1_max = \({v_min}, {u1_max}\) .*can stop"):
         with_shield(Uniform(), Game(pursuer=Unicycle(v_min=v_min, u1_max=u1_max)), Role.PURSUER)

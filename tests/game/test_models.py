@@ -322,3 +322,9 @@ def test_export_brakes_in_a_broken_state_whichever_way_it_drives():
         rows = jnp.array([[np.nan, 5.0, v, 0.0], [8.0, 5.0, 0.0, 0.0]], jnp.float32)
         controls = player.decide(player.policy, player.game, rows, None, player.memory, jnp.uint32(0))["controls"]
         np.testing.assert_allclose(controls, [u1, 0.0], atol=1e-6)
+
+
+def test_speed_below_zero_of_a_robot_that_cannot_reverse_is_no_hindrance():
+    """As noise of a sensor makes it."""
+    after = Unicycle().move(robot(0, 0, -0.01), jnp.float32(0.3), jnp.float32(0), DT)
+    assert float(after.v) == pytest.approx(0.02)

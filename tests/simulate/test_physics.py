@@ -19,6 +19,7 @@ from apollonius.agents.pool import single_player
 from apollonius.arenas.file import find_game, from_dict
 from apollonius.evaluate.match import Match, play_games
 from apollonius.game.arena import Arena, Disc
+from apollonius.game.car import Car
 from apollonius.game.drive import Drive as Slow
 from apollonius.game.drive import Drives
 from apollonius.game.dynamics import Unicycle
@@ -36,7 +37,6 @@ from apollonius.simulate.drive import References, RobotHardware, load_drive
 from apollonius.simulate.physics import Physics, mjcf
 from apollonius.simulate.simulation import compare_physics, record_course, simulate, simulate_match
 from tests.acting import a_match
-from tests.car import Car
 from tests.documents import ALL, REPOSITORY
 from tests.test_extending import WALL
 
@@ -204,7 +204,7 @@ def test_physics_refuses_games_without_physical_bodies(monkeypatch):
     for game, drive, refusal in (
         (PAPER, RobotHardware(latency=0.2), r"latency = 0\.2"),
         (capsule, RobotHardware(), r"obstacles = Capsule .* discs, polygons and maps"),
-        (car, RobotHardware(), r"class of the pursuer = Car .* Unicycle: a body has two driven wheels"),
+        (car, RobotHardware(), r"pursuer.model = car .* 'unicycle': simulate"),
     ):
         with pytest.raises(InvalidInput, match=refusal):
             Physics(game, drive)

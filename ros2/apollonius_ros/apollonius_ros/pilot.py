@@ -87,7 +87,7 @@ class Robot:
 def next_speed(body: dict[str, Any], speed: float, change: float) -> float:
     """Return a speed after a change [m/s], of a robot that is at rest before it reverses."""
     low = max(body["v_min"], 0.0) if speed > 0 else body["v_min"]
-    high = min(body["v_max"], 0.0) if speed < 0 else body["v_max"]
+    high = min(body["v_max"], 0.0) if speed < 0 and body["v_min"] < 0 else body["v_max"]
     return min(max(speed + change, low), high)
 
 
