@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, UInt8, UInt32
 
-from apollonius.agents.policy import mix_bits
+from apollonius.accelerate.bit_mixing import mix_bits
 from apollonius.agents.pool import Pool
 from apollonius.arenas.file import as_game
 from apollonius.envs.batch import (

@@ -266,7 +266,7 @@ class Game(eqx.Module):
             robots = zip(game.bodies[role], state.robots[role], controls[role], strict=True)
             driven = tuple(body.move(robot, u1, u2, self.dt) for body, robot, (u1, u2) in robots)
             stopped = (replace(robot, v=jnp.zeros_like(robot.v)) for robot in state.robots[role])
-            return tuple(map(tree_where, state.movers[role], driven, stopped))
+            return tuple(map(tree_where, state.in_play[role], driven, stopped))
 
         after = replace(state, robots=ROLES.map(robots_after), steps=state.steps + 1)
         outcome, status = judge(game, state, after)

@@ -90,7 +90,7 @@ def judge(game: JudgedGame, before: GameState, after: GameState) -> tuple[Int[Ar
 
     def last(role: Role, *ends: RobotStatus) -> Flag:
         """Check whether the side is beaten, and one of its robots ended so in this step."""
-        robots = zip(before.movers[role], statuses[role], strict=True)
+        robots = zip(before.in_play[role], statuses[role], strict=True)
         flags = (moved & (status == end) for moved, status in robots for end in ends)
         return ~_any(active[role]) & _any(flags)
 
@@ -148,13 +148,13 @@ def robot_events(before: GameState, after: GameState) -> BySide[tuple[RobotEvent
         failed = active & ~captured & (status != RobotStatus.ACTIVE)
         return RobotEvents(active, captured, failed)
 
-    return ROLES.map(lambda role: tuple(map(fate, before.movers[role], after.status[role])))
+    return ROLES.map(lambda role: tuple(map(fate, before.in_play[role], after.status[role])))
 
 
 def _contacts(
     game: JudgedGame, before: GameState, after: GameState, role: Role
 ) -> tuple[_Contacts, ...]:
-    active, bodies = before.movers, game.bodies[role]
+    active, bodies = before.in_play, game.bodies[role]
     moves = ROLES.map(lambda side: list(zip(before.robots[side], after.robots[side], strict=True)))
     hunters = list(zip(moves.pursuer, active.pursuer, strict=True)) if role == Role.EVADER else []
     mates_collide = bool(game.teams and game.teams.mates_collide)

@@ -199,7 +199,7 @@ class GameState(eqx.Module):
         return active_flags(self.status)
 
     @property
-    def movers(self) -> BySide[tuple[Flag, ...]]:
+    def in_play(self) -> BySide[tuple[Flag, ...]]:
         """Check whether each robot takes part in the next step of a game that is not over.
 
         Of two robots both do, since the game is over when one is out. As constants these flags and
