@@ -172,6 +172,7 @@ def record_game(match: Match, index: int) -> Replay:
         as_rows(course.states),
         np.asarray(course.actions),
         Outcome(int(course.outcome)),
+        movers=jax.tree.map(lambda leaf: leaf[0], course.states.movers),
     )
 
 

@@ -14,6 +14,7 @@ from jaxtyping import Array, Int
 from apollonius.accelerate.fusion_barrier import fusion_barrier
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
+from apollonius.game.movers import Movers
 from apollonius.game.outcome import come_within, decide
 from apollonius.game.teams import Teams
 from apollonius.game.types import (
@@ -45,6 +46,8 @@ class JudgedGame(Protocol):
     def max_steps(self) -> int | Array: ...
     @property
     def teams(self) -> Teams | None: ...
+    @property
+    def movers(self) -> Movers | None: ...
 
 
 class RobotEvents(eqx.Module):
@@ -58,8 +61,8 @@ class RobotEvents(eqx.Module):
 class _Contacts(eqx.Module):
     """The events of one robot in a step; none unless it was active before the step.
 
-    A captured robot has no other event. `hit`: it touched an obstacle; `out`: it left the walls;
-    `collided`: it touched a mate, and neither hit an obstacle nor left the walls.
+    A captured robot has no other event. `hit`: it touched an obstacle or a mover; `out`: it left
+    the walls; `collided`: it touched a mate, and neither hit an obstacle nor left the walls.
     """
 
     active: Flag
@@ -169,6 +172,12 @@ def _contacts(
                 contacts.append(active[role][mate] & touches)
         return _any(contacts)
 
+    def touches_mover(number: int) -> Flag:
+        if game.movers is None or before.movers is None or after.movers is None:
+            return jnp.zeros((), bool)
+        radius = bodies[number].radius
+        return game.movers.is_hit(before.movers, after.movers, moves[role][number], radius)
+
     def events(number: int) -> _Contacts:
         move = moves[role][number]
         body = bodies[number]
@@ -177,7 +186,7 @@ def _contacts(
         captures = [hunts & come_within(hunter, move, distance) for hunter, hunts in hunters]
         captured = is_active & _any(captures)
         uncaught = is_active & ~captured
-        hit = uncaught & game.arena.hits_obstacle(*move, body.radius)
+        hit = uncaught & (game.arena.hits_obstacle(*move, body.radius) | touches_mover(number))
         out = uncaught & game.arena.is_out_of_range(move[1], body.radius)
         collided = uncaught & touches_mate(number) & ~hit & ~out
         return _Contacts(is_active, captured, hit, out, collided)
