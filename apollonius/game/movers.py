@@ -6,6 +6,7 @@ hide robots from each other, and may overlap each other.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -65,6 +66,32 @@ class MoverBodies(eqx.Module):
         to_x, to_y = after.x - moved.x, after.y - moved.y
         approach = jax.vmap(axis_approach_squared)
         return jnp.sqrt(approach(from_x, from_y, to_x, to_y, self.hx, self.hy)) - self.radius
+
+    def distance_from_reach(
+        self, motion: MoverMotion, before: RobotState, after: RobotState, time: Real, dt: Real
+    ) -> Float[Array, " movers"]:
+        """Return a lower bound of the distance [m] of a robot's centre, on a later step, from all
+        that each mover can reach until the end of that step.
+
+        Its speed bounds how far it comes; its acceleration, how far from where it would come at the
+        velocity that it has.
+
+        Args:
+            motion: the movers now.
+            before, after: the robot before and after the step.
+            time: from now to the start of the step [s].
+            dt: duration of the step [s].
+        """
+        end = time + dt
+        by_speed = self.distance_along(motion, motion, before, after) - self.v_max * end
+        ahead, farther = (
+            replace(motion, x=motion.x + motion.vx * later, y=motion.y + motion.vy * later)
+            for later in (time, end)
+        )
+        # After k steps the velocity differs by at most k a_max dt.
+        deviation = self.a_max * end * (end + dt) / 2
+        by_acceleration = self.distance_along(ahead, farther, before, after) - deviation
+        return jnp.maximum(by_speed, by_acceleration)
 
 
 class Movers(eqx.Module):

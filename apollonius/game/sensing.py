@@ -129,6 +129,11 @@ class Sensors(eqx.Module):
                 size = getattr(getattr(self, noise), error.name)
                 require(size >= 0, f"{name}.{noise}.{error.name}", size, "0 or more")
 
+    @property
+    def sees_all(self) -> bool:
+        """Check whether nothing limits what is in sight."""
+        return not self.line_of_sight and self.range is None and self.field_of_view is None
+
     @fusion_barrier
     def reaches(self, arena: Arena, robot: RobotState, other: RobotState) -> Flag:
         """Check whether a robot has another one's centre in sight."""

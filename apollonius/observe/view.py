@@ -84,6 +84,25 @@ class MoversInView(eqx.Module):
     in_sight: Bool[Array, " movers"] | None
     age: Real
 
+    def clearance_along(
+        self, before: RobotState, after: RobotState, time: Real, dt: Real
+    ) -> Scalar:
+        """Return a lower bound of the distance [m] of a robot's centre, on a step of a manoeuvre,
+        from all that movers in sight can reach until then; infinite for a robot that rests, which
+        does not fail where it is walked into.
+
+        Args:
+            before, after: the robot before and after the step.
+            time: from the start of the manoeuvre to that of the step [s].
+            dt: duration of the step [s].
+        """
+        since_seen = self.age + time
+        distances = self.bodies.distance_from_reach(self.motion, before, after, since_seen, dt)
+        if self.in_sight is not None:
+            distances = jnp.where(self.in_sight, distances, jnp.inf)
+        is_at_rest = (before.v == 0) & (after.v == 0)
+        return jnp.where(is_at_rest, jnp.inf, jnp.min(distances))
+
 
 class View(eqx.Module):
     """The view of one robot, whose mates and opponents are robots too. Nothing in it is scaled.

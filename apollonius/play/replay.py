@@ -171,6 +171,14 @@ class Replay:
         start = replace(start, movers=self.movers)
         return play_actions(self.game, start, jnp.asarray(self.actions))
 
+    def mover_places(self) -> Float32[np.ndarray, "rows movers 2"]:
+        """Return x and y [m] of all movers in each state; of none in a game without them."""
+        if self.movers is None:
+            return np.zeros((len(self.states), 0, 2), np.float32)
+        movers = self._play_again()[0].movers
+        assert movers is not None, "the game has some"
+        return np.stack([np.asarray(movers.motion.x), np.asarray(movers.motion.y)], axis=-1)
+
     def trajectory(self) -> Trajectory:
         """Return the game as it was recorded."""
         pursuers = len(self.game.bodies.pursuer)

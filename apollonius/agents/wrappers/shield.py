@@ -31,7 +31,7 @@ from apollonius.game.types import (
 )
 from apollonius.game.uncertainty import Uncertainty
 from apollonius.io.errors import require
-from apollonius.observe.view import Robot, View
+from apollonius.observe.view import MoversInView, Robot, View
 
 MARGIN = 1e-3
 """Clearance [m] that must be left at any scale of the robots: many times its rounding error."""
@@ -91,6 +91,7 @@ class Backup(eqx.Module):
             state.
         most_error: the largest distance of the true place of a robot that is uncertain of itself
             from the known one [m], beyond which no stop is safe; None for one that is certain.
+        movers: those in the view, once `for_view` has looked at it.
     """
 
     arena: Arena
@@ -100,6 +101,7 @@ class Backup(eqx.Module):
     surroundings: NearEdges | None = None
     uses_arena_of_view: bool = eqx.field(static=True, default=False)
     most_error: Real | None = None
+    movers: MoversInView | None = None
 
     @property
     def is_uncertain(self) -> bool:
@@ -109,21 +111,23 @@ class Backup(eqx.Module):
     def for_view(self, view: View) -> "Backup":
         """Return the manoeuvres of the robot that sees this."""
         arena = view.arena
+        backup = self if view.movers is None else replace(self, movers=view.movers)
         if not self.uses_arena_of_view:
-            return self
+            return backup
         if self.surroundings is None or not isinstance(arena, PackedArena):
-            return replace(self, arena=arena)
+            return replace(backup, arena=arena)
         surroundings = replace(self.surroundings, member=arena.member)
-        return replace(self, arena=without_edges(arena), surroundings=surroundings)
+        return replace(backup, arena=without_edges(arena), surroundings=surroundings)
 
     @jax.jit
     def clearance_after(self, robot: Robot, action: Action) -> Scalar:
         """Return the least clearance [m] of the best stop after one step of an action.
 
         It is the least on the path from when the action takes effect until rest, less the body's
-        radius, for the best of the manoeuvres. Where the robot is uncertain of itself, it is less
-        by the largest distance of its true place from that path. Of the `surroundings` only those
-        within reach are looked at; that only changes clearances above `MARGIN`.
+        radius, for the best of the manoeuvres; of movers, from all that they can reach by then.
+        Where the robot is uncertain of itself, it is less by the largest distance of its true place
+        from that path. Of the `surroundings` only those within reach are looked at; that only
+        changes clearances above `MARGIN`.
         """
         return jnp.max(self.clearances_after(robot, action))
 
@@ -131,7 +135,7 @@ class Backup(eqx.Module):
         """Return the least clearance [m] of each stop after one step of an action."""
         before = BrakingMotion.of(robot)
         after = self._hold(robot, before, action)
-        step = self._clearance_along(before.state, after.state) - robot.body.radius
+        step = self._clearance_along(before.state, after.state, 0.0) - robot.body.radius
         if after.error is not None:
             step -= after.error
         return jnp.minimum(step, self._clearances(robot, after))
@@ -143,17 +147,18 @@ class Backup(eqx.Module):
         As one segment the path takes little arithmetic. It must leave twice the `MARGIN`, once for
         rounding.
         """
-        by_steps = self.arena.map is not None or self.surroundings is not None
+        by_steps = self.arena.map is not None or self.surroundings is not None or self.movers
         if by_steps or robot.turn_time is not None or robot.uncertainty:
             # Clearances on maps depend on where a segment is cut, edges are looked up step by step,
-            # a slow drive keeps turning, and errors grow from step to step.
+            # a slow drive keeps turning, and errors and the reach of movers grow from step to step.
             return replace(self, manoeuvres=(1,)).clearance_after(robot, action) > MARGIN
         before = BrakingMotion(robot.predicted, None)
         after = self._hold(robot, before, action).state
         (cos, sin), length = unit_vector(after.heading), after.v**2 / (2 * robot.body.u1_max)
         rest = replace(after, x=after.x + length * cos, y=after.y + length * sin)
         least = jnp.minimum(
-            self._clearance_along(before.state, after), self._clearance_along(after, rest)
+            self._clearance_along(before.state, after, 0.0),
+            self._clearance_along(after, rest, self.dt),
         )
         return least - robot.body.radius > 2 * MARGIN
 
@@ -172,16 +177,23 @@ class Backup(eqx.Module):
             return jnp.concatenate([firsts, later[:, :-1]], axis=1)
 
         before = jax.tree.map(shift, motion.state, after)
-        along = jax.vmap(jax.vmap(self._clearance_along))(before, after)
+        times = self.dt * jnp.arange(1, self.steps + 1, dtype=jnp.float32)
+        along_steps = jax.vmap(self._clearance_along)
+        along = jax.vmap(along_steps, (0, 0, None))(before, after, times)
         if self.most_error is None:
             return jnp.min(along, axis=1) - robot.body.radius
         clearances = jnp.min(along - errors, axis=1) - robot.body.radius
         is_safe = jnp.stack([end.is_over(self.most_error) for end in ends])
         return jnp.where(is_safe, clearances, _NOT_OVER)
 
-    def _clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
-        """Return the least clearance [m] on a segment from the arena and its surroundings."""
+    def _clearance_along(self, before: RobotState, after: RobotState, time: Real) -> Scalar:
+        """Return the least clearance [m] from the arena, its surroundings and movers on a step that
+        starts some time [s] after the action takes effect.
+        """
         clearance = self.arena.clearance_along(before, after)
+        if self.movers is not None:
+            to_movers = self.movers.clearance_along(before, after, time, self.dt)
+            clearance = jnp.minimum(clearance, to_movers)
         if self.surroundings is None:
             return clearance
         return jnp.minimum(clearance, self.surroundings.clearance_along(before, after))
