@@ -185,7 +185,8 @@ class Replay:
         as_states = jax.vmap(as_state, (0, 0, None))
         states = as_states(jnp.asarray(self.states), jnp.arange(len(self.states)), pursuers)
         if self.movers is not None:
-            states = replace(states, movers=self._play_again()[0].movers)
+            movers = self._play_again()[0].movers
+            states = jax.vmap(lambda state, movers: replace(state, movers=movers))(states, movers)
         status = statuses_along(self.game, states)
         states = jax.vmap(lambda state, status: replace(state, status=status))(states, status)
         return Trajectory(states, jnp.asarray(self.actions), jnp.asarray(int(self.outcome)))
@@ -289,8 +290,10 @@ def _movers_at_start(numbers: list[Any] | None, game: Game, name: str) -> MoverS
     rows = [_numbers(row, name) for row in numbers]
     fits = [row.shape for row in rows] == [leaf.shape for leaf in leaves]
     require(fits, name, "some", f"{len(leaves)} lists of numbers, as many as movers")
-    is_within = all(np.all((row >= -MAX_SIZE) & (row < 2.0**32)) for row in rows)
-    require(is_within, name, "some", f"at least {-MAX_SIZE:g} and less than 2^32")
+    *reals, bits = rows
+    in_bounds = all((np.abs(row) <= MAX_SIZE).all() for row in reals)
+    in_bounds = in_bounds and ((bits >= 0) & (bits < 2**32)).all()
+    require(in_bounds, name, "some", f"within {MAX_SIZE:g} of 0, and bits of 32 as one number")
     pairs = zip(rows, leaves, strict=True)
     return structure.unflatten([jnp.asarray(row.astype(leaf.dtype)) for row, leaf in pairs])
 

@@ -8,18 +8,28 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from apollonius.agents.classical import Still
+from apollonius.agents.source import NamedPlayer
 from apollonius.arenas.file import find_game, from_dict, load_game, to_dict
+from apollonius.evaluate.match import Match, draw_starts, record_game
+from apollonius.exploit.attackers import planner_against
+from apollonius.export.player import find_exportable
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.movers import MoverBodies, Movers
 from apollonius.game.presets import make_game
 from apollonius.game.sensing import Sensing, Sensors
 from apollonius.game.timetable import Door, Shuttle
-from apollonius.game.types import MoverMotion, Outcome, Role
+from apollonius.game.types import MoverMotion, Outcome, RobotStatus, Role
 from apollonius.game.walkers import Walkers
+from apollonius.io.document import to_json
 from apollonius.io.errors import InvalidInput
 from apollonius.observe import tracking
 from apollonius.observe.view import look, view_of
+from apollonius.play.replay import as_data, load_replay, save_replay
+from apollonius.show.canvas import Canvas
+from apollonius.show.palette import OTHER
+from apollonius.solve.motion import motion_of
 from tests.acting import robot, state
 from tests.oracle import numpy_game, numpy_movers
 
@@ -95,6 +105,31 @@ def test_walkers_walk_on():
     moved = np.array([np.hypot(x[step] - x[step - 300], y[step] - y[step - 300]) for step in range(300, 1500, 100)])
     assert (moved.max(axis=0) > 1).all()
     assert np.hypot(motion.vx, motion.vy)[..., 2:].mean() > 0.2
+
+
+def test_movers_stay_within_their_reach(played):
+    """Of what a player sees, whatever they do for the next one and a half seconds."""
+    game, states = played
+    bodies, dt, rng = game.movers.bodies, game.dt, np.random.default_rng(0)
+    motion = jax.tree.map(jnp.asarray, states.movers.motion)
+
+    @jax.jit
+    @jax.vmap
+    def distances(now, index, later, x, y, to_x, to_y):
+        seen, before, after = (
+            jax.tree.map(lambda leaf, step=step: leaf[step, index], motion)
+            for step in (now, now + later, now + later + 1)
+        )
+        move = robot_at(x, y), robot_at(to_x, to_y)
+        bound = bodies.distance_from_reach(seen, *move, later.astype(jnp.float32) * dt, dt)
+        return bound, bodies.distance_along(before, after, *move)
+
+    rows = [jnp.asarray(rng.integers(most, size=2000), jnp.int32) for most in (380, 12, 15)]
+    places = rng.uniform(0, 10, (2, 2000)).astype(np.float32)
+    ends = places + rng.uniform(-0.1, 0.1, places.shape).astype(np.float32)
+    bound, actual = distances(*rows, *map(jnp.asarray, (*places, *ends)))
+    assert (bound <= actual + 1e-4).all()
+    assert (actual - bound).min() < 0.1, "and some come close to its edge"
 
 
 @pytest.mark.parametrize("mover", [*SHUTTLES, *DOORS], ids=lambda mover: type(mover).__name__)
@@ -279,6 +314,64 @@ def test_each_error_in_a_file_is_one_line_that_names_the_value(old, new, said, t
         load_game(path)
     assert said in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_replay_plays_again_to_the_same_bits(tmp_path):
+    match = Match.of_names(replace(PAPER, max_steps=60), "pure-pursuit", "flee", games=3, seed=1)
+    replay = record_game(match, 1)
+    assert replay.first_difference() is None
+    save_replay(replay, tmp_path / "replay.json")
+    loaded = load_replay(tmp_path / "replay.json")
+    assert loaded.first_difference() is None
+    np.testing.assert_array_equal(loaded.mover_places(), replay.mover_places())
+    start = draw_starts(match)[0].movers.motion
+    np.testing.assert_array_equal(loaded.mover_places()[0, :, 0], start.x[1])
+    steps = np.hypot(*np.diff(loaded.mover_places(), axis=0).T)
+    assert (steps.max(axis=1) > 0.01).all()
+    statuses = loaded.trajectory().states.status
+    assert (int(statuses.pursuer[0][-1]) == RobotStatus.ACTIVE) == (replay.outcome != Outcome.PURSUER_HIT_OBSTACLE)
+
+
+@pytest.mark.parametrize("damage", [
+    lambda data: data.pop("movers"),
+    lambda data: data["movers"].pop(),
+    lambda data: data["movers"][0].pop(),
+    lambda data: data["movers"].__setitem__(0, ["x"]),
+    lambda data: data["movers"][0].__setitem__(0, 1e9),
+    lambda data: data["game"].pop("movers"),
+])  # fmt: skip
+def test_replay_with_other_movers_than_its_game_is_refused(damage, tmp_path):
+    replay = record_game(Match.of_names(replace(PAPER, max_steps=5), "still", "still", games=1), 0)
+    data = as_data(replay)
+    damage(data)
+    path = tmp_path / "replay.json"
+    path.write_text(to_json(data))
+    with pytest.raises(InvalidInput, match="movers"):
+        load_replay(path)
+
+
+def test_picture_shows_movers_in_their_places():
+    canvas = Canvas(PAPER)
+    places = [(2.0 + number, 9.5) for number in range(7)]
+    canvas.move([1.0, 1.0, 0.0, 0.0, 9.0, 1.0, 0.0, 0.0], [True, True], places)
+    picture = np.asarray(canvas.picture())
+    scale = len(picture) / 10
+    other = tuple(bytes.fromhex(OTHER[1:]))
+    for x, y in places:
+        assert tuple(picture[round((10 - y) * scale), round(x * scale)]) == other
+
+
+REFUSALS = {
+    "export": lambda game: find_exportable("intercept", Role.PURSUER, game),
+    "table": lambda game: motion_of(game, Role.PURSUER, 1),
+    "planner": lambda game: planner_against(NamedPlayer("still", Still()), Role.EVADER, game),
+}
+
+
+@pytest.mark.parametrize("caller", REFUSALS)
+def test_who_does_not_know_movers_refuses_them(caller):
+    with pytest.raises(InvalidInput, match="movers = in the game is not possible: it must be left out"):
+        REFUSALS[caller](OFFICE)
 
 
 def test_game_with_movers_needs_a_state_with_them():
