@@ -36,7 +36,7 @@ PARTS = {
     ),
     "Concepts": _folder(
         "concepts",
-        "paper self_play shield solver any_arena sensing pursuers simulation architecture",
+        "paper self_play shield solver any_arena sensing movers pursuers simulation architecture",
     ),
     "Benchmarks": _folder(
         "benchmarks", "as_printed replication leaderboard generalisation buildings speed"

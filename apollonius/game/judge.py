@@ -172,11 +172,12 @@ def _contacts(
                 contacts.append(active[role][mate] & touches)
         return _any(contacts)
 
-    def touches_mover(number: int) -> Flag:
+    def hits_obstacle(number: int) -> Flag:
+        move, radius = moves[role][number], bodies[number].radius
+        is_hit = game.arena.hits_obstacle(*move, radius)
         if game.movers is None or before.movers is None or after.movers is None:
-            return jnp.zeros((), bool)
-        radius = bodies[number].radius
-        return game.movers.is_hit(before.movers, after.movers, moves[role][number], radius)
+            return is_hit
+        return is_hit | game.movers.is_hit(before.movers, after.movers, move, radius)
 
     def events(number: int) -> _Contacts:
         move = moves[role][number]
@@ -186,7 +187,7 @@ def _contacts(
         captures = [hunts & come_within(hunter, move, distance) for hunter, hunts in hunters]
         captured = is_active & _any(captures)
         uncaught = is_active & ~captured
-        hit = uncaught & (game.arena.hits_obstacle(*move, body.radius) | touches_mover(number))
+        hit = uncaught & hits_obstacle(number)
         out = uncaught & game.arena.is_out_of_range(move[1], body.radius)
         collided = uncaught & touches_mate(number) & ~hit & ~out
         return _Contacts(is_active, captured, hit, out, collided)
