@@ -80,6 +80,7 @@ class SingleGame:
         )
         game = as_game(game)
         game.require_one_arena("an environment of a single game")
+        game.require_no_movers("an environment of a single game")
         contest = make_contest(game, observation, actions, reward, inside)
         self.game = game = contest.game
         self.observation_space = observation_space(contest.reads)

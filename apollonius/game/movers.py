@@ -152,24 +152,18 @@ class Movers(eqx.Module):
         """
         clock_key, place_key, bits_key = jax.random.split(key, 3)
         timed, bodies = len(self.timed), self.bodies
-        drawn = jax.random.uniform(clock_key, (timed, _TRIES))
-        tried = [
-            [mover.period * drawn[number, attempt] for attempt in range(_TRIES)]
-            for number, mover in enumerate(self.timed)
+        shares = jax.random.uniform(clock_key, (timed, _TRIES))
+        tried = [mover.period * share for mover, share in zip(self.timed, shares, strict=True)]
+        places = [
+            jax.vmap(mover.place)(clocks) for mover, clocks in zip(self.timed, tried, strict=True)
         ]
-        clock_places = [
-            [mover.place(clock) for clock in clocks]
-            for mover, clocks in zip(self.timed, tried, strict=True)
-        ]
-        walker_places = _draw_floor(place_key, arena, bodies.radius[timed:] + 2 * MARGIN)
-        xs, ys = (
-            jnp.concatenate([_table([[p[axis] for p in row] for row in clock_places]), walked])
-            for axis, walked in enumerate(walker_places)
-        )
+        walker_x, walker_y = _draw_floor(place_key, arena, bodies.radius[timed:] + 2 * MARGIN)
+        xs = jnp.stack([*(x for x, _ in places), *walker_x])
+        ys = jnp.stack([*(y for _, y in places), *walker_y])
         choice = jax.vmap(_first_with_room, (0, 0, 0, None, None))(bodies, xs, ys, robots, room)
         rows = jnp.arange(len(choice))
         x, y = xs[rows, choice], ys[rows, choice]
-        clocks = _table(tried)[rows[:timed], choice[:timed]]
+        clocks = _row([clocks[choice[number]] for number, clocks in enumerate(tried)])
         earlier = self._timed_places(self._advanced(clocks, -dt))
         vx, vy = (
             jnp.concatenate([(now[:timed] - before) / dt, jnp.zeros(len(choice) - timed)])
@@ -347,8 +341,3 @@ def _first_with_room(
 def _row(values: Sequence[Scalar]) -> Float[Array, " values"]:
     """Return numbers as one array, which may be empty."""
     return jnp.stack(values) if values else jnp.zeros(0)
-
-
-def _table(rows: Sequence[Sequence[Scalar]]) -> Float[Array, "rows tries"]:
-    """Return rows of tries as one array, which may have none."""
-    return jnp.stack([_row(row) for row in rows]) if rows else jnp.zeros((0, _TRIES))

@@ -11,6 +11,7 @@ import pytest
 from apollonius.agents.classical import Still
 from apollonius.agents.source import NamedPlayer
 from apollonius.arenas.file import find_game, from_dict, load_game, to_dict
+from apollonius.envs.pettingzoo import parallel_env
 from apollonius.evaluate.match import Match, draw_starts, record_game
 from apollonius.exploit.attackers import planner_against
 from apollonius.export.player import find_exportable
@@ -364,6 +365,7 @@ def test_picture_shows_movers_in_their_places():
 REFUSALS = {
     "export": lambda game: find_exportable("intercept", Role.PURSUER, game),
     "table": lambda game: motion_of(game, Role.PURSUER, 1),
+    "environment": lambda game: parallel_env(game=game),
     "planner": lambda game: planner_against(NamedPlayer("still", Still()), Role.EVADER, game),
 }
 
