@@ -57,7 +57,7 @@ def measure_env(game: Game, games: int) -> dict[str, Any]:
     """
     start_key, word_key = jax.random.split(jax.random.key(0))
     all_starts = jax.jit(reset_batch, static_argnums=2)(game, start_key, START_ROWS * games)
-    starts = jax.tree.map(lambda leaf: leaf.reshape(START_ROWS, games), all_starts)
+    starts = jax.tree.map(lambda leaf: leaf.reshape(START_ROWS, games, *leaf.shape[1:]), all_starts)
     players = BySide(*[single_player(Uniform())] * 2)
     first, row = (
         jax.tree.map(lambda leaf, rows=rows: leaf[rows], starts) for rows in (0, slice(1))

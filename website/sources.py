@@ -36,7 +36,8 @@ PARTS = {
     ),
     "Concepts": _folder(
         "concepts",
-        "paper self_play shield solver any_arena sensing pursuers robots simulation architecture",
+        "paper self_play shield solver any_arena sensing movers pursuers robots simulation "
+        "architecture",
     ),
     "Benchmarks": _folder(
         "benchmarks", "as_printed replication leaderboard generalisation buildings speed"

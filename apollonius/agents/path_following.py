@@ -10,9 +10,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from apollonius.accelerate.bit_mixing import mix_bits
 from apollonius.agents.classical import AbstractSteering, direction
 from apollonius.agents.guidance import arc_speed
-from apollonius.agents.policy import Memory, mix_bits
+from apollonius.agents.policy import Memory
 from apollonius.game.chart import Chart
 from apollonius.game.sensing import Sensors
 from apollonius.game.teams import separation

@@ -8,7 +8,7 @@ from typing import Any, Generic, TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, PyTree, UInt32
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from apollonius.game.dynamics import action_levels
 from apollonius.game.types import NUM_ACTIONS, Action, RandomBits, Scalar
@@ -17,18 +17,6 @@ from apollonius.observe.view import View
 
 Memory = PyTree[Array]
 """State that a player carries from step to step of a game; `()` for one that carries nothing."""
-
-
-def mix_bits(
-    bits: UInt32[Array, "*rows"], number: UInt32[Array, "*numbers"]
-) -> UInt32[Array, "..."]:
-    """Mix a number into random bits: a step of the golden ratio and the finaliser of MurmurHash3
-    (Appleby, 2011).
-    """
-    words = bits + number * jnp.uint32(0x9E3779B9)
-    words = (words ^ (words >> 16)) * jnp.uint32(0x85EBCA6B)
-    words = (words ^ (words >> 13)) * jnp.uint32(0xC2B2AE35)
-    return words ^ (words >> 16)
 
 
 class AbstractPolicy(eqx.Module):

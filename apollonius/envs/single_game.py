@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, UInt8, UInt32
 
-from apollonius.agents.policy import mix_bits
+from apollonius.accelerate.bit_mixing import mix_bits
 from apollonius.agents.pool import Pool
 from apollonius.arenas.file import as_game
 from apollonius.envs.batch import (
@@ -80,6 +80,7 @@ class SingleGame:
         )
         game = as_game(game)
         game.require_one_arena("an environment of a single game")
+        game.require_no_movers("an environment of a single game")
         contest = make_contest(game, observation, actions, reward, inside)
         self.game = game = contest.game
         self.observation_space = observation_space(contest.reads)

@@ -172,6 +172,7 @@ def record_game(match: Match, index: int) -> Replay:
         as_rows(course.states),
         np.asarray(course.actions),
         Outcome(int(course.outcome)),
+        movers=jax.tree.map(lambda leaf: leaf[0], course.states.movers),
     )
 
 
@@ -203,7 +204,8 @@ def count_results(match: Match, results: Results) -> MatchResult:
 def _count_unpromised(match: Match) -> dict[str, int] | None:
     """Count the starts from which a side's shield promises nothing; None without any.
 
-    From rest, a robot that is certain of itself can always stay where it is.
+    From rest, a robot that is certain of itself can always stay where it is. Where things move,
+    nothing is promised to others, nor to robots that do not see all that moves.
     """
     game = match.rules
     counts = dict[str, int]()
@@ -211,7 +213,11 @@ def _count_unpromised(match: Match) -> dict[str, int] | None:
         player = match.players[role].policy
         if not isinstance(player, Shielded):
             continue
-        if game.starts.speed == "moving" or player.backup.is_uncertain:
+        sensors = game.sensors and game.sensors[role]
+        sees_movers = sensors is None or sensors.sees_all
+        if game.movers and (player.backup.is_uncertain or not sees_movers):
+            counts[role.name.lower()] = match.games
+        elif game.starts.speed == "moving" or player.backup.is_uncertain:
             promises = _promises(game, player, draw_starts(match)[0], role)
             counts[role.name.lower()] = int(np.sum(~np.asarray(promises)))
     return {side: count for side, count in counts.items() if count} or None

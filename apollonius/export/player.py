@@ -258,6 +258,7 @@ def find_exportable(name: str | AbstractPolicy, role: Role, game: Game) -> Playe
             a robot that does not come to rest by braking, the answer to a broken state.
     """
     game.require_one_arena("an exported policy")
+    game.require_no_movers("an exported policy")
     named_player = find_player(name, role, game)
     policy = named_player.policy
     finite = all(

@@ -16,6 +16,7 @@ from apollonius.game.chart import Chart
 from apollonius.game.drive import Drives
 from apollonius.game.dynamics import Unicycle, as_action
 from apollonius.game.judge import judge, robot_events
+from apollonius.game.movers import Movers
 from apollonius.game.packed_arena import pack
 from apollonius.game.reward import Reward, nearest_distances
 from apollonius.game.scenario import Scenario
@@ -76,6 +77,7 @@ class Game(eqx.Module):
         sensors, drives: of either side; None for robots that see everything and act at once.
         uncertainty: bounds of what robots of either side do not know of themselves, which shields
             allow for; None for robots that know themselves exactly.
+        movers: things that move by themselves; None without any.
         chart: distances in its arena, or in all those of its scenario, which players for any arena
             read; derived (`apollonius.arenas.charting.with_chart`), never in a file. `in_arena`
             replaces the arena and drops its chart.
@@ -97,6 +99,7 @@ class Game(eqx.Module):
     sensors: Sensing | None = None
     drives: Drives | None = None
     uncertainty: Uncertainties | None = None
+    movers: Movers | None = None
     chart: Chart | None = None
 
     def __check_init__(self) -> None:
@@ -122,6 +125,7 @@ class Game(eqx.Module):
         self.arena.check()
         self.starts.check(self.capture_distance)
         validation.check_space_to_start(self.arena, self.bodies, self.starts)
+        validation.check_movers(self.movers, self.arena)
 
     @property
     def bodies(self) -> BySide[tuple[Unicycle, ...]]:
@@ -153,14 +157,24 @@ class Game(eqx.Module):
         """Draw an arena and an initial state. The key is consumed."""
         validation.require_key(key)
         if self.scenario is None:
-            return self.starts.sample(key, self.arena, self.bodies)
+            return self._sample_start(key)
         variant_key, start_key = jax.random.split(key)
         return self.reset_at(self.scenario.sample(variant_key), start_key)
 
     def reset_at(self, variant: Int[Array, ""], key: PRNGKeyArray) -> GameState:
         """Draw an initial state in one arena of the scenario. The key is consumed."""
-        game = self.with_variant(variant)
-        return replace(self.starts.sample(key, game.arena, game.bodies), variant=variant)
+        return replace(self.with_variant(variant)._sample_start(key), variant=variant)
+
+    def _sample_start(self, key: PRNGKeyArray) -> GameState:
+        """Draw an initial state in a game in one arena. The key is consumed."""
+        if self.movers is None:
+            return self.starts.sample(key, self.arena, self.bodies)
+        robots_key, movers_key = jax.random.split(key)
+        state = self.starts.sample(robots_key, self.arena, self.bodies)
+        pairs = [zip(state.robots[role], self.bodies[role], strict=True) for role in ROLES]
+        robots = [(robot, body.radius) for side in pairs for robot, body in side]
+        room, dt = self.starts.clearance, self.dt
+        return replace(state, movers=self.movers.sample(movers_key, self.arena, robots, room, dt))
 
     def at(self, state: _InArena) -> "Game":
         """Return the game that is played in a state: in its arena, between its robots."""
@@ -198,9 +212,10 @@ class Game(eqx.Module):
 
     def packed(self) -> "Game":
         """Return the game with its arena's discs and polygons in arrays: one program plays it in
-        many arenas.
+        many arenas. With movers it stays as it is: they look at all obstacles in every step, which
+        is faster one by one.
         """
-        return self if self.scenario else replace(self, arena=pack(self.arena))
+        return self if self.scenario or self.movers else replace(self, arena=pack(self.arena))
 
     def require_one_arena(self, caller: str) -> None:
         """Refuse a game in one of several arenas, for `caller` needs one; raises InvalidInput."""
@@ -217,6 +232,13 @@ class Game(eqx.Module):
             self.size,
             f"1 v 1: {caller} knows games of two robots only",
         )
+
+    def require_no_movers(self, caller: str) -> None:
+        """Refuse a game with things that move by themselves, which `caller` does not know; raises
+        InvalidInput.
+        """
+        bound = f"left out: {caller} does not know things that move by themselves"
+        require(self.movers is None, "movers", "in the game", bound)
 
     def duel(self, caller: str) -> "Game":
         """Return the game between one robot of each team, for `caller` knows only two.
@@ -267,9 +289,16 @@ class Game(eqx.Module):
             robots = zip(game.bodies[role], state.robots[role], controls[role], strict=True)
             driven = tuple(body.move(robot, u1, u2, self.dt) for body, robot, (u1, u2) in robots)
             stopped = (replace(robot, v=jnp.zeros_like(robot.v)) for robot in state.robots[role])
-            return tuple(map(tree_where, state.movers[role], driven, stopped))
+            return tuple(map(tree_where, state.in_play[role], driven, stopped))
 
-        after = replace(state, robots=ROLES.map(robots_after), steps=state.steps + 1)
+        movers_after = None
+        if self.movers is not None:
+            bound = "drawn by reset, as those of a game with movers are"
+            require(state.movers is not None, "state", "without movers", bound)
+            movers_after = self.movers.step(game.arena, state, game.bodies, self.dt)
+        after = replace(
+            state, robots=ROLES.map(robots_after), steps=state.steps + 1, movers=movers_after
+        )
         outcome, status = judge(game, state, after)
         after = replace(after, status=status)
         chart = game.chart if self.reward.along_paths else None

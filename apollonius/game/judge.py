@@ -14,6 +14,7 @@ from jaxtyping import Array, Int
 from apollonius.accelerate.fusion_barrier import fusion_barrier
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
+from apollonius.game.movers import Movers
 from apollonius.game.outcome import come_within, decide
 from apollonius.game.teams import Teams
 from apollonius.game.types import (
@@ -45,6 +46,8 @@ class JudgedGame(Protocol):
     def max_steps(self) -> int | Array: ...
     @property
     def teams(self) -> Teams | None: ...
+    @property
+    def movers(self) -> Movers | None: ...
 
 
 class RobotEvents(eqx.Module):
@@ -58,8 +61,8 @@ class RobotEvents(eqx.Module):
 class _Contacts(eqx.Module):
     """The events of one robot in a step; none unless it was active before the step.
 
-    A captured robot has no other event. `hit`: it touched an obstacle; `out`: it left the walls;
-    `collided`: it touched a mate, and neither hit an obstacle nor left the walls.
+    A captured robot has no other event. `hit`: it touched an obstacle or a mover; `out`: it left
+    the walls; `collided`: it touched a mate, and neither hit an obstacle nor left the walls.
     """
 
     active: Flag
@@ -90,7 +93,7 @@ def judge(game: JudgedGame, before: GameState, after: GameState) -> tuple[Int[Ar
 
     def last(role: Role, *ends: RobotStatus) -> Flag:
         """Check whether the side is beaten, and one of its robots ended so in this step."""
-        robots = zip(before.movers[role], statuses[role], strict=True)
+        robots = zip(before.in_play[role], statuses[role], strict=True)
         flags = (moved & (status == end) for moved, status in robots for end in ends)
         return ~_any(active[role]) & _any(flags)
 
@@ -148,13 +151,13 @@ def robot_events(before: GameState, after: GameState) -> BySide[tuple[RobotEvent
         failed = active & ~captured & (status != RobotStatus.ACTIVE)
         return RobotEvents(active, captured, failed)
 
-    return ROLES.map(lambda role: tuple(map(fate, before.movers[role], after.status[role])))
+    return ROLES.map(lambda role: tuple(map(fate, before.in_play[role], after.status[role])))
 
 
 def _contacts(
     game: JudgedGame, before: GameState, after: GameState, role: Role
 ) -> tuple[_Contacts, ...]:
-    active, bodies = before.movers, game.bodies[role]
+    active, bodies = before.in_play, game.bodies[role]
     moves = ROLES.map(lambda side: list(zip(before.robots[side], after.robots[side], strict=True)))
     hunters = list(zip(moves.pursuer, active.pursuer, strict=True)) if role == Role.EVADER else []
     mates_collide = bool(game.teams and game.teams.mates_collide)
@@ -169,6 +172,13 @@ def _contacts(
                 contacts.append(active[role][mate] & touches)
         return _any(contacts)
 
+    def hits_obstacle(number: int) -> Flag:
+        move, radius = moves[role][number], bodies[number].radius
+        is_hit = game.arena.hits_obstacle(*move, radius)
+        if game.movers is None or before.movers is None or after.movers is None:
+            return is_hit
+        return is_hit | game.movers.is_hit(before.movers, after.movers, move, radius)
+
     def events(number: int) -> _Contacts:
         move = moves[role][number]
         body = bodies[number]
@@ -177,7 +187,7 @@ def _contacts(
         captures = [hunts & come_within(hunter, move, distance) for hunter, hunts in hunters]
         captured = is_active & _any(captures)
         uncaught = is_active & ~captured
-        hit = uncaught & game.arena.hits_obstacle(*move, body.radius)
+        hit = uncaught & hits_obstacle(number)
         out = uncaught & game.arena.is_out_of_range(move[1], body.radius)
         collided = uncaught & touches_mate(number) & ~hit & ~out
         return _Contacts(is_active, captured, hit, out, collided)

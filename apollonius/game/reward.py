@@ -115,11 +115,11 @@ def nearest_distances(
 
     def distance(state: GameState, evader: RobotState) -> Scalar:
         pursuers = state.robots.pursuer
-        pursuer = nearest(evader, pursuers, before.movers.pursuer, pursuers)
+        pursuer = nearest(evader, pursuers, before.in_play.pursuer, pursuers)
         return separation(pursuer, evader)
 
     def path_length(chart: Chart, state: GameState, evader: RobotState) -> Scalar:
-        pursuers = zip(state.robots.pursuer, before.movers.pursuer, strict=True)
+        pursuers = zip(state.robots.pursuer, before.in_play.pursuer, strict=True)
         lengths = [
             jnp.where(
                 active, chart.shortest_path_length(robot.x, robot.y, evader.x, evader.y), jnp.inf

@@ -10,6 +10,7 @@ from dataclasses import fields
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, Bool
 
 from apollonius.accelerate.fusion_barrier import fusion_barrier
 from apollonius.game.arena import Arena
@@ -128,6 +129,11 @@ class Sensors(eqx.Module):
                 size = getattr(getattr(self, noise), error.name)
                 require(size >= 0, f"{name}.{noise}.{error.name}", size, "0 or more")
 
+    @property
+    def sees_all(self) -> bool:
+        """Check whether nothing limits what is in sight."""
+        return not self.line_of_sight and self.range is None and self.field_of_view is None
+
     @fusion_barrier
     def reaches(self, arena: Arena, robot: RobotState, other: RobotState) -> Flag:
         """Check whether a robot has another one's centre in sight."""
@@ -141,6 +147,23 @@ class Sensors(eqx.Module):
             bearing = wrap_angle(jnp.arctan2(dy, dx) - robot.heading)
             is_visible &= jnp.abs(bearing) <= self.field_of_view / 2
         return is_visible
+
+    def movers_in_sight(
+        self, arena: Arena, state: GameState, role: Role
+    ) -> Bool[Array, " movers"] | None:
+        """Check which movers an active robot of a side has in sight by their centres: at once and
+        exactly, without noise, delay and drop-out. None in a game without movers.
+        """
+        if state.movers is None:
+            return None
+        observers = list(zip(state.robots[role], state.active[role], strict=True))
+
+        def is_in_sight(x: Scalar, y: Scalar) -> Flag:
+            centre = RobotState(x, y, jnp.zeros(()), jnp.zeros(()))
+            sightings = [active & self.reaches(arena, robot, centre) for robot, active in observers]
+            return functools.reduce(operator.or_, sightings)
+
+        return jax.vmap(is_in_sight)(state.movers.motion.x, state.movers.motion.y)
 
 
 class Sensing(BySide[Sensors | None]):

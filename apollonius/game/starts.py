@@ -91,7 +91,7 @@ class Starts(eqx.Module):
             fit_flags = [self.fits(arena, everyone[i], everyone[:i], matters) for i in numbers]
             return functools.reduce(operator.and_, fit_flags)
 
-        places = _draw_until(fit, position_key, arena, len(new))
+        places = draw_until(fit, position_key, arena, len(new))
         headings = jax.random.uniform(heading_key, (len(new),), minval=-jnp.pi, maxval=jnp.pi)
         return robots(places, self._speeds(speed_key, [body for _, body in new]), headings)
 
@@ -131,7 +131,7 @@ class _Search(NamedTuple):
     fit: Flag
 
 
-def _draw_until(
+def draw_until(
     fits: Callable[[Float[Array, " size"], Flag], Flag],
     key: PRNGKeyArray,
     arena: Arena,

@@ -169,6 +169,32 @@ DriveStates = tuple[DriveState, ...]
 """The drives of the robots of a side."""
 
 
+class MoverMotion(eqx.Module):
+    """Where movers are, x and y [m], and their velocities in the step that led there [m/s]."""
+
+    x: Float[Array, "*batch movers"]
+    y: Float[Array, "*batch movers"]
+    vx: Float[Array, "*batch movers"]
+    vy: Float[Array, "*batch movers"]
+
+
+class MoverStates(eqx.Module):
+    """The movers of a game: shuttles, doors, then walkers, in the order of the rules.
+
+    Attributes:
+        motion: of all.
+        clocks: of shuttles and doors, since the start of their periods [s].
+        goal_x, goal_y: where walkers go [m].
+        bits: random bits of each walker, drawn at the start.
+    """
+
+    motion: MoverMotion
+    clocks: Float[Array, "*batch timed"]
+    goal_x: Float[Array, "*batch walkers"]
+    goal_y: Float[Array, "*batch walkers"]
+    bits: UInt32[Array, "*batch walkers"]
+
+
 def active_flags(status: BySide[tuple[Int[Array, ""], ...]]) -> BySide[tuple[Flag, ...]]:
     """Check whether each robot is in play, by the `RobotStatus` of each."""
     return status.map(lambda side: tuple(robot == RobotStatus.ACTIVE for robot in side))
@@ -178,13 +204,15 @@ class GameState(eqx.Module):
     """The robots of both sides, and the number of control steps played since the start.
 
     `variant` is the number of the game's arena and robots in its scenario, None where there is no
-    scenario. `status` is a `RobotStatus` for each robot.
+    scenario. `status` is a `RobotStatus` for each robot. `movers` are things that
+    move by themselves, in a game that has any.
     """
 
     robots: BySide[tuple[RobotState, ...]]
     steps: Int[Array, ""]
     status: BySide[tuple[Int[Array, ""], ...]]
     variant: Int[Array, ""] | None = None
+    movers: MoverStates | None = None
 
     @classmethod
     def at_start(cls, robots: BySide[tuple[RobotState, ...]]) -> "GameState":
@@ -199,7 +227,7 @@ class GameState(eqx.Module):
         return active_flags(self.status)
 
     @property
-    def movers(self) -> BySide[tuple[Flag, ...]]:
+    def in_play(self) -> BySide[tuple[Flag, ...]]:
         """Check whether each robot takes part in the next step of a game that is not over.
 
         Of two robots both do, since the game is over when one is out. As constants these flags and

@@ -15,10 +15,12 @@ from apollonius.game.arena import Arena
 from apollonius.game.drive import MOST_LAG, Drives
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.models import model_name, require_unicycle
+from apollonius.game.movers import Movers
 from apollonius.game.sensing import Sensing
 from apollonius.game.starts import Starts
 from apollonius.game.types import BySide
 from apollonius.game.uncertainty import Uncertainties
+from apollonius.game.walkers import MARGIN
 from apollonius.io.errors import InvalidInput, format_value, require
 from apollonius.io.limits import ROBOTS
 
@@ -41,6 +43,7 @@ _OPTIONAL = (
     "sensors",
     "drives",
     "uncertainty",
+    "movers",
     "chart",
 )
 """Beginnings of the names of parts that a game need not have."""
@@ -201,6 +204,21 @@ def check_space_to_start(arena: Arena, bodies: Bodies, starts: Starts) -> None:
     bound = f"at most {reach:.3g} m, the largest distance of the free pairs among {_DRAWS:,}"
     remedy = "make it smaller or the arena larger"
     require(False, "starts.separation", starts.separation, f"{bound}; {remedy}")
+
+
+def check_movers(movers: Movers | None, arena: Arena) -> None:
+    """Refuse impossible movers, and walkers that find no place on the floor."""
+    if movers is None:
+        return
+    movers.check(arena)
+    places = np.random.default_rng(2).uniform(size=(2, 2, _TOGETHER))
+    x = np.asarray(arena.x_min + (arena.x_max - arena.x_min) * places[0])
+    y = np.asarray(arena.y_min + (arena.y_max - arena.y_min) * places[1])
+    clearance = float(_clearance(arena, x, y).max())
+    for number, group in enumerate(movers.walkers):
+        bound = f"less than {clearance:.3g} m, the largest clearance of 10,000 places"
+        fits = group.radius + 2 * MARGIN < clearance
+        require(fits, f"movers.walkers[{number}].radius", group.radius, bound)
 
 
 def _check_space_for_mates(bodies: Bodies, starts: Starts, free: Sequence[Points]) -> None:

@@ -122,7 +122,7 @@ def train_chunk(stage: ReplayStage, state: S) -> tuple[S, Metrics]:
     drawn_at_once = _STARTS_PER_CHUNK if stage.game.scenario is None else _STARTS_IN_ARENAS
     rows = max(1, drawn_at_once // (games * steps))
     drawn = reset_batch(stage.game, state.iteration_key(0), rows * steps * games)
-    starts = jax.tree.map(lambda leaf: leaf.reshape(rows, steps, games), drawn)
+    starts = jax.tree.map(lambda leaf: leaf.reshape(rows, steps, games, *leaf.shape[1:]), drawn)
 
     def iterate(state: S, index: Int[Array, ""]) -> tuple[S, Metrics]:
         return stage.iterate(state, row_at_turn(starts, index))

@@ -1,9 +1,17 @@
 """The knowledge that one side has of a state of the game: all that its players see."""
 
 import equinox as eqx
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
-from apollonius.game.types import BySide, DriveStates, Flag, GameState, RobotState, active_flags
+from apollonius.game.types import (
+    BySide,
+    DriveStates,
+    Flag,
+    GameState,
+    MoverMotion,
+    RobotState,
+    active_flags,
+)
 
 
 class Knowledge(eqx.Module):
@@ -16,6 +24,8 @@ class Knowledge(eqx.Module):
         variant: as in `GameState`.
         drives: those of the side's robots; empty where they are not known.
         ages: for how long each opponent has been hidden [s]; None for a side that sees everything.
+        movers: places and velocities of movers; those of hidden ones mean nothing.
+        movers_in_sight: which of these are not hidden; None for a side that sees everything.
         belief: with a chart, the time since each coarse cell was last seen [s], negative where no
             opponent can be; None for a side that sees everything.
     """
@@ -26,11 +36,14 @@ class Knowledge(eqx.Module):
     drives: DriveStates = ()
     ages: tuple[Float[Array, "*games"], ...] | None = None
     belief: Float[Array, "*games rows columns"] | None = None
+    movers: MoverMotion | None = None
+    movers_in_sight: Bool[Array, "*games movers"] | None = None
 
     @classmethod
     def complete(cls, state: GameState, drives: DriveStates = ()) -> "Knowledge":
         """Return the knowledge of a side that sees everything."""
-        return cls(state.robots, state.status, state.variant, drives)
+        movers = state.movers and state.movers.motion
+        return cls(state.robots, state.status, state.variant, drives, movers=movers)
 
     @property
     def active(self) -> BySide[tuple[Flag, ...]]:

@@ -207,7 +207,7 @@ def knowledge_of(
     Args:
         game: the rules.
         track: the side's track.
-        state: the true state, of which only status and variant are read.
+        state: the true state, of which only status, variant and movers are read.
         role: the side.
         drives: those of its robots, as far as it knows them.
     """
@@ -222,4 +222,10 @@ def knowledge_of(
         side_belief = belief.propagate(chart, side_belief, reach, late * local_game.dt)
     robots = BySide.of(role, track.own, track.opponents)
     where = side_belief and side_belief.where
-    return Knowledge(robots, state.status, state.variant, drives, track.ages, where)
+    movers = state.movers and state.movers.motion
+    in_sight = sensors and sensors.movers_in_sight(local_game.arena, state, role)
+    if movers is not None and in_sight is not None:
+        movers = jax.tree.map(lambda leaf: jnp.where(in_sight, leaf, 0.0), movers)
+    return Knowledge(
+        robots, state.status, state.variant, drives, track.ages, where, movers, in_sight
+    )

@@ -6,7 +6,7 @@ from typing import TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from apollonius.accelerate.fusion_barrier import fusion_barrier
 from apollonius.game.arena import Arena
@@ -14,6 +14,7 @@ from apollonius.game.chart import Chart
 from apollonius.game.drive import PredictedRobot, drive_of, predict_after_lag
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
+from apollonius.game.movers import MoverBodies
 from apollonius.game.teams import Teams, nearest
 from apollonius.game.types import (
     BySide,
@@ -22,6 +23,7 @@ from apollonius.game.types import (
     DriveStates,
     Flag,
     GameState,
+    MoverMotion,
     Real,
     RobotState,
     Role,
@@ -67,6 +69,41 @@ class Robot(eqx.Module):
         return self.predicted_state or self.state
 
 
+class MoversInView(eqx.Module):
+    """The movers as one robot sees them, leaves `[movers]`. It does not know where they go next.
+
+    Attributes:
+        bodies: their shapes and limits.
+        motion: their places [m] and velocities [m/s]; those of hidden ones mean nothing.
+        in_sight: which of these are not hidden; None for a side that sees everything.
+        age: time [s] from now until a command that is given now takes effect.
+    """
+
+    bodies: MoverBodies
+    motion: MoverMotion
+    in_sight: Bool[Array, " movers"] | None
+    age: Real
+
+    def clearance_along(
+        self, before: RobotState, after: RobotState, time: Real, dt: Real
+    ) -> Scalar:
+        """Return a lower bound of the distance [m] of a robot's centre, on a step of a manoeuvre,
+        from all that movers in sight can reach until then; infinite for a robot that rests, which
+        does not fail where it is walked into.
+
+        Args:
+            before, after: the robot before and after the step.
+            time: from the start of the manoeuvre to that of the step [s].
+            dt: duration of the step [s].
+        """
+        since_seen = self.age + time
+        distances = self.bodies.distance_from_reach(self.motion, before, after, since_seen, dt)
+        if self.in_sight is not None:
+            distances = jnp.where(self.in_sight, distances, jnp.inf)
+        is_at_rest = (before.v == 0) & (after.v == 0)
+        return jnp.where(is_at_rest, jnp.inf, jnp.min(distances))
+
+
 class View(eqx.Module):
     """The view of one robot, whose mates and opponents are robots too. Nothing in it is scaled.
 
@@ -75,6 +112,7 @@ class View(eqx.Module):
         dt: time for which an action is held [s].
         belief: as in `apollonius.observe.knowledge.Knowledge`; None for a side that sees all.
         arena_chart: the chart of the arena; None where nobody reads it.
+        movers: things that move by themselves; None in a game without any.
     """
 
     arena: Arena
@@ -85,6 +123,7 @@ class View(eqx.Module):
     dt: Real
     belief: Float[Array, "rows columns"] | None = None
     arena_chart: Chart | None = None
+    movers: MoversInView | None = None
 
     @property
     def chart(self) -> Chart:
@@ -149,7 +188,18 @@ def view_of(game: Game, knowledge: Knowledge, role: Role, number: int = 0) -> Vi
         dt=local_game.dt,
         belief=knowledge.belief,
         arena_chart=local_game.chart,
+        movers=_movers_in_view(local_game, knowledge, role),
     )
+
+
+def _movers_in_view(game: Game, knowledge: Knowledge, role: Role) -> MoversInView | None:
+    """Return the movers in the view of a side's robots in a game in one arena."""
+    if game.movers is None or knowledge.movers is None:
+        return None
+    lag = drive_of(game.drives, role).lag
+    age = 0.0 if lag is None else jnp.asarray(lag, jnp.float32) * game.dt
+    bodies = game.movers.bodies
+    return MoversInView(bodies, knowledge.movers, knowledge.movers_in_sight, age)
 
 
 def _robots_of_side(

@@ -21,6 +21,7 @@ from apollonius.game.types import (
     BySide,
     DriveStates,
     GameState,
+    MoverStates,
     Outcome,
     RobotState,
 )
@@ -132,6 +133,7 @@ class Replay:
             evader.
         actions: of the pursuers and the evaders, 0..8; or the action levels of all, where one
             side's are continuous.
+        movers: the movers at the start; None in a game without any.
         tolerance: of the states of the game played again [m, m/s, rad]: 0 where these rules
             recorded it, more for a program that rounds otherwise.
     """
@@ -146,6 +148,7 @@ class Replay:
     actions: Int[np.ndarray, "steps robots"] | Float32[np.ndarray, "steps robots 2"]
     outcome: Outcome
     tolerance: float = 0.0
+    movers: MoverStates | None = None
 
     def first_difference(self) -> int | None:
         """Return the first step whose state differs when the game is played again, None where all
@@ -153,8 +156,7 @@ class Replay:
 
         The number of steps stands for an outcome that differs where no state does.
         """
-        start = as_state(jnp.asarray(self.states[0]), jnp.asarray(0), len(self.game.bodies.pursuer))
-        states, outcomes = play_actions(self.game, start, jnp.asarray(self.actions))
+        states, outcomes = self._play_again()
         errors = np.abs(as_rows(states) - self.states)
         # headings of -pi and pi are the same
         errors[:, 3::4] = np.minimum(errors[:, 3::4], 2 * np.pi - errors[:, 3::4])
@@ -163,11 +165,28 @@ class Replay:
             return int(np.argmax(differs))
         return None if int(outcomes[-1]) == self.outcome else len(self.actions)
 
+    def _play_again(self) -> tuple[GameState, Int[Array, " steps"]]:
+        """Return all states of the game played again, and the outcome of each step."""
+        start = as_state(jnp.asarray(self.states[0]), jnp.asarray(0), len(self.game.bodies.pursuer))
+        start = replace(start, movers=self.movers)
+        return play_actions(self.game, start, jnp.asarray(self.actions))
+
+    def mover_places(self) -> Float32[np.ndarray, "rows movers 2"]:
+        """Return x and y [m] of all movers in each state; of none in a game without them."""
+        if self.movers is None:
+            return np.zeros((len(self.states), 0, 2), np.float32)
+        movers = self._play_again()[0].movers
+        assert movers is not None, "the game has some"
+        return np.stack([np.asarray(movers.motion.x), np.asarray(movers.motion.y)], axis=-1)
+
     def trajectory(self) -> Trajectory:
         """Return the game as it was recorded."""
         pursuers = len(self.game.bodies.pursuer)
         as_states = jax.vmap(as_state, (0, 0, None))
         states = as_states(jnp.asarray(self.states), jnp.arange(len(self.states)), pursuers)
+        if self.movers is not None:
+            movers = self._play_again()[0].movers
+            states = jax.vmap(lambda state, movers: replace(state, movers=movers))(states, movers)
         status = statuses_along(self.game, states)
         states = jax.vmap(lambda state, status: replace(state, status=status))(states, status)
         return Trajectory(states, jnp.asarray(self.actions), jnp.asarray(int(self.outcome)))
@@ -209,7 +228,10 @@ def as_data(replay: Replay) -> dict[str, Any]:
     arrays = {"actions": replay.actions.tolist(), "states": replay.states.astype(float).tolist()}
     outcome = replay.outcome.name.lower()
     fields = {"format": FORMAT, "game": to_dict(replay.game), "outcome": outcome}
-    return vars(replay) | fields | arrays
+    data = {key: value for key, value in vars(replay).items() if value is not None}
+    if replay.movers is not None:
+        arrays["movers"] = [np.asarray(leaf).tolist() for leaf in jax.tree.leaves(replay.movers)]
+    return data | fields | arrays
 
 
 def save_replay(replay: Replay, path: Path) -> None:
@@ -251,7 +273,29 @@ def load_replay(path: Path) -> Replay:
     outcome = Outcome[record.outcome.upper()]
     match = record.pursuer, record.evader, record.seed, record.games, record.index
     actions = actions.astype(np.int32 if discrete else np.float32)
-    return Replay(game, *match, states.astype(np.float32), actions, outcome, record.tolerance)
+    movers = _movers_at_start(record.movers, game, f"'{path}': movers")
+    numbers = states.astype(np.float32), actions
+    return Replay(game, *match, *numbers, outcome, record.tolerance, movers)
+
+
+def _movers_at_start(numbers: list[Any] | None, game: Game, name: str) -> MoverStates | None:
+    """Return the movers of a file, the numbers of each field of `MoverStates`; refuse others than
+    those of the game. The name is for messages.
+    """
+    fits = (numbers is None) == (game.movers is None)
+    require(fits, name, numbers and "some", "in games with movers, and in no others")
+    if numbers is None:
+        return None
+    leaves, structure = jax.tree.flatten(jax.eval_shape(game.reset, jax.random.key(0)).movers)
+    rows = [_numbers(row, name) for row in numbers]
+    fits = [row.shape for row in rows] == [leaf.shape for leaf in leaves]
+    require(fits, name, "some", f"{len(leaves)} lists of numbers, as many as movers")
+    *reals, bits = rows
+    in_bounds = all((np.abs(row) <= MAX_SIZE).all() for row in reals)
+    in_bounds = in_bounds and ((bits >= 0) & (bits < 2**32)).all()
+    require(in_bounds, name, "some", f"within {MAX_SIZE:g} of 0, and bits of 32 as one number")
+    pairs = zip(rows, leaves, strict=True)
+    return structure.unflatten([jnp.asarray(row.astype(leaf.dtype)) for row, leaf in pairs])
 
 
 @dataclass(frozen=True)
@@ -269,6 +313,7 @@ class _Record:
     actions: list[Any]
     states: list[Any]
     tolerance: float = 0.0
+    movers: list[Any] | None = None
 
     def __post_init__(self) -> None:
         for name in (self.pursuer, self.evader):

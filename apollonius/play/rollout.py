@@ -13,8 +13,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 
+from apollonius.accelerate.bit_mixing import mix_bits
 from apollonius.accelerate.threefry import threefry_bits
-from apollonius.agents.policy import Memory, mix_bits
+from apollonius.agents.policy import Memory
 from apollonius.agents.pool import AbstractPlayers, Pool, Reader
 from apollonius.game.drive import drive_of, respond
 from apollonius.game.game import Game
@@ -256,7 +257,7 @@ def _experience(
         rewards: the rewards of the step.
         observations: the observations before and after the step.
     """
-    active = stack_robots(before.state.movers[role])
+    active = stack_robots(before.state.in_play[role])
     observation, next_observation = observations
     return Experience(
         observation=observation,

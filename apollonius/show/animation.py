@@ -161,6 +161,7 @@ def frames(
     game = replay.game
     last = len(replay.actions)
     in_play = replay.in_play()
+    movers = replay.mover_places()
     hidden = fog(replay)
     canvas = Canvas(game)
     shown_steps = set(range(last + 1) if steps is None else steps)
@@ -170,7 +171,7 @@ def frames(
     baseline = page.height - (LINE + MARGIN) // 2
     for step in range(last + 1):
         robots, active = replay.states[step], in_play[step]
-        canvas.move(robots.tolist(), active.tolist())
+        canvas.move(robots.tolist(), active.tolist(), movers[step].tolist())
         if step not in shown_steps:
             continue
         picture, arena = page.copy(), canvas.picture(hidden and (hidden[1][step], hidden[0]))

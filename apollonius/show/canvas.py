@@ -11,7 +11,7 @@ from apollonius.game.arena import Arena, Disc
 from apollonius.game.game import Game
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.types import Role
-from apollonius.show.palette import EVADER, INK, OBSTACLE, PAPER, PURSUER, SIDES
+from apollonius.show.palette import EVADER, INK, OBSTACLE, OTHER, PAPER, PURSUER, SIDES
 
 WIDTH, HEIGHT = 1120, 640
 """Most pixels of the picture along x and y."""
@@ -64,7 +64,8 @@ class Canvas:
 
     A pursuer is an arrowhead in a ring, the reach of a capture; an evader is a disc with a nose, so
     that they differ without colours. Rings are starts. Robots of a team have their numbers, and one
-    that is out of play is a cross.
+    that is out of play is a cross. Movers are discs and capsules in a colour of their own, without
+    trails.
     """
 
     def __init__(self, game: Game) -> None:
@@ -80,6 +81,9 @@ class Canvas:
             for role in Role
             for number, body in enumerate(game.bodies[role], start=1)
         ]
+        bodies = game.movers and game.movers.bodies
+        shapes_of_movers = (bodies.hx, bodies.hy, bodies.radius) if bodies else ((), (), ())
+        self._movers = np.array(shapes_of_movers, float).T.tolist()
         scale = min(WIDTH / sides[0], HEIGHT / sides[1])
         width, height = (round(side * scale) * _FINER for side in sides)
         self._scale = scale * _FINER
@@ -92,13 +96,21 @@ class Canvas:
             draw.polygon([self._pixel(x, y) for x, y in corners], fill, outline, 2 * _FINER)
         self._here: list[Sequence[float]] = []
         self._active: Sequence[bool] = ()
+        self._mover_places: Sequence[Sequence[float]] = ()
 
-    def move(self, robots: Sequence[float], active: Sequence[bool]) -> None:
+    def move(
+        self,
+        robots: Sequence[float],
+        active: Sequence[bool],
+        movers: Sequence[Sequence[float]] = (),
+    ) -> None:
         """Move all robots, which are in play or not; from the second time on each leaves a piece of
         trail.
 
-        A robot is x [m], y [m], v [m/s], heading [rad]; the pursuers come first.
+        A robot is x [m], y [m], v [m/s], heading [rad]; the pursuers come first. Movers are x [m],
+        y [m] each.
         """
+        self._mover_places = movers
         places = [robots[first : first + 4] for first in range(0, 4 * len(self._robots), 4)]
         draw, is_first = ImageDraw.Draw(self._trails), not self._here
         for (role, _, radius), before, after in zip(
@@ -127,6 +139,11 @@ class Canvas:
             )
             picture.paste(SIDES[role], (0, picture.height - side), mask)
         draw, finer = ImageDraw.Draw(picture), self._scale
+        for (hx, hy, radius), (x, y) in zip(self._movers, self._mover_places, strict=False):
+            ends = [self._pixel(x - hx, y - hy), self._pixel(x + hx, y + hy)]
+            draw.line(ends, fill=OTHER, width=round(2 * radius * finer))
+            for end in ends:
+                draw.circle(end, radius * finer, fill=OTHER)
         for active, (role, mark, radius), (x, y, _, heading) in zip(
             self._active, self._robots, self._here, strict=False
         ):

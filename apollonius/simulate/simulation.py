@@ -80,6 +80,7 @@ def simulate(
     Raises:
         InvalidInput: As `Physics`.
     """
+    game.require_no_movers("a simulation with bodies")
     physics = Physics(game, drive)
     limits = _body_limits(game, drive)
     rows = as_rows(starts)

@@ -114,6 +114,7 @@ def motion_of(game: Game, role: Role, steps: int) -> Motion:
     HOLD.require("hold", steps)
     game.require_one_arena("a table")
     game.require_two("a table")
+    game.require_no_movers("a table")
     return Motion(game.body(role), game.arena, game.dt, steps)
 
 

@@ -27,12 +27,16 @@ from apollonius.game.chart import COARSE
 from apollonius.game.drive import Drive, Drives
 from apollonius.game.dynamics import Unicycle, action_levels
 from apollonius.game.game import Game, reset_batch
+from apollonius.game.movers import Movers
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.scenario import RobotKinds, Scenario
+from apollonius.game.sensing import Sensing, Sensors
 from apollonius.game.starts import Starts
+from apollonius.game.timetable import Shuttle
 from apollonius.game.types import BySide, GameState, RobotState, Role
 from apollonius.game.uncertainty import Uncertainties, Uncertainty
+from apollonius.game.walkers import Walkers
 from apollonius.io.errors import InvalidInput
 from apollonius.observe import paper
 from apollonius.observe.knowledge import Knowledge
@@ -70,6 +74,27 @@ def test_shielded_robots_never_crash_or_leave_the_arena(name, policy, drives):
         a_match(game, *(with_shield(policy, game, role) for role in Role), games=100, seed=1)
     ).outcomes
     assert outcomes["captured"] + outcomes["no_result"] == 100
+
+
+@pytest.mark.parametrize("drives", [None, Drives(Drive(lag=2, turn_time=0.9), None)])
+def test_shielded_robots_never_run_into_movers(drives):
+    """Without a shield most of them do."""
+    movers = Movers((Shuttle(((1.0, 1.0), (9.0, 9.0)), v_max=2.0),), walkers=(Walkers(6),))
+    braking = replace(PAPER.pursuer, u1_max=1.0, radius=0.1)
+    game = replace(PAPER, pursuer=braking, evader=braking, movers=movers, max_steps=150, drives=drives)
+    players = [with_shield(Reckless(), game, role) for role in Role]
+    outcomes = play_match(a_match(game, *players, games=60, seed=1)).outcomes
+    assert outcomes["captured"] + outcomes["no_result"] == 60
+    bare = play_match(a_match(game, Reckless(), players[1], games=60, seed=1)).outcomes
+    assert bare["pursuer_hit_obstacle"] + bare["pursuer_out_of_range"] > 50
+
+
+def test_shield_promises_nothing_to_robots_that_do_not_see_all_movers():
+    game = replace(PAPER, movers=Movers(walkers=(Walkers(2),)), max_steps=2)
+    for sensors, unpromised in ((Sensors(range=3.0), {"pursuer": 5}), (Sensors(), None), (None, None)):
+        own_game = replace(game, sensors=Sensing(pursuer=sensors))
+        pursuer = with_shield(Uniform(), own_game, Role.PURSUER)
+        assert play_match(a_match(own_game, pursuer, Uniform(), games=5)).unpromised == unpromised
 
 
 def test_clearance_after_braking_matches_numerical_integration():

@@ -19,7 +19,7 @@ from apollonius.game.packed_arena import LENGTHS, PackedArena, pack, stacked_edg
 from apollonius.game.types import Action, Controls, Flag, Real, RobotState, Role, Scalar
 from apollonius.game.uncertainty import Uncertainty
 from apollonius.io.errors import require
-from apollonius.observe.view import Robot, View
+from apollonius.observe.view import MoversInView, Robot, View
 
 MARGIN = 1e-3
 """Clearance [m] that must be left at any scale of the robots: many times its rounding error."""
@@ -79,6 +79,7 @@ class Backup(eqx.Module):
         most_error: the largest distance of the true place of a robot that is uncertain of itself
             from the known one [m], beyond which no stop is safe; None for one that is certain.
         may_reverse: whether robots drive backwards, too, and then brake by speeding up.
+        movers: those in the view, once `for_view` has looked at it.
     """
 
     arena: Arena
@@ -89,6 +90,7 @@ class Backup(eqx.Module):
     uses_arena_of_view: bool = eqx.field(static=True, default=False)
     most_error: Real | None = None
     may_reverse: bool = eqx.field(static=True, default=False)
+    movers: MoversInView | None = None
 
     @property
     def is_uncertain(self) -> bool:
@@ -98,21 +100,23 @@ class Backup(eqx.Module):
     def for_view(self, view: View) -> "Backup":
         """Return the manoeuvres of the robot that sees this."""
         arena = view.arena
+        backup = self if view.movers is None else replace(self, movers=view.movers)
         if not self.uses_arena_of_view:
-            return self
+            return backup
         if self.surroundings is None or not isinstance(arena, PackedArena):
-            return replace(self, arena=arena)
+            return replace(backup, arena=arena)
         surroundings = replace(self.surroundings, member=arena.member)
-        return replace(self, arena=without_edges(arena), surroundings=surroundings)
+        return replace(backup, arena=without_edges(arena), surroundings=surroundings)
 
     @jax.jit
     def clearance_after(self, robot: Robot, action: Action) -> Scalar:
         """Return the least clearance [m] of the best stop after one step of an action.
 
         It is the least on the path from when the action takes effect until rest, less the body's
-        radius, for the best of the manoeuvres. Where the robot is uncertain of itself, it is less
-        by the largest distance of its true place from that path. Of the `surroundings` only those
-        within reach are looked at; that only changes clearances above `MARGIN`.
+        radius, for the best of the manoeuvres; of movers, from all that they can reach by then.
+        Where the robot is uncertain of itself, it is less by the largest distance of its true place
+        from that path. Of the `surroundings` only those within reach are looked at; that only
+        changes clearances above `MARGIN`.
         """
         return jnp.max(self.clearances_after(robot, action))
 
@@ -120,7 +124,7 @@ class Backup(eqx.Module):
         """Return the least clearance [m] of each stop after one step of an action."""
         before = BrakingMotion.of(robot)
         after = self._hold(robot, before, action)
-        step = self._clearance_along(before.state, after.state) - robot.body.radius
+        step = self._clearance_along(before.state, after.state, 0.0) - robot.body.radius
         if after.error is not None:
             step -= after.error
         return jnp.minimum(step, self._clearances(robot, after))
@@ -132,10 +136,10 @@ class Backup(eqx.Module):
         As one segment the path takes little arithmetic. It must leave twice the `MARGIN`, once for
         rounding.
         """
-        by_steps = self.arena.map is not None or self.surroundings is not None
+        by_steps = self.arena.map is not None or self.surroundings is not None or self.movers
         if by_steps or robot.turn_time is not None or robot.uncertainty:
             # Clearances on maps depend on where a segment is cut, edges are looked up step by step,
-            # a slow drive keeps turning, and errors grow from step to step.
+            # a slow drive keeps turning, and errors and the reach of movers grow from step to step.
             return replace(self, manoeuvres=(1,)).clearance_after(robot, action) > MARGIN
         before = BrakingMotion(robot.predicted, None)
         after = self._hold(robot, before, action).state
@@ -144,7 +148,8 @@ class Backup(eqx.Module):
             length = jnp.sign(after.v) * length
         rest = replace(after, x=after.x + length * cos, y=after.y + length * sin)
         least = jnp.minimum(
-            self._clearance_along(before.state, after), self._clearance_along(after, rest)
+            self._clearance_along(before.state, after, 0.0),
+            self._clearance_along(after, rest, self.dt),
         )
         return least - robot.body.radius > 2 * MARGIN
 
@@ -163,16 +168,23 @@ class Backup(eqx.Module):
             return jnp.concatenate([firsts, later[:, :-1]], axis=1)
 
         before = jax.tree.map(shift, motion.state, after)
-        along = jax.vmap(jax.vmap(self._clearance_along))(before, after)
+        times = self.dt * jnp.arange(1, self.steps + 1, dtype=jnp.float32)
+        along_steps = jax.vmap(self._clearance_along)
+        along = jax.vmap(along_steps, (0, 0, None))(before, after, times)
         if self.most_error is None:
             return jnp.min(along, axis=1) - robot.body.radius
         clearances = jnp.min(along - errors, axis=1) - robot.body.radius
         is_safe = jnp.stack([end.is_over(self.most_error) for end in ends])
         return jnp.where(is_safe, clearances, _NOT_OVER)
 
-    def _clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
-        """Return the least clearance [m] on a segment from the arena and its surroundings."""
+    def _clearance_along(self, before: RobotState, after: RobotState, time: Real) -> Scalar:
+        """Return the least clearance [m] from the arena, its surroundings and movers on a step that
+        starts some time [s] after the action takes effect.
+        """
         clearance = self.arena.clearance_along(before, after)
+        if self.movers is not None:
+            to_movers = self.movers.clearance_along(before, after, time, self.dt)
+            clearance = jnp.minimum(clearance, to_movers)
         if self.surroundings is None:
             return clearance
         return jnp.minimum(clearance, self.surroundings.clearance_along(before, after))
@@ -218,6 +230,8 @@ def brakes(game: Game, role: Role, is_uncertain: bool = False) -> Backup:
     kinds = game.scenario.kinds if game.scenario else None
     bodies = game.bodies[role] if kinds is None else kinds.every(role)
     is_uncertain = is_uncertain or game.uncertainty_of(role) is not None
+    if is_uncertain:
+        game.require_no_movers("a shield of a robot that is uncertain of itself")
     for body in bodies:
         bound = "at most 0 and more than 0: of a robot that can stop, as it does when it brakes"
         require(body.brakes_to_rest, "v_min, u1_max", (body.v_min, body.u1_max), bound)
