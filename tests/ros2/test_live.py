@@ -111,6 +111,7 @@ def test_nodes_play_whole_games_at_ten_decisions_a_second(nodes, world, folder):
     outcomes, periods, decisions = [], [], []
     for number in range(GAMES):
         outcomes.append(world.play(number).name.lower())
+        print(number, outcomes[-1], flush=True)
         for place in range(2):
             made = [json.loads(text) for text in world.decisions[place]]
             periods += [b["time"] - a["time"] for a, b in pairwise(made) if b["step"] == a["step"] + 1]
