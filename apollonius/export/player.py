@@ -34,6 +34,7 @@ from apollonius.game.types import (
     Role,
     Scalar,
 )
+from apollonius.game.uncertainty import Uncertainties
 from apollonius.io import extensions
 from apollonius.io.errors import require
 from apollonius.observe.knowledge import Knowledge
@@ -278,8 +279,10 @@ def find_exportable(name: str | AbstractPolicy, role: Role, game: Game) -> Playe
     own_drive = game.drives and game.drives[role]
     sensors = Sensing(**{side: own_sensors}) if own_sensors else None
     drives = Drives(**{side: own_drive}) if own_drive else None
+    own_bounds = game.uncertainty and game.uncertainty[role]
+    uncertainty = Uncertainties(**{side: own_bounds}) if own_bounds else None
     rules = with_chart(game) if policy.needs_chart else game
-    player_game = replace(rules, sensors=sensors, drives=drives)
+    player_game = replace(rules, sensors=sensors, drives=drives, uncertainty=uncertainty)
     if player_game.chart is not None and sensors is None:
         player_game = replace(player_game, chart=replace(player_game.chart, links=None))
     return Player(

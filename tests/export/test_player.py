@@ -25,9 +25,10 @@ from apollonius.export.parity import Cases, _is_as_good, cases_of, compare_decis
 from apollonius.export.player import Player, exported_side, find_exportable
 from apollonius.export.writing import check, write_c
 from apollonius.game.drive import Drive, Drives
-from apollonius.game.game import reset_batch
+from apollonius.game.game import Game, reset_batch
 from apollonius.game.scenario import Scenario
 from apollonius.game.types import BySide, Outcome, Role
+from apollonius.game.uncertainty import Uncertainties, Uncertainty
 from apollonius.io.errors import InvalidInput, missing_extra
 from apollonius.play.rollout import init_games, step_games
 from jaxpr2c import CompiledProgram, translate
@@ -342,3 +343,13 @@ def test_whole_games_in_c_match_the_package_without_pursuer_crashes():
     batch = jax.jit(jax.vmap(play, in_axes=(None, None, None, 0)))
     same = np.asarray(batch(*given, jax.tree.map(lambda leaf: leaf[:50], starts))["outcome"]) == outcomes[:50]
     assert same.mean() >= 0.9  # rounding parts long games
+
+
+def test_player_is_exported_with_its_own_drive_and_bounds_of_errors_alone():
+    """Bounds of the delay of the other side's commands need that side's drive, which it does not know."""
+    drive, errors = Drive(lag=1), Uncertainty(delay=0.1)
+    game = Game(drives=Drives(drive, drive), uncertainty=Uncertainties(errors, errors))
+    for role in Role:
+        kept = find_exportable("shielded:intercept" if role == Role.PURSUER else "shielded:flee", role, game).game
+        assert (kept.drives[role], kept.drives[role.other]) == (drive, None)
+        assert (kept.uncertainty[role], kept.uncertainty[role.other]) == (errors, None)
