@@ -76,7 +76,9 @@ def test_shielded_robots_never_crash_or_leave_the_arena(name, policy, drives):
     assert outcomes["captured"] + outcomes["no_result"] == 100
 
 
-@pytest.mark.parametrize("drives", [None, Drives(Drive(lag=2, turn_time=0.9), None)])
+@pytest.mark.parametrize(
+    "drives", [Drives(Drive(lag=2, turn_time=0.9), None), pytest.param(None, marks=pytest.mark.slow)]
+)
 def test_shielded_robots_never_run_into_movers(drives):
     """Without a shield most of them do."""
     movers = Movers((Shuttle(((1.0, 1.0), (9.0, 9.0)), v_max=2.0),), walkers=(Walkers(6),))
