@@ -107,6 +107,7 @@ def until_fast(world):
     pytest.fail("the pursuer never gets fast")
 
 
+@pytest.mark.timeout(300 + 60 * GAMES)
 def test_nodes_play_whole_games_at_ten_decisions_a_second(nodes, world, folder):
     outcomes, periods, decisions = [], [], []
     for number in range(GAMES):
