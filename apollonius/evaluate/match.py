@@ -204,8 +204,8 @@ def count_results(match: Match, results: Results) -> MatchResult:
 def _count_unpromised(match: Match) -> dict[str, int] | None:
     """Count the starts from which a side's shield promises nothing; None without any.
 
-    From rest, a robot that is certain of itself can always stay where it is. Where things move,
-    nothing is promised to others, nor to robots that do not see all that moves.
+    From rest, a robot that is certain of itself can always stay where it is. Nothing is promised to
+    robots that do not see all that moves.
     """
     game = match.rules
     counts = dict[str, int]()
@@ -214,8 +214,7 @@ def _count_unpromised(match: Match) -> dict[str, int] | None:
         if not isinstance(player, Shielded):
             continue
         sensors = game.sensors and game.sensors[role]
-        sees_movers = sensors is None or sensors.sees_all
-        if game.movers and (player.backup.is_uncertain or not sees_movers):
+        if game.movers and sensors and not sensors.sees_all:
             counts[role.name.lower()] = match.games
         elif game.starts.speed == "moving" or player.backup.is_uncertain:
             promises = _promises(game, player, draw_starts(match)[0], role)

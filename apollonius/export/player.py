@@ -19,7 +19,6 @@ from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import from_dict
 from apollonius.catalogue import find_player
 from apollonius.game.drive import Drives, drive_of
-from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.sensing import Percept, Sensing
@@ -32,7 +31,6 @@ from apollonius.game.types import (
     RobotState,
     RobotStatus,
     Role,
-    Scalar,
 )
 from apollonius.game.uncertainty import Uncertainties
 from apollonius.io import extensions
@@ -133,7 +131,7 @@ def _decide(role: Role, sides: BySide[int]) -> Callable[..., dict[str, Any]]:
         if policy.continuous:
             is_sane &= jnp.isfinite(action).all()
         body = game.bodies[role][0]
-        level = _braking_level(body, state[0, 2])
+        level = body.braking_level(state[0, 2])
         brake = jnp.stack([level, jnp.zeros(())])
         if not policy.continuous:
             brake = jnp.int32(NUM_ACTIONS // 2) + 3 * level.astype(jnp.int32)
@@ -145,14 +143,6 @@ def _decide(role: Role, sides: BySide[int]) -> Callable[..., dict[str, Any]]:
         return {"action": action, "controls": jnp.stack(controls), "memory": memory}
 
     return decide
-
-
-def _braking_level(body: Unicycle, v: Scalar) -> Scalar:
-    """Return the share of u1_max that brakes at a speed [m/s]; of a robot that may drive backwards
-    at an unknown one, a NaN, none.
-    """
-    braking = jnp.where(body.v_min < 0, -jnp.sign(v), -1.0)
-    return jnp.where(jnp.isnan(braking), 0.0, braking)
 
 
 def pack_memory(track: Track | None, drive: DriveState, own: Memory) -> Memory:

@@ -169,12 +169,7 @@ def _facts(program: Program, player: Player, files: Mapping[Path, bytes]) -> dic
         "dt": float(game.dt),
         "max_steps": int(game.max_steps),
         "body": {"model": model_name(body)} | write_record(body, {}),
-        "fastest": max(
-            abs(float(v))
-            for side in game.bodies
-            for robot in side
-            for v in (robot.v_min, robot.v_max)
-        ),
+        "fastest": max(float(robot.top_speed) for side in game.bodies for robot in side),
         "u1_max": float(body.u1_max),
         "u2_max": float(body.u2_max),
         "arguments": [fact(record) for record in program.arguments if record.leaves],

@@ -42,8 +42,7 @@ class Car(Unicycle):
         require(self.wheelbase > 0, f"{name}.wheelbase", self.wheelbase, "more than 0 m")
         bound = "from 0 to less than pi / 2 rad: u2 is a car's steering angle"
         require(0 <= self.u2_max < math.pi / 2, f"{name}.u2_max", self.u2_max, bound)
-        fastest = max(abs(self.v_min), self.v_max)
-        turn = fastest * dt * math.tan(self.u2_max) / self.wheelbase
+        turn = self.top_speed * dt * math.tan(self.u2_max) / self.wheelbase
         smaller = "make u2_max or dt smaller, or wheelbase larger"
         bound = f"such that a step turns by at most {MAX_TURN} rad, not {turn:.3g}; {smaller}"
         require(turn <= MAX_TURN, f"{name}.u2_max", self.u2_max, bound)

@@ -163,6 +163,15 @@ class Unicycle(eqx.Module):
         level_u1, level_u2 = action_levels(action)
         return level_u1 * self.u1_max, level_u2 * self.u2_max
 
+    def braking_level(self, v: Scalar) -> Scalar:
+        """Return the share of u1_max that brakes at a speed [m/s].
+
+        A robot that may drive backwards brakes by speeding up then, and not at rest, nor at an
+        unknown speed, a NaN.
+        """
+        level = jnp.where(jnp.asarray(self.v_min < 0), -jnp.sign(v), -1.0)
+        return jnp.where(jnp.isnan(level), 0.0, level)
+
     def turn_rate(self, u2: Scalar, v: Scalar) -> Scalar:
         """Return the turn rate [rad/s] under a control u2 at a speed [m/s]."""
         del v

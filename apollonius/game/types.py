@@ -170,7 +170,7 @@ DriveStates = tuple[DriveState, ...]
 
 
 class MoverMotion(eqx.Module):
-    """Where movers are, x and y [m], and their velocities in the step that led there [m/s]."""
+    """Places x, y of movers [m], and their velocities in the last step [m/s]."""
 
     x: Float[Array, "*batch movers"]
     y: Float[Array, "*batch movers"]
@@ -204,8 +204,8 @@ class GameState(eqx.Module):
     """The robots of both sides, and the number of control steps played since the start.
 
     `variant` is the number of the game's arena and robots in its scenario, None where there is no
-    scenario. `status` is a `RobotStatus` for each robot. `movers` are things that
-    move by themselves, in a game that has any.
+    scenario. `status` is a `RobotStatus` for each robot. `movers` are things that move by
+    themselves, None in a game without any.
     """
 
     robots: BySide[tuple[RobotState, ...]]

@@ -28,7 +28,9 @@ _REPULSION, _REACH = 7.0, 0.3
 in which it falls to 1/e.
 """
 _WALL_REPULSION, _WALL_REACH = 50.0, 0.2
-"""The same of an obstacle or wall, U_0 / R and R of the model."""
+"""Repulsion by an obstacle or wall at no distance [m/s^2], U_0 / R of the model, and the distance
+[m] in which it falls to 1/e.
+"""
 _SIGHT = -0.1736
 """Cosine of half the field of view, 100 degrees."""
 _UNSEEN = 0.5
@@ -197,10 +199,11 @@ def look_for_goals(
 def social_force(
     walker: Walker, crowd: Crowd, is_own: Bool[Array, " bodies"]
 ) -> tuple[Scalar, Scalar]:
-    """Return the acceleration x, y [m/s^2] of the social force model by a walker's goal and by
-    others, with circles in place of its ellipses.
+    """Return the acceleration x, y [m/s^2] of the social force model towards a walker's goal and
+    away from robots and movers.
 
-    Distances are from the walker's centre to the outlines of others.
+    Repulsion depends on the distance from the walker's centre to an outline, where the model has an
+    ellipse.
 
     Args:
         walker: one walker.

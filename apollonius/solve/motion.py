@@ -50,7 +50,7 @@ class Motion(eqx.Module):
     @property
     def farthest(self) -> float:
         """Longest distance of a hold [m]."""
-        return float(max(abs(self.body.v_min), abs(self.body.v_max)) * self.seconds)
+        return float(self.body.top_speed * self.seconds)
 
     @property
     def discount(self) -> Scalar:

@@ -327,7 +327,29 @@ def test_page_reads_games_as_the_package_does():
     assert closed["answer"] == json.loads(json.dumps(to_dict(from_dict(Game, ring, "a ring"))))
 
 
+def test_page_refuses_movers_which_it_does_not_have():
+    (answer,) = ask(read=['{"movers": {"walkers": [{"count": 3}]}}'])
+    assert "unknown key 'movers'" in answer["complaint"]
+
+
+def test_page_fills_in_robots_of_all_kinds_as_the_package_does():
+    texts = [json.dumps({"pursuer": {"model": name, "radius": 0.2}}) for name in MODELS]
+    games = [from_dict(Game, json.loads(text), "a robot") for text in texts]
+    expected = [{"model": name} | to_dict(game)["pursuer"] for name, game in zip(MODELS, games, strict=True)]
+    assert [read["answer"]["pursuer"] for read in ask(read=texts)] == expected
+
+
 REFUSED = [
+    ('{"pursuer": {"model": "bike"}}', "pursuer.model = bike"),
+    ('{"pursuer": {"wheelbase": 0.3}}', "pursuer: unknown key 'wheelbase'"),
+    ('{"pursuer": {"model": "car", "track": 0.3}}', "pursuer: unknown key 'track'"),
+    ('{"pursuer": {"model": "car", "wheelbase": 0}}', "pursuer.wheelbase = 0"),
+    ('{"pursuer": {"model": "car", "u2_max": 1.6}}', "pursuer.u2_max = 1.6"),
+    ('{"pursuer": {"model": "car", "u2_max": 1.5, "wheelbase": 0.05}}', "pursuer.u2_max = 1.5"),
+    ('{"evader": {"model": "wheels", "track": 0}}', "evader.track = 0"),
+    ('{"evader": {"model": "wheels", "v_max": 1.3}}', "evader.v_max = 1.3"),
+    ('{"evader": {"model": "wheels", "v_min": -1.3}}', "evader.v_min = -1.3"),
+    ('{"evader": {"model": "omni", "lateral_acceleration": 0}}', "evader.lateral_acceleration = 0"),
     ('{"arena": 3}', "arena = 3"),
     ('{"arena": {"colour": "red"}}', "arena: unknown key 'colour'"),
     ('{"arena": {"discs": [{"x": 1, "y": 2}]}}', "arena.discs[0].radius = null"),

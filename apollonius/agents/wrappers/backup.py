@@ -193,16 +193,16 @@ class Backup(eqx.Module):
         """Return the motion in each manoeuvre after one more step."""
         pairs = zip(motions, self.manoeuvres, strict=True)
         return [
-            self._hold(robot, motion, self._braking_action(motion.state, manoeuvre))
+            self._hold(robot, motion, self._braking_action(robot.body, motion.state.v, manoeuvre))
             for motion, manoeuvre in pairs
         ]
 
-    def _braking_action(self, state: RobotState, manoeuvre: int) -> Action:
+    def _braking_action(self, body: Unicycle, v: Scalar, manoeuvre: int) -> Action:
         """Return the action of a manoeuvre, which slows the robot down or keeps it at rest."""
         action = jnp.full((), manoeuvre, jnp.int32)
         if not self.may_reverse:
             return action
-        return action + 3 * (1 - jnp.sign(state.v).astype(jnp.int32))
+        return action + 3 * (1 + body.braking_level(v).astype(jnp.int32))
 
     def _hold(self, robot: Robot, motion: BrakingMotion, action: Action) -> BrakingMotion:
         u1, u2 = robot.body.controls(action)

@@ -76,23 +76,25 @@ def departures(view: View) -> Bool[Array, "9"]:
     lengths = jax.vmap(path_length)(angles)
     turn = wrap_angle(angles[jnp.argmin(lengths)] - own.heading)
     if isinstance(body.turns_on_the_spot, Array):
-        on_the_spot = _turns_on_the_spot(view, turn, jnp.min(lengths) < _LONGEST)
-        return jnp.where(body.turns_on_the_spot, on_the_spot, _moves_of_turn(view, turn))
+        on_the_spot = _turns_on_the_spot(view, room, turn, jnp.min(lengths) < _LONGEST)
+        return jnp.where(body.turns_on_the_spot, on_the_spot, _moves_of_turn(view, room, turn))
     if not body.turns_on_the_spot:
-        return _moves_of_turn(view, turn)
-    return _turns_on_the_spot(view, turn, jnp.min(lengths) < _LONGEST)
+        return _moves_of_turn(view, room, turn)
+    return _turns_on_the_spot(view, room, turn, jnp.min(lengths) < _LONGEST)
 
 
-def _turns_on_the_spot(view: View, turn: Scalar, is_some_way_free: Flag) -> Bool[Array, "9"]:
+def _turns_on_the_spot(
+    view: View, room: Scalar, turn: Scalar, is_some_way_free: Flag
+) -> Bool[Array, "9"]:
     """Return the actions allowed to a robot that turns on the spot.
 
     Args:
         view: what the robot sees.
+        room: clearance of its body [m].
         turn: angle from its heading to the free way [rad].
         is_some_way_free: whether there is such a way.
     """
     own, body = view.own.predicted, view.own.body
-    room = view.chart.clearance(own.x, own.y) - body.radius
     heads_there = jnp.abs(turn) <= body.u2_max * view.dt
     best = jnp.where(heads_there, _AHEAD, jnp.where(turn > 0, _LEFT, _RIGHT))
     actions = jnp.arange(NUM_ACTIONS)
@@ -101,7 +103,7 @@ def _turns_on_the_spot(view: View, turn: Scalar, is_some_way_free: Flag) -> Bool
     return ~(is_at_rest & is_some_way_free) | drives_off | (actions == best)
 
 
-def _moves_of_turn(view: View, turn: Scalar) -> Bool[Array, "9"]:
+def _moves_of_turn(view: View, room: Scalar, turn: Scalar) -> Bool[Array, "9"]:
     """Return the actions allowed to a car: all to one that drives forwards.
 
     At rest, with less way ahead than its turning radius or less clearance than `NEAR`, it drives to
@@ -111,6 +113,7 @@ def _moves_of_turn(view: View, turn: Scalar) -> Bool[Array, "9"]:
 
     Args:
         view: what the robot sees.
+        room: clearance of its body [m].
         turn: angle from its heading to the free way [rad].
     """
     chart, car = view.chart, view.own.body
@@ -122,7 +125,6 @@ def _moves_of_turn(view: View, turn: Scalar) -> Bool[Array, "9"]:
     to_the_right = chart.range(own.x, own.y, sin, -cos)
     is_left = jnp.where(jnp.abs(turn) < _BEHIND, turn > 0, to_the_left > to_the_right)
     forwards, backwards = jnp.where(is_left, 8, 6), jnp.where(is_left, 0, 2)
-    room = chart.clearance(own.x, own.y) - car.radius
     room_after = clearances_after(chart, view.own, view.dt)
     is_safe = room_after >= jnp.minimum(NEAR, room - _LOSS)
     is_at_rest = jnp.abs(own.v) < car.u1_max * view.dt / 2

@@ -10,7 +10,7 @@ const FINE = Math.sqrt(given.chart().visible.length); // cells of a chart's clea
 export const CELLS = Math.sqrt(Math.sqrt(given.chart().lengths.length)); // cells along it between which paths are known
 const MARGIN = 1e-3; // clearance [m] that the shield wants
 export const CHARTED = ["egocentric", "team", "voronoi_pursuit", "encirclement", "own", "search", "departure_costs"]; // what reads a chart
-export const BODY = Object.keys(given.robots()).flatMap((key) => key.match(/(?<=^bodies_).*/) ?? []); // limits of a robot
+const BODY = Object.keys(given.robots()).flatMap((key) => key.match(/(?<=^bodies_).*/) ?? []); // limits of a robot
 const ROBOT = ["x", "y", "v", "heading"];
 const fields = new WeakMap(); // addresses of maps' fields
 let floor = null; // the arena that was written last

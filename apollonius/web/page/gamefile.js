@@ -175,8 +175,8 @@ function checkBody(body, name, dt) {
 
 /** Check the numbers that only robots of a kind have. */
 function checkKind({ model, wheelbase, track, wheel_speed: rim, lateral_acceleration: across, ...body }, name, dt) {
-  const fastest = Math.max(body.v_max, -body.v_min);
   if (model === "car") {
+    const fastest = Math.max(body.v_max, -body.v_min);
     require(wheelbase > 0, `${name}.wheelbase`, wheelbase, "more than 0 m");
     require(body.u2_max < Math.PI / 2, `${name}.u2_max`, body.u2_max, "less than pi / 2 rad: u2 is a car's steering angle");
     const turn = (fastest * dt * Math.tan(body.u2_max)) / wheelbase;
@@ -184,7 +184,9 @@ function checkKind({ model, wheelbase, track, wheel_speed: rim, lateral_accelera
   }
   if (model === "wheels") {
     require(track > 0, `${name}.track`, track, "more than 0 m");
-    require(fastest <= rim, `${name}.v_max`, body.v_max, `at most wheel_speed = ${rim} m/s in size`);
+    for (const limit of ["v_min", "v_max"]) {
+      require(Math.abs(body[limit]) <= rim, `${name}.${limit}`, body[limit], `at most wheel_speed = ${rim} m/s in size`);
+    }
   }
   if (model === "omni") require(across > 0, `${name}.lateral_acceleration`, across, "more than 0 m/s^2");
 }

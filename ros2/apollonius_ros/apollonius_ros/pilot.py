@@ -138,9 +138,7 @@ class Pilot:
             u1, u2 = made.controls
         except Exception as error:  # whatever it is, a robot under way must be stopped
             made = Decision(self.step, trouble=str(error) or repr(error))
-            u1, u2 = -math.copysign(facts["u1_max"], self.speed), 0.0
-            if self.speed == 0:
-                u1 = 0.0
+            u1, u2 = -math.copysign(facts["u1_max"], self.speed) * (self.speed != 0), 0.0
         self.speed = next_speed(facts["body"], self.speed, u1 * facts["dt"])
         made.speed, made.turn_rate = self.speed, turn_rate(facts["body"], u2, self.speed)
         return made
