@@ -1,4 +1,6 @@
-"""The clearance that each action leaves a robot which then brakes, read from the arena's chart."""
+"""The clearance that each action leaves a robot which then brakes, by the arena's chart and the
+movers that it sees.
+"""
 
 from typing import NamedTuple
 
@@ -6,9 +8,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from apollonius.game.chart import Chart
 from apollonius.game.drive import limited_turn_rate
 from apollonius.game.types import NUM_ACTIONS, Action, Real, RobotState, Scalar
+from apollonius.observe.surroundings import Surroundings
 from apollonius.observe.view import Robot
 
 LEAST_HOLD = 0.1
@@ -26,7 +28,8 @@ _SHARPEST = 3.0
 
 
 class _Braking(NamedTuple):
-    """A robot that brakes: its state, turn rate [rad/s] if it has one, clearance, and least so far.
+    """A robot that brakes: its state, turn rate [rad/s] if it has one, clearance from the arena,
+    and the least clearance from arena and movers so far.
 
     Clearances are of the robot's centre [m].
     """
@@ -37,16 +40,18 @@ class _Braking(NamedTuple):
     least: Scalar
 
 
-def clearances_after(chart: Chart, robot: Robot, dt: Real) -> Float[Array, "9"]:
+def clearances_after(surroundings: Surroundings, robot: Robot, dt: Real) -> Float[Array, "9"]:
     """Return the clearance [m] that each action leaves a robot's body which then brakes to rest.
 
     The action is held for a step of `dt` [s], or for `LEAST_HOLD` if that is longer. Then the robot
     brakes while it turns right, drives straight or turns left, whichever keeps the most clearance.
+    Movers keep their velocities, and do not count where the robot is at rest.
 
     These are the manoeuvres of `apollonius.agents.wrappers.backup`, by the chart instead of the
     rules' exact contact, and by the robot's drive as far as that is known.
     """
-    body, turns = robot.body, jnp.array([-1.0, 0.0, 1.0])
+    chart, body = surroundings.chart, robot.body
+    turns = jnp.array([-1.0, 0.0, 1.0])
     slower = jnp.sqrt(1 - jnp.arange(_POINTS + 1, dtype=jnp.float32) / _POINTS)
     shares = slower[:-1] - slower[1:]
     braking, hold = jnp.maximum(body.u1_max, _LEAST_BRAKING), jnp.maximum(dt, LEAST_HOLD)
@@ -62,10 +67,14 @@ def clearances_after(chart: Chart, robot: Robot, dt: Real) -> Float[Array, "9"]:
 
     def least_clearance(start: _Braking, turn: Scalar) -> Scalar:
         # A robot that drives backwards brakes by speeding up.
-        durations = shares * jnp.abs(start.state.v) / braking
+        time_to_rest = jnp.abs(start.state.v) / braking
+        durations = shares * time_to_rest
+        starts = hold + (1 - slower[:-1]) * time_to_rest
         deceleration = jnp.where(start.state.v < 0, braking, -braking)
 
-        def one_stretch(before: _Braking, duration: Scalar) -> tuple[_Braking, None]:
+        def one_stretch(before: _Braking, stretch: tuple[Scalar, Scalar]) -> tuple[_Braking, None]:
+            duration, time = stretch
+            to_movers = surroundings.clearance_from_movers(before.state, time)
             command = turn * jnp.minimum(body.u2_max, _SHARPEST / jnp.maximum(duration, 1e-3))
             mean, rate = limited_turn_rate(
                 body, robot.turn_time, before.turn_rate, command, duration
@@ -73,10 +82,11 @@ def clearances_after(chart: Chart, robot: Robot, dt: Real) -> Float[Array, "9"]:
             state = body.move(before.state, deceleration, mean, duration)
             clearance = chart.clearance(state.x, state.y)
             length = jnp.hypot(state.x - before.state.x, state.y - before.state.y)
-            least = jnp.minimum(before.least, _between(before.clearance, clearance, length))
+            to_arena = _between(before.clearance, clearance, length)
+            least = jnp.minimum(before.least, jnp.minimum(to_arena, to_movers))
             return _Braking(state, rate, clearance, least), None
 
-        end, _ = jax.lax.scan(one_stretch, start, durations)
+        end, _ = jax.lax.scan(one_stretch, start, (durations, starts))
         return end.least
 
     return jax.vmap(best_clearance)(jnp.arange(NUM_ACTIONS))

@@ -9,6 +9,7 @@ from apollonius.game.dynamics import MIRRORED
 from apollonius.game.types import NUM_ACTIONS, Real, RobotState, Scalar
 from apollonius.observe.braking import clearances_after
 from apollonius.observe.observation import AbstractObservation, Mirror, clearances_ahead, cos_sin
+from apollonius.observe.surroundings import Surroundings
 from apollonius.observe.view import Robot, View
 
 RAYS = 32
@@ -71,7 +72,8 @@ class Egocentric(AbstractObservation):
     and limits without v_min, and its clearance (14). And the capture distance (1).
 
     Rays (32): reciprocals 1 / (1 + r) of how far the robot's body could go [m] (IPAPRec: Zhang et
-    al., "Learning to navigate with IPAPRec", 2021).
+    al., "Learning to navigate with IPAPRec", 2021). Where movers come within a second at their
+    velocities counts as theirs.
 
     Paths (37): whether the opponent can be seen; the path length w to it as 1 / (1 + w) and log(1 +
     w) / 2; in sixteen directions how much longer that path would be from 1.5 m ahead, over 1.5 m;
@@ -79,7 +81,7 @@ class Egocentric(AbstractObservation):
     of the times that both robots would take at their top speeds over their sum (16).
 
     Braking (9): the clearance that each action leaves (`apollonius.observe.braking`), over 0.3 m,
-    clipped to [-1, 1].
+    clipped to [-1, 1], if movers keep their velocities.
     """
 
     name = "egocentric"
@@ -89,28 +91,28 @@ class Egocentric(AbstractObservation):
 
     def __call__(self, view: View) -> Float[Array, " size"]:
         """Return the numbers of a view; raises InvalidInput in an arena without a chart."""
-        chart = view.chart
+        surroundings = view.surroundings
         own = view.own.state
         opponent = view.opponent.state
         cos, sin = cos_sin(own.heading)
         dx, dy = opponent.x - own.x, opponent.y - own.y
         distance = jnp.hypot(dx, dy)
-        robots = _robots(view, chart, (cos, sin), (dx, dy), distance)
+        robots = _robots(view, surroundings, (cos, sin), (dx, dy), distance)
         angles = own.heading + jnp.arange(RAYS, dtype=jnp.float32) * (2 * jnp.pi / RAYS)
         directions = jnp.cos(angles), jnp.sin(angles)
-        ranges = jax.vmap(chart.range, in_axes=(None, None, 0, 0))(own.x, own.y, *directions)
+        range_in = jax.vmap(surroundings.range, in_axes=(None, None, 0, 0, None))
+        ranges = range_in(own.x, own.y, *directions, view.own.body.radius)
         rays = 1 / (1 + jnp.maximum(ranges - view.own.body.radius, 0.0))
         every = RAYS // COURSES
         courses = ranges[::every], directions[0][::every], directions[1][::every]
-        room = jnp.clip(clearances_after(chart, view.own, view.dt) / ROOM, -1.0, 1.0)
-        return jnp.concatenate(
-            [robots, rays, _paths(view, chart, (dx, dy), distance, courses), room]
-        )
+        room = jnp.clip(clearances_after(surroundings, view.own, view.dt) / ROOM, -1.0, 1.0)
+        paths = _paths(view, view.chart, (dx, dy), distance, courses)
+        return jnp.concatenate([robots, rays, paths, room])
 
 
 def _robots(
     view: View,
-    chart: Chart,
+    surroundings: Surroundings,
     ahead: tuple[Scalar, Scalar],
     away: tuple[Scalar, Scalar],
     distance: Scalar,
@@ -119,7 +121,7 @@ def _robots(
 
     Args:
         view: what the robot sees.
-        chart: the arena's chart.
+        surroundings: the arena's chart and movers.
         ahead: cosine and sine of its heading.
         away: vector to the opponent [m].
         distance: length of that vector [m].
@@ -131,7 +133,7 @@ def _robots(
     numbers: list[Real] = [
         *_motion(view.own),
         view.own.body.v_min / SPEED,
-        *clearances_ahead(chart, view.own, cos, sin),
+        *clearances_ahead(surroundings, view.own, cos, sin),
         (cos * dx + sin * dy) / far,
         (cos * dy - sin * dx) / far,
         *on_two_scales(distance),
@@ -139,7 +141,7 @@ def _robots(
         cos * their_cos + sin * their_sin,
         cos * their_sin - sin * their_cos,
         *_motion(other),
-        *clearances_ahead(chart, other, their_cos, their_sin),
+        *clearances_ahead(surroundings, other, their_cos, their_sin),
         view.capture_distance / _LENGTH,
     ]
     return jnp.stack([jnp.asarray(number, jnp.float32) for number in numbers])

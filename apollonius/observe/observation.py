@@ -13,10 +13,10 @@ from jaxtyping import Array, Float
 
 from apollonius.accelerate.fusion_barrier import fusion_barrier
 from apollonius.game.arena import Arena
-from apollonius.game.chart import Chart
 from apollonius.game.game import Game
 from apollonius.game.types import Real, Role, Scalar
 from apollonius.observe.knowledge import Knowledge
+from apollonius.observe.surroundings import Surroundings
 from apollonius.observe.view import Robot, View, look_from_row, robot_rows
 
 
@@ -105,12 +105,12 @@ def cos_sin(heading: Scalar) -> tuple[Scalar, Scalar]:
 
 
 def clearances_ahead(
-    surroundings: Arena | Chart, robot: Robot, cos: Scalar, sin: Scalar
+    surroundings: Arena | Surroundings, robot: Robot, cos: Scalar, sin: Scalar
 ) -> list[Scalar]:
     """Return a body's clearances, clipped to [-1, 1] m: now, and at rest after straight braking.
 
     Args:
-        surroundings: the arena, or its chart.
+        surroundings: the arena, or its chart and movers.
         robot: the robot.
         cos, sin: cosine and sine of its heading.
     """

@@ -6,7 +6,7 @@ from typing import TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from apollonius.accelerate.fusion_barrier import fusion_barrier
 from apollonius.game.arena import Arena
@@ -14,7 +14,6 @@ from apollonius.game.chart import Chart
 from apollonius.game.drive import PredictedRobot, drive_of, predict_after_lag
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
-from apollonius.game.movers import MoverBodies
 from apollonius.game.teams import Teams, nearest
 from apollonius.game.types import (
     BySide,
@@ -23,7 +22,6 @@ from apollonius.game.types import (
     DriveStates,
     Flag,
     GameState,
-    MoverMotion,
     Real,
     RobotState,
     Role,
@@ -32,6 +30,7 @@ from apollonius.game.types import (
 from apollonius.game.uncertainty import Uncertainty
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.knowledge import Knowledge
+from apollonius.observe.surroundings import MoversInView, Surroundings
 
 T = TypeVar("T")
 
@@ -69,41 +68,6 @@ class Robot(eqx.Module):
         return self.predicted_state or self.state
 
 
-class MoversInView(eqx.Module):
-    """The movers as one robot sees them, leaves `[movers]`. It does not know where they go next.
-
-    Attributes:
-        bodies: their shapes and limits.
-        motion: their places [m] and velocities [m/s]; those of hidden ones mean nothing.
-        in_sight: which of these are not hidden; None for a side that sees everything.
-        age: time [s] from now until a command that is given now takes effect.
-    """
-
-    bodies: MoverBodies
-    motion: MoverMotion
-    in_sight: Bool[Array, " movers"] | None
-    age: Real
-
-    def clearance_along(
-        self, before: RobotState, after: RobotState, time: Real, dt: Real
-    ) -> Scalar:
-        """Return a lower bound of the distance [m] of a robot's centre, on a step of a manoeuvre,
-        from all that movers in sight can reach until then; infinite for a robot that rests, which
-        does not fail where it is walked into.
-
-        Args:
-            before, after: the robot before and after the step.
-            time: from the start of the manoeuvre to that of the step [s].
-            dt: duration of the step [s].
-        """
-        since_seen = self.age + time
-        distances = self.bodies.distance_from_reach(self.motion, before, after, since_seen, dt)
-        if self.in_sight is not None:
-            distances = jnp.where(self.in_sight, distances, jnp.inf)
-        is_at_rest = (before.v == 0) & (after.v == 0)
-        return jnp.where(is_at_rest, jnp.inf, jnp.min(distances))
-
-
 class View(eqx.Module):
     """The view of one robot, whose mates and opponents are robots too. Nothing in it is scaled.
 
@@ -132,6 +96,11 @@ class View(eqx.Module):
             remedy = "draw it by apollonius.arenas.charting.with_chart"
             raise InvalidInput(f"a player that reads an arena's chart: {remedy}.")
         return self.arena_chart
+
+    @property
+    def surroundings(self) -> Surroundings:
+        """The arena's chart and the movers; raises InvalidInput in a game without a chart."""
+        return Surroundings(self.chart, self.movers)
 
     @property
     def opponent(self) -> Robot:

@@ -125,7 +125,7 @@ def _moves_of_turn(view: View, room: Scalar, turn: Scalar) -> Bool[Array, "9"]:
     to_the_right = chart.range(own.x, own.y, sin, -cos)
     is_left = jnp.where(jnp.abs(turn) < _BEHIND, turn > 0, to_the_left > to_the_right)
     forwards, backwards = jnp.where(is_left, 8, 6), jnp.where(is_left, 0, 2)
-    room_after = clearances_after(chart, view.own, view.dt)
+    room_after = clearances_after(view.surroundings, view.own, view.dt)
     is_safe = room_after >= jnp.minimum(NEAR, room - _LOSS)
     is_at_rest = jnp.abs(own.v) < car.u1_max * view.dt / 2
     is_backing = own.v < 0
