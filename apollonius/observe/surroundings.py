@@ -59,7 +59,8 @@ class MoversInView(eqx.Module):
         from_x = x - (motion.x + motion.vx * later)
         from_y = y - (motion.y + motion.vy * later)
         hx, hy = self.bodies.hx, self.bodies.hy
-        to_axis = jnp.sqrt(closest_approach_squared(from_x + hx, from_y + hy, -2 * hx, -2 * hy))
+        approach = jax.vmap(closest_approach_squared)
+        to_axis = jnp.sqrt(approach(from_x + hx, from_y + hy, -2 * hx, -2 * hy))
         return self._least(to_axis - self.bodies.radius)
 
     def range(self, x: Scalar, y: Scalar, cos: Scalar, sin: Scalar, radius: Real) -> Scalar:

@@ -32,6 +32,7 @@ from apollonius.game.uncertainty import Uncertainties, Uncertainty
 from apollonius.game.wheels import Wheels
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.braking import clearances_after
+from apollonius.observe.surroundings import Surroundings
 from apollonius.observe.view import Robot
 from apollonius.simulate.drive import RobotHardware
 from apollonius.simulate.physics import mjcf
@@ -279,7 +280,7 @@ def test_chart_says_the_clearance_of_a_robot_that_backs_as_the_rules_do(name):
     for heading in (0.0, 0.4, 1.2):
         own = Robot(game.pursuer, robot(0.6, 4.0, -0.5, heading))
         by_rules = [float(backup.clearance_after(own, jnp.int32(action))) for action in range(9)]
-        np.testing.assert_allclose(clearances_after(game.chart, own, DT), by_rules, atol=0.03)
+        np.testing.assert_allclose(clearances_after(Surroundings(game.chart), own, DT), by_rules, atol=0.03)
 
 
 def test_standing_robot_that_may_reverse_stays_where_it_is():

@@ -22,6 +22,7 @@ from apollonius.observe.braking import clearances_after
 from apollonius.observe.egocentric import AHEAD, COURSES, EGOCENTRIC, NEAR, RAYS
 from apollonius.observe.knowledge import Knowledge
 from apollonius.observe.observation import RAW_VIEW, observation_rows
+from apollonius.observe.surroundings import Surroundings
 from apollonius.observe.team import MATES, OF_A_ROBOT, OPPONENTS, TEAM
 from apollonius.observe.view import Robot, look, view_of
 from tests.acting import observe as observe_one
@@ -161,7 +162,7 @@ def test_braking_clearance_accounts_for_the_drive_and_pending_commands():
 
     def seen_by(state, *drives):
         view = view_of(game, Knowledge.complete(state, drives), Role.PURSUER)
-        return clearances_after(chart, view.own, game.dt)
+        return clearances_after(Surroundings(chart), view.own, game.dt)
 
     turns, actions = jnp.array([-1.0, 0.0, 1.0]), jnp.arange(NUM_ACTIONS)
     each = jax.vmap(jax.vmap(least, in_axes=(None, None, None, 0)), in_axes=(None, None, 0, None))
@@ -181,7 +182,7 @@ def test_actions_differ_in_clearance_while_pending_commands_pass_a_wall():
     )
     chart = game.chart
     assert chart is not None
-    right, straight, left = clearances_after(chart, view_of(game, along, Role.PURSUER).own, game.dt)[:3]
+    right, straight, left = clearances_after(Surroundings(chart), view_of(game, along, Role.PURSUER).own, game.dt)[:3]
     assert right + 0.002 < straight < left - 0.002
 
 
