@@ -18,7 +18,7 @@ from apollonius.arenas.file import as_game
 from apollonius.arenas.free_space import free_space, tile
 from apollonius.game.game import MAX_STEPS, Game
 from apollonius.game.outcome import PURSUER_WINS, evader_winning
-from apollonius.game.types import NUM_ACTIONS, Flag, GameState, Outcome, Role
+from apollonius.game.types import NUM_ACTIONS, Flag, GameState, MoverStates, Outcome, Role
 from apollonius.io.errors import require, require_extra
 from apollonius.io.limits import ROBOTS, SEED, CountLimit
 from apollonius.observe.paper import PAPER
@@ -138,19 +138,22 @@ class DuelGame(PublicGame):
         self.rules = jax.device_put(replace(game, max_steps=steps).packed())
         self.hold = hold
         """Steps for which an action is held."""
-        self.start = np.asarray(_draw_start(self.rules, np.uint32(params["seed"])))
-        """x [m], y [m], v [m/s], heading [rad] of the pursuer, then of the evader."""
+        self.start, self.movers_at_start = jax.device_get(
+            _draw_start(self.rules, np.uint32(params["seed"]))
+        )
+        """x [m], y [m], v [m/s], heading [rad] of the pursuer, then of the evader; and movers."""
 
     def new_initial_state(self) -> "DuelState":
         return DuelState(self)
 
 
 class DuelState(pyspiel.State):  # pyright: ignore[reportUntypedBaseClass]
-    """The state of a `DuelGame`: both robots, the steps so far, and the outcome."""
+    """The state of a `DuelGame`: both robots, the movers, the steps so far, and the outcome."""
 
     def __init__(self, game: DuelGame) -> None:
         super().__init__(game)
         self.robots = game.start
+        self.movers = game.movers_at_start
         self.steps = 0
         self.outcome = Outcome.ONGOING
 
@@ -163,8 +166,9 @@ class DuelState(pyspiel.State):  # pyright: ignore[reportUntypedBaseClass]
     def _apply_actions(self, actions: list[int]) -> None:
         game = self.get_game()
         counts = np.int32(self.steps), np.int32(game.hold)
-        progress = _play(game.rules, self.robots, *counts, np.array(actions, np.int32))
-        self.robots, steps, outcome = jax.device_get(progress)
+        before = self.robots, self.movers
+        progress = _play(game.rules, before, *counts, np.array(actions, np.int32))
+        (self.robots, self.movers), steps, outcome = jax.device_get(progress)
         self.steps, self.outcome = int(steps), Outcome(int(outcome))
 
     def _action_to_string(self, player: int, action: int) -> str:
@@ -180,18 +184,26 @@ class DuelState(pyspiel.State):  # pyright: ignore[reportUntypedBaseClass]
         return [value, -value]
 
     def numbers(self, player: int) -> dict[str, np.ndarray]:
-        """Return the observation `paper` of a player's robot, and the part of the time that is
-        over.
+        """Return the observation `paper` of a player's robot, the part of the time that is over
+        and, of movers, places, velocities, clocks and goals.
         """
         rules = self.get_game().rules
-        return {
+        numbers = {
             "robots": np.asarray(_observe(rules, self.robots))[player],
             "time": np.array([self.steps / int(rules.max_steps)]),
         }
+        return numbers if self.movers is None else numbers | {"movers": self._mover_numbers()}
+
+    def _mover_numbers(self) -> Float[np.ndarray, " numbers"]:
+        """Return all that changes of the movers; their random bits do not."""
+        *changing, _ = jax.tree.leaves(self.movers)
+        return np.concatenate(changing)
 
     def __str__(self) -> str:
         robots = zip(_SIDES, np.split(self.robots, 2), strict=True)
         places = [f"{name} {' '.join(map(str, robot))}" for name, robot in robots]
+        if self.movers is not None:
+            places.append(f"movers {' '.join(map(str, self._mover_numbers()))}")
         return f"{', '.join(places)}, step {self.steps}, {self.outcome.name.lower()}"
 
 
@@ -204,34 +216,39 @@ def _steps_of(name: str, seconds: float, game: Game) -> int:
     return round(steps)
 
 
+_Places = tuple[Float[Array, "8"], MoverStates | None]
+"""Both robots in a row, and the movers."""
+
+
 def _as_row(state: GameState) -> Float[Array, "8"]:
     return jnp.stack(jax.tree.leaves(state.robots))
 
 
 @jax.jit
-def _draw_start(game: Game, seed: UInt32[Array, ""]) -> Float[Array, "8"]:
-    return _as_row(game.reset(jax.random.key(seed)))
+def _draw_start(game: Game, seed: UInt32[Array, ""]) -> _Places:
+    start = game.reset(jax.random.key(seed))
+    return _as_row(start), start.movers
 
 
 @jax.jit
 def _play(
     game: Game,
-    robots: Float[Array, "8"],
+    places: _Places,
     steps: Int[Array, ""],
     hold: Int[Array, ""],
     actions: Int[Array, "2"],
-) -> tuple[Float[Array, "8"], Int[Array, ""], Int[Array, ""]]:
+) -> tuple[_Places, Int[Array, ""], Int[Array, ""]]:
     """Play a game while both robots hold their actions, or to its end.
 
     Args:
         game: The game.
-        robots: Both robots, as `DuelGame.start`.
+        places: Both robots, as `DuelGame.start`, and the movers.
         steps: Steps so far.
         hold: Steps for which actions are held.
         actions: Actions of both.
 
     Returns:
-        The robots, the steps and the outcome thereafter.
+        The robots and movers, the steps and the outcome thereafter.
     """
 
     def is_under_way(progress: tuple[GameState, Int[Array, ""]]) -> Flag:
@@ -242,9 +259,10 @@ def _play(
         timestep = game.step(progress[0], actions[0], actions[1])
         return timestep.state, timestep.outcome
 
-    start = as_state(robots, steps), jnp.int32(Outcome.ONGOING)
+    robots, movers = places
+    start = replace(as_state(robots, steps), movers=movers), jnp.int32(Outcome.ONGOING)
     state, outcome = jax.lax.while_loop(is_under_way, advance, start)
-    return _as_row(state), state.steps, outcome
+    return (_as_row(state), state.movers), state.steps, outcome
 
 
 @jax.jit

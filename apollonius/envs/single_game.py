@@ -32,7 +32,15 @@ from apollonius.envs.options import (
     observation_space,
 )
 from apollonius.game.game import Game
-from apollonius.game.types import BySide, GameState, Outcome, RandomBits, RobotStatus, Role
+from apollonius.game.types import (
+    BySide,
+    GameState,
+    MoverStates,
+    Outcome,
+    RandomBits,
+    RobotStatus,
+    Role,
+)
 from apollonius.io.errors import require
 from apollonius.play.replay import as_state
 from apollonius.play.rollout import observe_both, step_games
@@ -49,6 +57,9 @@ _COLUMNS = 6
 """Number of columns of a robot."""
 RENDER_MODES = ["rgb_array"]
 _OUTCOMES = [outcome.name.lower() for outcome in Outcome]
+
+_Carry = tuple[MoverStates | None, tuple[Array, ...]]
+"""The movers of a game, and the arrays of `flatten_carry`."""
 
 
 class SingleGame:
@@ -80,7 +91,6 @@ class SingleGame:
         )
         game = as_game(game)
         game.require_one_arena("an environment of a single game")
-        game.require_no_movers("an environment of a single game")
         contest = make_contest(game, observation, actions, reward, inside)
         self.game = game = contest.game
         self.observation_space = observation_space(contest.reads)
@@ -133,7 +143,14 @@ class SingleGame:
         if self._canvas:
             active = [status == RobotStatus.ACTIVE for status in self.statuses]
             rows = self._row[: self._end].reshape(-1, _COLUMNS)
-            self._canvas.move(rows[:, :_STATUS].ravel().tolist(), active)
+            self._canvas.move(rows[:, :_STATUS].ravel().tolist(), active, self._mover_places())
+
+    def _mover_places(self) -> list[list[float]]:
+        """Return x and y [m] of each mover."""
+        movers, _ = self._carried
+        if movers is None:
+            return []
+        return np.stack([movers.motion.x, movers.motion.y], axis=-1).tolist()
 
     def observation(self, robot: int) -> Float[np.ndarray, " size"]:
         """Return the observation of a robot from outside by its number among the game's robots."""
@@ -169,18 +186,16 @@ class SingleGame:
 
 def _start(
     game: Game, players: BySide[Pool], bits: RandomBits
-) -> tuple[Float[Array, " _"], tuple[Array, ...]]:
-    """Return a game's numbers, and what it carries."""
-    games = start_games(
-        game, players, jax.tree.map(lambda leaf: leaf[None], game.reset(jax.random.key(bits)))
-    )
+) -> tuple[Float[Array, " _"], _Carry]:
+    """Return a game's numbers, and all else that it carries."""
+    start = game.reset(jax.random.key(bits))
+    games = start_games(game, players, jax.tree.map(lambda leaf: leaf[None], start))
     _, observations_by_side = observe_both(game, players, games, _bits_of(players, ~bits))
     outside = [role for role in Role if isinstance(players[role].members, ExternalPolicy)]
     observations = [observations_by_side[role][1] for role in outside]
     rewards = games.sides.map(lambda side: side.episode_return)
-    return _pack(games.state, rewards, [jnp.zeros(())] * 3, observations), flatten_carry(
-        games, players
-    )
+    numbers = _pack(games.state, rewards, [jnp.zeros(())] * 3, observations)
+    return numbers, (start.movers, flatten_carry(games, players))
 
 
 def _bits_of(players: BySide[Pool], bits: RandomBits) -> UInt32[Array, "2 1"]:
@@ -201,9 +216,9 @@ def _step(
     numbers: Float[Array, " numbers"],
     step_inputs: Int[Array, " inputs"] | Float[Array, " inputs"],
     bits: RandomBits,
-    leaves: Sequence[Array],
-) -> tuple[Float[Array, " numbers"], tuple[Array, ...]]:
-    """Step a game; return its numbers and carried arrays.
+    carried: _Carry,
+) -> tuple[Float[Array, " numbers"], _Carry]:
+    """Step a game; return its numbers and all else.
 
     `step_inputs` are the number of the step and the actions, each of this shape, of all robots.
     """
@@ -211,7 +226,9 @@ def _step(
     rows = numbers[: _COLUMNS * sum(counts)].reshape(-1, _COLUMNS)
     state = as_state(rows[:, :_STATUS].ravel(), step_inputs[0].astype(jnp.int32), counts.pursuer)
     statuses = tuple(rows[:, _STATUS].astype(jnp.int32))
-    state = replace(state, status=BySide(statuses[: counts.pursuer], statuses[counts.pursuer :]))
+    sides = BySide(statuses[: counts.pursuer], statuses[counts.pursuer :])
+    movers, leaves = carried
+    state = replace(state, status=sides, movers=movers)
     actions = BySide(
         *jnp.split(step_inputs[1:].reshape(1, sum(counts), *shape), [counts.pursuer], axis=1)
     )
@@ -223,7 +240,9 @@ def _step(
     next_observations = [transitions.sides[role].next_observation for role in outside]
     ends = [transitions.terminated, transitions.truncated, transitions.outcome]
     rewards = transitions.sides.map(lambda side: side.reward)
-    return _pack(games.state, rewards, ends, next_observations), flatten_carry(games, players)
+    numbers_after = _pack(games.state, rewards, ends, next_observations)
+    movers_after = jax.tree.map(lambda leaf: leaf[0], games.state.movers)
+    return numbers_after, (movers_after, flatten_carry(games, players))
 
 
 def _pack(

@@ -123,6 +123,24 @@ def play_actions(
     return all_states, outcomes
 
 
+@jax.jit
+def _with_movers(game: Game, states: GameState, start: MoverStates) -> GameState:
+    """Return recorded states, leaves `[rows]`, with the movers that go beside their robots.
+
+    Args:
+        game: the rules.
+        states: the states without movers.
+        start: the movers in the first of them.
+    """
+
+    def one_step(now: MoverStates, state: GameState) -> tuple[MoverStates, GameState]:
+        state = replace(state, movers=now)
+        assert game.movers is not None, "the game has some"
+        return game.movers.step(game.at(state).arena, state, game.bodies, game.dt), state
+
+    return jax.lax.scan(one_step, start, states)[1]
+
+
 @dataclass(frozen=True)
 class Replay:
     """A game that was played, with all that it takes to play it again.
@@ -156,7 +174,9 @@ class Replay:
 
         The number of steps stands for an outcome that differs where no state does.
         """
-        states, outcomes = self._play_again()
+        start = as_state(jnp.asarray(self.states[0]), jnp.asarray(0), len(self.game.bodies.pursuer))
+        start = replace(start, movers=self.movers)
+        states, outcomes = play_actions(self.game, start, jnp.asarray(self.actions))
         errors = np.abs(as_rows(states) - self.states)
         # headings of -pi and pi are the same
         errors[:, 3::4] = np.minimum(errors[:, 3::4], 2 * np.pi - errors[:, 3::4])
@@ -165,28 +185,25 @@ class Replay:
             return int(np.argmax(differs))
         return None if int(outcomes[-1]) == self.outcome else len(self.actions)
 
-    def _play_again(self) -> tuple[GameState, Int[Array, " steps"]]:
-        """Return all states of the game played again, and the outcome of each step."""
-        start = as_state(jnp.asarray(self.states[0]), jnp.asarray(0), len(self.game.bodies.pursuer))
-        start = replace(start, movers=self.movers)
-        return play_actions(self.game, start, jnp.asarray(self.actions))
-
     def mover_places(self) -> Float32[np.ndarray, "rows movers 2"]:
         """Return x and y [m] of all movers in each state; of none in a game without them."""
-        if self.movers is None:
+        movers = self._states().movers
+        if movers is None:
             return np.zeros((len(self.states), 0, 2), np.float32)
-        movers = self._play_again()[0].movers
-        assert movers is not None, "the game has some"
         return np.stack([np.asarray(movers.motion.x), np.asarray(movers.motion.y)], axis=-1)
 
-    def trajectory(self) -> Trajectory:
-        """Return the game as it was recorded."""
+    def _states(self) -> GameState:
+        """Return the recorded states, in which all robots are active, with the movers beside
+        them.
+        """
         pursuers = len(self.game.bodies.pursuer)
         as_states = jax.vmap(as_state, (0, 0, None))
         states = as_states(jnp.asarray(self.states), jnp.arange(len(self.states)), pursuers)
-        if self.movers is not None:
-            movers = self._play_again()[0].movers
-            states = jax.vmap(lambda state, movers: replace(state, movers=movers))(states, movers)
+        return states if self.movers is None else _with_movers(self.game, states, self.movers)
+
+    def trajectory(self) -> Trajectory:
+        """Return the game as it was recorded."""
+        states = self._states()
         status = statuses_along(self.game, states)
         states = jax.vmap(lambda state, status: replace(state, status=status))(states, status)
         return Trajectory(states, jnp.asarray(self.actions), jnp.asarray(int(self.outcome)))
