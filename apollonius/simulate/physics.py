@@ -25,6 +25,10 @@ SHELL = 0.01
 """Difference [m] between the radius of the body, which the referee measures, and that of the shell,
 which obstacles push back.
 """
+REST = 0.01
+"""Speed [m/s] below which a body is at rest in a game with movers, which may then walk into it; a
+drive that stands rolls out for ever.
+"""
 _HEIGHT = 0.3
 _THICKNESS = 0.05
 # A geom collides with those whose kind is in its `conaffinity`. Robots do not touch each other.
@@ -256,6 +260,7 @@ class Physics:
             drive.latency <= dt, "latency", drive.latency, f"at most one step of the game, {dt:g} s"
         )
         self.drive = drive
+        self._rest = REST if game.movers else 0.0
         self.robots = tuple(robots_of(game))
         self.steps = int(np.ceil(dt / LONGEST_STEP - 1e-6))
         self.step = dt / self.steps
@@ -322,7 +327,7 @@ class Physics:
         self, states: Float64[np.ndarray, "games numbers"]
     ) -> Float64[np.ndarray, "games columns"]:
         """Return the game's view of states: x, y, forward speed and heading of pursuers, then
-        evaders.
+        evaders. In a game with movers a speed below `REST` is 0.
         """
         positions, speeds = np.split(
             states[:, 1 : 1 + self.model.nq + self.model.nv], [self.model.nq], axis=1
@@ -333,7 +338,8 @@ class Physics:
             x, y, _, w, i, j, k = positions[:, joint.qposadr[0] : joint.qposadr[0] + 7].T
             heading = np.arctan2(2 * (w * k + i * j), 1 - 2 * (j * j + k * k))
             along_x, along_y = speeds[:, joint.dofadr[0] : joint.dofadr[0] + 2].T
-            columns += [x, y, along_x * np.cos(heading) + along_y * np.sin(heading), heading]
+            speed = along_x * np.cos(heading) + along_y * np.sin(heading)
+            columns += [x, y, np.where(np.abs(speed) < self._rest, 0.0, speed), heading]
         return np.stack(columns, axis=-1)
 
     def turn_rates(

@@ -20,7 +20,16 @@ from apollonius.game.dynamics import stack_actions
 from apollonius.game.game import Game
 from apollonius.game.judge import judge
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
-from apollonius.game.types import ROLES, Action, BySide, GameState, Outcome, Role, tree_where
+from apollonius.game.types import (
+    ROLES,
+    Action,
+    BySide,
+    GameState,
+    MoverStates,
+    Outcome,
+    Role,
+    tree_where,
+)
 from apollonius.io.limits import SIMULATED_GAMES
 from apollonius.play import rollout
 from apollonius.play.playout import Report, Results, no_report
@@ -37,7 +46,8 @@ class SimulatedGames:
     its index.
 
     States before a step, and after it, are x [m], y [m], v [m/s], heading [rad] of pursuers, then
-    evaders; actions are as in a `Replay`.
+    evaders; actions are as in a `Replay`. `movers` are those of each game at its start, leaves
+    `[games]`; None in games without any.
     """
 
     results: Results
@@ -45,6 +55,7 @@ class SimulatedGames:
     states: Float32[np.ndarray, "steps columns"]
     actions: Int[np.ndarray, "steps robots"] | Float32[np.ndarray, "steps robots 2"]
     after: Float32[np.ndarray, "steps columns"]
+    movers: MoverStates | None
 
     def course(self, game: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the states of a game, the last one too, and the actions in it."""
@@ -68,6 +79,7 @@ def simulate(
     latency of the bodies' own; the smaller of two turn accelerations holds. A step is judged as in
     the game, by the positions of the bodies' axles at its two ends and the radii of the game's
     robots, so that only the motion differs from the game. A robot that is out of play brakes.
+    Movers go by the rules, beside the bodies where they really are; like robots they push nobody.
 
     Args:
         game: The game.
@@ -80,7 +92,6 @@ def simulate(
     Raises:
         InvalidInput: As `Physics`.
     """
-    game.require_no_movers("a simulation with bodies")
     physics = Physics(game, drive)
     limits = _body_limits(game, drive)
     rows = as_rows(starts)
@@ -113,7 +124,8 @@ def simulate(
     results = Results(
         jnp.asarray(outcome), games.state.steps, games.state.status, sightings=games.sightings
     )
-    return SimulatedGames(results, *(np.concatenate(parts) for parts in zip(*log, strict=True)))
+    steps = (np.concatenate(parts) for parts in zip(*log, strict=True))
+    return SimulatedGames(results, *steps, movers=starts.movers)
 
 
 @dataclass(frozen=True)
@@ -206,6 +218,7 @@ def record_course(simulated: SimulatedGames, match: Match, index: int) -> Replay
         index,
         *simulated.course(index),
         outcome,
+        movers=jax.tree.map(lambda leaf: leaf[index], simulated.movers),
     )
 
 
@@ -262,6 +275,7 @@ def _judge_steps(
             state,
             robots=as_state(row, state.steps, len(game.bodies.pursuer)).robots,
             steps=state.steps + 1,
+            movers=game.movers and game.movers.step(game.arena, state, game.bodies, game.dt),
         )
         outcome, status = judge(game, state, after)
         return replace(after, status=status), outcome
