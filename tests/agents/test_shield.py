@@ -34,7 +34,7 @@ from apollonius.game.scenario import RobotKinds, Scenario
 from apollonius.game.sensing import Sensing, Sensors
 from apollonius.game.starts import Starts
 from apollonius.game.timetable import Shuttle
-from apollonius.game.types import BySide, GameState, RobotState, Role
+from apollonius.game.types import BySide, GameState, MoverMotion, RobotState, RobotStatus, Role
 from apollonius.game.uncertainty import Uncertainties, Uncertainty
 from apollonius.game.walkers import Walkers
 from apollonius.io.errors import InvalidInput
@@ -123,13 +123,14 @@ def yard():
 BOUNDS = Uncertainty(position=0.05, heading=0.05, speed=0.05, delay=0.1)
 
 
-def own_failures_under_errors(game, player, games, steps):
-    """Own failures of one robot that is given extreme errors of its state by chance, and late commands by chance."""
+def course_under_errors(game, player, games, steps):
+    """The last status of one robot that is given extreme errors of its state by chance, and late commands by chance;
+    and whether it was promised at the start that it would not fail."""
     starts = reset_batch(game, jax.random.key(4), games)
     drive, role = Drive(lag=0).at_rest(), Role.PURSUER
 
     def one_step(carry, key):
-        state, memory, last, failed = carry
+        state, memory, last, promised = carry
         keys = jax.random.split(key, 4)
         heading, speed = jax.random.rademacher(keys[0], (2,), jnp.float32)
         angle = 6.3 * jax.random.uniform(keys[1])
@@ -143,19 +144,20 @@ def own_failures_under_errors(game, player, games, steps):
         command = (replace(drive, pending=drive.pending.at[0].set(last)),)
         seen = replace(state, robots=BySide((believed,), state.robots.evader))
         view = view_of(game, Knowledge.complete(seen, command), role)
+        promised &= (state.steps > 0) | player.promises(view)
         action, memory = player(player.observation(view), memory, jax.random.bits(keys[2]))
         command = jnp.stack(game.pursuer.controls(action))
         held = jnp.where(jax.random.bernoulli(keys[3]), last, command)
         stays = (jnp.zeros(()), jnp.zeros(()))
         after = game.step_controls(state, BySide((tuple(held),), (stays,)))
-        failed |= after.state.status.pursuer[0] > 1
-        return (after.state, memory, command, failed), None
+        return (after.state, memory, command, promised), None
 
     def one_game(state, key):
-        start = (state, player.memory, jnp.zeros(2), jnp.zeros((), bool))
-        return jax.lax.scan(one_step, start, jax.random.split(key, steps))[0][-1]
+        start = (state, player.memory, jnp.zeros(2), jnp.ones((), bool))
+        after, _, _, promised = jax.lax.scan(one_step, start, jax.random.split(key, steps))[0]
+        return after.status.pursuer[0], promised
 
-    return int(jnp.sum(jax.jit(jax.vmap(one_game))(starts, jax.random.split(jax.random.key(5), games))))
+    return map(np.asarray, jax.jit(jax.vmap(one_game))(starts, jax.random.split(jax.random.key(5), games)))
 
 
 @pytest.mark.parametrize("make", [lambda: PAPER, pytest.param(yard, marks=pytest.mark.slow)], ids=["discs", "polygons"])
@@ -163,8 +165,77 @@ def test_shield_that_knows_the_bounds_of_errors_fails_under_none_of_them(make):
     game = replace(make(), drives=Drives(Drive(lag=0)))
     uncertain = replace(game, uncertainty=Uncertainties(pursuer=BOUNDS))
     aware, unaware = (with_shield(Reckless(), rules, Role.PURSUER) for rules in (uncertain, game))
-    assert own_failures_under_errors(game, unaware, 40, 150) > 30
-    assert own_failures_under_errors(uncertain, aware, 40, 150) == 0
+    status, _ = course_under_errors(game, unaware, 40, 150)
+    assert (status > RobotStatus.CAPTURED).sum() > 30
+    status, promised = course_under_errors(uncertain, aware, 40, 150)
+    assert (status <= RobotStatus.CAPTURED).all()
+    assert promised.all()
+
+
+class Circles(AbstractPolicy):
+    """Always speeds up and turns left."""
+
+    observation = paper.PAPER
+
+    def __call__(self, observation, memory, bits):
+        return jnp.int32(8), memory
+
+
+class Amid(Starts):
+    """The pursuer stands somewhere on the way of the shuttle below, the evader far away."""
+
+    def sample(self, key, arena, bodies):
+        x = jax.random.uniform(key, (), jnp.float32, 1.0, 9.0)
+        return GameState.of_two(replace(robot(0.0, 5.0), x=x), robot(30.0, 30.0), jnp.int32(0))
+
+
+BROOM = Shuttle(((0.0, 5.0), (10.0, 5.0)), hy=30.0, v_max=1.0, radius=0.1, a_max=5.0)
+SLOW = replace(PAPER.pursuer, u1_max=0.2, v_max=0.4, radius=0.1)
+SWEPT = Game(SLOW, arena=Arena(-40.0, 40.0, -40.0, 40.0), starts=Amid(), movers=Movers((BROOM,)))
+SWEPT = replace(SWEPT, drives=Drives(Drive(lag=0)))
+SWEPT_UNCERTAIN = replace(SWEPT, uncertainty=Uncertainties(pursuer=BOUNDS))
+
+
+@pytest.mark.slow
+def test_shield_that_knows_the_bounds_of_errors_stands_when_a_mover_comes():
+    """The broom reaches everybody, and nobody knows for certain when its robot has come to rest."""
+    games, steps = 500, 300
+    status, _ = course_under_errors(SWEPT, with_shield(Circles(), SWEPT, Role.PURSUER), games, steps)
+    assert (status == RobotStatus.HIT_OBSTACLE).sum() > 4
+    player = with_shield(Circles(), SWEPT_UNCERTAIN, Role.PURSUER)
+    status, promised = course_under_errors(SWEPT_UNCERTAIN, player, games, steps)
+    assert promised.sum() > 400
+    assert (status[promised] == RobotStatus.ACTIVE).all()
+
+
+@pytest.mark.parametrize(("away", "promises"), [(0.3, {"certain"}), (3.0, {"certain", "uncertain"})])
+def test_only_a_robot_that_certainly_stands_is_safe_beside_a_mover(away, promises):
+    """One that may still roll, by the error of its speed, is not."""
+    start = SWEPT.reset(jax.random.key(0))
+    still = jnp.zeros(1)
+    place = start.pursuer.x[None] + 0.2 + away
+    movers = replace(start.movers, motion=MoverMotion(place, still + 5.0, still, still))
+    knowledge = Knowledge.complete(replace(start, movers=movers), (Drive(lag=0).at_rest(),))
+    found = set()
+    for name, game in (("certain", SWEPT), ("uncertain", SWEPT_UNCERTAIN)):
+        player = with_shield(Circles(), game, Role.PURSUER)
+        if jax.jit(player.promises)(view_of(game, knowledge, Role.PURSUER)):
+            found.add(name)
+    assert found == promises
+
+
+def test_drive_that_is_learned_says_when_commands_take_effect_among_movers():
+    """Later by the learned lag, of which the game says nothing."""
+    game = replace(SWEPT, drives=None)
+    player = find_player("identifying:shielded:pure-pursuit", Role.PURSUER, game).policy
+    view = look(game, game.reset(jax.random.key(0)), Role.PURSUER)
+    estimate = player.memory[0]
+    likely = estimate.drive(player.nominal, game.dt).drive.lag
+    assert float(player.view_of(view, estimate).movers.age) == pytest.approx(0.1 * float(likely))
+    late = replace(estimate, speeding=estimate.speeding.add(jnp.arange(6.0), jnp.full(6, 4.0)))
+    seen = player.view_of(view, late)
+    assert float(seen.movers.age) == pytest.approx(0.1 * float(late.drive(player.nominal, game.dt).drive.lag))
+    assert float(seen.movers.age) > 0.05
 
 
 def test_robot_that_no_action_is_safe_for_goes_on_with_the_last_safe_manoeuvre():

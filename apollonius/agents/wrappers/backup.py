@@ -54,6 +54,15 @@ class BrakingMotion(eqx.Module):
         return replace(motion, uncertainty=robot.uncertainty, command=robot.command or no_command)
 
     @property
+    def fastest(self) -> RobotState:
+        """The state with the highest speed that the robot may have: it certainly rests if that
+        is 0.
+        """
+        if self.uncertainty is None:
+            return self.state
+        return replace(self.state, v=self.state.v + self.uncertainty.speed)
+
+    @property
     def error(self) -> Real | None:
         """The largest distance of the true place from the known one [m], if there is any."""
         return self.uncertainty and self.uncertainty.position
@@ -124,7 +133,7 @@ class Backup(eqx.Module):
         """Return the least clearance [m] of each stop after one step of an action."""
         before = BrakingMotion.of(robot)
         after = self._hold(robot, before, action)
-        step = self._clearance_along(before.state, after.state, 0.0) - robot.body.radius
+        step = self._clearance_along(before.fastest, after.fastest, 0.0) - robot.body.radius
         if after.error is not None:
             step -= after.error
         return jnp.minimum(step, self._clearances(robot, after))
@@ -158,7 +167,7 @@ class Backup(eqx.Module):
             before: list[BrakingMotion], _: None
         ) -> tuple[list[BrakingMotion], list[tuple[RobotState, Real | None]]]:
             after = self._brake(robot, before)
-            return after, [(motion.state, motion.error) for motion in after]
+            return after, [(motion.fastest, motion.error) for motion in after]
 
         ends, paths = jax.lax.scan(one_step, [motion] * len(self.manoeuvres), length=self.steps)
         after, errors = jax.tree.map(lambda *leaves: jnp.stack(leaves), *paths)
@@ -167,7 +176,7 @@ class Backup(eqx.Module):
             firsts = jnp.broadcast_to(first, (len(later), 1))
             return jnp.concatenate([firsts, later[:, :-1]], axis=1)
 
-        before = jax.tree.map(shift, motion.state, after)
+        before = jax.tree.map(shift, motion.fastest, after)
         times = self.dt * jnp.arange(1, self.steps + 1, dtype=jnp.float32)
         along_steps = jax.vmap(self._clearance_along)
         along = jax.vmap(along_steps, (0, 0, None))(before, after, times)
@@ -179,7 +188,7 @@ class Backup(eqx.Module):
 
     def _clearance_along(self, before: RobotState, after: RobotState, time: Real) -> Scalar:
         """Return the least clearance [m] from the arena, its surroundings and movers on a step that
-        starts some time [s] after the action takes effect.
+        starts some time [s] after the action takes effect. Speeds are the highest possible ones.
         """
         clearance = self.arena.clearance_along(before, after)
         if self.movers is not None:
@@ -230,8 +239,6 @@ def brakes(game: Game, role: Role, is_uncertain: bool = False) -> Backup:
     kinds = game.scenario.kinds if game.scenario else None
     bodies = game.bodies[role] if kinds is None else kinds.every(role)
     is_uncertain = is_uncertain or game.uncertainty_of(role) is not None
-    if is_uncertain:
-        game.require_no_movers("a shield of a robot that is uncertain of itself")
     for body in bodies:
         bound = "at most 0 and more than 0: of a robot that can stop, as it does when it brakes"
         require(body.brakes_to_rest, "v_min, u1_max", (body.v_min, body.u1_max), bound)

@@ -2,11 +2,13 @@
 
 from dataclasses import replace
 
+import jax.numpy as jnp
+
 from apollonius.accelerate.fusion_barrier import fusion_barrier
 from apollonius.agents.policy import AbstractPolicy, AbstractWrapper, Memory
 from apollonius.game.drive import PredictedRobot, predict_after_lag
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.types import Action, RandomBits, Real
+from apollonius.game.types import Action, RandomBits, Real, Scalar
 from apollonius.game.uncertainty import Uncertainty
 from apollonius.observe.drive_estimate import DriveEstimate
 from apollonius.observe.view import Robot, View
@@ -44,18 +46,23 @@ class Identifying(AbstractWrapper[AbstractPolicy]):
 
     def view_of(self, view: View, estimate: DriveEstimate) -> View:
         """Return a view in which the robot drives as is estimated."""
-        return replace(view, own=self._as_estimated(view.own, estimate, view.dt))
+        own, lag_time = self._as_estimated(view.own, estimate, view.dt)
+        return replace(view, own=own, movers=view.movers and replace(view.movers, age=lag_time))
 
     @fusion_barrier
-    def _as_estimated(self, robot: Robot, estimate: DriveEstimate, dt: Real) -> Robot:
-        """Return a robot that drives as is estimated: what follows reads this many times."""
+    def _as_estimated(
+        self, robot: Robot, estimate: DriveEstimate, dt: Real
+    ) -> tuple[Robot, Scalar]:
+        """Return a robot that drives as is estimated, and by how much its commands are late [s]:
+        what follows reads this many times.
+        """
         estimated = estimate.drive(self.nominal, dt)
         body = replace(estimated.body, radius=robot.body.radius)
         now = PredictedRobot(
             robot.state, estimated.state.turn_rate, self.noise.plus(estimated.uncertainty)
         )
         soon = predict_after_lag(estimated.drive, estimated.state, body, now, dt)
-        return replace(
+        own = replace(
             robot,
             body=body,
             predicted_state=soon.robot,
@@ -64,3 +71,4 @@ class Identifying(AbstractWrapper[AbstractPolicy]):
             uncertainty=soon.uncertainty,
             command=estimated.command,
         )
+        return own, jnp.asarray(estimated.drive.lag).astype(jnp.float32) * dt
