@@ -130,7 +130,7 @@ def _with_movers(game: Game, states: GameState, start: MoverStates) -> GameState
     Args:
         game: the rules.
         states: the states without movers.
-        start: the movers in the first of them.
+        start: the movers beside the first state.
     """
 
     def one_step(now: MoverStates, state: GameState) -> tuple[MoverStates, GameState]:

@@ -124,13 +124,13 @@ BOUNDS = Uncertainty(position=0.05, heading=0.05, speed=0.05, delay=0.1)
 
 
 def course_under_errors(game, player, games, steps):
-    """The last status of one robot that is given extreme errors of its state by chance, and late commands by chance;
-    and whether it was promised at the start that it would not fail."""
+    """How one robot ended that is given extreme errors of its state by chance, and late commands by chance; and whether
+    it was promised at the start that it would not fail."""
     starts = reset_batch(game, jax.random.key(4), games)
     drive, role = Drive(lag=0).at_rest(), Role.PURSUER
 
     def one_step(carry, key):
-        state, memory, last, promised = carry
+        state, memory, last, status, promised = carry
         keys = jax.random.split(key, 4)
         heading, speed = jax.random.rademacher(keys[0], (2,), jnp.float32)
         angle = 6.3 * jax.random.uniform(keys[1])
@@ -150,12 +150,12 @@ def course_under_errors(game, player, games, steps):
         held = jnp.where(jax.random.bernoulli(keys[3]), last, command)
         stays = (jnp.zeros(()), jnp.zeros(()))
         after = game.step_controls(state, BySide((tuple(held),), (stays,)))
-        return (after.state, memory, command, promised), None
+        status = jnp.where(status == RobotStatus.ACTIVE, after.state.status.pursuer[0], status)
+        return (after.state, memory, command, status, promised), None
 
     def one_game(state, key):
-        start = (state, player.memory, jnp.zeros(2), jnp.ones((), bool))
-        after, _, _, promised = jax.lax.scan(one_step, start, jax.random.split(key, steps))[0]
-        return after.status.pursuer[0], promised
+        start = (state, player.memory, jnp.zeros(2), state.status.pursuer[0], jnp.ones((), bool))
+        return jax.lax.scan(one_step, start, jax.random.split(key, steps))[0][-2:]
 
     return map(np.asarray, jax.jit(jax.vmap(one_game))(starts, jax.random.split(jax.random.key(5), games)))
 
@@ -199,12 +199,12 @@ SWEPT_UNCERTAIN = replace(SWEPT, uncertainty=Uncertainties(pursuer=BOUNDS))
 @pytest.mark.slow
 def test_shield_that_knows_the_bounds_of_errors_stands_when_a_mover_comes():
     """The broom reaches everybody, and nobody knows for certain when its robot has come to rest."""
-    games, steps = 500, 300
+    games, steps = 100, 300
     status, _ = course_under_errors(SWEPT, with_shield(Circles(), SWEPT, Role.PURSUER), games, steps)
-    assert (status == RobotStatus.HIT_OBSTACLE).sum() > 4
+    assert (status == RobotStatus.HIT_OBSTACLE).sum() > 90
     player = with_shield(Circles(), SWEPT_UNCERTAIN, Role.PURSUER)
     status, promised = course_under_errors(SWEPT_UNCERTAIN, player, games, steps)
-    assert promised.sum() > 400
+    assert promised.sum() > 80
     assert (status[promised] == RobotStatus.ACTIVE).all()
 
 
