@@ -64,10 +64,11 @@ class MoversInView(eqx.Module):
         return self._least(to_axis - self.bodies.radius)
 
     def range(self, x: Scalar, y: Scalar, cos: Scalar, sin: Scalar, radius: Real) -> Scalar:
-        """Return how far [m] a disc can go in a direction before it comes to where a mover in sight
-        is, or will be within `FORESIGHT` at the velocity that it has; infinite without any there.
+        """Return the distance [m] that a disc can go in a direction before it comes to where a
+        mover in sight is, or will be within `FORESIGHT` at the velocity that it has; infinite if it
+        comes to none.
 
-        Of a mover that does not move along its own axis these are its body now, and the way of its
+        Of a mover that does not move along its own axis these are its body now, and the path of its
         centre with its radius. Those that the disc touches already do not count.
 
         Args:
@@ -77,13 +78,13 @@ class MoversInView(eqx.Module):
         """
         motion, bodies = self.motion, self.bodies
         start = motion.x - x, motion.y - y
-        way = motion.vx * FORESIGHT, motion.vy * FORESIGHT
+        path = motion.vx * FORESIGHT, motion.vy * FORESIGHT
         tail = start[0] - bodies.hx, start[1] - bodies.hy
         distance = jax.vmap(distance_to_capsule, (0, 0, None, 0))
         room = bodies.radius + radius
         to_body = distance(tail, (2 * bodies.hx, 2 * bodies.hy), (cos, sin), room)
-        to_way = distance(start, way, (cos, sin), room)
-        return self._least(jnp.minimum(to_body, to_way))
+        to_path = distance(start, path, (cos, sin), room)
+        return self._least(jnp.minimum(to_body, to_path))
 
     def _least(self, distances: Float[Array, " movers"]) -> Scalar:
         """Return the least of the distances [m] of movers in sight."""
@@ -118,7 +119,7 @@ class Surroundings(eqx.Module):
         return jnp.where(robot.v == 0, jnp.inf, self.movers.clearance(robot.x, robot.y, time))
 
     def range(self, x: Scalar, y: Scalar, cos: Scalar, sin: Scalar, radius: Real) -> Scalar:
-        """Return how far [m] a disc can go in a direction; along long walls, too little.
+        """Return the distance [m] that a disc can go in a direction; along long walls, too little.
 
         Args:
             x, y: the centre of the disc [m].
@@ -138,7 +139,7 @@ def distance_to_capsule(
     radius: Real,
 ) -> Scalar:
     """Return the distance [m] from the origin to the outline of a capsule in a direction; infinite
-    where there is none, and inside.
+    where the direction misses it, and inside.
 
     Args:
         start: x, y of the start of its axis [m].
@@ -166,8 +167,8 @@ def distance_to_capsule(
 def _distance_to_disc(
     center: tuple[Scalar, Scalar], direction: tuple[Scalar, Scalar], radius: Real
 ) -> Scalar:
-    """Return the distance [m] from the origin to a disc in a direction; infinite where there is
-    none.
+    """Return the distance [m] from the origin to a disc in a direction; infinite where the
+    direction misses it.
     """
     (x, y), (cos, sin) = center, direction
     along, across = x * cos + y * sin, x * sin - y * cos
