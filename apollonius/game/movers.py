@@ -254,14 +254,15 @@ class Movers(eqx.Module):
         robots = [robot for side in state.robots for robot in side]
         radii = [jnp.asarray(body.radius, jnp.float32) for side in robot_bodies for body in side]
         no_axis = jnp.zeros(len(robots))
+        numbers = jnp.arange(len(motion.x) + len(robots))
         crowd = Crowd(
             x=jnp.concatenate([motion.x, _row([robot.x for robot in robots])]),
             y=jnp.concatenate([motion.y, _row([robot.y for robot in robots])]),
             hx=jnp.concatenate([bodies.hx, no_axis]),
             hy=jnp.concatenate([bodies.hy, no_axis]),
             radius=jnp.concatenate([bodies.radius, _row(radii)]),
+            is_walker=(numbers >= timed) & (numbers < len(motion.x)),
         )
-        numbers = jnp.arange(len(crowd.x))
         return walkers, crowd, numbers[None] == timed + jnp.arange(len(walkers.x))[:, None]
 
 

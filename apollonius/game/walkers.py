@@ -24,17 +24,17 @@ _RELAXATION = 0.5
 _TOP_SPEED = 1.3
 """Top speed of a walker over its desired speed (the model's v_max / v_0)."""
 _REPULSION, _REACH = 7.0, 0.3
-"""Repulsion by another body at no distance [m/s^2], V_0 / sigma of the model, and the distance [m]
-in which it falls to 1/e.
+"""Repulsion by another walker at no distance [m/s^2], V_0 / sigma of the model, and the distance
+[m] in which it falls to 1/e.
 """
 _WALL_REPULSION, _WALL_REACH = 50.0, 0.2
-"""Repulsion by an obstacle or wall at no distance [m/s^2], U_0 / R of the model, and the distance
-[m] in which it falls to 1/e.
+"""Repulsion by a thing at no distance [m/s^2], U_0 / R of the model, and the distance [m] in which
+it falls to 1/e: by an obstacle or wall, a robot, a shuttle or a door.
 """
 _SIGHT = -0.1736
 """Cosine of half the field of view, 100 degrees."""
 _UNSEEN = 0.5
-"""Share of the repulsion by a body outside the field of view."""
+"""Share of the repulsion by a walker outside the field of view."""
 _SLOPE = 0.1
 """Distance [m] over which the slope of the clearance is taken."""
 _PIECES = 2
@@ -45,8 +45,12 @@ _TURNS = 5
 """Steps in which each walker of a game gets a turn to look for a goal."""
 _NEAR = 3.0
 """Largest difference in x and in y of a place near by [m]."""
-_PATIENCE = 20.0
-"""Mean time [s] after which a walker that has not arrived turns to another goal."""
+_PATIENCE, _PATIENCE_AT_REST = 20.0, 4.0
+"""Mean times [s] after which a walker that has not arrived turns to another goal: one that walks,
+and one that gets no farther.
+"""
+_SLOW = 0.1
+"""Speed, as a share of its top speed, below which a walker gets no farther."""
 MOST_WALKERS = 100
 """Most walkers of a group."""
 
@@ -78,7 +82,7 @@ class Walkers(eqx.Module):
 
 class Crowd(eqx.Module):
     """Discs and capsules that walkers keep away from, leaves `[bodies]`: centre x, y, half axis
-    hx, hy and radius [m].
+    hx, hy and radius [m], and whether each is a walker itself.
     """
 
     x: Float[Array, " bodies"]
@@ -86,6 +90,7 @@ class Crowd(eqx.Module):
     hx: Float[Array, " bodies"]
     hy: Float[Array, " bodies"]
     radius: Float[Array, " bodies"]
+    is_walker: Bool[Array, " bodies"]
 
 
 class Walker(eqx.Module):
@@ -179,7 +184,9 @@ def look_for_goals(
         y = jnp.where(
             is_near, walker.y + _NEAR * (2 * up - 1), arena.y_min + up * (arena.y_max - arena.y_min)
         )
-        loses_patience = hurry < _TURNS * dt / _PATIENCE
+        is_slow = jnp.hypot(walker.vx, walker.vy) < _SLOW * walker.v_max
+        patience = jnp.where(is_slow, _PATIENCE_AT_REST, _PATIENCE)
+        loses_patience = hurry < _TURNS * dt / patience
         clearance = arena.clearance_along(_place(walker.x, walker.y), _place(x, y))
         is_free = clearance >= walker.radius + MARGIN
         is_new = is_free & ((walker.goal_distance < _ARRIVAL) | loses_patience)
@@ -216,7 +223,9 @@ def social_force(
     desired_speed = walker.v_max / _TOP_SPEED
     away_x, away_y, gap = jax.vmap(_away_from, (None, 0))(walker, crowd)
     is_ahead = -(away_x * ahead_x + away_y * ahead_y) >= _SIGHT
-    repulsion = _REPULSION * jnp.exp(-gap / _REACH) * jnp.where(is_ahead, 1.0, _UNSEEN)
+    by_walkers = _REPULSION * jnp.exp(-gap / _REACH) * jnp.where(is_ahead, 1.0, _UNSEEN)
+    by_things = _WALL_REPULSION * jnp.exp(-gap / _WALL_REACH)
+    repulsion = jnp.where(crowd.is_walker, by_walkers, by_things)
     repulsion = jnp.where(is_own, 0.0, repulsion)
     return (
         (desired_speed * ahead_x - walker.vx) / _RELAXATION + jnp.sum(repulsion * away_x),
