@@ -45,10 +45,8 @@ _TURNS = 5
 """Steps in which each walker of a game gets a turn to look for a goal."""
 _NEAR = 3.0
 """Largest difference in x and in y of a place near by [m]."""
-_PATIENCE, _PATIENCE_AT_REST = 20.0, 4.0
-"""Mean times [s] after which a walker that has not arrived turns to another goal: one that walks,
-and one that gets no farther.
-"""
+_PATIENCE = 20.0
+"""Mean time [s] after which a walker that has not arrived turns to another goal."""
 _SLOW = 0.1
 """Speed, as a share of its top speed, below which a walker gets no farther."""
 MOST_WALKERS = 100
@@ -161,9 +159,9 @@ def look_for_goals(
 ) -> Walker:
     """Return walkers some of whom have new goals.
 
-    Those whose turn it is and who have arrived, or lost their patience, think of a place, half the
-    time anywhere in the arena and half the time near by, and go there if the straight line is free
-    for their bodies.
+    Those whose turn it is and who have arrived, get no farther or have lost their patience think of
+    a place, half the time anywhere in the arena and half the time near by, and go there if the
+    straight line is free for their bodies.
 
     Args:
         arena: the arena.
@@ -185,11 +183,10 @@ def look_for_goals(
             is_near, walker.y + _NEAR * (2 * up - 1), arena.y_min + up * (arena.y_max - arena.y_min)
         )
         is_slow = jnp.hypot(walker.vx, walker.vy) < _SLOW * walker.v_max
-        patience = jnp.where(is_slow, _PATIENCE_AT_REST, _PATIENCE)
-        loses_patience = hurry < _TURNS * dt / patience
+        gives_up = is_slow | (hurry < _TURNS * dt / _PATIENCE)
         clearance = arena.clearance_along(_place(walker.x, walker.y), _place(x, y))
         is_free = clearance >= walker.radius + MARGIN
-        is_new = is_free & ((walker.goal_distance < _ARRIVAL) | loses_patience)
+        is_new = is_free & ((walker.goal_distance < _ARRIVAL) | gives_up)
         return jnp.where(is_new, x, walker.goal_x), jnp.where(is_new, y, walker.goal_y)
 
     count = len(walkers.x)
