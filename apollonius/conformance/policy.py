@@ -77,22 +77,25 @@ class _Checks:
         self.game = player.game
         self.example = player.arguments[2:]
 
-    def see(self, state: Array, active: Array | None, memory: Any) -> tuple[Any, Any]:
+    def see(
+        self, state: Array, active: Array | None, movers: Array | None, memory: Any
+    ) -> tuple[Any, Any]:
         """Return the policy's observation and its memory."""
         sides = self.game.bodies.map(len)
         knowledge, _, _, own = knowledge_and_memory(
-            self.game, self.player.role, sides, state, active, memory
+            self.game, self.player.role, sides, state, active, movers, memory
         )
         return self.policy.observation(view_of(self.game, knowledge, self.player.role)), own
 
-    def ask(self, state: Array, active: Array | None, memory: Any, bits: Any) -> tuple[Any, Any]:
-        """Return the policy's action and its next memory."""
-        return self.policy(*self.see(state, active, memory), bits)
+    def ask(self, *case: Any) -> tuple[Any, Any]:
+        """Return the policy's action and its next memory in one of `Cases`."""
+        *inputs, bits = case
+        return self.policy(*self.see(*inputs), bits)
 
     def observation(self) -> None:
         reads = self.policy.observation
         if isinstance(reads, AbstractObservation):
-            numbers = jax.eval_shape(lambda *example: self.see(*example)[0], *self.example[:3])
+            numbers = jax.eval_shape(lambda *example: self.see(*example)[0], *self.example[:-1])
             shape = _type_and_shape(numbers)
             require(
                 shape == f"float32 [{reads.size}]",
@@ -133,8 +136,9 @@ class _Checks:
 
     def choice(self, cases: Cases) -> None:
         @jax.jit
-        def choices(state: Array, active: Array | None, memory: Any, bits: Any) -> Array:
-            scores, _ = self.policy.score(*self.see(state, active, memory), bits)
+        def choices(*case: Any) -> Array:
+            *inputs, bits = case
+            scores, _ = self.policy.score(*self.see(*inputs), bits)
             return jax.vmap(lambda allowed: self.policy.select(scores, allowed))(
                 jnp.eye(NUM_ACTIONS, dtype=bool)
             )
@@ -193,7 +197,7 @@ class _Checks:
                 for polygon, vertices in zip(polygons, corners, strict=True)
             )
         walls = Arena(arena.x_min, arena.x_max, arena.y_min, arena.y_max, discs, polygons)
-        plain = replace(self.game.in_arena(walls), sensors=None, drives=None)
+        plain = replace(self.game.in_arena(walls), sensors=None, drives=None, movers=None)
         return with_chart(plain) if self.policy.needs_chart else plain
 
     def _images(self, robots: tuple[RobotState, ...]) -> tuple[RobotState, ...]:

@@ -123,6 +123,7 @@ def recompute_decisions(bag: Bag, name: str, game: Game) -> list[dict[str, Any]]
     Raises:
         InvalidInput: As `find_exportable`, and for a game of other numbers of robots.
     """
+    game.require_no_movers("a bag")
     player = find_exportable(name, bag.side, game)
     decide = jax.jit(player.decide)
     memory = player.memory
@@ -139,7 +140,7 @@ def recompute_decisions(bag: Bag, name: str, game: Game) -> list[dict[str, Any]]
         memory = player.memory if decision.step == 0 else memory
         active = jnp.asarray(decision.active) if player.robots > 2 else None
         answer = decide(
-            player.policy, player.game, states, active, memory, jnp.uint32(decision.bits)
+            player.policy, player.game, states, active, None, memory, jnp.uint32(decision.bits)
         )
         memory = answer["memory"]
         controls = np.asarray(answer["controls"])

@@ -29,9 +29,9 @@ _ERRORS = 3
 def model_of(player: Player) -> bytes:
     """Return the model; raises InvalidInput for what jax2onnx cannot take, with its reason.
 
-    Inputs are `state`, in teams `active`, the arrays of a memory, `memory_0` and so on, and `bits`,
-    but those that the player does not read; outputs `action`, `controls`, and `next_memory_0` and
-    so on: see `Player.decide`.
+    Inputs are `state`, in teams `active`, with movers `movers`, the arrays of a memory, `memory_0`
+    and so on, and `bits`, but those that the player does not read; outputs `action`, `controls`,
+    and `next_memory_0` and so on: see `Player.decide`.
     """
     policy, game, *inputs_of_step = player.arguments
     leaves, shape = jax.tree.flatten(tuple(inputs_of_step))
@@ -82,9 +82,9 @@ def load(model: bytes) -> tuple[Decide, Callable[[], object]]:
     inputs = dict[str, Any]()
 
     def decide(
-        state: np.ndarray, active: Any, memory: Any, bits: np.uint32
+        state: np.ndarray, active: Any, movers: Any, memory: Any, bits: np.uint32
     ) -> tuple[np.ndarray, np.ndarray]:
-        arguments = state, active, memory, bits
+        arguments = state, active, movers, memory, bits
         arrays_by_name = dict(zip(_names(*arguments), jax.tree.leaves(arguments), strict=True))
         inputs.update({name: np.asarray(arrays_by_name[name]) for name in input_names})
         action, controls = session.run(["action", "controls"], inputs)
@@ -93,10 +93,12 @@ def load(model: bytes) -> tuple[Decide, Callable[[], object]]:
     return decide, lambda: session.run(None, inputs)
 
 
-def _names(state: Any, active: Any, memory: Any, bits: Any) -> list[str]:
+def _names(state: Any, active: Any, movers: Any, memory: Any, bits: Any) -> list[str]:
     """Return the inputs' names: those of several arrays are numbered."""
     several = [f"memory_{number}" for number in range(len(jax.tree.leaves(memory)))]
-    return ["state", *(["active"] if active is not None else []), *several, "bits"]
+    optional = {"active": active, "movers": movers}
+    present = [name for name, value in optional.items() if value is not None]
+    return ["state", *present, *several, "bits"]
 
 
 def _run(jaxpr: Jaxpr, consts: Sequence[Any], arguments: Sequence[Any]) -> list[Any]:

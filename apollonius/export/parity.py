@@ -37,8 +37,12 @@ _SPACING = 5
 _CHUNK = 500
 _AROUND = 64
 
-Decide = Callable[[Float32[np.ndarray, "robots 4"], Any, Any, Any], tuple[np.ndarray, np.ndarray]]
-"""From state, who is in play, memory and random bits to action and controls, as `Player.decide`."""
+Decide = Callable[
+    [Float32[np.ndarray, "robots 4"], Any, Any, Any, Any], tuple[np.ndarray, np.ndarray]
+]
+"""From state, who is in play, movers, memory and random bits to action and controls, as
+`Player.decide`.
+"""
 
 
 class Cases(NamedTuple):
@@ -46,6 +50,7 @@ class Cases(NamedTuple):
 
     states: Float32[np.ndarray, "*cases robots 4"]
     active: Bool[np.ndarray, "*cases robots"] | None
+    movers: Float32[np.ndarray, "*cases movers 4"] | None
     memory: Any
     bits: UInt32[np.ndarray, "*cases"]
 
@@ -88,15 +93,19 @@ def cases_of(player: Player, count: int, seed: int = 0) -> Cases:
     active = None
     if player.robots > 2:
         active = np.stack([*states.active[role], *states.active[role.other]], axis=-1)[:count]
+    movers = None
+    if seen_states.movers is not None:
+        movers = np.stack(jax.tree.leaves(seen_states.movers.motion), axis=-1)[:count]
     first = jax.tree.map(lambda leaf: np.asarray(leaf)[:count, 0], memory)
-    return Cases(np.stack(rows, axis=1)[:count], active, first, np.asarray(bits)[:count])
+    return Cases(np.stack(rows, axis=1)[:count], active, movers, first, np.asarray(bits)[:count])
 
 
 @functools.partial(jax.jit, static_argnames="role")
 def sensor_inputs(
     game: Game, tracks: Track, states: GameState, role: Role, bits: UInt32[Array, " cases"]
 ) -> GameState:
-    """Return the states as inputs of a robot with sensors: opponents out of its sight are far away.
+    """Return the states as inputs of a robot with sensors: opponents and movers out of its sight
+    are far away.
 
     Args:
         game: The game.
@@ -116,7 +125,11 @@ def sensor_inputs(
             tree_where(is_seen, opponent, far)
             for opponent, is_seen in zip(past.opponents, past.in_sight, strict=True)
         )
-        return replace(state, robots=BySide.of(role, percept.own, opponents))
+        movers, is_seen = state.movers, sensors.movers_in_sight(game.arena, state, role)
+        if movers is not None and is_seen is not None:
+            far_away = jax.tree.map(lambda leaf: jnp.full_like(leaf, 2 * LARGEST), movers.motion)
+            movers = replace(movers, motion=tree_where(is_seen, movers.motion, far_away))
+        return replace(state, robots=BySide.of(role, percept.own, opponents), movers=movers)
 
     return jax.vmap(as_sensed)(tracks, states, bits)
 
@@ -128,7 +141,7 @@ def _play(
     start_key, word_key, play_key, bits_key = jax.random.split(key, 4)
     players = ROLES.map(lambda side: player if side == role else single_player(Uniform()))
     all_starts = reset_batch(game, start_key, rows * _GAMES)
-    starts = jax.tree.map(lambda leaf: leaf.reshape(rows, _GAMES), all_starts)
+    starts = jax.tree.map(lambda leaf: leaf.reshape(rows, _GAMES, *leaf.shape[1:]), all_starts)
     first = jax.tree.map(lambda leaf: leaf[0], starts)
     games = init_games(game, first, players, jax.random.bits(word_key, (2, _GAMES), jnp.uint32))
 
@@ -159,7 +172,7 @@ def reference(player: Player, cases: Cases) -> tuple[np.ndarray, Float32[np.ndar
 
 @functools.cache
 def _batched(decide: Callable[..., Any]) -> Callable[..., Any]:
-    return jax.jit(jax.vmap(decide, in_axes=(None, None, 0, 0, 0, 0)))
+    return jax.jit(jax.vmap(decide, in_axes=(None, None, 0, 0, 0, 0, 0)))
 
 
 def compare_decisions(decide: Decide, player: Player, cases: Cases) -> Parity:
@@ -197,11 +210,12 @@ def _is_as_good(player: Player, cases: Cases, place: int, action: int, own: int)
     it; or whether the shield's consent to either hangs on rounding.
     """
     policy = player.package
-    state, active, memory, bits = cases.at(place)
+    state, active, movers, memory, bits = cases.at(place)
     sides = player.game.bodies.map(len)
     in_play = None if active is None else jnp.asarray(active)
+    movers = None if movers is None else jnp.asarray(movers)
     knowledge, _, _, memory = knowledge_and_memory(
-        player.game, player.role, sides, jnp.asarray(state), in_play, memory
+        player.game, player.role, sides, jnp.asarray(state), in_play, movers, memory
     )
     view = view_of(player.game, knowledge, player.role)
     if isinstance(policy, Identifying):

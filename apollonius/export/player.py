@@ -27,6 +27,7 @@ from apollonius.game.types import (
     BySide,
     DriveState,
     GameState,
+    MoverMotion,
     RandomBits,
     RobotState,
     RobotStatus,
@@ -64,6 +65,11 @@ class Player:
         return sum(map(len, self.game.bodies))
 
     @property
+    def movers(self) -> int:
+        """Return the number of things that move by themselves."""
+        return len(self.game.movers.bodies.radius) if self.game.movers else 0
+
+    @property
     def largest(self) -> Float32[np.ndarray, "2"]:
         """Return the largest controls, u1 [m/s^2] and u2 [rad/s]; never 0."""
         body = self.game.bodies[self.role][0]
@@ -71,10 +77,11 @@ class Player:
 
     @property
     def arguments(self) -> tuple[Any, ...]:
-        """Return arguments of `decide`, the last three but examples."""
+        """Return arguments of `decide`; those after the game, but the memory, are examples."""
         active = jnp.ones(self.robots, bool) if self.robots > 2 else None
         states = jnp.zeros((self.robots, 4), jnp.float32)
-        return self.policy, self.game, states, active, self.memory, jnp.uint32(0)
+        movers = jnp.zeros((self.movers, 4), jnp.float32) if self.movers else None
+        return self.policy, self.game, states, active, movers, self.memory, jnp.uint32(0)
 
     @property
     def memory(self) -> Memory:
@@ -98,14 +105,16 @@ class Player:
             state: x [m], y [m], speed [m/s] and heading [rad] of every robot: its own, then its
                 mates', then its opponents', `[robots, 4]`.
             active: Whether each robot is in play, `[robots]`; None for two robots.
+            movers: x, y [m] and velocity x, y [m/s] of every mover, in the order of the rules:
+                shuttles, doors, then walkers, `[movers, 4]`; None in a game without any.
             memory: The memory of the last step, or `self.memory` where a game begins.
             bits: 32 random bits.
 
         Returns:
             A dict of the `action` (`types.Action`), the `controls` u1 [m/s^2] and u2 [rad/s], and
             the `memory`. For a state with a NaN or a number beyond `LARGEST`, and for an action
-            that is not finite, it is full braking straight ahead; with sensors an opponent of such
-            a state is out of sight.
+            that is not finite, it is full braking straight ahead; with sensors an opponent or a
+            mover of such a state is out of sight.
         """
         return _decide(self.role, self.game.bodies.map(len))
 
@@ -117,16 +126,19 @@ def _decide(role: Role, sides: BySide[int]) -> Callable[..., dict[str, Any]]:
         game: Game,
         state: Float[Array, "robots 4"],
         active: Bool[Array, " robots"] | None,
+        movers: Float[Array, "movers 4"] | None,
         memory: Memory,
         bits: RandomBits,
     ) -> dict[str, Any]:
         policy = transpose_layers(player)
         knowledge, track, drive_state, own_memory = knowledge_and_memory(
-            game, role, sides, state, active, memory
+            game, role, sides, state, active, movers, memory
         )
         observation = policy.observation(view_of(game, knowledge, role))
         action, own_memory = policy(observation, own_memory, bits)
         own_rows = state if track is None else state[: sides[role]]
+        if track is None and movers is not None:
+            own_rows = jnp.concatenate([own_rows, movers])
         is_sane = jnp.sum(own_rows * own_rows) <= LARGEST**2
         if policy.continuous:
             is_sane &= jnp.isfinite(action).all()
@@ -151,7 +163,13 @@ def pack_memory(track: Track | None, drive: DriveState, own: Memory) -> Memory:
 
 
 def knowledge_and_memory(
-    game: Game, role: Role, sides: BySide[int], state: Array, active: Array | None, memory: Memory
+    game: Game,
+    role: Role,
+    sides: BySide[int],
+    state: Array,
+    active: Array | None,
+    movers: Array | None,
+    memory: Memory,
 ) -> tuple[Knowledge, Track | None, DriveState, Memory]:
     """Return a side's knowledge in this step, and the parts of its memory: track, drive, policy's
     memory.
@@ -165,6 +183,7 @@ def knowledge_and_memory(
         sides: Numbers of robots.
         state: State of every robot, `[robots, 4]`, as in `Player.decide`.
         active: Whether each robot is in play, `[robots]`; None for two robots.
+        movers: Of every mover, `[movers, 4]`, as in `Player.decide`; None in a game without any.
         memory: The memory of the last step.
     """
     sensors = game.sensors and game.sensors[role]
@@ -176,10 +195,11 @@ def knowledge_and_memory(
         drive_state = drive.at_rest()
         own_memory = memory
     drives = (drive_state, *[drive.at_rest()] * (sides[role] - 1))
+    motion = None if movers is None else MoverMotion(*movers.T)
     if sensors is None or track is None:
         knowledge = Knowledge.complete(state_of(state, active, role, sides), drives)
-        return knowledge, None, drive_state, own_memory
-    is_seen = jnp.sum(state * state, axis=1) <= LARGEST**2
+        return replace(knowledge, movers=motion), None, drive_state, own_memory
+    is_seen = _is_sane(state)
     current = state_of(jnp.where(is_seen[:, None], state, 0.0), active, role, sides)
     own = current.robots[role]
     percept = Percept(
@@ -188,7 +208,15 @@ def knowledge_and_memory(
     pending, past = apply_delay(sensors, track.pending, percept)  # sightings are late already
     track = replace(track, own=own, pending=pending)
     track = update_track(game, track, replace(percept, own=past.own), current, role)
-    return knowledge_of(game, track, current, role, drives), track, drive_state, own_memory
+    knowledge = knowledge_of(game, track, current, role, drives)
+    if movers is not None:
+        knowledge = replace(knowledge, movers=motion, movers_in_sight=_is_sane(movers))
+    return knowledge, track, drive_state, own_memory
+
+
+def _is_sane(rows: Float[Array, "rows 4"]) -> Bool[Array, " rows"]:
+    """Check that no number of a row is a NaN or beyond `LARGEST`."""
+    return jnp.sum(rows * rows, axis=1) <= LARGEST**2
 
 
 def exported_side(name: str, side: str | None = None) -> Role:
@@ -249,7 +277,6 @@ def find_exportable(name: str | AbstractPolicy, role: Role, game: Game) -> Playe
             a robot that does not come to rest by braking, the answer to a broken state.
     """
     game.require_one_arena("an exported policy")
-    game.require_no_movers("an exported policy")
     named_player = find_player(name, role, game)
     policy = named_player.policy
     finite = all(

@@ -65,7 +65,7 @@ def write_c(player: Player, out: Path, constants: bool = False, states: int = ST
     arguments = player.arguments[1:] if constants else player.arguments
     decide = partial(player.decide, player.policy) if constants else player.decide
     program = translate(decide, *arguments, name=out.stem)
-    report_lines = _check(program, player, arguments[:-4], states)
+    report_lines = _check(program, player, arguments[:-5], states)
     contents = {
         out: program.source().encode(),
         out.with_suffix(".h"): program.header(_about(program, player)).encode(),
@@ -109,9 +109,9 @@ def _check(program: Program, player: Player, fixed: tuple[Any, ...], states: int
     compiled_program = CompiledProgram(program)
 
     def decide(
-        state: np.ndarray, active: Any, memory: Any, bits: np.uint32
+        state: np.ndarray, active: Any, movers: Any, memory: Any, bits: np.uint32
     ) -> tuple[np.ndarray, np.ndarray]:
-        action, controls = compiled_program(*fixed, state, active, memory, bits)[:2]
+        action, controls = compiled_program(*fixed, state, active, movers, memory, bits)[:2]
         return action, controls
 
     lines = check(decide, player, states)
@@ -203,7 +203,7 @@ def _about(program: Program, player: Player) -> list[str]:
         "",
         f"A state with a NaN, an infinity or a number beyond {LARGEST:,.0f} gets full braking, "
         "straight ahead"
-        + (", but for an opponent's: that is not seen now." if game.sensors else "."),
+        + (", but for an opponent's or a mover's: that is not seen now." if game.sensors else "."),
         "Nothing is allocated, and nothing is kept between calls.",
     ]
 
@@ -222,6 +222,8 @@ def _argument_notes(player: Player) -> dict[str, str]:
         "state": f"x [m], y [m], speed [m/s], heading [rad] of {player.robots} robots: its own, "
         f"then {opponents_text}",
         "active": "of the same robots, whether each is in play",
+        "movers": f"x [m], y [m], velocity x, y [m/s] of {player.movers} movers: shuttles, doors, "
+        "then walkers, in the order of the game's file",
         "memory": "where a game begins that of the file, later what the last call returned",
         "bits": "32 random bits, fresh for every call",
         "action": levels if player.policy.continuous else nine,

@@ -54,7 +54,7 @@ def random_bag(name, game, steps):
             active = [True] * player.robots
             memory = player.memory if step % 10 == 0 else memory
             given = np.array(active) if player.robots > 2 else None
-            made = decide(player.policy, player.game, states.astype(np.float32), given, memory, np.uint32(bits))
+            made = decide(player.policy, player.game, states.astype(np.float32), given, None, memory, np.uint32(bits))
             memory = made["memory"]
             told |= {"states": states.tolist(), "active": active, "bits": bits}
             told |= {"controls": np.asarray(made["controls"]).astype(float).tolist()}

@@ -26,9 +26,11 @@ from apollonius.export.player import Player, exported_side, find_exportable
 from apollonius.export.writing import check, write_c
 from apollonius.game.drive import Drive, Drives
 from apollonius.game.game import Game, reset_batch
+from apollonius.game.movers import Movers
 from apollonius.game.scenario import Scenario
 from apollonius.game.types import BySide, Outcome, Role
 from apollonius.game.uncertainty import Uncertainties, Uncertainty
+from apollonius.game.walkers import Walkers
 from apollonius.io.errors import InvalidInput, missing_extra
 from apollonius.play.rollout import init_games, step_games
 from jaxpr2c import CompiledProgram, translate
@@ -48,6 +50,10 @@ ALL = [
     for shield in ("", "shielded:")
     for language in ("c", "page")
     for quick in [game == "paper" and (shield + name, language) in QUICK]
+]
+ALL += [
+    pytest.param("examples/games/office_people.toml", name, "c", marks=[needs_gcc, pytest.mark.slow])
+    for name in ("shielded:intercept", "shielded:pursuer")
 ]
 ALL += [
     pytest.param("lidar", f"shielded:{name}", "c", marks=[needs_gcc, pytest.mark.slow])
@@ -155,23 +161,44 @@ def beside_the_package(player):
             given = games.state if track is None else sensor_inputs(game, track, games.state, role, bits[role])
             robots = given.robots.pursuer + given.robots.evader
             states = jnp.stack([jnp.stack(jax.tree.leaves(robot), axis=-1) for robot in robots], axis=1)
-            made = jax.vmap(player.decide, in_axes=(None, None, 0, None, 0, 0))(
-                player.policy, game, states, None, memory, bits[role]
+            movers = given.movers and jnp.stack(jax.tree.leaves(given.movers.motion), axis=-1)
+            made = jax.vmap(player.decide, in_axes=(None, None, 0, None, 0, 0, 0))(
+                player.policy, game, states, None, movers, memory, bits[role]
             )
             after, moved = step_games(game, players, games, bits)
-            return (after, made["memory"]), (made["action"], moved.sides[role].action, states)
+            seen = states if movers is None else jnp.concatenate([states, movers], axis=1)
+            return (after, made["memory"]), (made["action"], moved.sides[role].action, seen)
 
         return jax.lax.scan(step, (games, first), jax.random.split(key, 60))[1]
 
     return map(np.asarray, played(jax.random.key(1)))
 
 
-@pytest.mark.parametrize("name", ["P_curriculum", pytest.param("shielded:search", marks=pytest.mark.slow)])
-def test_exported_player_with_sensors_matches_the_package_in_a_game(name):
+@pytest.mark.parametrize(
+    ("name", "walkers"),
+    [("P_curriculum", 0), pytest.param("shielded:search", 0, marks=pytest.mark.slow), ("shielded:intercept", 6)],
+)
+def test_exported_player_with_sensors_matches_the_package_in_a_game(name, walkers):
     """Only what is seen is given to it; its memory is what it returned last."""
-    made, own, states = beside_the_package(exportable("lidar", name))
-    assert 0.1 < (states[:, :, 1, 0] > 1e6).mean() < 0.9
+    movers = Movers(walkers=(Walkers(walkers),)) if walkers else None
+    made, own, states = beside_the_package(exportable(replace(find_game("lidar"), movers=movers), name))
+    assert states.shape[2] == 2 + walkers
+    assert ((states[:, :, 1:, 0] > 1e6).mean(axis=(0, 1)) > 0.1).all()
+    assert ((states[:, :, 1:, 0] > 1e6).mean(axis=(0, 1)) < 0.9).all()
     np.testing.assert_array_equal(made, own)
+
+
+@needs_gcc
+def test_exported_shield_heeds_movers_and_brakes_for_a_broken_one():
+    """One that comes is met by braking, one that rests far away by driving on."""
+    player = exportable(replace(Game(), movers=Movers(walkers=(Walkers(1),))), "shielded:intercept")
+    states = np.tile(np.float32([[2, 5, 1.0, 0], [8, 5, 0, 0]]), (3, 1, 1))
+    movers = np.float32([[[8.0, 9, 0, 0]], [[4.5, 5, -1.3, 0]], [[np.nan, 9, 0, 0]]])
+    cases = Cases(states, None, movers, player.memory, np.zeros(3, np.uint32))
+    np.testing.assert_allclose(reference(player, cases)[1][:, 0], [0.3, -0.3, -0.3], atol=1e-6)
+    in_c = CompiledProgram(translate(player.decide, *player.arguments, name="robot"))
+    decide = lambda *case: in_c(player.policy, player.game, *case)[:2]  # noqa: E731
+    assert compare_decisions(decide, player, cases).errors == 0
 
 
 class Swinging(AbstractPolicy):
@@ -210,7 +237,7 @@ def test_action_of_equal_value_is_a_tie_unless_the_shield_forbids_it():
     states = np.zeros((2, 2, 4), np.float32)
     states[:, 0] = [[8.643525, 0.00503955, 0.84, 3.1252346], [9.1, 5.0, 1.2, 0.0]]  # beside a wall; before one
     states[:, 1] = [[1.9171979, 3.6233010, 0.21, -1.6052612], [7.0, 5.0, 0.0, 0.0]]
-    cases = Cases(states, None, (), np.zeros(2, np.uint32))
+    cases = Cases(states, None, None, (), np.zeros(2, np.uint32))
     player = exportable("paper", "shielded:flee")
     (own, other), _ = reference(player, cases)
     equal = _is_as_good(player, cases, 0, 12 - int(own), int(own))  # 5 or 7: a step of speed or a step of turning
@@ -222,7 +249,7 @@ def test_action_of_equal_value_is_a_tie_unless_the_shield_forbids_it():
 def test_impossible_states_are_answered_by_braking(name):
     others = [[7, 6, broken, 1] for broken in (np.nan, np.inf, -2e6)]
     states = np.array([[[2, 3, 0.5, 0], other] for other in (*others, [2e3, 6, 0, 1])], np.float32)
-    *braking, far = reference(exportable("paper", name), Cases(states, None, (), np.zeros(4, np.uint32)))[1]
+    *braking, far = reference(exportable("paper", name), Cases(states, None, None, (), np.zeros(4, np.uint32)))[1]
     np.testing.assert_allclose(braking, [[-0.3, 0]] * 3, atol=1e-6)
     assert not np.allclose(far, [-0.3, 0]), "2 km away, which may be"
 
@@ -232,7 +259,7 @@ def test_nan_weights_are_answered_by_braking():
     broken = jax.tree.map(
         lambda leaf: jnp.full_like(leaf, jnp.nan) if eqx.is_inexact_array(leaf) else leaf, player.policy
     )
-    cases = Cases(np.array([[[2, 3, 0.5, 0], [7, 6, 0, 1]]], np.float32), None, (), np.zeros(1, np.uint32))
+    cases = Cases(np.array([[[2, 3, 0.5, 0], [7, 6, 0, 1]]], np.float32), None, None, (), np.zeros(1, np.uint32))
     (sound,), (braking,) = (reference(replace(player, policy=one), cases)[1] for one in (player.policy, broken))
     assert np.isfinite(sound).all()
     np.testing.assert_allclose(braking, [-0.3, 0], atol=1e-6)
@@ -274,7 +301,7 @@ def test_c_program_of_the_guide_plays_other_games_from_their_files(tmp_path, mon
         said = re.findall(
             r"-?\d[\d.]*", subprocess.check_output(["./clean"], cwd=tmp_path, text=True).replace("^2", "")
         )
-        made = jax.jit(player.decide)(player.policy, player.game, states, None, (), np.uint32(0))
+        made = jax.jit(player.decide)(player.policy, player.game, states, None, None, (), np.uint32(0))
         assert [*map(float, said)] == pytest.approx([int(made["action"]), *map(float, made["controls"])], abs=1e-4)
     assert len(sources) == 1, "the program is the same, the game's file is another"
 
@@ -321,9 +348,9 @@ def test_whole_games_in_c_match_the_package_without_pursuer_crashes():
         def step(now):
             state, _ = now
             robots = [jnp.stack(jax.tree.leaves(robot)) for robot in (state.pursuer, state.evader)]
-            given = game, jnp.stack(robots), None, (), jnp.uint32(0)
+            given = game, jnp.stack(robots), None, None, (), jnp.uint32(0)
             own = pursuer.decide(pursuer_policy, *given)["action"]
-            given = game, jnp.stack(robots[::-1]), None, (), jnp.uint32(0)
+            given = game, jnp.stack(robots[::-1]), None, None, (), jnp.uint32(0)
             other = evader.decide(evader_policy, *given)["action"]
             after = game.step(state, own, other)
             return after.state, after.outcome

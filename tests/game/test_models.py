@@ -321,7 +321,7 @@ def test_export_brakes_in_a_broken_state_whichever_way_it_drives():
     player = find_exportable("intercept", Role.PURSUER, game)
     for v, u1 in ((0.5, -0.3), (-0.5, 0.3), (np.nan, 0.0)):
         rows = jnp.array([[np.nan, 5.0, v, 0.0], [8.0, 5.0, 0.0, 0.0]], jnp.float32)
-        controls = player.decide(player.policy, player.game, rows, None, player.memory, jnp.uint32(0))["controls"]
+        controls = player.decide(player.policy, player.game, rows, None, None, player.memory, jnp.uint32(0))["controls"]
         np.testing.assert_allclose(controls, [u1, 0.0], atol=1e-6)
 
 

@@ -308,7 +308,7 @@ def test_compiled_export_decides_as_the_package_over_successive_calls(name, game
         memory = player.memory if step == 10 else memory
         action, controls = export.decide(states.tolist(), active, 7 * step)
         given = np.array(active) if player.robots > 2 else None
-        made = decide(player.policy, player.game, states, given, memory, np.uint32(7 * step))
+        made = decide(player.policy, player.game, states, given, None, memory, np.uint32(7 * step))
         memory = made["memory"]
         assert controls == pytest.approx(np.asarray(made["controls"]).tolist(), abs=1e-5)
         assert action == pytest.approx(np.ravel(made["action"]).tolist(), abs=1e-5)
@@ -323,6 +323,11 @@ def test_mismatched_export_files_are_refused(tmp_path):
     with pytest.raises(ValueError, match=r"robot\.game: not as it was exported"):
         type(export)(tmp_path / "robot.robot.json")
     (tmp_path / "robot.game").write_bytes(content)
+    about, text = tmp_path / "robot.robot.json", (tmp_path / "robot.robot.json").read_text()
+    about.write_text(json.dumps(json.loads(text) | {"game": {"movers": {"walkers": [{"count": 3}]}}}))
+    with pytest.raises(ValueError, match=r"robot\.robot\.json: of a game with movers"):
+        type(export)(about)
+    about.write_text(text)
     os.utime(tmp_path / "robot.so", (0, 0))
     with pytest.raises(ValueError, match=r"robot\.so: missing, or older than its source; give gcc .* -o .*robot\.so"):
         type(export)(tmp_path / "robot.robot.json")

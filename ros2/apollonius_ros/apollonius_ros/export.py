@@ -25,13 +25,16 @@ class Export:
         robots: the number of robots: its own, its mates, its opponents.
 
     Raises:
-        ValueError: where a file is missing, older than its source, or of another export.
+        ValueError: where a file is missing, older than its source, or of another export; for a
+            game with movers.
     """
 
     def __init__(self, file: Path) -> None:
         self.text = file.read_text(encoding="utf-8")
         self.facts = json.loads(self.text)
         self.robots = 1 + self.facts["mates"] + self.facts["opponents"]
+        if self.facts["game"].get("movers"):
+            raise ValueError(f"{file}: of a game with movers, which no topic tells; leave them out")
         base, name = file.resolve().parent, self.facts["name"]
         library, source = base / f"{name}.so", base / f"{name}.c"
         if not library.exists() or (
