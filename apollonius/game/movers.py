@@ -11,7 +11,7 @@ from dataclasses import replace
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 
 from apollonius.accelerate.bit_mixing import mix_bits
 from apollonius.accelerate.fusion_barrier import fusion_barrier
@@ -35,7 +35,7 @@ from apollonius.io.errors import require
 
 MOST_TIMED = 50
 """Most shuttles and doors together: each takes some time to compile."""
-_TRIES = 8
+TRIES = 8
 """Places that are drawn for each mover at the start, from which one clear of robots is taken."""
 
 Bodies = BySide[tuple[Unicycle, ...]]
@@ -107,6 +107,11 @@ class Movers(eqx.Module):
         return (*self.shuttles, *self.doors)
 
     @property
+    def number_of_walkers(self) -> int | Int[Array, ""]:
+        """The number of walkers of all groups."""
+        return sum(group.count for group in self.walkers)
+
+    @property
     def bodies(self) -> MoverBodies:
         """The shapes and limits of all: shuttles, doors, then walkers."""
         rows = [
@@ -151,13 +156,36 @@ class Movers(eqx.Module):
             dt: duration of a step [s].
         """
         clock_key, place_key, bits_key = jax.random.split(key, 3)
+        timed = len(self.timed)
+        rooms = self.bodies.radius[timed:] + 2 * MARGIN
+        shares = jax.random.uniform(clock_key, (timed, TRIES))
+        places = _draw_floor(place_key, arena, rooms)
+        bits = jax.random.bits(bits_key, (len(rooms),), jnp.uint32)
+        return self.start(shares, places, bits, robots, room, dt)
+
+    def start(
+        self,
+        shares: Float[Array, "timed tries"],
+        walker_places: tuple[Float[Array, "walkers tries"], Float[Array, "walkers tries"]],
+        bits: UInt32[Array, " walkers"],
+        robots: Sequence[tuple[RobotState, Real]],
+        room: Real,
+        dt: Real,
+    ) -> MoverStates:
+        """Return movers at the start, each where the first of some draws leaves robots their room.
+
+        Args:
+            shares: of their periods, drawn for shuttles and doors.
+            walker_places: x and y drawn for walkers [m].
+            bits: random bits of walkers.
+            robots, room, dt: as in `sample`.
+        """
         timed, bodies = len(self.timed), self.bodies
-        shares = jax.random.uniform(clock_key, (timed, _TRIES))
         tried = [mover.period * share for mover, share in zip(self.timed, shares, strict=True)]
         places = [
             jax.vmap(mover.place)(clocks) for mover, clocks in zip(self.timed, tried, strict=True)
         ]
-        walker_x, walker_y = _draw_floor(place_key, arena, bodies.radius[timed:] + 2 * MARGIN)
+        walker_x, walker_y = walker_places
         xs = jnp.stack([*(x for x, _ in places), *walker_x])
         ys = jnp.stack([*(y for _, y in places), *walker_y])
         choice = jax.vmap(_first_with_room, (0, 0, 0, None, None))(bodies, xs, ys, robots, room)
@@ -169,7 +197,6 @@ class Movers(eqx.Module):
             jnp.concatenate([(now[:timed] - before) / dt, jnp.zeros(len(choice) - timed)])
             for now, before in zip((x, y), earlier, strict=True)
         )
-        bits = jax.random.bits(bits_key, (len(choice) - timed,), jnp.uint32)
         return MoverStates(MoverMotion(x, y, vx, vy), clocks, x[timed:], y[timed:], bits)
 
     @fusion_barrier
@@ -196,7 +223,8 @@ class Movers(eqx.Module):
         walkers, crowd, own_places = self._crowd(before, state, bodies)
         bits = mix_bits(before.bits, state.steps.astype(jnp.uint32))
         moved_walkers = walk(arena, walkers, crowd, own_places, dt)
-        after = look_for_goals(arena, moved_walkers, bits, state.steps, dt)
+        number = self.number_of_walkers
+        after = look_for_goals(arena, moved_walkers, bits, state.steps, dt, number)
         parts = ((x, after.x), (y, after.y), (vx, after.vx), (vy, after.vy))
         moved = MoverMotion(*(jnp.concatenate(part) for part in parts))
         return MoverStates(moved, clocks, after.goal_x, after.goal_y, before.bits)
@@ -308,9 +336,9 @@ def _draw_floor(
 
     count = len(rooms)
     if not count:
-        return jnp.zeros((0, _TRIES)), jnp.zeros((0, _TRIES))
-    keys = jax.random.split(key, count * _TRIES)
-    places = jax.vmap(draw)(keys, jnp.repeat(rooms, _TRIES)).reshape(count, _TRIES, 2)
+        return jnp.zeros((0, TRIES)), jnp.zeros((0, TRIES))
+    keys = jax.random.split(key, count * TRIES)
+    places = jax.vmap(draw)(keys, jnp.repeat(rooms, TRIES)).reshape(count, TRIES, 2)
     return places[:, :, 0], places[:, :, 1]
 
 

@@ -57,10 +57,14 @@ class AbstractTimed(eqx.Module):
         """Return its place x, y [m] at a time [s] of its clock."""
         x, y = (jnp.asarray(end, jnp.float32) for end in self.origin)
         for leg in self.legs:
-            distance = distance_after(clock - leg.start, leg.length, self.v_max, self.a_max)
-            share = distance / leg.length
-            x, y = x + share * leg.dx, y + share * leg.dy
+            x, y = self.place_along(leg, x, y, clock)
         return x, y
+
+    def place_along(self, leg: Leg, x: Scalar, y: Scalar, clock: Scalar) -> tuple[Scalar, Scalar]:
+        """Return its place x, y [m] at a time [s] of its clock, from where a leg starts."""
+        distance = distance_after(clock - leg.start, leg.length, self.v_max, self.a_max)
+        share = distance / leg.length
+        return x + share * leg.dx, y + share * leg.dy
 
     def advance(self, clock: Scalar, time: Real) -> Scalar:
         """Return its clock [s] after a time [s], which may be negative."""

@@ -155,7 +155,12 @@ def walk(
 
 
 def look_for_goals(
-    arena: Arena, walkers: Walker, bits: UInt32[Array, " walkers"], steps: Int[Array, ""], dt: Real
+    arena: Arena,
+    walkers: Walker,
+    bits: UInt32[Array, " walkers"],
+    steps: Int[Array, ""],
+    dt: Real,
+    count: int | Int[Array, ""],
 ) -> Walker:
     """Return walkers some of whom have new goals.
 
@@ -169,6 +174,7 @@ def look_for_goals(
         bits: random bits of each in this step.
         steps: the number of steps so far.
         dt: duration of a step [s].
+        count: how many of the walkers, the first ones, take part.
     """
 
     def next_goal(walker: Walker, bits: UInt32[Array, ""]) -> tuple[Scalar, Scalar]:
@@ -189,9 +195,10 @@ def look_for_goals(
         is_new = is_free & ((walker.goal_distance < _ARRIVAL) | gives_up)
         return jnp.where(is_new, x, walker.goal_x), jnp.where(is_new, y, walker.goal_y)
 
-    count = len(walkers.x)
     lookers = -(-count // _TURNS)
-    numbers = (steps * lookers + jnp.arange(lookers)) % count
+    turns = jnp.arange(-(-len(walkers.x) // _TURNS))
+    # A number beyond the walkers is nobody's.
+    numbers = jnp.where(turns < lookers, (steps * lookers + turns) % count, len(walkers.x))
     goal_x, goal_y = jax.vmap(next_goal)(*jax.tree.map(lambda leaf: leaf[numbers], (walkers, bits)))
     return replace(
         walkers,

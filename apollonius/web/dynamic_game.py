@@ -1,4 +1,4 @@
-"""Games as the page writes them: the numbers of robots, obstacles and cells are data."""
+"""Games as the page writes them: the numbers of robots, obstacles, cells and movers are data."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,15 +15,27 @@ from apollonius.game.car import Car
 from apollonius.game.chart import Chart
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
+from apollonius.game.movers import MoverBodies, Movers
 from apollonius.game.obstacle import AbstractObstacle
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.omni import Omni
 from apollonius.game.polygon import Edge, Edges
 from apollonius.game.teams import Teams
-from apollonius.game.types import BySide, Flag, GameState, Real, RobotState, Role, Scalar
+from apollonius.game.timetable import Door, Leg, Shuttle, duration
+from apollonius.game.types import (
+    BySide,
+    Flag,
+    GameState,
+    MoverMotion,
+    MoverStates,
+    Real,
+    RobotState,
+    Role,
+    Scalar,
+)
 from apollonius.game.wheels import Wheels
 from apollonius.observe.tracking import Track
-from apollonius.observe.view import Robot, View, look
+from apollonius.observe.view import MoversInView, Robot, View, look
 from apollonius.web.site import ROBOTS
 
 Field = Float[Array, " corners"]
@@ -240,6 +252,120 @@ def at(values: Any, number: int | Int[Array, ""]) -> Any:
     return jax.tree.map(lambda leaf: leaf[number], values)
 
 
+class AnyShuttle(Shuttle):
+    """A shuttle of whose waypoints, `[most, 2]`, the first `count` exist, with one translated
+    motion.
+    """
+
+    waypoints: Any = ()
+    count: int | Array = 2
+
+    def place(self, clock: Scalar) -> tuple[Scalar, Scalar]:
+        """Return its place x, y [m] at a time [s] of its clock."""
+        return self._go(clock)[1:]
+
+    @property
+    def period(self) -> Scalar:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The time there and back with all pauses [s]."""
+        return self._go(jnp.zeros(()))[0]
+
+    @jax.jit
+    def _go(self, clock: Scalar) -> tuple[Scalar, Scalar, Scalar]:
+        """Return the time at the end of all legs [s], and the place x, y [m] at a time [s]."""
+        points, last = jnp.asarray(self.waypoints), 2 * (self.count - 1)
+
+        def go_on(
+            number: Int[Array, ""], now: tuple[Scalar, Scalar, Scalar]
+        ) -> tuple[Scalar, Scalar, Scalar]:
+            time, x, y = now
+            here, there = (points[jnp.minimum(turn, last - turn)] for turn in (number, number + 1))
+            leg = Leg(time, there[0] - here[0], there[1] - here[1])
+            end = time + duration(leg.length, self.v_max, self.a_max) + self.pause
+            return end, *self.place_along(leg, x, y, clock)
+
+        return jax.lax.fori_loop(0, last, go_on, (jnp.zeros(()), *points[0]))
+
+
+class AnyDoor(Door):
+    """A door with one translated motion."""
+
+    place = jax.jit(Door.place)
+
+
+class AnyBodies(MoverBodies):
+    """The bodies of movers with one translated distance however often it is asked for."""
+
+    distance_along = jax.jit(MoverBodies.distance_along)
+
+
+class AnyMovers(Movers):
+    """Movers of a fixed number, of which `count` exist, and of the walkers the first `walking`. The
+    others are far away and at rest. Where there are none, nothing is computed.
+    """
+
+    count: int | Array = 0
+    walking: int | Array = 0
+
+    @property
+    def number_of_walkers(self) -> int | Array:
+        """The number of walkers that exist."""
+        return self.walking
+
+    @property
+    def bodies(self) -> MoverBodies:
+        """The shapes and limits of all."""
+        return AnyBodies(**vars(super().bodies))
+
+    def in_view(self, motion: MoverMotion) -> MoversInView:
+        """Return the movers in the view of a robot."""
+        return AnyMoversInView(self.bodies, motion, None, 0.0, self.count)
+
+    def step(
+        self, arena: Arena, state: GameState, bodies: BySide[tuple[Unicycle, ...]], dt: Real
+    ) -> MoverStates:
+        """Return the movers after a step; the arguments are those of `Movers.step`."""
+        step = super().step
+        return jax.lax.cond(
+            self.count > 0, lambda: step(arena, state, bodies, dt), lambda: state.movers
+        )
+
+    def is_hit(
+        self,
+        before: MoverStates,
+        after: MoverStates,
+        move: tuple[RobotState, RobotState],
+        radius: Real,
+    ) -> Flag:
+        """Check whether a robot touches a mover; the arguments are those of `Movers.is_hit`."""
+        return self._is_hit(before, after, move, radius)
+
+    @jax.jit
+    def _is_hit(self, *contact: Any) -> Flag:
+        no = jnp.zeros((), bool)
+        return jax.lax.cond(self.count > 0, lambda: Movers.is_hit(self, *contact), lambda: no)
+
+
+class AnyMoversInView(MoversInView):
+    """Movers in view, of which `count` exist."""
+
+    count: int | Array
+
+    def clearance_along(
+        self, before: RobotState, after: RobotState, time: Real, dt: Real
+    ) -> Scalar:
+        """Return a lower bound of the distance from all that movers can reach [m]; the arguments
+        are those of `MoversInView.clearance_along`.
+        """
+        return self._clearance_along(before, after, time, dt)
+
+    @jax.jit
+    def _clearance_along(self, *step: Any) -> Scalar:
+        free = jnp.asarray(jnp.inf, jnp.float32)
+        return jax.lax.cond(
+            self.count > 0, lambda: MoversInView.clearance_along(self, *step), lambda: free
+        )
+
+
 class DynamicBackup(Backup):
     """Manoeuvres of any number of steps, among obstacles without an index."""
 
@@ -247,11 +373,12 @@ class DynamicBackup(Backup):
 
     def _clearances(self, robot: Robot, motion: BrakingMotion) -> Float[Array, " manoeuvres"]:
         def one_step(
-            _: Int[Array, ""], carry: list[tuple[BrakingMotion, Scalar]]
+            number: Int[Array, ""], carry: list[tuple[BrakingMotion, Scalar]]
         ) -> list[tuple[BrakingMotion, Scalar]]:
+            time = self.dt * (number + 1).astype(jnp.float32)
             after = self._brake(robot, [before for before, _ in carry])
             return [
-                (to, jnp.minimum(least, self.arena.clearance_along(before.state, to.state)))
+                (to, jnp.minimum(least, self._clearance_along(before.state, to.state, time)))
                 for to, (before, least) in zip(after, carry, strict=True)
             ]
 

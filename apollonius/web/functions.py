@@ -5,12 +5,13 @@ The numbers of robots, obstacles, cells and units are data, so that one program 
 and agent of the page.
 """
 
+from dataclasses import replace
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, UInt32
 
 from apollonius.agents.path_following import search_view
 from apollonius.agents.wrappers import clearance_penalty as penalties
@@ -23,6 +24,7 @@ from apollonius.game.sensing import Sensing, Sensors
 from apollonius.game.types import (
     NUM_ACTIONS,
     GameState,
+    MoverStates,
     RobotState,
     RobotStatus,
     Role,
@@ -33,7 +35,15 @@ from apollonius.observe import tracking
 from apollonius.observe.belief import NEVER
 from apollonius.observe.team import TEAM
 from apollonius.observe.view import Robot, view_of
-from apollonius.web.dynamic_game import DynamicBackup, Field, Floor, Robots, SearcherState, at
+from apollonius.web.dynamic_game import (
+    AnyMovers,
+    DynamicBackup,
+    Field,
+    Floor,
+    Robots,
+    SearcherState,
+    at,
+)
 from apollonius.web.site import ROBOTS
 
 UNITS = 64
@@ -48,29 +58,61 @@ def step_robots(
     robots: Robots,
     floor: Floor,
     field: Field,
+    movers: AnyMovers,
+    mover_states: MoverStates,
     levels: Float[Array, "robots 2"],
     capture_distance: Scalar,
     dt: Scalar,
-    left: Int[Array, ""],
+    steps: Int[Array, ""],
+    max_steps: Int[Array, ""],
 ) -> dict[str, Any]:
-    """Return the robots after a step, pursuers first, and the outcome.
+    """Return the robots after a step, pursuers first, the movers and the outcome.
 
     Args:
         robots: The robots.
         floor: The arena.
         field: The field of its map.
+        movers: The movers.
+        mover_states: Where they are.
         levels: Control levels of each robot, in [-1, 1].
         capture_distance: Distance of a capture [m].
         dt: Duration of the step [s].
-        left: Steps until the time limit.
+        steps: Steps so far.
+        max_steps: Steps until the time limit.
     """
-    game = robots.game(floor.arena(field), capture_distance, dt, left)
-    after = game.step(robots.state, list(levels[:ROBOTS]), list(levels[ROBOTS:]))
+    game = replace(robots.game(floor.arena(field), capture_distance, dt, max_steps), movers=movers)
+    state = replace(robots.state, steps=steps, movers=mover_states)
+    after = game.step(state, list(levels[:ROBOTS]), list(levels[ROBOTS:]))
     states, status = (
         jax.tree.map(lambda *leaves: jnp.stack(leaves), *pairs.pursuer, *pairs.evader)
         for pairs in (after.state.robots, after.state.status)
     )
-    return {"states": states, "status": status, "outcome": after.outcome}
+    moved = after.state.movers
+    return {"states": states, "status": status, "movers_after": moved, "outcome": after.outcome}
+
+
+def start_movers(
+    robots: Robots,
+    movers: AnyMovers,
+    clock_shares: Float[Array, "timed tries"],
+    walker_places: tuple[Float[Array, "walkers tries"], Float[Array, "walkers tries"]],
+    bits: UInt32[Array, " walkers"],
+    room: Scalar,
+    dt: Scalar,
+) -> dict[str, MoverStates]:
+    """Return movers at the start, where they leave robots their room.
+
+    Args:
+        robots: The robots.
+        movers: The movers.
+        clock_shares: Drawn for shuttles and doors, from 0 to 1.
+        walker_places: x and y drawn for walkers [m].
+        bits: Random bits of walkers.
+        room: Least distance of a mover from a robot's body [m].
+        dt: Duration of a step [s].
+    """
+    rows = [at((robots.states, robots.bodies.radius), number) for number in range(2 * ROBOTS)]
+    return {"movers_after": movers.start(clock_shares, walker_places, bits, rows, room, dt)}
 
 
 def move(robots: Robots, levels: Levels, dt: Scalar) -> RobotState:
@@ -165,7 +207,13 @@ def clearance_penalty(
 
 
 def clearance_after(
-    robots: Robots, levels: Levels, dt: Scalar, floor: Floor, field: Field
+    robots: Robots,
+    levels: Levels,
+    dt: Scalar,
+    floor: Floor,
+    field: Field,
+    movers: AnyMovers,
+    mover_states: MoverStates,
 ) -> Scalar:
     """Return the least clearance during an action of the first robot and its best manoeuvre to rest
     after it [m].
@@ -175,7 +223,8 @@ def clearance_after(
     arena, (body, robot) = floor.arena(field), robots.first
     top_speed = jnp.maximum(body.v_max, -body.v_min)
     steps = jnp.ceil(top_speed / (body.u1_max * dt)).astype(jnp.int32)
-    backup = DynamicBackup(arena, dt, steps, may_reverse=True)
+    seen = movers.in_view(mover_states.motion)
+    backup = DynamicBackup(arena, dt, steps, may_reverse=True, movers=seen)
     after = move(robots, levels, dt)
     longest = after.v**2 / (2 * body.u1_max) + after.v * dt
     least = (
@@ -185,6 +234,7 @@ def clearance_after(
         - body.radius
     )
     is_enough = (least > MARGIN) & (body.v_min >= 0) & (floor.counts[3] == 0)
+    is_enough &= movers.count == 0
     return jax.lax.cond(
         is_enough, lambda: least, lambda: backup.clearance_after(Robot(body, robot), levels)
     )

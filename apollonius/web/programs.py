@@ -24,8 +24,11 @@ from apollonius.agents.wrappers.departure import departure_costs
 from apollonius.export.writing import refuse_untranslatable
 from apollonius.game.arena import MOST_DISCS, MOST_EDGES, Disc
 from apollonius.game.chart import COARSE, SIDE, Chart
+from apollonius.game.movers import TRIES
 from apollonius.game.polygon import Edge
-from apollonius.game.types import RobotState, Scalar
+from apollonius.game.timetable import MOST_WAYPOINTS, duration
+from apollonius.game.types import MoverMotion, MoverStates, RobotState, Scalar
+from apollonius.game.walkers import Walkers
 from apollonius.io.document import write_atomically
 from apollonius.io.errors import require
 from apollonius.observe.belief import Belief
@@ -33,8 +36,17 @@ from apollonius.observe.registry import find_observation
 from apollonius.observe.tracking import Sightings, Track
 from apollonius.observe.view import View
 from apollonius.web import functions
-from apollonius.web.dynamic_game import AnyRobot, Field, Floor, Robots, SearcherState
-from apollonius.web.site import READS, ROBOTS
+from apollonius.web.dynamic_game import (
+    AnyDoor,
+    AnyMovers,
+    AnyRobot,
+    AnyShuttle,
+    Field,
+    Floor,
+    Robots,
+    SearcherState,
+)
+from apollonius.web.site import DOORS, READS, ROBOTS, SHUTTLES, WALKERS
 from jaxpr2c.compiler import compile_texts
 from jaxpr2c.program import Program
 from jaxpr2c.translator import translate
@@ -106,6 +118,8 @@ def page_programs() -> Iterator[Program]:
         functions.step_robots, levels=jax.ShapeDtypeStruct((2 * ROBOTS, 2), jnp.float32)
     )
     rules = (
+        functions.start_movers,
+        duration,
         functions.move,
         functions.clearance,
         functions.clearance_along,
@@ -149,12 +163,24 @@ def _examples() -> dict[str, Any]:
     visible = jnp.zeros((1, SIDE, SIDE), jnp.uint16)
     links = jnp.zeros((1, COARSE, COARSE), jnp.uint32)
     belief = Belief(real(COARSE, COARSE), real(COARSE, COARSE))
+    timed, count = SHUTTLES + DOORS, SHUTTLES + DOORS + WALKERS
+    shuttle = AnyShuttle(real(MOST_WAYPOINTS, 2), *[number] * 6, count=whole())
+    groups = (Walkers(1, number, number, number),) * WALKERS
+    doors = (AnyDoor(*[number] * 9),) * DOORS
+    walkers = real(WALKERS)
+    bits = jnp.zeros(WALKERS, jnp.uint32)
+    motion = MoverMotion(*[real(count)] * 4)
     return {
         "robots": Robots(several(many, body), several(many, robot), whole(many)),
         "floor": Floor(
             real(4), disc, several(MOST_DISCS, disc), several(MOST_EDGES, edge), real(3), whole(4)
         ),
         "field": real(_ENDLESS),
+        "movers": AnyMovers((shuttle,) * SHUTTLES, doors, groups, whole(), whole()),
+        "mover_states": MoverStates(motion, real(timed), walkers, walkers, bits),
+        "clock_shares": real(timed, TRIES),
+        "walker_places": (real(WALKERS, TRIES),) * 2,
+        "bits": bits,
         "chart": Chart(
             real(1, SIDE + 1, SIDE + 1),
             lengths,
@@ -174,9 +200,9 @@ def _examples() -> dict[str, Any]:
         "weights": real(_ENDLESS),
         "sizes": whole(MOST_LAYERS + 2),
         "inputs": real(MOST_WIDTH),
-        **dict.fromkeys(("x", "y", "side", "radius", "capture_distance", "dt"), number),
-        **dict.fromkeys(("margin", "loss_value"), number),
-        **dict.fromkeys(("left", "count", "symmetric"), whole()),
+        **dict.fromkeys(("x", "y", "side", "radius", "capture_distance", "dt", "room"), number),
+        **dict.fromkeys(("margin", "loss_value", "length", "v_max", "a_max"), number),
+        **dict.fromkeys(("steps", "max_steps", "count", "symmetric"), whole()),
     }
 
 

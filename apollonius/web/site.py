@@ -38,6 +38,8 @@ READS = ("paper", "encoded", *ANY_ARENA)
 """Observations for which the page has a program."""
 ROBOTS = 6
 """Most robots of a side in the page, whose programs always have as many places for them."""
+SHUTTLES, DOORS, WALKERS = 4, 6, 12
+"""Most shuttles, doors and walkers, likewise."""
 OWN = ".wasm"
 """Suffix of the files of users' own players (`apollonius.web.programs.write_player`)."""
 _MADE = f"one that the page makes: {', '.join(READS)}; choose another player"
@@ -147,6 +149,12 @@ def _require_playable(rules: Game, name: str) -> None:
         collide,
         "false in the page, where team mates pass through each other",
     )
+    if rules.movers is not None:
+        numbers = {"shuttles": len(rules.movers.shuttles), "doors": len(rules.movers.doors)}
+        numbers["walkers"] = int(rules.movers.number_of_walkers)
+        for kind, most in (("shuttles", SHUTTLES), ("doors", DOORS), ("walkers", WALKERS)):
+            bound = f"at most {most} in the page; evaluate games with more"
+            require(numbers[kind] <= most, f"movers.{kind}", numbers[kind], bound)
     limited = [name for name in ("sensors", "drives") if getattr(rules, name) is not None]
     require(
         not limited,

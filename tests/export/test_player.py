@@ -52,8 +52,9 @@ ALL = [
     for quick in [game == "paper" and (shield + name, language) in QUICK]
 ]
 ALL += [
-    pytest.param("examples/games/office_people.toml", name, "c", marks=[needs_gcc, pytest.mark.slow])
+    pytest.param("examples/games/office_people.toml", name, language, marks=[NEEDS[language], pytest.mark.slow])
     for name in ("shielded:intercept", "shielded:pursuer")
+    for language in ("c", "page")
 ]
 ALL += [
     pytest.param("lidar", f"shielded:{name}", "c", marks=[needs_gcc, pytest.mark.slow])
@@ -117,8 +118,13 @@ def to_the_page(player, cases):
     first = len(player.game.bodies[player.role]) if player.role == Role.EVADER else 0
     active = np.ones(cases.states.shape[:2], bool) if cases.active is None else cases.active
     rows, active = (np.roll(one, -first, axis=1) for one in (cases.states, active))
+    movers = None
+    if cases.movers is not None:  # where they go is not seen
+        timed, walkers = len(player.game.movers.timed), player.game.movers.number_of_walkers
+        movers = [[*one.T.tolist(), [0] * timed, *[[0] * walkers] * 3] for one in cases.movers]
     return {
         "game": as_on_the_page(replace(player.game, chart=None)),
+        "movers": movers,
         "name": name,
         "role": player.role.name.lower(),
         "rows": rows.reshape(len(rows), -1).tolist(),
@@ -189,16 +195,17 @@ def test_exported_player_with_sensors_matches_the_package_in_a_game(name, walker
 
 
 @needs_gcc
+@needs_node
 def test_exported_shield_heeds_movers_and_brakes_for_a_broken_one():
-    """One that comes is met by braking, one that rests far away by driving on."""
+    """One that comes is met by braking, one that rests far away by driving on. In the page none is broken."""
     player = exportable(replace(Game(), movers=Movers(walkers=(Walkers(1),))), "shielded:intercept")
     states = np.tile(np.float32([[2, 5, 1.0, 0], [8, 5, 0, 0]]), (3, 1, 1))
     movers = np.float32([[[8.0, 9, 0, 0]], [[4.5, 5, -1.3, 0]], [[np.nan, 9, 0, 0]]])
     cases = Cases(states, None, movers, player.memory, np.zeros(3, np.uint32))
     np.testing.assert_allclose(reference(player, cases)[1][:, 0], [0.3, -0.3, -0.3], atol=1e-6)
-    in_c = CompiledProgram(translate(player.decide, *player.arguments, name="robot"))
-    decide = lambda *case: in_c(player.policy, player.game, *case)[:2]  # noqa: E731
-    assert compare_decisions(decide, player, cases).errors == 0
+    for language, some in ((in_c, cases), (on_the_page, cases.at(slice(2)))):
+        (decide,) = language([player], [some])
+        assert compare_decisions(decide, player, some).errors == 0
 
 
 class Swinging(AbstractPolicy):

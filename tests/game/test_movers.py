@@ -13,7 +13,6 @@ from apollonius.agents.source import NamedPlayer
 from apollonius.arenas.file import find_game, from_dict, load_game, to_dict
 from apollonius.evaluate.match import Match, draw_starts, record_game
 from apollonius.exploit.attackers import planner_against
-from apollonius.export.player import find_exportable
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.movers import MoverBodies, Movers
@@ -362,7 +361,6 @@ def test_picture_shows_movers_in_their_places():
 
 
 REFUSALS = {
-    "export": lambda game: find_exportable("intercept", Role.PURSUER, game),
     "table": lambda game: motion_of(game, Role.PURSUER, 1),
     "planner": lambda game: planner_against(NamedPlayer("still", Still()), Role.EVADER, game),
 }

@@ -1,8 +1,10 @@
-"""Records the golden games: `python -m tests.golden.record`. They change when the rules do, and then only.
+"""Records the golden games: `python -m tests.golden.record`, or those of some games: `... movers`.
 
-A pairing gives its first game of every outcome that no pairing before it gave for the same game.
+They change when the rules do, and then only; `make page` compiles the new rules for the page. A pairing gives its first
+game of every outcome that no pairing before it gave for the same game.
 """
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,8 +12,11 @@ import numpy as np
 
 from apollonius.evaluate.match import Match, play_games, record_game
 from apollonius.game.models import MODELS
+from apollonius.game.movers import Movers
 from apollonius.game.presets import make_game
+from apollonius.game.timetable import Door, Shuttle
 from apollonius.game.types import Outcome
+from apollonius.game.walkers import Walkers
 from apollonius.play.replay import save_replay
 
 FOLDER = Path(__file__).parent
@@ -26,13 +31,21 @@ PAIRINGS = (
     ("car", "moving", "random", "random", 200),
     ("wheels", "moving", "random", "random", 200),
     ("omni", "moving", "random", "random", 200),
+    ("movers", "moving", "random", "random", 300),
 )
 """Game, or kind of both robots, starts, pursuer, evader, time limit [steps]."""
+MOVERS = Movers(
+    (Shuttle(((1.0, 1.0), (5.0, 1.0), (5.0, 3.0)), hx=0.3, pause=1.0), Shuttle(((9.0, 5.0), (9.0, 1.0)), v_max=1.5)),
+    (Door(4.0, 7.0, 0.8, 0.0, share_open=0.3),),
+    (Walkers(5), Walkers(2, radius=0.2, v_max=0.8)),
+)
 GAMES = 2000
 
 
 def golden_game(name):
     """Return a game by its name, or that of the robots of a kind."""
+    if name == "movers":
+        return replace(make_game("paper"), movers=MOVERS)
     if name not in MODELS:
         return make_game(name)
     body = MODELS[name](radius=0.2)
@@ -53,7 +66,9 @@ def record(name, starts, pursuer_name, evader_name, max_steps):
 
 
 if __name__ == "__main__":
-    for old in FOLDER.glob("*.json"):
-        old.unlink()
-    for pairing in PAIRINGS:
+    chosen = [pairing for pairing in PAIRINGS if pairing[0] in (sys.argv[1:] or pairing)]
+    for name, *_ in chosen:
+        for old in FOLDER.glob(f"{name}-*.json"):
+            old.unlink(missing_ok=True)
+    for pairing in chosen:
         record(*pairing)

@@ -328,7 +328,7 @@ def test_golden_games_replay_as_recorded(path):
     replay = load_replay(path)
     steps, actions = len(replay.actions), np.zeros((LONGEST, 2), np.int32)
     actions[:steps] = replay.actions
-    start = as_state(jnp.asarray(replay.states[0]), jnp.asarray(0))
+    start = replace(as_state(jnp.asarray(replay.states[0]), jnp.asarray(0)), movers=replay.movers)
     states, outcomes = play_actions(replay.game, start, jnp.asarray(actions))
     np.testing.assert_allclose(as_rows(states)[: steps + 1], replay.states, rtol=0, atol=TOLERANCE)
     assert outcomes[:steps].tolist() == [Outcome.ONGOING] * (steps - 1) + [replay.outcome]

@@ -4,8 +4,8 @@ import { pathToFileURL } from "node:url";
 
 const { page, ...asked } = JSON.parse(readFileSync(0, "utf8"));
 const load = (name) => import(pathToFileURL(`${page}/${name}.js`));
-const [game, calls, players, { Match }, hindsight, file, plan, { survey }, fog, share, levels, starts, { Guard }] = await Promise.all(
-  ["game", "calls", "players", "match", "hindsight", "gamefile", "plan", "survey", "fog", "share", "levels", "starts", "guard"].map(load),
+const [game, calls, players, { Match }, hindsight, file, plan, { survey }, fog, share, levels, starts, { Guard }, moving] = await Promise.all(
+  ["game", "calls", "players", "match", "hindsight", "gamefile", "plan", "survey", "fog", "share", "levels", "starts", "guard", "movers"].map(load),
 );
 
 /** What all robots have in a row, as either side has it. */
@@ -21,6 +21,8 @@ const asState = (rules, row, statuses = []) => {
   });
   return { ...bySide(rules, robots), steps: 0 };
 };
+/** The state of a row with movers, if there are some, by their lists. */
+const withMovers = (rules, state, lists) => (lists ? { ...state, movers: moving.fromLists(rules, lists) } : state);
 
 function read(path) {
   const bytes = readFileSync(path);
@@ -65,29 +67,34 @@ const tried = (work) => work.then((answer) => ({ answer }), ({ message }) => ({ 
 
 const answers = {
   /** States, outcomes and statuses of a game by its actions. */
-  games: (all) => all.map(({ game: rules, states, actions }) => {
-    let state = asState(rules, states[0]);
-    const [rows, outcomes, statuses] = [[asRow(state)], [], []];
+  games: (all) => all.map(({ game: rules, states, actions, movers }) => {
+    let state = withMovers(rules, asState(rules, states[0]), movers);
+    const places = () => (movers ? moving.asLists(rules, state.movers).slice(0, 2) : []);
+    const [rows, outcomes, statuses, moved] = [[asRow(state)], [], [], [places()]];
     for (const taken of actions) {
       const after = calls.step(rules, state, bySide(rules, taken));
       state = after.state;
       rows.push(asRow(state));
+      moved.push(places());
       outcomes.push(after.outcome);
       statuses.push([...state.pursuer, ...state.evader].map(({ status }) => status));
     }
-    return { rows, outcomes, statuses };
+    return { rows, outcomes, statuses, moved };
   }),
   /** What players do: actions, or pairs of levels. */
-  plays: (all) => all.map(({ name, game: rules, role, rows, statuses }) => {
+  plays: (all) => all.map(({ name, game: rules, role, rows, statuses, movers }) => {
     const { act } = findPlayer({ name }, role);
-    const actions = rows.map((row, index) => act(rules, asState(rules, row, statuses[index]), { role, number: 0 }));
+    const actions = rows.map((row, index) => {
+      const state = withMovers(rules, asState(rules, row, statuses[index]), movers?.[index]);
+      return act(rules, state, { role, number: 0 });
+    });
     return actions.some(game.isContinuous) ? actions.map(game.actionLevels) : actions;
   }),
   views({ game: rules, role, number, statuses, rows, observations }) {
     const seen = rows.map((row, index) => [rules, asState(rules, row, statuses[index]), { role, number }]);
     const each = (pairs) => Object.fromEntries(pairs.map(([name, ask]) => [name, seen.map((one) => ask(...one))]));
     const fitting = Object.entries(calls.CLASSICAL[role]).filter(([name]) => calls.fits(name, rules, game.countsOf(rules)[0]));
-    const room = ([, state, who]) => game.ACTIONS.map((action) => calls.clearanceAfter(rules, game.bodyOf(rules, who), game.robotOf(state, who), action));
+    const room = ([, state, who]) => game.ACTIONS.map((action) => calls.clearanceAfter(rules, state, who, action));
     return { seen: each(observations.map((name) => [name, (...one) => calls.observe(name, ...one)])), values: each(fitting), clearances: seen.map(room) };
   },
   /** In fog, after each state of a game: the age of either side's last sighting, and the cells where the other side can be. */
@@ -146,18 +153,18 @@ const answers = {
     const level = levels.LEVELS[number - 1];
     const own = ofBot(level, bot);
     const opponent = findPlayer({ name: `shielded:${against}`, late: players.DIFFICULTIES[level.difficulty].late }, game.other(level.side));
-    const played = levels.ofLevel(rules, level);
+    const played = levels.ofLevel(level.game === "rush-hour" ? levels.inRushHour(rules) : rules, level);
     const sides = game.bySide((role) => [role === level.side ? own : opponent]);
-    const match = new Match(played, sides, level.seed, starts.startAt(played, level.start));
+    const match = new Match(played, sides, level.seed, level.start && starts.startAt(played, level.start));
     while (!match.isOver) match.step();
     return [match.outcome, match.seconds];
   }),
   read: (texts) => Promise.all(texts.map((text) => tried(Promise.resolve(text).then(file.readGame)))),
   survey: (texts) => texts.map((text) => survey(file.readGame(text))),
   links: (fragments) => Promise.all(fragments.map((fragment) => tried(file.fromFragment("#game=", fragment)))),
-  /** What is played again from the links of games of some sizes, in fog where it is asked for, and what was played. */
-  shared: (sizes) => Promise.all(sizes.map(async ([pursuers, evaders, isFoggy]) => {
-    const rules = game.inTeams(file.gameFrom({ max_steps: 9 }), pursuers, evaders);
+  /** What is played again from the links of games of some sizes, in fog or among movers where asked for, and what was played. */
+  shared: (sizes) => Promise.all(sizes.map(async ([pursuers, evaders, isFoggy, movers]) => {
+    const rules = game.inTeams(file.gameFrom({ max_steps: 9, movers: movers ?? undefined }), pursuers, evaders);
     const sides = { pursuer: Array(pursuers), evader: Array(evaders) };
     for (const side of Object.values(sides)) side.fill({ name: "ahead", words: "ahead", act: () => 7 });
     const played = new Match(isFoggy ? fog.inFog(rules) : rules, sides, 1);

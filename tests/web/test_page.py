@@ -126,7 +126,7 @@ def test_person_who_survives_wins_the_level(desk):
     colours = "[getComputedStyle(document.getElementById('message')).backgroundColor, document.body.dataset.result]"
     assert page.evaluate(colours) == ["rgb(43, 108, 163)", "won"], "the colour of who has won"
     page.click("#menu")
-    assert page.inner_text("#games-title") == "Levels: 1 of 13 won"
+    assert page.inner_text("#games-title") == "Levels: 1 of 14 won"
     assert page.inner_text("#levels li:first-child").endswith("won\nEndless")
     phase = page.evaluate(
         """() => {

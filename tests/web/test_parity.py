@@ -37,8 +37,9 @@ from apollonius.observe import tracking
 from apollonius.observe.registry import find_observation
 from apollonius.observe.view import look
 from apollonius.play.replay import as_rows, as_state, load_replay, play_actions
-from apollonius.web.site import PAGE, READS
+from apollonius.web.site import DOORS, PAGE, READS, SHUTTLES, WALKERS
 
+PEOPLE = Path(__file__).parents[2] / "examples/games/office_people.toml"
 GOLDEN = sorted((Path(__file__).parents[1] / "golden").glob("*.json"))
 TOLERANCE = 1e-5
 LEVEL = 1e-3
@@ -71,14 +72,20 @@ def apart(rows, others):
 
 
 def test_golden_games_replay_the_same_on_the_page():
-    """They have every outcome and every preset; a step that is judged by another rule would be seen."""
+    """They have every outcome and every preset; a step that is judged by another rule would be seen.
+
+    When the law of movers changes: `python -m tests.golden.record movers`, then `make page`.
+    """
     records, replays = [json.loads(path.read_text()) for path in GOLDEN], [load_replay(path) for path in GOLDEN]
     assert {replay.outcome for replay in replays} == set(Outcome) - {Outcome.ONGOING}
-    assert {path.stem.rsplit("-", 1)[0] for path in GOLDEN} == (set(PRESETS) | set(MODELS)) - LIMITED - {"unicycle"}
+    assert {path.stem.rsplit("-", 1)[0] for path in GOLDEN} == {*PRESETS, *MODELS, "movers"} - LIMITED - {"unicycle"}
     wrong = records[0] | {"game": records[0]["game"] | {"dt": 0.11}}
     *played, other = ask(games=[*records, wrong])
     for replay, game in zip(replays, played, strict=True):
         assert apart(game["rows"], replay.states) <= TOLERANCE
+        if replay.movers is not None:
+            places = np.swapaxes(replay.mover_places(), 1, 2)
+            assert np.abs(np.array(game["moved"]) - places).max() <= 1e-4
         assert game["outcomes"][-1] == replay.outcome.name.lower()
         assert set(game["outcomes"][:-1]) <= {"ongoing"}
     assert apart(other["rows"], replays[0].states) > TOLERANCE
@@ -320,16 +327,47 @@ def test_page_survey_reports_a_passage_too_narrow_for_a_robot():
 
 def test_page_reads_games_as_the_package_does():
     names = [name for name in game_names() if not name.startswith("team") and name not in LIMITED]
-    texts = [json.dumps(to_dict(find_game(name))) for name in names]
+    texts = [json.dumps(to_dict(find_game(name))) for name in [*names, str(PEOPLE)]]
     ring = {"arena": {"polygons": [{"vertices": [[1, 1], [2, 2], [2, 1], [1, 1]]}]}}
     assert [read.get("answer") for read in ask(read=texts)] == [*map(json.loads, texts)]
     (closed,) = ask(read=[json.dumps(ring)])
     assert closed["answer"] == json.loads(json.dumps(to_dict(from_dict(Game, ring, "a ring"))))
 
 
-def test_page_refuses_movers_which_it_does_not_have():
-    (answer,) = ask(read=['{"movers": {"walkers": [{"count": 3}]}}'])
-    assert "unknown key 'movers'" in answer["complaint"]
+def test_page_refuses_more_movers_than_it_has_room_for():
+    most = {"shuttles": SHUTTLES, "doors": DOORS, "walkers": WALKERS}
+    mover = {
+        "shuttles": [{"waypoints": [[1, 1], [5, 1]]}],
+        "doors": [{"x": 5, "y": 5, "hx": 0.5, "hy": 0}],
+        "walkers": [{"count": 1}],
+    }
+    for extra in (0, 1):
+        tables = [{kind: mover[kind] * (count + extra)} for kind, count in most.items()]
+        answers = ask(read=[json.dumps({"movers": table}) for table in tables])
+        for (kind, count), answer in zip(most.items(), answers, strict=True):
+            said = f"movers.{kind} = {count + 1} of them is not possible: it must be at most {count} in the page"
+            assert answer.get("complaint") == (said if extra else None)
+
+
+def test_page_replays_with_movers_play_again_in_the_package(tmp_path):
+    """The movers of the page's start are as far from robots and walls as those of the package's."""
+    game = replace(find_game(str(PEOPLE)), max_steps=200)
+    replay = ask(
+        match={"game": to_dict(game), "seed": 3, "pursuer": {"name": "shielded:intercept"}, "evader": {"name": "still"}}
+    )
+    (tmp_path / "game.json").write_text(json.dumps(replay))
+    recorded = load_replay(tmp_path / "game.json")
+    assert recorded.first_difference() is None
+    places, bodies = recorded.mover_places(), game.movers.bodies
+    walkers = places[0, len(game.movers.timed) :]
+    room = jax.vmap(game.arena.clearance)(*jnp.asarray(walkers.T))
+    assert (np.asarray(room) > 0.25).all()
+    apart = np.hypot(*(walkers[:, None] - recorded.states[0].reshape(2, 4)[None, :, :2]).T)
+    assert (apart > game.starts.clearance + 0.45).all()
+    assert len(np.unique(recorded.movers.bits)) == 10
+    speed = np.hypot(*np.diff(places, axis=0).T) / game.dt
+    assert (speed.max(axis=1) > 0.3).all()
+    assert (speed.max(axis=1) < np.asarray(bodies.v_max) + 1e-3).all()
 
 
 def test_page_fills_in_robots_of_all_kinds_as_the_package_does():
@@ -368,6 +406,23 @@ REFUSED = [
     ('"arena\nof two lines', "JSON"),
     ('{"arena": {"map": {"file": "floor.yaml", "sha256": "0"}}}', "on the map floor.yaml: apollonius play"),
     ('{"pursuers": 3}', "chosen under Games"),
+    ('{"movers": {}}', "movers = empty"),
+    ('{"movers": {"lifts": []}}', "movers: unknown key 'lifts'"),
+    ('{"movers": {"walkers": [{"count": 0}]}}', "movers.walkers[0].count = 0"),
+    ('{"movers": {"walkers": [{"a_max": 0}]}}', "movers.walkers[0].a_max = 0"),
+    ('{"movers": {"walkers": [{"radius": 5}]}}', "the walkers no place"),
+    ('{"movers": {"shuttles": [{"waypoints": [[1, 1]]}]}}', "movers.shuttles[0].waypoints"),
+    ('{"movers": {"shuttles": [{"waypoints": [[1, 1], [11, 1]]}]}}', "movers.shuttles[0].waypoints"),
+    ('{"movers": {"shuttles": [{"waypoints": [[1, 1], [1, 1]]}]}}', "movers.shuttles[0].waypoints"),
+    ('{"movers": {"shuttles": [{"waypoints": [[1, 1], [2, 1]], "pause": -1}]}}', "movers.shuttles[0].pause = -1"),
+    ('{"movers": {"doors": [{"x": 5, "y": 5, "hx": 0.5}]}}', "movers.doors[0].hy = null"),
+    ('{"movers": {"doors": [{"x": 5, "y": 5, "hx": 0, "hy": 0}]}}', "movers.doors[0].hx, hy"),
+    ('{"movers": {"doors": [{"x": 15, "y": 5, "hx": 0.5, "hy": 0}]}}', "movers.doors[0] centre"),
+    ('{"movers": {"doors": [{"x": 5, "y": 5, "hx": 0.5, "hy": 0, "share_open": 1}]}}', "share_open = 1"),
+    (
+        '{"movers": {"doors": [{"x": 5, "y": 5, "hx": 0.5, "hy": 0, "period": 5}]}}',
+        "period = 5 is not possible: it must be at least 6.00 s",
+    ),
 ]
 """What neither the package nor the page reads, and words of the page's complaint."""
 
@@ -385,11 +440,13 @@ def test_page_refuses_what_the_package_refuses(tmp_path):
 
 def test_links_restore_games_and_damaged_ones_are_refused():
     damaged = ["#game=*", "#game=_w", f"#game={'e' * 200_000}", "#other"]
-    found = ask(links=damaged, shared=[[1, 1, False], [3, 2, False], [1, 1, True]])
+    movers = {"shuttles": [{"waypoints": [[1, 1], [5, 1], [5, 3]]}], "walkers": [{"count": 2}, {"v_max": 0.8}]}
+    found = ask(links=damaged, shared=[[1, 1, False], [3, 2, False], [1, 1, True], [2, 1, False, movers]])
     said = [answer.get("complaint") for answer in found["links"]]
     assert said == [*["it is damaged; copy the whole link"] * 2, "it is too long", None]
     for played, again in found["shared"]:
         assert played == again
+    assert all(state["movers"] for state in played[0])
 
 
 def test_edited_shapes_stay_valid():
@@ -404,22 +461,26 @@ def test_edited_shapes_stay_valid():
 def test_first_levels_can_be_won_and_lost_as_intended():
     paper = to_dict(make_game("paper"))
     floor = paper | {"arena": paper["arena"] | {"discs": []}}
-    red = str(ZOO / "pursuer.safetensors")
+    red, blue = (str(ZOO / f"{one}.safetensors") for one in ("pursuer", "evader"))
     games = [
         (1, floor, "flees", red),
         (2, paper, "flees", red),
         (2, paper, "flee-aware", red),
         (4, paper, "chases", "flee-aware"),
         (4, paper, "intercept", "flee-aware"),
+        (15, to_dict(find_game("office")), blue, red),
+        (15, to_dict(find_game("office")), "stands", red),
     ]
     asked = [{"number": number, "game": game, "bot": bot, "against": one} for number, game, bot, one in games]
-    first, fled, aware, chased, aimed = ask(levels=asked)
+    first, fled, aware, chased, aimed, weaved, rushed = ask(levels=asked)
     assert first == ["no_result", 20], "who drives away from red wins the first level"
     assert aware == ["no_result", 40]
     assert fled[0] == "captured", "and in the second one is caught, but no wall is in the way"
     assert fled[1] > 10
     assert chased[1] > 15, "who only chases blue has its shields first"
     assert aimed[0] == "captured", "who aims ahead and brakes wins"
+    assert weaved == ["no_result", 60], "among people blue's own agent gets away"
+    assert rushed[0] == "captured"
 
 
 def test_walls_join_without_slits():

@@ -2,7 +2,8 @@
 //
 // What was written to their memory last stays there, so that an arena or a chart is copied once and not for every call.
 
-import { ACTIONS, EVADER, OUTCOMES, PURSUER, ROLES, STATUSES, actionLevels, bodiesOf, bySide, isActive, other } from "./game.js";
+import { ACTIONS, EVADER, OUTCOMES, PURSUER, ROLES, STATUSES, actionLevels, bodiesOf, bodyOf, bySide, isActive, other, robotOf } from "./game.js";
+import { asLists, fromLists, writeDraws, writeMovers } from "./movers.js";
 import { addresses, given, kept, ownProgram, run } from "./programs.js";
 
 export const MOST_ROBOTS = given.robots().status.length / 2; // of a side
@@ -12,6 +13,7 @@ const MARGIN = 1e-3; // clearance [m] that the shield wants
 export const CHARTED = ["egocentric", "team", "voronoi_pursuit", "encirclement", "own", "search", "departure_costs"]; // what reads a chart
 const BODY = Object.keys(given.robots()).flatMap((key) => key.match(/(?<=^bodies_).*/) ?? []); // limits of a robot
 const ROBOT = ["x", "y", "v", "heading"];
+const FAR = 1e6; // where robots are that a game does not have [m]
 const fields = new WeakMap(); // addresses of maps' fields
 let floor = null; // the arena that was written last
 let charted = { arena: null, radius: 0 }; // the arena and the robot that the chart is of
@@ -51,8 +53,9 @@ function writeRobot(place, body, robot) {
 
 /** Write the robots of a state: those of the first of two roles first, and the one of a number before its team mates. */
 function writeRobots(game, state, roles, number = 0) {
-  const { status } = given.robots();
+  const { status, states_x } = given.robots();
   status.fill(STATUSES.indexOf("captured"));
+  states_x.fill(FAR);
   roles.forEach((role, side) => {
     const bodies = bodiesOf(game, role);
     state[role].forEach((robot, index) => {
@@ -63,6 +66,9 @@ function writeRobots(game, state, roles, number = 0) {
     });
   });
 }
+
+/** A copy of a record's arrays. */
+const copied = (record) => Object.fromEntries(Object.entries(record).map(([key, values]) => [key, values.slice()]));
 
 /** Draw the chart of a game's arena, by the paths of its largest robot, if it is not the one that was drawn last. */
 function writeChart(game) {
@@ -93,16 +99,29 @@ export function move(body, robot, action, dt) {
  */
 export function step(game, state, actions) {
   writeArena(game.arena);
+  writeMovers(game, state);
   writeRobots(game, state, ROLES);
   ROLES.forEach((role, side) => {
     state[role].forEach((robot, index) => given.levels().set(isActive(robot) ? actionLevels(actions[role][index]) : [0, 0], 2 * (side * MOST_ROBOTS + index)));
   });
-  const found = run.step_robots(game.capture_distance, game.dt, game.max_steps - state.steps);
+  const found = run.step_robots(game.capture_distance, game.dt, state.steps, game.max_steps);
   const { x, y, v, heading } = found.states();
   const [status, [outcome]] = [found.status(), found.outcome()];
   const robot = (at) => ({ x: x[at], y: y[at], v: v[at], heading: heading[at], status: STATUSES[status[at]] });
   const after = bySide((role, side) => state[role].map((_, index) => robot(side * MOST_ROBOTS + index)));
-  return { state: { ...after, steps: state.steps + 1 }, outcome: OUTCOMES[outcome] };
+  const movers = state.movers && { movers: copied(found.movers_after()) };
+  return { state: { ...after, ...movers, steps: state.steps + 1 }, outcome: OUTCOMES[outcome] };
+}
+
+/** The time in which a mover covers a length [m] from rest to rest [s], by its top speed and largest acceleration. */
+export const timeOfLeg = (...limits) => run.duration(...limits)[0];
+
+/** The movers of a game at the start, each where the first of several places [x, y] of a walker, or times, leaves robots their room. */
+export function startMovers(game, state, places, random) {
+  writeMovers(game, state);
+  writeRobots(game, state, ROLES);
+  writeDraws(places, random);
+  return fromLists(game, asLists(game, run.start_movers(game.starts.clearance, game.dt).movers_after()));
 }
 
 /** Distance [m] from a point to the nearest wall or obstacle; negative outside the walls or inside an obstacle. */
@@ -119,11 +138,12 @@ export function clearanceAlong(arena, before, after) {
 }
 
 /** Least clearance [m] during an action and the best of three ways to brake to rest after it; less where it is ample. */
-export function clearanceAfter({ arena, dt }, body, robot, action) {
-  writeArena(arena);
-  writeRobot(0, body, robot);
+export function clearanceAfter(game, state, who, action) {
+  writeArena(game.arena);
+  writeMovers(game, state);
+  writeRobot(0, bodyOf(game, who), robotOf(state, who));
   given.levels().set(actionLevels(action));
-  return run.clearance_after(dt)[0];
+  return run.clearance_after(game.dt)[0];
 }
 
 /** Return whether the shield allows an action. */
@@ -156,7 +176,7 @@ export function search(game, state, who, before) {
   else into.track_ages_0[0] = -1;
   given.shares().set(Array.from({ length: CELLS ** 2 }, Math.random));
   const found = run.search(game.capture_distance, game.dt);
-  const known = Object.fromEntries(Object.entries(found.after()).map(([key, values]) => [key, values.slice()]));
+  const known = copied(found.after());
   const last = Object.fromEntries(ROBOT.map((key) => [key, known[`track_opponents_0_${key}`][0]]));
   const sought = Object.fromEntries(Object.entries(found.sought()).map(([key, [value]]) => [key, value]));
   const [isSeen] = found.sight();

@@ -7,7 +7,7 @@ import { make } from "./files.js";
 import { EVADER, ROLES, countsOf, inTeams, other, partsOf, teamName } from "./game.js";
 import { LEVELS, bestOf, endless, ofLevel } from "./levels.js";
 import { ANYWHERE, DIFFICULTIES, ruleNames } from "./players.js";
-import { drawStart, makeRandom, startAt } from "./starts.js";
+import { drawStart, makeRandom, startAt, withMovers } from "./starts.js";
 import { SHIELDED, YOU, bare, inWords } from "./words.js";
 
 const AT_HOME = ["paper", "zero-sum"]; // games in the arena that most agents were trained in
@@ -144,7 +144,9 @@ function drawLevel(canvas, games, level, colours) {
   const game = ofLevel(counts ? inTeams(games[name], ...counts) : games[name], level);
   const context = scaled(canvas, game.arena);
   drawGround(context, game.arena, colours);
-  drawRobots(context, game, level.start ? startAt(game, level.start) : drawStart(game, makeRandom(level.seed)), colours, SIGN);
+  const random = makeRandom(level.seed);
+  const start = level.start ? startAt(game, level.start) : drawStart(game, random);
+  drawRobots(context, game, withMovers(game, start, random), colours, SIGN);
 }
 
 /** How many levels a person has won, in words. */

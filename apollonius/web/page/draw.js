@@ -2,6 +2,7 @@
 // of lines are those of an arena of 10 m.
 
 import { PURSUER, ROLES, bodyOf, bySide, isActive, robotOf, robotsOf, wrapAngle } from "./game.js";
+import { moversOf } from "./movers.js";
 
 const SMALLEST = 0.015; // least radius of a robot's sign, as a share of the arena's longer side
 const MARGIN = 0.35; // around the walls [m], where a robot without a radius is seen whole
@@ -14,7 +15,7 @@ const pictures = new WeakMap(); // with their colours, by what they show
 /** Colours by name, as a page's style has them just now for an element. */
 export function coloursOf(element) {
   const style = getComputedStyle(element);
-  const names = ["paper", "ink", "obstacle", "fog", ...ROLES];
+  const names = ["paper", "ink", "obstacle", "mover", "fog", ...ROLES];
   return Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
 }
 
@@ -29,7 +30,9 @@ export function stateAt(states, number) {
     heading: start.heading + share * wrapAngle(end.heading - start.heading),
     status: start.status,
   });
-  return { ...after, ...bySide((role) => before[role].map((start, number) => robot(start, after[role][number]))) };
+  const between = (key) => before.movers[key].map((one, place) => mix(one, after.movers[key][place]));
+  const movers = before.movers && { movers: { motion_x: between("motion_x"), motion_y: between("motion_y") } };
+  return { ...after, ...movers, ...bySide((role) => before[role].map((start, number) => robot(start, after[role][number]))) };
 }
 
 /** Return the `scale` of a canvas that shows an arena, in pixels per metre, and the pixel of the origin. */
@@ -153,8 +156,20 @@ export function draw(canvas, { game, states, at, colours, beneath, above, fog = 
     const trail = passed.map((state) => robotOf(state, who)).map(({ x, y }) => [x, y]);
     drawTrail(context, trail, Math.round(GLOWS / game.dt), zoom * leastRadius(game.arena), colours[who.role]);
   }
+  drawMovers(context, game, now, colours);
   above?.(context);
   for (const who of robots) drawRobot(context, game, who, now, colours, zoom);
+}
+
+/** The movers of a state: discs, and lines with round ends. */
+function drawMovers(context, game, { movers }, colours) {
+  context.strokeStyle = context.fillStyle = colours.mover;
+  for (const { hx, hy, radius, place } of movers ? moversOf(game) : []) {
+    const [x, y] = [movers.motion_x[place], movers.motion_y[place]];
+    context.lineWidth = 2 * radius;
+    if (hx || hy) path(context, [[x - hx, y - hy], [x + hx, y + hy]]).stroke();
+    else circle(context, x, y, radius).fill();
+  }
 }
 
 /** Where a robot was: all of it faintly, what it drove just now as a trail of light; a ring around its start once it has left it. */
@@ -184,8 +199,9 @@ function drawTrail(context, trail, recent, radius, colour) {
 /** The least radius that robots are drawn with in an arena [m]. */
 export const leastRadius = ({ x_min, x_max, y_min, y_max }) => SMALLEST * Math.max(x_max - x_min, y_max - y_min);
 
-/** All robots of a state, without their trails. */
+/** All movers and robots of a state, without their trails. */
 export function drawRobots(context, game, state, colours, zoom) {
+  drawMovers(context, game, state, colours);
   for (const who of robotsOf(state, ROLES)) drawRobot(context, game, who, state, colours, zoom);
 }
 

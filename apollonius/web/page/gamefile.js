@@ -1,8 +1,10 @@
 // Games from elsewhere, a JSON file or a link: what is left out has its default, and what cannot be played is refused with the
 // value, the bound and the remedy, as `arenas/file.py` and `game/validation.py` do.
 
+import { timeOfLeg } from "./calls.js";
+import { MOST } from "./movers.js";
 import { hasMeetingEdges } from "./plan.js";
-import { drawStart, makeRandom } from "./starts.js";
+import { drawStart, makeRandom, withMovers } from "./starts.js";
 
 const LONGEST = 20_000; // characters of a link
 
@@ -68,7 +70,15 @@ export const DEFAULT = {
   max_steps: 1000,
   reward: { profile: "paper", capture: 10, failure: 10, progress: 3, along_paths: false },
   starts: { speed: "rest", clearance: 0.3, separation: 1 },
+  movers: undefined,
 };
+const MOVERS = {
+  shuttles: { waypoints: [], hx: 0, hy: 0, radius: 0.25, v_max: 0.8, a_max: 0.5, pause: 0 },
+  doors: { x: null, y: null, hx: null, hy: null, radius: 0.05, period: 20, share_open: 0.5, v_max: 0.5, a_max: 0.5 },
+  walkers: { count: 1, radius: 0.25, v_max: 1.3, a_max: 2 },
+};
+const MOST_WAYPOINTS = 20;
+const SHORTEST_WAY = 0.01; // [m]
 const DISC = { x: null, y: null, radius: null };
 
 function require(isPossible, name, value, bound) {
@@ -141,6 +151,7 @@ export function gameFrom(said, map = null) {
   });
   if (arena.territory !== undefined) arena.territory = filled(arena.territory, DISC, "arena.territory");
   if (map) arena.map = map;
+  if (game.movers !== undefined) game.movers = moversFrom(game.movers, arena);
   check(game, ends);
   return game;
 }
@@ -157,7 +168,44 @@ function check(game, ends) {
   checkArena(arena, ends);
   require(starts.clearance >= 0, "starts.clearance", starts.clearance, "0 m or more");
   require(starts.separation >= capture, "starts.separation", starts.separation, `at least capture_distance = ${capture} m`);
-  drawStart(game, makeRandom(0)); // throws where there is no room to start
+  withMovers(game, drawStart(game, makeRandom(0)), makeRandom(0)); // throws where there is no room to start
+}
+
+/** The checked movers of a table. */
+function moversFrom(said, arena) {
+  const made = filled(said, { shuttles: [], doors: [], walkers: [] }, "movers");
+  for (const [kind, defaults] of Object.entries(MOVERS)) {
+    require(Array.isArray(made[kind]), `movers.${kind}`, made[kind], "a list");
+    made[kind] = made[kind].map((mover, index) => checkedMover(filled(mover, defaults, `movers.${kind}[${index}]`), `movers.${kind}[${index}]`, arena));
+    const count = made[kind].reduce((sum, mover) => sum + (mover.count ?? 1), 0);
+    require(count <= MOST[kind], `movers.${kind}`, `${count} of them`, `at most ${MOST[kind]} in the page`);
+  }
+  require(Object.values(made).some((movers) => movers.length), "movers", "empty", "shuttles, doors or walkers; or left out");
+  return made;
+}
+
+function checkedMover(mover, name, { x_min: left, x_max: right, y_min: low, y_max: high }) {
+  const { waypoints, count = 1, period, share_open: share, pause = 0, radius, v_max: fastest, a_max: most } = mover;
+  const isInside = (point) => Array.isArray(point) && point.length === 2 && left <= point[0] && point[0] <= right && low <= point[1] && point[1] <= high;
+  require(radius > 0, `${name}.radius`, radius, "more than 0 m");
+  require(fastest > 0, `${name}.v_max`, fastest, "more than 0 m/s");
+  require(most > 0, `${name}.a_max`, most, "more than 0 m/s^2");
+  require(Number.isInteger(count) && count >= 1, `${name}.count`, count, "a whole number, at least 1");
+  require(pause >= 0, `${name}.pause`, pause, "0 s or more");
+  if (waypoints) {
+    const isList = Array.isArray(waypoints) && waypoints.length >= 2 && waypoints.length <= MOST_WAYPOINTS && waypoints.every(isInside);
+    require(isList, `${name}.waypoints`, waypoints, `2 to ${MOST_WAYPOINTS}, [x, y] of each, inside the walls`);
+    const isApart = waypoints.slice(1).every(([x, y], index) => Math.hypot(x - waypoints[index][0], y - waypoints[index][1]) > SHORTEST_WAY);
+    require(isApart, `${name}.waypoints`, waypoints, `more than ${SHORTEST_WAY} m between neighbours`);
+  }
+  if (share === undefined) return mover;
+  const half = Math.hypot(mover.hx, mover.hy);
+  require(half > SHORTEST_WAY, `${name}.hx, hy`, [mover.hx, mover.hy], `longer than ${SHORTEST_WAY} m`);
+  require(isInside([mover.x, mover.y]), `${name} centre`, [mover.x, mover.y], "inside the walls; move it");
+  require(share > 0 && share < 1, `${name}.share_open`, share, "between 0 and 1");
+  const shortest = timeOfLeg(2 * half, fastest, most) / Math.min(share, 1 - share);
+  require(period >= shortest, `${name}.period`, period, `at least ${shortest.toFixed(2)} s, to open and to close in`);
+  return mover;
 }
 
 function checkBody(body, name, dt) {

@@ -1,7 +1,7 @@
 // The shield of a person's robot: it brakes in the person's place, in some levels as often as need be, in others a few times.
 
 import { canStop } from "./calls.js";
-import { ACTIONS, bodyOf, robotOf } from "./game.js";
+import { ACTIONS } from "./game.js";
 import { shielded } from "./players.js";
 
 const CALM = 1; // for how long a person steers well until the shield has done its work [s]
@@ -23,7 +23,7 @@ export class Guard {
   action(wanted, game, state, who, states) {
     const known = this.#of(states);
     const isHelping = state.steps <= known.until;
-    if (canStop(game, bodyOf(game, who), robotOf(state, who), wanted)) return wanted;
+    if (canStop(game, state, who, wanted)) return wanted;
     if (!isHelping && known.used >= this.times) return wanted;
     if (!isHelping) known.used += 1;
     known.until = state.steps + Math.round(CALM / game.dt);

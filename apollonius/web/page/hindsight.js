@@ -1,6 +1,6 @@
 // A game that is over, looked back at: it ends once more and slowly, from the last moment at which it could have been saved.
 
-import { EVADER, PURSUER, ROLES, bodyOf, clip, isActive, robotOf } from "./game.js";
+import { EVADER, PURSUER, ROLES, clip, isActive, robotOf } from "./game.js";
 import { ANYWHERE, findPlayer } from "./players.js";
 import { stoppable } from "./why.js";
 import { SHIELDED, bare } from "./words.js";
@@ -62,8 +62,7 @@ export const hasCrashed = (state, who) => ["hit_obstacle", "out_of_range"].inclu
 
 /** The number of the last state from which a robot, {role, number}, that crashed could still have braked in time, or null. */
 export function lastBrake({ game, states }, who) {
-  const isInTime = (robot) => isActive(robot) && stoppable(game, bodyOf(game, who), robot).includes(true);
-  const last = states.findLastIndex((state) => isInTime(robotOf(state, who)));
+  const last = states.findLastIndex((state) => isActive(robotOf(state, who)) && stoppable(game, state, who).includes(true));
   return last < 0 ? null : last;
 }
 

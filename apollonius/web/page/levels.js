@@ -1,5 +1,5 @@
-// Levels: challenges over arenas, each harder than the one before, and two of teams. What a person has won is stored in
-// this browser alone.
+// Levels: challenges over arenas, each harder than the one before, then two of teams, and one among people. What a person has
+// won is stored in this browser alone.
 
 import { inFog } from "./fog.js";
 import { EVADER, PURSUER } from "./game.js";
@@ -24,6 +24,7 @@ export const LEVELS = [
   { name: "Hide and seek", side: PURSUER, against: "flee-aware", difficulty: "sharp", game: "office", seconds: 100, isFoggy: true },
   { name: "Lead two others", side: PURSUER, against: "evader", difficulty: "fair", game: "team-3v1", seconds: 60 },
   { name: "Three hunters", side: EVADER, against: "pure-pursuit", difficulty: "gentle", game: "team-3v1", seconds: 30 },
+  { name: "Rush hour", side: EVADER, against: "pursuer", difficulty: "fair", game: "rush-hour", seconds: 60, shields: 2, seed: 13 },
 ].map((level, index) => ({ seed: index + 1, ...level, number: index + 1 }));
 
 const ENDLESS = 600; // [s]
@@ -51,6 +52,16 @@ export function ofLevel(game, { seconds, isFoggy }) {
 
 /** Return a game without its discs, which only levels have. */
 export const withOpenFloor = (game) => ({ ...game, arena: { ...game.arena, discs: [] } });
+
+const DOOR = { radius: 0.05, period: 20, share_open: 0.5, v_max: 0.5, a_max: 0.5 };
+const RUSH = {
+  shuttles: [],
+  doors: [{ x: 2.7, y: 6.1, hx: -0.7, hy: 0, ...DOOR }, { x: 13.7, y: 6.1, hx: 0.7, hy: 0, ...DOOR }],
+  walkers: [{ count: 8, radius: 0.25, v_max: 0.8, a_max: 2 }],
+};
+
+/** Return the game of the office with people, and doors to the rooms in its upper corners. */
+export const inRushHour = (office) => ({ ...office, movers: RUSH });
 
 const KEY = "apollonius.best";
 

@@ -3,7 +3,8 @@
 import { step } from "./calls.js";
 import { asRecord } from "./files.js";
 import { EVADER, HOLD, PURSUER, actionLevels, asRow, bySide, isActive, isContinuous } from "./game.js";
-import { drawStart, makeRandom } from "./starts.js";
+import { asLists } from "./movers.js";
+import { drawStart, makeRandom, withMovers } from "./starts.js";
 
 const REPLAY_FORMAT = 1;
 const REPLAY_TOLERANCE = 1e-4; // what states of the page and of the package come to differ by in a thousand steps, and some to spare
@@ -28,7 +29,7 @@ export class Match {
 
   /** Begin the next game, at a start of its own. */
   next(start = null) {
-    this.start = start ?? drawStart(this.game, this.random);
+    this.start = withMovers(this.game, start ?? drawStart(this.game, this.random), this.random);
     this.number += 1;
     this.again();
   }
@@ -104,6 +105,7 @@ export class Match {
       tolerance: REPLAY_TOLERANCE,
       actions: someContinuous ? this.actions.map((all) => all.map(actionLevels)) : this.actions,
       states: this.states.map(asRow),
+      ...(this.start.movers && { movers: asLists(this.game, this.start.movers) }),
     };
   }
 }

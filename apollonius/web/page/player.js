@@ -4,7 +4,7 @@ import { BLUES } from "./lesson.js";
 import { Choices, asChoice, describeProgress, levelButtons, levelStrip } from "./choices.js";
 import { copyLink, make, saveAs } from "./files.js";
 import { ROLES } from "./game.js";
-import { levelWonBy, withOpenFloor } from "./levels.js";
+import { inRushHour, levelWonBy, withOpenFloor } from "./levels.js";
 import { Session } from "./session.js";
 import { Six } from "./six.js";
 import { asReplayLink, drawCard, fromReplayLink, isLocal, record } from "./share.js";
@@ -217,7 +217,8 @@ function leadOut() {
 async function main() {
   page.enter("loading", "Loading…");
   page.catalogue = await (await fetch("catalogue.json")).json();
-  page.catalogue.games.open = withOpenFloor(page.catalogue.games.paper);
+  const { games } = page.catalogue;
+  Object.assign(games, { open: withOpenFloor(games.paper), "rush-hour": inRushHour(games.office) });
   choices = new Choices(element("choices"), page.catalogue);
   workshop = new Workshop(element, page, choices);
   wire();

@@ -8,7 +8,7 @@
 import { CHARTED, CLASSICAL, canStop, clearanceAfter, fits, observe, readOwn } from "./calls.js";
 import { load } from "./files.js";
 import { bySight } from "./fog.js";
-import { ACTIONS, EVADER, PURSUER, actionLevels, bodyOf, other, robotOf } from "./game.js";
+import { ACTIONS, EVADER, PURSUER, actionLevels, other } from "./game.js";
 import { addresses, given, kept, run } from "./programs.js";
 import { SHIELDED, YOU, bare, inWords } from "./words.js";
 
@@ -93,9 +93,8 @@ export const BUILT_IN = {
 /** Another player, held back to the first of its actions after which its robot can stop in time. */
 export function shielded(player) {
   return (game, state, who, ...rest) => {
-    const [body, robot] = [bodyOf(game, who), robotOf(state, who)];
-    const action = player(game, state, who, ...rest).find((wanted) => canStop(game, body, robot, wanted));
-    return action === undefined ? byValue(ACTIONS.map((wanted) => clearanceAfter(game, body, robot, wanted))) : [action];
+    const action = player(game, state, who, ...rest).find((wanted) => canStop(game, state, who, wanted));
+    return action === undefined ? byValue(ACTIONS.map((wanted) => clearanceAfter(game, state, who, wanted))) : [action];
   };
 }
 

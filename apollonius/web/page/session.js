@@ -113,7 +113,7 @@ export class Session {
     this.#beginGame();
     const { me, match, guard, people } = this;
     match.decide(); // so that no move waits for the arena's chart
-    this.enter("ready", describeReady({ me, people: people.length, isFoggy: Boolean(match.game.sensors), shields: guard.times }));
+    this.enter("ready", describeReady({ me, people: people.length, isFoggy: Boolean(match.game.sensors), isBusy: Boolean(match.game.movers), shields: guard.times }));
     if (people.length && !isCalm()) this.#attract(match);
   }
 

@@ -7,6 +7,7 @@ import { HOLD, ROLES, asRow, bySide, countsOf, fromRow, inTeams, isContinuous, o
 import { asFragment, fromFragment, gameFrom } from "./gamefile.js";
 import { LEVELS } from "./levels.js";
 import { Match } from "./match.js";
+import { fromLists } from "./movers.js";
 import { DIFFICULTIES } from "./players.js";
 import { YOU, inWords } from "./words.js";
 
@@ -16,12 +17,12 @@ const FILM = { side: 480, rate: 15 }; // the longer side [pixels], frames in a s
 
 /** Return the fragment of a link to a finished game: its rules, level, how many play and whether in fog, its start, and what all did. */
 export async function asReplayLink(match, level) {
-  const { game: all, pursuer, evader, actions } = match.replay();
+  const { game: all, pursuer, evader, actions, movers } = match.replay();
   const { teams, sensors, ...game } = all;
   const counts = countsOf(all);
   if (game.arena.map) throw new Error("a game on a map is too large for a link: save the replay");
   if (JSON.stringify(inTeams(game, ...counts).teams) !== JSON.stringify(teams)) throw new Error("team mates differ: save the replay");
-  const said = { game, counts, isFoggy: Boolean(sensors), pursuer, evader, actions, start: asRow(match.start), level: level?.number };
+  const said = { game, counts, isFoggy: Boolean(sensors), pursuer, evader, actions, start: asRow(match.start), movers, level: level?.number };
   return asFragment(MARK, JSON.stringify(said));
 }
 
@@ -36,7 +37,7 @@ export async function fromReplayLink(fragment) {
 }
 
 /** Return a match in which all robots do what they did. */
-function again({ game: said, counts = [1, 1], isFoggy, start, actions, level, ...names }) {
+function again({ game: said, counts = [1, 1], isFoggy, start, movers, actions, level, ...names }) {
   if (!counts.every((count) => count >= 1 && count <= MOST_ROBOTS && count % 1 === 0)) throw new Error("other teams");
   const rules = inTeams(gameFrom(said), ...counts);
   const game = isFoggy ? inFog(rules) : rules;
@@ -50,7 +51,8 @@ function again({ game: said, counts = [1, 1], isFoggy, start, actions, level, ..
   const robots = counts[0] + counts[1];
   if (!actions.every((all) => all.length === robots && all.every(isAction))) throw new Error("other actions");
   if (start.length !== 4 * robots || !start.every(Number.isFinite)) throw new Error("another start");
-  const match = Object.assign(new Match(game, players, 0), { start: fromRow(game, start, 0, () => "active") });
+  const moving = game.movers && { movers: fromLists(game, movers) };
+  const match = new Match(game, players, 0, { ...fromRow(game, start, 0, () => "active"), ...moving });
   match.next = match.again; // which has one start
   match.again();
   return Object.assign(match, { challenge: challengeOf(names, level, actions.length * game.dt) });

@@ -1,7 +1,8 @@
 // Where games begin: the same distribution as in `apollonius/game/starts.py`, from random numbers of the page's own.
 
-import { clearance } from "./calls.js";
+import { clearance, startMovers } from "./calls.js";
 import { EVADER, PURSUER, ROLES, bodiesOf, bySide, countsOf, other } from "./game.js";
+import { TRIES, moversOf } from "./movers.js";
 
 /** Numbers uniform in [0, 1) from a seed: mulberry32. The page's own; the Python rules draw from JAX's. */
 export function makeRandom(seed) {
@@ -32,6 +33,25 @@ export function drawStart(game, random) {
     if (ROLES.every((role) => bodiesOf(game, role).slice(1).every((body) => drawMate(game, random, state, role, body)))) return state;
   }
   throw new Error(`the arena has no room for ${countsOf(game).join(" v ")}: take fewer robots, or a larger arena`);
+}
+
+const MARGIN = 2e-3; // room that walkers leave at the start besides their radius [m]
+
+/** A start with the movers of its game, if there are any and it has none: walkers anywhere on the floor, the others at any time. */
+export function withMovers(game, state, random) {
+  if (!game.movers || state.movers) return state;
+  const walkers = moversOf(game).filter(({ kind }) => kind === "walkers");
+  const places = walkers.map(({ radius }) => Array.from({ length: TRIES }, () => drawFloor(game, random, radius + MARGIN)));
+  return { ...state, movers: startMovers(game, state, places, random) };
+}
+
+/** A place [x, y] with room [m] to obstacles and walls. */
+function drawFloor(game, random, room) {
+  for (let draw = 0; draw < PAIRS; draw++) {
+    const { x, y } = drawRobot(game, random, game.pursuer);
+    if (clearance(game.arena, x, y) >= room) return [x, y];
+  }
+  throw new Error("the arena leaves the walkers no place: make the obstacles or the walkers smaller, or the arena larger");
 }
 
 /** A robot anywhere in the arena. */

@@ -33,7 +33,7 @@ function ends(game, body, robot) {
 }
 
 /** Which actions leave a robot room to stop: what the shield lets pass. */
-export const stoppable = (game, body, robot) => ACTIONS.map((action) => canStop(game, body, robot, action));
+export const stoppable = (game, state, who) => ACTIONS.map((action) => canStop(game, state, who, action));
 
 /** Return values from 0, the worst, to 1, the best; null of none. */
 function scaled(values) {
@@ -56,7 +56,7 @@ export function known(game, states, shown, values) {
     ...who,
     ends: ends(game, bodyOf(game, who), robotOf(state, who)),
     values: shown.includes("values") ? scaled(values(who)) : null,
-    stops: shown.includes("brakes") ? stoppable(game, bodyOf(game, who), robotOf(state, who)) : null,
+    stops: shown.includes("brakes") ? stoppable(game, state, who) : null,
   }));
   const belief = shown.includes("belief") && isFoggy(game, PURSUER) ? knowledge(game, states, PURSUER) : null;
   return { robots, leads: shown.includes("regions") ? widened(widened(leads(game, state))) : null, belief };

@@ -99,9 +99,10 @@ const SHIELDS = {
  *
  * @param people how many play; `me` is the side of the one person who does, or null
  * @param isFoggy whether walls hide the opponent
+ * @param isBusy whether people or other things move in the arena
  * @param shields how often a shield brakes for the person
  */
-export function describeReady({ people, me, isFoggy, shields }) {
+export function describeReady({ people, me, isFoggy, isBusy, shields }) {
   const touch = matchMedia("(pointer: coarse)").matches;
   const first = { [EVADER]: "Red is hunting you.", [PURSUER]: "Blue flees: cut it off." }[me];
   const both = touch ? "red has the left pad, blue the right one" : "red steers by W A S D, blue by the arrow keys";
@@ -109,5 +110,6 @@ export function describeReady({ people, me, isFoggy, shields }) {
   const how = { 0: "agents play", 1: alone, 2: both }[people];
   const begin = `${touch || self !== top ? "Start" : "Space"} to begin; ${how}.`;
   const fog = isFoggy ? "Hatched is where the other may be." : "";
-  return [first, [begin, SHIELDS[shields], fog].filter(Boolean).join(" ")].filter(Boolean).join("\n");
+  const busy = isBusy ? "Touch no one: only who stands still may be walked into." : "";
+  return [first, [begin, SHIELDS[shields], fog, busy].filter(Boolean).join(" ")].filter(Boolean).join("\n");
 }
