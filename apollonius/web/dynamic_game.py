@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -34,8 +35,9 @@ from apollonius.game.types import (
     Scalar,
 )
 from apollonius.game.wheels import Wheels
+from apollonius.observe.surroundings import MoversInView
 from apollonius.observe.tracking import Track
-from apollonius.observe.view import MoversInView, Robot, View, look
+from apollonius.observe.view import Robot, View, look
 from apollonius.web.site import ROBOTS
 
 Field = Float[Array, " corners"]
@@ -346,24 +348,30 @@ class AnyMovers(Movers):
 
 
 class AnyMoversInView(MoversInView):
-    """Movers in view, of which `count` exist."""
+    """Movers in view, of which `count` exist; each distance is that of `MoversInView`, infinite
+    without any, and translated once.
+    """
 
-    count: int | Array
+    count: int | Array = 0
 
     def clearance_along(
         self, before: RobotState, after: RobotState, time: Real, dt: Real
     ) -> Scalar:
-        """Return a lower bound of the distance from all that movers can reach [m]; the arguments
-        are those of `MoversInView.clearance_along`.
-        """
-        return self._clearance_along(before, after, time, dt)
+        """Return a lower bound of a robot's distance from all that movers can reach [m]."""
+        return self._distance(MoversInView.clearance_along, before, after, time, dt)
 
-    @jax.jit
-    def _clearance_along(self, *step: Any) -> Scalar:
+    def clearance(self, x: Scalar, y: Scalar, time: Real) -> Scalar:
+        """Return the distance of a point from the nearest mover [m]."""
+        return self._distance(MoversInView.clearance, x, y, time)
+
+    def range(self, x: Scalar, y: Scalar, cos: Scalar, sin: Scalar, radius: Real) -> Scalar:
+        """Return the distance that a disc can go in a direction [m]."""
+        return self._distance(MoversInView.range, x, y, cos, sin, radius)
+
+    @partial(jax.jit, static_argnums=1)
+    def _distance(self, distance: Callable[..., Scalar], *args: Any) -> Scalar:
         free = jnp.asarray(jnp.inf, jnp.float32)
-        return jax.lax.cond(
-            self.count > 0, lambda: MoversInView.clearance_along(self, *step), lambda: free
-        )
+        return jax.lax.cond(self.count > 0, lambda: distance(self, *args), lambda: free)
 
 
 class DynamicBackup(Backup):

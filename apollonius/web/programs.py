@@ -6,7 +6,7 @@ import hashlib
 import inspect
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
@@ -86,10 +86,13 @@ def _of_view(name: str, answer: Callable[[View], Array]) -> Program:
         floor: Floor,
         field: Field,
         chart: Chart,
+        movers: AnyMovers,
+        mover_states: MoverStates,
         capture_distance: Scalar,
         dt: Scalar,
     ) -> Array:
-        return answer(robots.view(floor.arena(field), chart, capture_distance, dt))
+        view = robots.view(floor.arena(field), chart, capture_distance, dt)
+        return answer(replace(view, movers=movers.in_view(mover_states.motion)))
 
     return _make_program(view, name)
 

@@ -24,7 +24,7 @@ from tests.documents import REPOSITORY
 from tests.web.browser import needs_chromium, playwright
 
 pytestmark = needs_chromium
-SPIRAL = "b8b77deb6d69d59728a35e2d4fe9933c9cad976cbe29a17205206ede54c0ac44"
+SPIRAL = "dbde486c77e5e45dcd8c12998981056ec289b195f4c4f0d4c578d3d28eeb6842"
 """SHA-256 of the C sources of `spiral.wasm`, which `write_player` makes anew."""
 
 

@@ -153,6 +153,7 @@ export const canStop = (...asked) => clearanceAfter(...asked) > MARGIN;
 function writeView(name, game, state, { role, number }) {
   if (CHARTED.includes(name)) writeChart(game);
   writeArena(game.arena);
+  writeMovers(game, state);
   writeRobots(game, state, [role, other(role)], number);
 }
 
