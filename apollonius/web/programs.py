@@ -209,7 +209,7 @@ def _examples() -> dict[str, Any]:
     }
 
 
-_FLAGS = ("-target", "wasm32-wasi", "-std=c99", "-O2", "-msimd128", "-s")
+_FLAGS = ("-target", "wasm32-wasi", "-std=c99", "-Os", "-msimd128", "-s")
 _STACK = 2**24
 """For the arrays of functions [bytes]; the paths of a chart have 5 MB."""
 OF_PAGE = ("-mexec-model=reactor", f"-Wl,-z,stack-size={_STACK},--export=__heap_base")
