@@ -280,8 +280,10 @@ class AnyShuttle(Shuttle):
             number: Int[Array, ""], now: tuple[Scalar, Scalar, Scalar]
         ) -> tuple[Scalar, Scalar, Scalar]:
             time, x, y = now
-            here, there = (points[jnp.minimum(turn, last - turn)] for turn in (number, number + 1))
-            leg = Leg(time, there[0] - here[0], there[1] - here[1])
+            start, target = (
+                points[jnp.minimum(turn, last - turn)] for turn in (number, number + 1)
+            )
+            leg = Leg(time, target[0] - start[0], target[1] - start[1])
             end = time + duration(leg.length, self.v_max, self.a_max) + self.pause
             return end, *self.place_along(leg, x, y, clock)
 

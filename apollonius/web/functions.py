@@ -223,8 +223,8 @@ def clearance_after(
     arena, (body, robot) = floor.arena(field), robots.first
     top_speed = jnp.maximum(body.v_max, -body.v_min)
     steps = jnp.ceil(top_speed / (body.u1_max * dt)).astype(jnp.int32)
-    seen = movers.in_view(mover_states.motion)
-    backup = DynamicBackup(arena, dt, steps, may_reverse=True, movers=seen)
+    movers_in_view = movers.in_view(mover_states.motion)
+    backup = DynamicBackup(arena, dt, steps, may_reverse=True, movers=movers_in_view)
     after = move(robots, levels, dt)
     longest = after.v**2 / (2 * body.u1_max) + after.v * dt
     least = (

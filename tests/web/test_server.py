@@ -250,6 +250,16 @@ def test_unknown_players_games_and_seeds_are_refused(arguments, complaint):
         choose_match(*arguments)
 
 
+def test_game_with_more_movers_than_the_page_has_room_for_is_refused(tmp_path):
+    for count, expected in (
+        (12, nullcontext()),
+        (13, pytest.raises(InvalidInput, match=r"movers\.walkers = 13 .*at most 12")),
+    ):
+        (tmp_path / "crowd.toml").write_text(f"[[movers.walkers]]\ncount = {count - 1}\n[[movers.walkers]]\n")
+        with expected:
+            choose_match(Role.EVADER, None, str(tmp_path / "crowd.toml"), 0)
+
+
 def test_full_disk_leaves_no_partial_site(tmp_path, monkeypatch, capsys):
     def fail(path):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
