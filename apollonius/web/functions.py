@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, Int, UInt32
 
 from apollonius.agents.path_following import search_view
 from apollonius.agents.wrappers import clearance_penalty as penalties
-from apollonius.agents.wrappers.backup import MARGIN
+from apollonius.agents.wrappers.backup import MARGIN, steps_to_rest
 from apollonius.arenas.charting import clearances, paths
 from apollonius.game.chart import COARSE, NO_PATH, Chart, entries
 from apollonius.game.dynamics import MIRRORED, Unicycle
@@ -221,10 +221,10 @@ def clearance_after(
     It is less, but more than `MARGIN`, where nothing is within reach of any manoeuvre to rest.
     """
     arena, (body, robot) = floor.arena(field), robots.first
-    top_speed = jnp.maximum(body.v_max, -body.v_min)
-    steps = jnp.ceil(top_speed / (body.u1_max * dt)).astype(jnp.int32)
     movers_in_view = movers.in_view(mover_states.motion)
-    backup = DynamicBackup(arena, dt, steps, may_reverse=True, movers=movers_in_view)
+    backup = DynamicBackup(
+        arena, dt, steps_to_rest(body, dt), may_reverse=True, movers=movers_in_view
+    )
     after = move(robots, levels, dt)
     longest = after.v**2 / (2 * body.u1_max) + after.v * dt
     least = (

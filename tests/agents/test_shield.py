@@ -14,7 +14,7 @@ from apollonius.agents.classical import Uniform
 from apollonius.agents.network import make_network
 from apollonius.agents.policy import AbstractContinuous, AbstractPolicy
 from apollonius.agents.trained import Greedy
-from apollonius.agents.wrappers.backup import MARGIN, brakes
+from apollonius.agents.wrappers.backup import MARGIN, brakes, steps_to_rest
 from apollonius.agents.wrappers.shield import with_shield
 from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import find_game
@@ -89,6 +89,27 @@ def test_shielded_robots_never_run_into_movers(drives):
     assert outcomes["captured"] + outcomes["no_result"] == 60
     bare = play_match(a_match(game, Reckless(), players[1], games=60, seed=1)).outcomes
     assert bare["pursuer_hit_obstacle"] + bare["pursuer_out_of_range"] > 50
+
+
+def test_robot_rests_after_the_steps_of_a_manoeuvre():
+    """To the bit, though 1.2 less forty times 0.03 leaves a little in single precision: movers count until it rests."""
+
+    @jax.jit
+    @jax.vmap
+    def rests(v_max, u1_max):
+        body = Unicycle(v_max=v_max, u1_max=u1_max)
+        brake = functools.partial(body.move, u1=-u1_max, u2=jnp.float32(0.0), dt=0.1)
+        at_top_speed = robot(0.0, 0.0, 0.0, 0.0)
+        at_top_speed = replace(at_top_speed, v=v_max)
+        steps = steps_to_rest(body, 0.1)
+        end = jax.lax.fori_loop(0, steps, lambda _, state: brake(state), at_top_speed)
+        return end.v, steps.astype(jnp.float32) - v_max / (u1_max * 0.1)
+
+    v_max, u1_max = (np.random.default_rng(0).uniform(0.1, 2.0, (2, 500)) // 0.01 * 0.01).astype(np.float32)
+    v_max[0], u1_max[0] = 1.2, 0.3
+    speeds, spare = rests(v_max, u1_max)
+    assert (np.asarray(speeds) == 0).all()
+    assert (np.asarray(spare) < 2.001).all()
 
 
 def test_shield_promises_nothing_to_robots_that_do_not_see_all_movers():

@@ -2,13 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import ceil
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.core import Tracer
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from apollonius.game.arena import Arena
 from apollonius.game.drive import limited_turn_rate
@@ -245,7 +244,7 @@ def brakes(game: Game, role: Role, is_uncertain: bool = False) -> Backup:
         bound = "0 m/s: a robot that is uncertain of itself must not drive backwards"
         require(body.v_min == 0 or not is_uncertain, "v_min", body.v_min, bound)
     longer = _LONGER if is_uncertain else 1
-    steps = longer * max(ceil(body.top_speed / (body.u1_max * game.dt)) for body in bodies)
+    steps = longer * max(int(steps_to_rest(body, game.dt)) for body in bodies)
     most_error = min(map(_stopping_distance, bodies)) if is_uncertain else None
     surroundings = _surroundings(game, bodies, most_error or 0.0)
     arena = pack(replace(game.arena, polygons=()) if surroundings else game.arena)
@@ -260,6 +259,16 @@ def brakes(game: Game, role: Role, is_uncertain: bool = False) -> Backup:
         most_error,
         may_reverse=any(body.v_min < 0 for body in bodies),
     )
+
+
+def steps_to_rest(body: Unicycle, dt: Real) -> Int[Array, ""]:
+    """Return the number of steps of `dt` [s] after which a robot that brakes certainly rests.
+
+    It is one more than the top speed takes, as rounding may leave some 1e-6 m/s, and movers count
+    until a robot rests.
+    """
+    top_speed = jnp.maximum(body.v_max, -body.v_min)
+    return jnp.ceil(top_speed / (body.u1_max * dt)).astype(jnp.int32) + 1
 
 
 def _stopping_distance(body: Unicycle) -> Real:
