@@ -120,7 +120,7 @@ def browser():
 
 
 LONGEST = (
-    "test_parity.py", "test_run.py", "test_player.py", "test_gymnasium.py", "test_tracking.py", "test_benchmark.py",
+    "test_parity.py", "test_run.py", "test_player.py", "test_gymnasium.py", "test_tracking.py", "test_card.py",
     "test_joint.py", "test_cli.py", "test_page.py", "test_classical.py", "test_shield.py", "test_dqn.py",
     "test_report.py", "test_rollout.py", "test_physics.py", "test_animation.py", "test_loop.py", "test_opponents.py",
     "test_server.py", "test_suite.py", "test_motion.py", "test_outcome.py", "test_free_space.py", "test_reproduce.py",

@@ -30,12 +30,12 @@ from apollonius.agents.store import describe, load_header, save_agent
 from apollonius.arenas.file import find_game, from_dict, load_game, to_dict
 from apollonius.arenas.map_file import load_map
 from apollonius.arenas.survey import map_notes, survey
+from apollonius.benchmark import track
+from apollonius.benchmark.card import FORMAT, SuiteCard, load_card
+from apollonius.benchmark.track import ROUNDS, Benchmark, Round
 from apollonius.catalogue import find_player
 from apollonius.cli.terminal import runs_table
-from apollonius.evaluate import benchmark
-from apollonius.evaluate.benchmark import ROUNDS, Benchmark, Round
 from apollonius.evaluate.match import Match
-from apollonius.evaluate.suite_card import FORMAT, SuiteCard, load_card
 from apollonius.export.bag import bag_of, load_bag, recompute_decisions
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game, sample_starts
@@ -342,7 +342,7 @@ def as_shipped():
         patch.setattr(Figure, "savefig", Figure.savefig.__wrapped__)
         patch.setattr(Benchmark, "game", replace(find_game("suite-v2/fences-00,fences-01"), max_steps=60))
         patch.setattr(Benchmark, "arenas", ("fences-00", "fences-01"))
-        patch.setattr(benchmark, "PANELS", {"full": {"evader": ("still", "random")}})
+        patch.setattr(track, "PANELS", {"full": {"evader": ("still", "random")}})
         yield
     jaxtyping.config.update("jaxtyping_disable", False)
 

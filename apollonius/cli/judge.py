@@ -30,7 +30,7 @@ from apollonius.io.errors import require, require_extra
 from apollonius.io.limits import GAMES, ONNX, SIMULATED_GAMES
 
 if TYPE_CHECKING:
-    from apollonius.evaluate.suite_card import SuiteCard
+    from apollonius.benchmark.card import SuiteCard
 
 
 TRACKS = ("full", "lidar", "team")
@@ -198,8 +198,8 @@ def add_suite(parser: argparse.ArgumentParser) -> None:
 
 
 def run_judge(options: argparse.Namespace) -> int:
-    from apollonius.evaluate.benchmark import Benchmark
-    from apollonius.evaluate.suite_card import judge_agent
+    from apollonius.benchmark.card import judge_agent
+    from apollonius.benchmark.track import Benchmark
     from apollonius.export.player import exported_side
     from apollonius.game.types import Role
     from apollonius.io.document import to_json, write_atomically
@@ -224,7 +224,7 @@ def run_judge(options: argparse.Namespace) -> int:
 
 
 def run_verify(options: argparse.Namespace) -> int:
-    from apollonius.evaluate.suite_card import verify
+    from apollonius.benchmark.card import verify
 
     options.display.begin_task("playing games of the card")
     card = verify(options.card, options.agent, options.all, options.display.report)

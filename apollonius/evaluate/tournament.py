@@ -16,8 +16,8 @@ from jaxtyping import Float
 from apollonius.agents.names import BUILT_IN, SHIELDED
 from apollonius.agents.source import NamedPlayer
 from apollonius.catalogue import find_player
-from apollonius.evaluate.benchmark import PANELS
 from apollonius.evaluate.match import Match, MatchResult, play_games, play_matches, record_game
+from apollonius.evaluate.panels import PANELS
 from apollonius.evaluate.statistics import Z
 from apollonius.game.game import Game
 from apollonius.game.types import ROLES, BySide, Outcome, Role

@@ -132,14 +132,14 @@ def test_nodes_parses_a_grid_and_refuses_others():
 def test_choices_match_the_modules_they_stand_for():
     from apollonius.agents import built_in, names
     from apollonius.cli import exploit, judge, options, show, train
-    from apollonius.evaluate import benchmark
+    from apollonius.evaluate import panels
     from apollonius.exploit import attackers
     from apollonius.game import names as games
     from apollonius.game import presets
     from apollonius.learn import config, dqn
     from apollonius.show import animation
 
-    assert set(judge.TRACKS) == set(benchmark.PANELS)
+    assert set(judge.TRACKS) == set(panels.PANELS)
     assert set(options.LENGTHS) == set(config.PRESETS)
     assert [*exploit.ATTACKERS] == ["table", "zoo", attackers.PLANNER, attackers.LEARNED]
     assert list(built_in.PLAYERS) == list(names.BUILT_IN)

@@ -12,6 +12,7 @@ from apollonius.agents.classical import Uniform
 from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.store import describe, save_agent
 from apollonius.agents.trained import SquashedMean
+from apollonius.benchmark.card import load_card
 from apollonius.cli.terminal import advice_table
 from apollonius.evaluate import tournament
 from apollonius.evaluate.claims import TABLE_2, TABLE_3, Claim
@@ -25,7 +26,6 @@ from apollonius.evaluate.statistics import (
     predict,
     wilson_interval,
 )
-from apollonius.evaluate.suite_card import load_card
 from apollonius.game.arena import Arena
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role

@@ -26,6 +26,7 @@ from apollonius.arenas.file import find_game, to_dict
 from apollonius.arenas.suite import suite_entries
 from apollonius.catalogue import find_player
 from apollonius.evaluate.match import Match, draw_starts
+from apollonius.evaluate.panels import PANELS
 from apollonius.evaluate.result import worst_mean
 from apollonius.evaluate.statistics import mean_interval
 from apollonius.game.game import Game
@@ -41,14 +42,6 @@ from apollonius.play import rollout
 from apollonius.play.playout import AbstractWatcher, Results, play_out
 from apollonius.play.rollout import Transition
 
-_EVADERS = ("still", "hide", "evader", "shielded:evader")
-_PURSUERS = {
-    "full": ("pure-pursuit", "intercept", "pursuer", "shielded:pursuer"),
-    "lidar": ("intercept", "search", "searching:pursuer", "shielded:searching:pursuer"),
-    "team": ("pure-pursuit", "intercept", "pursuer", "shielded:pursuer"),
-}
-PANELS = {track: {"pursuer": pursuers, "evader": _EVADERS} for track, pursuers in _PURSUERS.items()}
-"""Opponents of each track by side; other panels are another benchmark."""
 SUITE, PART = "suite-v2", "held-out"
 """The arenas that are played in."""
 ROUNDS = 2

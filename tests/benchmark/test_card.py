@@ -18,10 +18,11 @@ from apollonius.agents.onnx_process import LIMITS, parse_actions
 from apollonius.agents.source import NamedPlayer
 from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import find_game
+from apollonius.benchmark import card as card_file
+from apollonius.benchmark import track
+from apollonius.benchmark.card import judge_agent, verify
+from apollonius.benchmark.track import FORFEIT, Benchmark, digest_of
 from apollonius.cli.main import main
-from apollonius.evaluate import benchmark, suite_card
-from apollonius.evaluate.benchmark import FORFEIT, Benchmark, digest_of
-from apollonius.evaluate.suite_card import judge_agent, verify
 from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput
 
@@ -55,7 +56,7 @@ def small():
         patch.setattr(Benchmark, "game", game)
         patch.setattr(Benchmark, "arenas", ARENAS)
         patch.setattr(onnx_agent, "missing_extra", lambda *_: None)
-        patch.setattr(benchmark, "PANELS", {"full": panel})
+        patch.setattr(track, "PANELS", {"full": panel})
         yield
 
 
@@ -121,7 +122,7 @@ def lie_well(data):
     """An outcome that was not, and the score that follows from it."""
     outcomes = data["opponents"]["still"][0]["outcomes"]
     outcomes[0] = 3 if outcomes[0] != 3 else 2
-    found = suite_card.from_dict(suite_card.SuiteCard, data, "it")
+    found = card_file.from_dict(card_file.SuiteCard, data, "it")
     data["score"] = asdict(found.benchmark.score(found.opponents))
 
 
@@ -171,7 +172,7 @@ def test_tampered_card_is_refused(card, change, naming):
 @pytest.mark.parametrize("seed", [0, 1])
 def test_verify_draws_a_seed_for_each_opponent(card, seed, monkeypatch):
     drawn = iter([seed, 1 - seed])
-    monkeypatch.setattr(suite_card.secrets, "randbelow", lambda _: next(drawn))
+    monkeypatch.setattr(card_file.secrets, "randbelow", lambda _: next(drawn))
     data = json.loads(card.read_text())
     data["opponents"]["random"][1 - seed]["course"] = "0" * 16
     card.write_text(json.dumps(data))
@@ -346,7 +347,7 @@ def test_onnx_models_that_cannot_play_are_refused_with_the_reason(tmp_path):
 
 def test_net_win_rate_counts_the_time_limit_for_the_evader():
     outcomes = (1, 2, 3, 4, 5, 6, 7, FORFEIT)
-    one = benchmark.Round(0, outcomes, (1,) * 8, (0,) * 8, "0" * 16, "it failed")
+    one = track.Round(0, outcomes, (1,) * 8, (0,) * 8, "0" * 16, "it failed")
     pursuer = Benchmark("full", Role.PURSUER)._net_win_rates(one)
     assert pursuer.tolist() == [1, -1, 1, -1, 1, 0, -1, -1]
     assert Benchmark("full", Role.EVADER)._net_win_rates(one).tolist() == [-1, 1, -1, 1, -1, 0, 1, -1]

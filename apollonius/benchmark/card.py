@@ -13,7 +13,7 @@ from typing import Literal
 
 from apollonius.agents.source import NamedPlayer
 from apollonius.arenas.file import from_dict
-from apollonius.evaluate.benchmark import ROUNDS, Benchmark, Round, Score, digest_of
+from apollonius.benchmark.track import ROUNDS, Benchmark, Round, Score, digest_of
 from apollonius.game.types import Role
 from apollonius.io.cache import environment
 from apollonius.io.document import parse_json, read_bytes
