@@ -32,6 +32,8 @@ from apollonius.arenas.map_file import load_map
 from apollonius.arenas.survey import map_notes, survey
 from apollonius.benchmark import track
 from apollonius.benchmark.card import FORMAT, SuiteCard, load_card
+from apollonius.benchmark.scenarios import FOLDER as SCENARIOS
+from apollonius.benchmark.scenarios import load_scenario
 from apollonius.benchmark.track import ROUNDS, Benchmark, Round
 from apollonius.catalogue import find_player
 from apollonius.cli.terminal import runs_table
@@ -221,6 +223,12 @@ def cards(folder):
     return [to_json(asdict(card)).encode()]
 
 
+def scenarios(folder):
+    """Return the sound scenarios of a game, which lies beside them."""
+    shutil.copy(SCENARIOS / "late_brake.toml", folder / "mine.toml")
+    return [(SCENARIOS / "late_brake.json").read_bytes()]
+
+
 def drives(folder):
     return [tomli_w.dumps(asdict(RobotHardware())).encode(), b"mass = 30\nfriction = 0.4\nlatency = 0.1\n"]
 
@@ -324,6 +332,7 @@ FUZZED = {
         "drive/drive.mcap", "bytes", drive_bags, lambda path: load_drive_record(path.parent, "odom", "cmd_vel")
     ),
     "card": Kind("card.json", "json", cards, load_card),
+    "scenario": Kind("mine.json", "json", scenarios, load_scenario),
     "drive": Kind("drive.toml", "toml", drives, use_drive),
     "config": Kind("train.toml", "toml", configs, use_config),
     "run's config": Kind("config.toml", "toml", partial(run_file, "config.toml"), use_run),

@@ -152,14 +152,8 @@ class Benchmark:
         }
 
     def find(self, name: str) -> NamedPlayer:
-        """Return the player of a name or a file.
-
-        Raises:
-            InvalidInput: As `find_player` and `OnnxProcess`.
-        """
-        if name.endswith(ONNX):
-            return NamedPlayer(Path(name).name, OnnxAgent(OnnxProcess(Path(name))))
-        return find_player(name, self.role, self.game)
+        """Return the player of a name or a file; raises InvalidInput as `find_entry`."""
+        return find_entry(name, self.role, self.game)
 
     def play(self, agent: NamedPlayer, opponent: str, seed: int) -> Round:
         """Play a round."""
@@ -254,6 +248,17 @@ class Benchmark:
         wins = BySide(pursuer_wins, evader_wins)
         worth = wins[self.role] - wins[self.role.other]
         return np.where(np.array(game_round.outcomes) == FORFEIT, -1.0, worth)
+
+
+def find_entry(name: str, role: Role, game: Game) -> NamedPlayer:
+    """Return the player of a name or a file, which may be an ONNX model.
+
+    Raises:
+        InvalidInput: As `find_player` and `OnnxProcess`.
+    """
+    if name.endswith(ONNX):
+        return NamedPlayer(Path(name).name, OnnxAgent(OnnxProcess(Path(name))))
+    return find_player(name, role, game)
 
 
 @partial(jax.jit, static_argnames="role")

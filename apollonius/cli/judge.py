@@ -5,7 +5,7 @@ benchmark.
 import argparse
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from apollonius.agents.names import SIDES
 from apollonius.cli.options import (
@@ -24,17 +24,23 @@ from apollonius.cli.options import (
     shell_command,
     warn,
 )
-from apollonius.cli.terminal import comparison_table, match_table, tournament_table
+from apollonius.cli.terminal import comparison_table, match_table, scenarios_table, tournament_table
 from apollonius.cli.values import agent_of, agent_or_model, existing_file, new_file, whole_number
 from apollonius.io.errors import require, require_extra
 from apollonius.io.limits import GAMES, ONNX, SIMULATED_GAMES
 
 if TYPE_CHECKING:
     from apollonius.benchmark.card import SuiteCard
+    from apollonius.game.types import Role
 
 
 TRACKS = ("full", "lidar", "team")
 """Parts of the benchmark."""
+_ENTRY: dict[str, dict[str, Any]] = {
+    "agent": {"type": agent_or_model, "metavar": "AGENT", "help": f"{AGENT}; or an .onnx file"},
+    "--side": {"choices": SIDES, "help": "of an agent from outside, or that plays either"},
+}
+"""The arguments of an agent that is judged."""
 
 
 def add_evaluate(parser: argparse.ArgumentParser) -> None:
@@ -165,12 +171,8 @@ def add_suite(parser: argparse.ArgumentParser) -> None:
     judge_parser = actions.add_parser(
         "judge", help="play all games of the benchmark and write a card"
     )
-    judge_parser.add_argument(
-        "agent", type=agent_or_model, metavar="AGENT", help=f"{AGENT}; or an .onnx file"
-    )
-    judge_parser.add_argument(
-        "--side", choices=SIDES, help="of an agent from outside, or that plays either"
-    )
+    for name, settings in _ENTRY.items():
+        judge_parser.add_argument(name, **settings)
     judge_parser.add_argument(
         "--track",
         choices=TRACKS,
@@ -193,26 +195,26 @@ def add_suite(parser: argparse.ArgumentParser) -> None:
         "--all", action="store_true", help="play all its games (default: half, drawn at random)"
     )
     verify_parser.set_defaults(run=run_verify)
-    for action in (judge_parser, verify_parser):
+    scenarios_parser = actions.add_parser(
+        "scenarios", help="play situations that its side can win against many replies"
+    )
+    for name, settings in _ENTRY.items():
+        scenarios_parser.add_argument(name, **settings)
+    scenarios_parser.add_argument(
+        "--only", nargs="+", metavar="SCENARIO", help="names or .json files (default: all)"
+    )
+    scenarios_parser.set_defaults(run=run_scenarios)
+    for action in (judge_parser, verify_parser, scenarios_parser):
         add_json(action)
 
 
 def run_judge(options: argparse.Namespace) -> int:
     from apollonius.benchmark.card import judge_agent
     from apollonius.benchmark.track import Benchmark
-    from apollonius.export.player import exported_side
-    from apollonius.game.types import Role
     from apollonius.io.document import to_json, write_atomically
 
     require(not options.out.exists(), "--out", options.out, "a new file; choose another name")
-    outside = options.agent.endswith(ONNX)
-    require(
-        options.side or not outside,
-        "--side",
-        None,
-        "given for an agent from outside: pursuer or evader",
-    )
-    role = Role[options.side.upper()] if outside else exported_side(options.agent, options.side)
+    role = _judged_role(options)
     options.display.begin_task("playing the benchmark")
     card = judge_agent(
         Benchmark(options.track, role), options.agent, options.display.report, jobs_run(options)
@@ -220,6 +222,34 @@ def run_judge(options: argparse.Namespace) -> int:
     write_atomically(options.out, to_json(asdict(card)).encode())
     _print_card(options, card)
     print_next_step(options, options.out, then=shell_command("suite", "verify", options.out))
+    return 0
+
+
+def _judged_role(options: argparse.Namespace) -> "Role":
+    from apollonius.export.player import exported_side
+    from apollonius.game.types import Role
+
+    if not options.agent.endswith(ONNX):
+        return exported_side(options.agent, options.side)
+    bound = "given for an agent from outside: pursuer or evader"
+    require(options.side, "--side", None, bound)
+    return Role[options.side.upper()]
+
+
+def run_scenarios(options: argparse.Namespace) -> int:
+    from apollonius.benchmark.scenarios import find_scenarios, play_scenarios
+
+    role = _judged_role(options)
+    scenarios = find_scenarios(role, options.only)
+    options.display.begin_task(f"playing {len(scenarios)} scenarios")
+    results = play_scenarios(options.agent, scenarios, options.display.report)
+    solved = sum(result.is_solved for result in results)
+    facts = {
+        "agent": options.agent,
+        "solved": solved,
+        "scenarios": [asdict(result) for result in results],
+    }
+    print_result(options, facts, scenarios_table(options.agent, results))
     return 0
 
 

@@ -9,6 +9,7 @@ from apollonius.agents.names import SIDES
 from apollonius.io.errors import LONGEST_MESSAGE, format_value
 
 if TYPE_CHECKING:
+    from apollonius.benchmark.scenarios import ScenarioResult
     from apollonius.cli.display import Display
     from apollonius.evaluate.learning import Curve
     from apollonius.evaluate.match import Match, MatchResult
@@ -262,6 +263,19 @@ def card_table(agent: str, starts: str, card: "RegretCard") -> str:
         f"  gap to what its own table promises {card.gap:.3f} "
         f"{interval_text(card.gap_interval, '.3f')}"
     )
+
+
+def scenarios_table(agent: str, results: "Sequence[ScenarioResult]") -> str:
+    """Return the scenarios that an agent played as lines of text."""
+    rows = [("scenario", "goal", "won", "solved")]
+    for result in results:
+        verdict = "yes" if result.is_solved else "no"
+        won = f"{result.won:,} of {result.replies:,}"
+        rows.append((result.scenario, result.goal, won, verdict))
+    solved = sum(result.is_solved for result in results)
+    heading = f"{agent} solves {solved} of {len(results)}: wins against every reply that is played."
+    failures = [f"{result.scenario}: {result.failure}" for result in results if result.failure]
+    return "\n".join([heading, *columns(rows), *failures])
 
 
 def _in_words(outcomes: dict[str, int]) -> str:

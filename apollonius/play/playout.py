@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int, PRNGKeyArray
 
-from apollonius.agents.pool import Pool
+from apollonius.agents.pool import AbstractPlayers
 from apollonius.game.game import Game
 from apollonius.game.types import BySide, Flag, GameState, tree_where
 from apollonius.io.workers import available_cores
@@ -75,7 +75,7 @@ class _Play(eqx.Module):
     """The rules, players, key and watcher, as in `play_out`; the same for all games."""
 
     game: Game
-    players: BySide[Pool]
+    players: BySide[AbstractPlayers]
     key: PRNGKeyArray
     watcher: AbstractWatcher | None
 
@@ -134,7 +134,7 @@ class _Progress(NamedTuple):
 
 def play_out(
     game: Game,
-    players: BySide[Pool],
+    players: BySide[AbstractPlayers],
     starts: GameState,
     key: PRNGKeyArray,
     slots: int | None = None,

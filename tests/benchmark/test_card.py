@@ -21,6 +21,7 @@ from apollonius.arenas.file import find_game
 from apollonius.benchmark import card as card_file
 from apollonius.benchmark import track
 from apollonius.benchmark.card import judge_agent, verify
+from apollonius.benchmark.scenarios import find_scenarios
 from apollonius.benchmark.track import FORFEIT, Benchmark, digest_of
 from apollonius.cli.main import main
 from apollonius.game.types import Role
@@ -343,6 +344,17 @@ def test_onnx_models_that_cannot_play_are_refused_with_the_reason(tmp_path):
         (tmp_path / "mine.onnx").write_bytes(one.SerializeToString())
         with pytest.raises(InvalidInput, match=rf"mine\.onnx.*{reason.strip()}"):
             Benchmark("full", Role.PURSUER).find(str(tmp_path / "mine.onnx"))
+
+
+def test_agent_from_outside_plays_scenarios_and_loses_those_in_which_it_fails(enter_agent):
+    (late_brake,) = find_scenarios(Role.EVADER, ["late_brake"])
+    _, braking = enter_agent("answer(np.full(rows, 1, np.int32))", Role.EVADER)
+    result = late_brake.play(braking)
+    assert (result.won, result.failure) == (len(late_brake.replies), "")
+    _, failing = enter_agent("sys.exit(3) if step == 9 else answer(np.full(rows, 1, np.int32))", Role.EVADER)
+    result = late_brake.play(failing)
+    assert result.won == 0
+    assert "status 3" in result.failure
 
 
 def test_net_win_rate_counts_the_time_limit_for_the_evader():
