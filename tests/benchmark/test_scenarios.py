@@ -73,6 +73,16 @@ def test_stored_line_wins_against_every_coarse_reply(name):
     assert proof.replies == len(one.replies) == 9 ** (int(one.game.max_steps) // one.coarse_hold)
 
 
+def test_published_proofs_are_those_of_the_stored_lines():
+    path = REPOSITORY / "docs" / "results" / "tables" / "scenarios.json"
+    proofs = {proof["scenario"]: proof for proof in json.loads(path.read_text())["proofs"]}
+    assert set(proofs) == set(NAMES)
+    for name, proof in proofs.items():
+        one = scenario_of(name)
+        assert (proof["goal"], proof["line"]) == (one.goal, [list(robot) for robot in one.line])
+        assert proof["replies"] == 9 ** len(one.line[0])
+
+
 @pytest.mark.parametrize("name", ["corner", "late_brake", "pillar"])
 def test_claim_is_proved_again_for_replies_of_half_a_second(name):
     one = scenario_of(name)
