@@ -4,7 +4,7 @@ benchmarks/scenarios.py OUT`.
 A line is proved against every reply that holds its actions for as long as the line does (0.5 s), by
 exhaustive search in the game's own rules: the other side may change its action at the end of each
 hold only. Agents play against coarser replies. Some 15 minutes of a core, the proofs alone
-(`--agents` without a name) five.
+(`--agents` without a name) two.
 """
 
 import argparse

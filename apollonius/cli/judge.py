@@ -25,7 +25,14 @@ from apollonius.cli.options import (
     warn,
 )
 from apollonius.cli.terminal import comparison_table, match_table, scenarios_table, tournament_table
-from apollonius.cli.values import agent_of, agent_or_model, existing_file, new_file, whole_number
+from apollonius.cli.values import (
+    agent_of,
+    agent_or_model,
+    existing_file,
+    new_file,
+    scenario_or_file,
+    whole_number,
+)
 from apollonius.io.errors import require, require_extra
 from apollonius.io.limits import GAMES, ONNX, SIMULATED_GAMES
 
@@ -201,7 +208,11 @@ def add_suite(parser: argparse.ArgumentParser) -> None:
     for name, settings in _ENTRY.items():
         scenarios_parser.add_argument(name, **settings)
     scenarios_parser.add_argument(
-        "--only", nargs="+", metavar="SCENARIO", help="names or .json files (default: all)"
+        "--only",
+        type=scenario_or_file,
+        nargs="+",
+        metavar="SCENARIO",
+        help="names or .json files (default: all)",
     )
     scenarios_parser.set_defaults(run=run_scenarios)
     for action in (judge_parser, verify_parser, scenarios_parser):

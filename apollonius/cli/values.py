@@ -213,6 +213,12 @@ def agents_in_run(run: str) -> list[str]:
     )
 
 
+def scenario_or_file(text: str) -> str:
+    """Return a scenario's name, or its `.json` file."""
+    is_file = player_or_file(text).lower().endswith(".json")
+    return str(existing_file(text)) if is_file else text
+
+
 def existing_game(text: str) -> str:
     """Return a game's name or file; one that nobody has is refused here, where JAX is not needed
     for it.

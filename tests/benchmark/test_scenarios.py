@@ -152,7 +152,7 @@ REFUSED = {
     "mine.onnx": "no such file: 'mine.onnx'",
     "evader --only nowhere": "scenario = nowhere is not possible",
     "evader --only corner": "with one at least that the evader wins",
-    "evader --only nowhere.json": "must be a scenario's .json file",
+    "evader --only nowhere.json": "no such file: 'nowhere.json'",
     "territory --side evader --only late_brake": "territory",
 }
 
