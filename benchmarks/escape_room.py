@@ -7,7 +7,7 @@ around each disc alone. A course that is out of reach by one of the two at each 
 whatever the pursuer knows of it.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
-from apollonius.game.types import RobotState, Role, Scalar
+from apollonius.game.types import Action, Flag, Real, RobotState, Role, Scalar
 
 _SPEEDS = 25
 """Speeds for which the reach is known; between two, that of the faster one is taken."""
@@ -70,7 +70,7 @@ def reach_of(body: Unicycle, dt: float, steps: int) -> Reach:
 
 
 def path_around(
-    x: Scalar, y: Scalar, to_x: Array, to_y: Array, disc: tuple[Scalar, Scalar, Scalar]
+    x: Scalar, y: Scalar, to_x: Array, to_y: Array, disc: tuple[Real, Real, Scalar]
 ) -> Array:
     """Return the lengths of the shortest paths from a point to others around a disc [m].
 
@@ -132,7 +132,7 @@ def drive(
     body = game.body(role)
 
     def one_course(course: Int[Array, " steps"]) -> tuple[RobotState, Bool[Array, " steps"]]:
-        def one_step(carry, action):
+        def one_step(carry: tuple[RobotState, Flag], action: Action) -> Any:
             before, is_free = carry
             after = body.move(before, *body.controls(action), game.dt)
             clearance = game.arena.clearance_along(before, after)

@@ -82,7 +82,7 @@ def play(
     states = jax.vmap(GameState.of_two)(*played.robots, steps=jnp.zeros_like(played.outcome))
     bits = jnp.zeros(len(actions), jnp.uint32)
 
-    def one_step(carry, step):
+    def one_step(carry: tuple[GameState, Array, Memory], step: tuple[Array, Array]) -> Any:
         states, outcome, memories = carry
         action, number = step
         if isinstance(answer, AbstractPolicy):

@@ -1,6 +1,7 @@
 """Policies that drive a course and then play as another player, and a planner that knows them."""
 
 from dataclasses import replace
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -13,7 +14,7 @@ from apollonius.agents.policy import AbstractPolicy, AbstractWrapper, Memory
 from apollonius.agents.source import NamedPlayer
 from apollonius.exploit.attack import Attack
 from apollonius.exploit.attackers import planner_against
-from apollonius.exploit.planner import Planner, _Simulation
+from apollonius.exploit.planner import Planner, Simulation
 from apollonius.game.outcome import PURSUER_WINS
 from apollonius.game.types import GameState, Outcome, RandomBits, RobotState, Role
 from apollonius.observe.view import View
@@ -45,7 +46,7 @@ class KnowingPlanner(Planner):
 
     opponent_memories: Memory = None
 
-    def _begin_simulation(self, start: GameState, games: int, courses: int) -> _Simulation:
+    def _begin_simulation(self, start: GameState, games: int, courses: int) -> Simulation:
         simulation = super()._begin_simulation(start, games, courses)
         memories = jax.tree.map(
             lambda leaf: jnp.repeat(leaf[:, None], courses, axis=1), self.opponent_memories
@@ -69,10 +70,10 @@ def plan_and_play(
     games = len(previous)
     bits = jax.random.bits(key, (games,), jnp.uint32)
 
-    def some_plans(rows):
-        robots, memories, previous, bits = rows
+    def some_plans(rows: tuple[Any, ...]) -> Array:
+        (own, other), memories, previous, bits = rows
         knowing = replace(planner, opponent_memories=memories)
-        return knowing.best_course(*robots, previous, bits)
+        return knowing.best_course(own, other, previous, bits)
 
     rows = played.robots, played.memories, previous, bits
     blocks = jax.tree.map(lambda leaf: leaf.reshape(-1, TOGETHER, *leaf.shape[1:]), rows)

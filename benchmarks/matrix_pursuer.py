@@ -1,6 +1,6 @@
 """A pursuer that compares many courses of both sides, and the evader's best answers to it."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -50,7 +50,7 @@ class MatrixPursuer(NamedTuple):
         evader, evader_is_free = drive(game, Role.EVADER, robots[1], self.other)
         steps = pursuer.x, pursuer.y, pursuer_is_free, evader.x, evader.y, evader_is_free
 
-        def one_step(carry, step):
+        def one_step(carry: tuple[Array, Array, Array], step: list[Array]) -> Any:
             capture, nearest, time = carry
             x, y, is_free, other_x, other_y, other_is_free = step
             squared = (x[:, None] - other_x) ** 2 + (y[:, None] - other_y) ** 2
