@@ -20,6 +20,7 @@ from apollonius.play.replay import as_state, load_replay
 from apollonius.show.animation import fog
 from apollonius.web import programs
 from apollonius.web.programs import player_program, sources, sources_digest, write_player
+from apollonius.web.site import DOORS, PAGE, SHUTTLES, WALKERS
 from tests.documents import REPOSITORY
 from tests.web.browser import needs_chromium, playwright
 
@@ -460,3 +461,11 @@ def test_write_player_refuses_continuous_players_and_a_missing_compiler(tmp_path
     monkeypatch.setattr(programs, "find_spec", lambda module: None)
     with pytest.raises(InvalidInput, match=r"ziglang = missing .* pip install ziglang"):
         programs.compile_programs([], ())
+
+
+def test_page_has_room_for_as_many_movers_as_its_programs():
+    numbers = re.search(
+        r"MOST_MOVERS = \{ shuttles: (\d+), doors: (\d+), walkers: (\d+) \}", (PAGE / "game.js").read_text()
+    )
+    assert numbers
+    assert [*map(int, numbers.groups())] == [SHUTTLES, DOORS, WALKERS]

@@ -1,8 +1,7 @@
 // A match under way on a canvas, from above: the arena, trails, robots. Lengths are in metres, y points up. The widths
 // of lines are those of an arena of 10 m.
 
-import { PURSUER, ROLES, bodyOf, bySide, isActive, robotOf, robotsOf, wrapAngle } from "./game.js";
-import { moversOf } from "./movers.js";
+import { PURSUER, ROLES, bodyOf, bySide, isActive, moversOf, robotOf, robotsOf, wrapAngle } from "./game.js";
 
 const SMALLEST = 0.015; // least radius of a robot's sign, as a share of the arena's longer side
 const MARGIN = 0.35; // around the walls [m], where a robot without a radius is seen whole

@@ -22,6 +22,9 @@ export const OUTCOMES = [
   "territory_reached",
 ];
 
+/** The most movers of each kind, in the order of the rules. */
+export const MOST_MOVERS = { shuttles: 4, doors: 6, walkers: 12 };
+
 export const clip = (value, low, high) => Math.min(Math.max(value, low), high);
 
 export const other = (role) => (role === PURSUER ? EVADER : PURSUER);
@@ -96,4 +99,14 @@ export function partsOf(name, games) {
   if (Object.hasOwn(games, name)) return [name, null];
   const [, pursuers, evaders, arena = "paper"] = /^team-(\d{1,2})v(\d{1,2})(?:\/(.+))?$/.exec(name) ?? [];
   return pursuers ? [arena, [Number(pursuers), Number(evaders)]] : [name, null];
+}
+
+/** The movers of a game in the order of the rules, each with its `kind` and its `place` in arrays of all; a group is several. */
+export function moversOf({ movers }) {
+  const kinds = Object.keys(MOST_MOVERS);
+  return kinds.flatMap((kind, number) => {
+    const all = (movers?.[kind] ?? []).flatMap((mover) => Array(mover.count ?? 1).fill(mover));
+    const first = kinds.slice(0, number).reduce((sum, before) => sum + MOST_MOVERS[before], 0);
+    return all.map((mover, index) => ({ hx: 0, hy: 0, ...mover, count: mover.waypoints?.length, kind, place: first + index }));
+  });
 }

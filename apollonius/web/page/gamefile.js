@@ -2,7 +2,7 @@
 // value, the bound and the remedy, as `arenas/file.py` and `game/validation.py` do.
 
 import { timeOfLeg } from "./calls.js";
-import { MOST } from "./movers.js";
+import { MOST_MOVERS } from "./game.js";
 import { hasMeetingEdges } from "./plan.js";
 import { drawStart, makeRandom, withMovers } from "./starts.js";
 
@@ -178,7 +178,7 @@ function moversFrom(said, arena) {
     require(Array.isArray(made[kind]), `movers.${kind}`, made[kind], "a list");
     made[kind] = made[kind].map((mover, index) => checkedMover(filled(mover, defaults, `movers.${kind}[${index}]`), `movers.${kind}[${index}]`, arena));
     const count = made[kind].reduce((sum, mover) => sum + (mover.count ?? 1), 0);
-    require(count <= MOST[kind], `movers.${kind}`, `${count} of them`, `at most ${MOST[kind]} in the page`);
+    require(count <= MOST_MOVERS[kind], `movers.${kind}`, `${count} of them`, `at most ${MOST_MOVERS[kind]} in the page`);
   }
   require(Object.values(made).some((movers) => movers.length), "movers", "empty", "shuttles, doors or walkers; or left out");
   return made;

@@ -1,8 +1,9 @@
 // Things that move by themselves, shuttles, doors and walkers: in the programs' memory, in game files, and in replays.
 //
-// A state has `movers` where its game has some: the leaves of the package's `MoverStates`, arrays with room for `MOST` of each
+// A state has `movers` where its game has some: the leaves of the package's `MoverStates`, arrays with room for `MOST_MOVERS` of each
 // kind. Those that a game does not have are far away.
 
+import { MOST_MOVERS, moversOf } from "./game.js";
 import { given } from "./programs.js";
 
 const FAR = 1e5; // [m]
@@ -14,20 +15,8 @@ const NOBODY = {
   walkers: LIMITS,
 };
 const KINDS = Object.keys(NOBODY);
-const placesFor = (kind) => Object.keys(given.movers()).filter((key) => key.startsWith(kind) && key.endsWith("radius")).length;
-/** The most movers of each kind. */
-export const MOST = Object.fromEntries(KINDS.map((kind) => [kind, placesFor(kind)]));
-const TIMED = MOST.shuttles + MOST.doors; // which come before walkers
+const TIMED = MOST_MOVERS.shuttles + MOST_MOVERS.doors; // which come before walkers
 let written = false; // the movers whose limits were written last
-
-/** The movers of a game in the order of the rules, each with its `kind` and its `place` in arrays of all; a group is several. */
-export function moversOf({ movers }) {
-  const first = { shuttles: 0, doors: MOST.shuttles, walkers: TIMED };
-  return KINDS.flatMap((kind) => {
-    const all = (movers?.[kind] ?? []).flatMap((mover) => Array(mover.count ?? 1).fill(mover));
-    return all.map((mover, index) => ({ hx: 0, hy: 0, ...mover, count: mover.waypoints?.length, kind, place: first[kind] + index }));
-  });
-}
 
 /** Write the movers of a game, and those of a state where it has some. */
 export function writeMovers(game, state) {
@@ -37,7 +26,7 @@ export function writeMovers(game, state) {
     const all = moversOf(game);
     for (const kind of KINDS) {
       const own = all.filter((mover) => mover.kind === kind);
-      for (let index = 0; index < MOST[kind]; index++) {
+      for (let index = 0; index < MOST_MOVERS[kind]; index++) {
         for (const [key, value] of Object.entries(own[index] ?? NOBODY[kind])) into[`${kind}_${index}_${key}`]?.set([value].flat(2));
       }
     }
@@ -59,7 +48,7 @@ export const TRIES = given.clock_shares().length / TIMED;
 
 /** The places of a game's movers in an array of all, or of all by the clock, or of all walkers. */
 function placesIn(values, game) {
-  const first = values.length === MOST.walkers ? TIMED : 0;
+  const first = values.length === MOST_MOVERS.walkers ? TIMED : 0;
   return moversOf(game).map(({ place }) => place - first).filter((place) => place >= 0 && place < values.length);
 }
 

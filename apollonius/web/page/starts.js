@@ -1,8 +1,8 @@
 // Where games begin: the same distribution as in `apollonius/game/starts.py`, from random numbers of the page's own.
 
 import { clearance, startMovers } from "./calls.js";
-import { EVADER, PURSUER, ROLES, bodiesOf, bySide, countsOf, other } from "./game.js";
-import { TRIES, moversOf } from "./movers.js";
+import { EVADER, PURSUER, ROLES, bodiesOf, bySide, countsOf, moversOf, other } from "./game.js";
+import { TRIES } from "./movers.js";
 
 /** Numbers uniform in [0, 1) from a seed: mulberry32. The page's own; the Python rules draw from JAX's. */
 export function makeRandom(seed) {
