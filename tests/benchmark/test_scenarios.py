@@ -83,7 +83,9 @@ def test_published_proofs_are_those_of_the_stored_lines():
         assert proof["replies"] == 9 ** len(one.line[0])
 
 
-@pytest.mark.parametrize("name", ["corner", *(pytest.param(name, marks=pytest.mark.slow) for name in ("late_brake", "pillar"))])
+@pytest.mark.parametrize(
+    "name", ["corner", *(pytest.param(name, marks=pytest.mark.slow) for name in ("late_brake", "pillar"))]
+)
 def test_claim_is_proved_again_for_replies_of_half_a_second(name):
     one = scenario_of(name)
     assert one.hold * one.game.dt == pytest.approx(0.5)
