@@ -5,7 +5,7 @@ benchmark.
 import argparse
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from apollonius.agents.names import SIDES
 from apollonius.cli.options import (
@@ -43,11 +43,6 @@ if TYPE_CHECKING:
 
 TRACKS = ("full", "lidar", "team")
 """Parts of the benchmark."""
-_ENTRY: dict[str, dict[str, Any]] = {
-    "agent": {"type": agent_or_model, "metavar": "AGENT", "help": f"{AGENT}; or an .onnx file"},
-    "--side": {"choices": SIDES, "help": "of an agent from outside, or that plays either"},
-}
-"""The arguments of an agent that is judged."""
 
 
 def add_evaluate(parser: argparse.ArgumentParser) -> None:
@@ -178,8 +173,7 @@ def add_suite(parser: argparse.ArgumentParser) -> None:
     judge_parser = actions.add_parser(
         "judge", help="play all games of the benchmark and write a card"
     )
-    for name, settings in _ENTRY.items():
-        judge_parser.add_argument(name, **settings)
+    _add_entry(judge_parser)
     judge_parser.add_argument(
         "--track",
         choices=TRACKS,
@@ -205,8 +199,7 @@ def add_suite(parser: argparse.ArgumentParser) -> None:
     scenarios_parser = actions.add_parser(
         "scenarios", help="play situations that its side can win against many replies"
     )
-    for name, settings in _ENTRY.items():
-        scenarios_parser.add_argument(name, **settings)
+    _add_entry(scenarios_parser)
     scenarios_parser.add_argument(
         "--only",
         type=scenario_or_file,
@@ -217,6 +210,16 @@ def add_suite(parser: argparse.ArgumentParser) -> None:
     scenarios_parser.set_defaults(run=run_scenarios)
     for action in (judge_parser, verify_parser, scenarios_parser):
         add_json(action)
+
+
+def _add_entry(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of an agent that is judged."""
+    parser.add_argument(
+        "agent", type=agent_or_model, metavar="AGENT", help=f"{AGENT}; or an .onnx file"
+    )
+    parser.add_argument(
+        "--side", choices=SIDES, help="of an agent from outside, or that plays either"
+    )
 
 
 def run_judge(options: argparse.Namespace) -> int:

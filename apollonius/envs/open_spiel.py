@@ -195,9 +195,11 @@ class DuelState(pyspiel.State):  # pyright: ignore[reportUntypedBaseClass]
         return numbers if self.movers is None else numbers | {"movers": self._mover_numbers()}
 
     def _mover_numbers(self) -> Float[np.ndarray, " numbers"]:
-        """Return all that changes of the movers; their random bits do not."""
-        *changing, _ = jax.tree.leaves(self.movers)
-        return np.concatenate(changing)
+        """Return all numbers of the movers but their random bits, which do not change."""
+        movers = self.movers
+        assert movers is not None, "the game has some"
+        numbers = movers.motion, movers.clocks, movers.goal_x, movers.goal_y
+        return np.concatenate(jax.tree.leaves(numbers))
 
     def __str__(self) -> str:
         robots = zip(_SIDES, np.split(self.robots, 2), strict=True)

@@ -1,4 +1,4 @@
-"""What a robot must not touch: the arena, by its chart, and the movers that it sees."""
+"""The surroundings of a robot: the arena, by its chart, and the movers in sight."""
 
 import equinox as eqx
 import jax

@@ -87,8 +87,12 @@ def step_robots(
         jax.tree.map(lambda *leaves: jnp.stack(leaves), *pairs.pursuer, *pairs.evader)
         for pairs in (after.state.robots, after.state.status)
     )
-    moved = after.state.movers
-    return {"states": states, "status": status, "movers_after": moved, "outcome": after.outcome}
+    return {
+        "states": states,
+        "status": status,
+        "movers_after": after.state.movers,
+        "outcome": after.outcome,
+    }
 
 
 def start_movers(
