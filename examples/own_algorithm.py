@@ -19,9 +19,10 @@ import optax
 import apollonius
 from apollonius.agents.network import QNetwork, interpolate_weights, make_network
 from apollonius.agents.trained import EpsilonGreedy, Greedy
-from apollonius.learn.algorithm import ReplayAlgorithm, interpolate_linearly
+from apollonius.learn.algorithm import interpolate_linearly
 from apollonius.learn.config import PRESETS
 from apollonius.learn.folder import create_run
+from apollonius.learn.replay_algorithm import ReplayAlgorithm
 from apollonius.learn.run import TrainingRun
 from apollonius.show.report import report_of, save_report
 

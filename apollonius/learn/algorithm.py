@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Generic, Protocol, TypeVar, runtime_checkable
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
@@ -28,13 +27,8 @@ from apollonius.game.game import Game
 from apollonius.game.types import Real, Role, Scalar
 from apollonius.io.errors import require, require_positive, require_within
 from apollonius.io.limits import PARALLEL_GAMES, TRANSITIONS
-from apollonius.learn.replay_buffer import Row, TransitionBatch, add, init_buffer, sample_batch
+from apollonius.learn.replay_buffer import Row
 from apollonius.observe.registry import find_observation
-
-_CHUNK_ENV_STEPS = 8192
-"""Env steps between two looks from outside (progress, checkpoints, Ctrl-C), where iterations are
-small enough.
-"""
 
 
 def interpolate_linearly(start: Real, end: Real, over: Real, env_steps: Int[Array, ""]) -> Scalar:
@@ -98,6 +92,8 @@ class Algorithm:
     """Class of the networks that it trains."""
     continuous: ClassVar[bool] = False
     """True for actions that are pairs of levels, False for the nine."""
+    reads_next_observation: ClassVar[bool] = True
+    """False if it learns from observations before actions alone."""
     observation: str = "encoded"
     """Name of the observation that the network reads (`apollonius.observe`)."""
     width: int = 256
@@ -168,6 +164,71 @@ class Algorithm:
         """Env steps before the first update."""
         return 0
 
+    @property
+    def transitions(self) -> int:
+        """Transitions of a side that it keeps at a time."""
+        return self.env_steps_per_iteration
+
+    @abstractmethod
+    def explorer(self, network: Any, exploration: Scalar) -> AbstractPolicy:
+        """Return the player that acts in the games of training and explores, from 0 for not at all
+        to 1.
+        """
+
+    def exploration(self, first: float, stage_env_steps: int, env_steps: Int[Array, ""]) -> Scalar:
+        """Return the amount of exploration, from 0 to 1.
+
+        Args:
+            first: amount at the beginning of the stage.
+            stage_env_steps: length of the stage.
+            env_steps: env steps of the stage so far.
+        """
+        return jnp.ones(())
+
+    def frozen(self, network: Any) -> AbstractPolicy:
+        """Return the player of an earlier version, which does not explore."""
+        return self.explorer(network, jnp.zeros(()))
+
+    def noise_block(self, iterations: Int[Array, ""]) -> Int[Array, ""] | None:
+        """Return the number of the iterations that share their random bits; None where each step
+        has its own.
+        """
+        return None
+
+    def reward_unit(self, game: Game) -> Real:
+        """Return the reward that counts as one."""
+        return 1.0
+
+    @abstractmethod
+    def init_side(
+        self, key: PRNGKeyArray, network: Network | None, robots: int
+    ) -> LearningSide[Any]:
+        """Make a side of some robots in each game, which starts from a copy of a network, or from
+        random weights. The key is consumed.
+        """
+
+    @abstractmethod
+    def learn(
+        self,
+        side: LearningSide[Any],
+        rows: Row,
+        stage_env_steps: int,
+        env_steps: Int[Array, ""],
+        key: PRNGKeyArray,
+    ) -> tuple[LearningSide[Any], Scalar]:
+        """Learn from a side's latest transitions.
+
+        Args:
+            side: the side before.
+            rows: the transitions, leaves `[steps, games]`.
+            stage_env_steps: length of the stage, over which step sizes change.
+            env_steps: env steps of the stage, these transitions included.
+            key: draws the batches; it is consumed.
+
+        Returns:
+            The side after that, and the losses of its updates, added up.
+        """
+
     def first_network(self, name: str, role: Role, game: Game, field: str = "") -> Network:
         """Load the network that a side starts from, an agent's.
 
@@ -200,172 +261,3 @@ class Algorithm:
         require(alike and size == (self.depth, self.width), name, value, bound)
         whole = network if network.observation is reads else widen_inputs(network, reads)
         return replace(whole, symmetric=True) if self.symmetric else whole
-
-
-@dataclass(frozen=True)
-class ReplayAlgorithm(Algorithm):
-    """The numbers of the algorithms that learn from a replay buffer."""
-
-    n_step: int = 16
-    """Rewards summed before a value is bootstrapped, at the start of a stage: far-reaching, but of
-    high variance.
-    """
-    final_n_step: int = 4
-    """Rewards summed at the end of a stage, reached in a straight line: less noise, and closer to
-    the value of the best action than of the explored one (annealed as in Schwarzer et al., "Bigger,
-    Better, Faster", 2023).
-    """
-    averaging: float = 3e-4
-    """Part of the way that the averaged weights go towards the network at each update; 1 plays the
-    network itself.
-    """
-    env_steps_per_update: int = 512
-    """Env steps between two updates of each learner."""
-    replay_capacity: int = 524_288
-    """Transitions kept, of teams those of each robot."""
-    learning_starts: int = 40_000
-    """Env steps before the first update."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_positive(
-            self, "n_step", "final_n_step", "averaging", "env_steps_per_update", "replay_capacity"
-        )
-        require_within(self, 0, 1, "averaging")
-        TRANSITIONS.require("replay_capacity", self.replay_capacity)
-        require(
-            self.final_n_step <= self.n_step,
-            "final_n_step",
-            self.final_n_step,
-            f"at most n_step = {self.n_step}",
-        )
-        steps, bound = self.env_steps_per_update, f"a multiple or a divisor of games = {self.games}"
-        require(
-            max(self.games, steps) % min(self.games, steps) == 0,
-            "env_steps_per_update",
-            steps,
-            bound,
-        )
-        rows = 2 * (self.n_step + self.steps_per_iteration)
-        bound = f"at least {rows * self.games} for these games and n_step"
-        require(self.rows >= rows, "replay_capacity", self.replay_capacity, bound)
-
-    @property
-    def steps_per_iteration(self) -> int:
-        return max(1, self.env_steps_per_update // self.games)
-
-    @property
-    def iterations_per_chunk(self) -> int:
-        return max(8, _CHUNK_ENV_STEPS // self.env_steps_per_iteration)
-
-    @property
-    def updates_per_iteration(self) -> int:
-        """Updates in a round."""
-        return max(1, self.games // self.env_steps_per_update)
-
-    @property
-    def rows(self) -> int:
-        """Time steps the replay holds: the capacity, rounded down to whole iterations."""
-        return self.replay_capacity // self.env_steps_per_iteration * self.steps_per_iteration
-
-    @property
-    def steps_before_learning(self) -> int:
-        return self.learning_starts
-
-    @abstractmethod
-    def init_learner(self, key: PRNGKeyArray, network: Any = None) -> Any:
-        """Make a learner that starts from a copy of a network, or from random weights. The key is
-        consumed.
-        """
-
-    @abstractmethod
-    def update(
-        self, learner: Any, batch: TransitionBatch, learning_rate: Scalar, key: PRNGKeyArray
-    ) -> tuple[Any, Scalar]:
-        """Return the learner after one update from a batch, and the loss before it. The key is
-        consumed.
-        """
-
-    @abstractmethod
-    def explorer(self, network: Any, exploration: Scalar) -> AbstractPolicy:
-        """Return the player that acts in the games of training and explores, from 0 for not at all
-        to 1.
-        """
-
-    def exploration(self, first: float, stage_env_steps: int, env_steps: Int[Array, ""]) -> Scalar:
-        """Return the amount of exploration, from 0 to 1.
-
-        Args:
-            first: amount at the beginning of the stage.
-            stage_env_steps: length of the stage.
-            env_steps: env steps of the stage so far.
-        """
-        return jnp.ones(())
-
-    def frozen(self, network: Any) -> AbstractPolicy:
-        """Return the player of an earlier version, which does not explore."""
-        return self.explorer(network, jnp.zeros(()))
-
-    def end_iteration(self, learner: Any, env_steps: Int[Array, ""]) -> Any:
-        """Return the learner at the end of an iteration, after `env_steps` of the stage."""
-        return learner
-
-    def noise_block(self, iterations: Int[Array, ""]) -> Int[Array, ""] | None:
-        """Return the number of the iterations that share their random bits; None where each step
-        has its own.
-        """
-        return None
-
-    def init_side(
-        self, key: PRNGKeyArray, network: Network | None, robots: int
-    ) -> LearningSide[Any]:
-        """Make a side of some robots in each game, with an empty replay buffer. The key is
-        consumed.
-        """
-        buffer = init_buffer(
-            self.rows, self.games * robots, find_observation(self.observation).size, self.continuous
-        )
-        return LearningSide(self.init_learner(key, network), buffer)
-
-    def learn(
-        self,
-        side: LearningSide[L],
-        rows: Row,
-        stage_env_steps: int,
-        env_steps: Int[Array, ""],
-        key: PRNGKeyArray,
-    ) -> tuple[LearningSide[L], Scalar]:
-        """Store a side's transitions and make its updates (Algorithm 1, lines 8 to 11).
-
-        Args:
-            side: the side before.
-            rows: its latest transitions.
-            stage_env_steps: length of the stage, over which step size and n-step returns change.
-            env_steps: env steps of the stage, these transitions included.
-            key: draws the batches; it is consumed.
-
-        Returns:
-            The side after that, and the losses of its updates, added up.
-        """
-        buffer = add(side.buffer, rows)
-        learning_rate = interpolate_linearly(
-            self.learning_rate, self.final_learning_rate, stage_env_steps, env_steps
-        )
-        steps = interpolate_linearly(self.n_step, self.final_n_step, stage_env_steps, env_steps)
-        n_step = jnp.round(steps).astype(jnp.int32)
-
-        def update(learner: L, key: PRNGKeyArray) -> tuple[L, Scalar]:
-            batch = sample_batch(buffer, key, self.batch, self.n_step, n_step, self.gamma)
-            return self.update(learner, batch, learning_rate, key)
-
-        def updates(learner: L) -> tuple[L, Scalar]:
-            keys = jax.random.split(key, self.updates_per_iteration)
-            learner, losses = jax.lax.scan(update, learner, keys)
-            return learner, jnp.sum(losses)
-
-        def no_updates(learner: L) -> tuple[L, Scalar]:
-            return learner, jnp.zeros(())
-
-        is_ready = (env_steps >= self.learning_starts) & (buffer.filled > self.n_step)
-        learner, loss = jax.lax.cond(is_ready, updates, no_updates, side.learner)
-        return LearningSide(self.end_iteration(learner, env_steps), buffer), loss

@@ -18,11 +18,12 @@ from apollonius.io.errors import InvalidInput, require
 from apollonius.io.extensions import ALGORITHMS, load_extension, unfit_extension
 from apollonius.io.limits import SEED, TRAININGS
 from apollonius.io.record import Hooks
-from apollonius.learn.algorithm import Algorithm, ReplayAlgorithm
+from apollonius.learn.algorithm import Algorithm
 from apollonius.learn.distillation import DistillationConfig
 from apollonius.learn.dqn import PROFILES, DQNConfig
 from apollonius.learn.fixed_target import FixedTargetConfig
 from apollonius.learn.ppo import PPOConfig
+from apollonius.learn.replay_algorithm import ReplayAlgorithm
 from apollonius.learn.response import ResponseConfig
 from apollonius.learn.sac import SACConfig
 from apollonius.learn.self_play import SelfPlayConfig

@@ -13,7 +13,8 @@ from apollonius.agents.network import QNetwork, interpolate_weights, make_networ
 from apollonius.agents.trained import EpsilonGreedy, Greedy
 from apollonius.game.types import Scalar, tree_where
 from apollonius.io.errors import require_positive, require_within
-from apollonius.learn.algorithm import ReplayAlgorithm, interpolate_linearly
+from apollonius.learn.algorithm import interpolate_linearly
+from apollonius.learn.replay_algorithm import ReplayAlgorithm
 from apollonius.learn.replay_buffer import TransitionBatch
 
 

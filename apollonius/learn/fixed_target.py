@@ -14,8 +14,8 @@ from apollonius.arenas.charting import with_chart
 from apollonius.catalogue import find_pool
 from apollonius.game.game import Game
 from apollonius.game.types import BySide, GameState, Role
-from apollonius.learn.algorithm import ReplayAlgorithm
-from apollonius.learn.replay_stage import ReplayStage
+from apollonius.learn.algorithm import Algorithm
+from apollonius.learn.rollout_stage import RolloutStage
 from apollonius.learn.stage import (
     NO_NETWORKS,
     Metrics,
@@ -55,19 +55,17 @@ class FixedTargetConfig(StageConfig):
     def require_players(self, game: Game) -> None:
         find_pool(self.evaders, Role.EVADER, game)
 
-    def make(
-        self, algorithm: ReplayAlgorithm, game: Game, folder: Path | None = None
-    ) -> "FixedTarget":
+    def make(self, algorithm: Algorithm, game: Game, folder: Path | None = None) -> "FixedTarget":
         evaders = find_pool(self.evaders, Role.EVADER, game)
         charted = with_chart(game, evaders.members.needs_chart)
         return FixedTarget(self, algorithm, self.game_of_training(charted), charted, evaders)
 
 
-class FixedTarget(ReplayStage):
+class FixedTarget(RolloutStage):
     """Stage 1 in its game, with the evaders."""
 
     config: FixedTargetConfig = eqx.field(static=True)
-    algorithm: ReplayAlgorithm = eqx.field(static=True)
+    algorithm: Algorithm = eqx.field(static=True)
     game: Game
     evaluation_game: Game
     evaders: Pool

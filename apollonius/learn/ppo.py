@@ -1,13 +1,16 @@
-"""Proximal policy optimisation (Schulman et al., 2017): its numbers, player, advantages, loss, one
-update.
+"""Proximal policy optimisation (Schulman et al., 2017): its numbers, advantages, loss, one update.
 
 The network's values of the nine actions, taken as logits, are a policy that draws its actions;
 where it counts, the best one is played. In an update no action becomes much more or less likely
 than in the games that it is learned from.
+
+Where both sides learn, a **magnet** keeps them from chasing each other round: a copy of the
+network, renewed now and then, from which the policy departs at a price (Yu et al., "NashPG: A
+policy gradient method with iteratively refined regularization for finding Nash equilibria", 2026).
 """
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import equinox as eqx
@@ -25,32 +28,30 @@ from apollonius.agents.network import (
     make_network,
     scale_outputs,
 )
-from apollonius.agents.trained import AbstractByNetwork
-from apollonius.agents.wrappers.clearance_penalty import action_penalties
+from apollonius.agents.trained import SamplingPolicy
 from apollonius.catalogue import find_player, loss_value
 from apollonius.game.game import Game
-from apollonius.game.types import RandomBits, Role, Scalar
+from apollonius.game.types import Real, Role, Scalar, tree_where
 from apollonius.io.errors import require, require_positive, require_within
 from apollonius.io.limits import TRANSITIONS
-from apollonius.learn.algorithm import Algorithm, interpolate_linearly
+from apollonius.learn.algorithm import Algorithm, LearningSide, interpolate_linearly
 from apollonius.learn.replay_buffer import Row
 
-_HIDDEN = 256, 256
-"""Units of the critic's hidden layers."""
 _adam, _critic_adam = (
     optax.chain(optax.clip_by_global_norm(most), optax.scale_by_adam()) for most in (0.5, 1.0)
 )
 
 
 class PPOLearner(eqx.Module):
-    """One side's network, whose values are logits, the critic of its observations, and the
-    optimisers of both.
+    """One side's network, whose values are logits, the critic of its observations, the magnet if
+    there is one, and the optimisers.
 
     `updates` counts the updates so far.
     """
 
     network: QNetwork
     critic: Layers
+    magnet: QNetwork | None
     optimiser: optax.OptState
     critic_optimiser: optax.OptState
     updates: Int[Array, ""]
@@ -61,57 +62,13 @@ class PPOLearner(eqx.Module):
         return self.network
 
 
-class SamplingPolicy(AbstractByNetwork):
-    """The action drawn by a network's values as logits, less the costs of missing clearance.
-
-    The random number that chooses it is held for some steps: each action keeps its probability, and
-    what is tried lasts long enough to lead somewhere (Hollenstein, Martius and Piater, "Colored
-    noise in PPO", 2024).
-
-    Attributes:
-        clearance_margin: clearance after braking [m], or 0.
-        loss_value: what a lost game costs in the values.
-        hold: steps for which a number is held, on average.
-    """
-
-    network: QNetwork
-    clearance_margin: float = eqx.field(static=True)
-    loss_value: float = eqx.field(static=True)
-    hold: float = eqx.field(static=True)
-
-    @property
-    def memory(self) -> RandomBits:
-        """The number that is held; 0 where none is."""
-        return jnp.zeros((), jnp.uint32)
-
-    def __call__(
-        self, observation: Float[Array, " size"], noise_memory: RandomBits, bits: RandomBits
-    ) -> tuple[Int[Array, ""], RandomBits]:
-        below = jnp.cumsum(jax.nn.softmax(self.penalise(self.network(observation), observation)))
-        lasts = ((bits & 0xFF).astype(jnp.float32) >= 256 / self.hold) & (noise_memory > 0)
-        action_bits = jnp.where(lasts, noise_memory, bits)
-        drawn = (action_bits >> 8).astype(jnp.float32) / 2**24
-        return jnp.minimum(jnp.sum(drawn >= below), below.size - 1).astype(jnp.int32), action_bits
-
-    def log_probabilities(self, observations: Float[Array, "rows size"]) -> Float[Array, "rows 9"]:
-        return jax.nn.log_softmax(self.penalise(self.network.batch(observations), observations))
-
-    def penalise(
-        self, values: Float[Array, "*rows 9"], observations: Float[Array, "*rows size"]
-    ) -> Array:
-        return (
-            values - action_penalties(observations, self.clearance_margin, self.loss_value)
-            if self.clearance_margin
-            else values
-        )
-
-
 @dataclass(frozen=True)
 class PPOConfig(Algorithm):
     """Proximal policy optimisation (Schulman et al., 2017), for the nine discrete actions."""
 
     kind: Literal["ppo"] = "ppo"
     network = QNetwork
+    reads_next_observation = False
     observation: str = "egocentric"
     gamma: float = 0.998
     learning_rate: float = 2e-4
@@ -138,12 +95,17 @@ class PPOConfig(Algorithm):
     """Adam's step size for the critic, at the start of a stage."""
     critic_first: int = 15
     """Rounds in which the critic alone learns: it begins from random weights."""
+    magnet: float = 0.0
+    """Weight of the divergence from the magnet; 0 for no magnet."""
+    magnet_rounds: int = 25
+    """Rounds after which the magnet becomes a copy of the network."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_within(self, 1, 256, "hold")
         require_within(self, 1e-9, 10**9, "temperature")
-        require_positive(self, "steps", "epochs", "clip", "critic_learning_rate")
+        require_positive(self, "steps", "epochs", "clip", "critic_learning_rate", "magnet_rounds")
+        require_within(self, 0, 10**9, "magnet")
         require_within(self, 0, 1, "clip", "trace", "entropy", "critic_learning_rate")
         require_within(self, 0, 2**31, "critic_first")
         TRANSITIONS.require("games x steps", self.env_steps_per_iteration)
@@ -174,43 +136,70 @@ class PPOConfig(Algorithm):
         value = loss_value(find_player(name, role, game), game)
         return scale_outputs(network, self.loss_value / value)
 
+    def reward_unit(self, game: Game) -> Real:
+        """Return the reward of a capture."""
+        return game.reward.capture if game.reward.profile == "paper" else 1.0
+
+    def init_side(
+        self, key: PRNGKeyArray, network: Network | None, robots: int
+    ) -> LearningSide[PPOLearner]:
+        network_key, critic_key = jax.random.split(key)
+        return LearningSide(self.init_learner(network_key, critic_key, network))
+
     def init_learner(
         self, network_key: PRNGKeyArray, critic_key: PRNGKeyArray, network: Any = None
     ) -> PPOLearner:
-        """Make a learner that starts from a copy of a network, or from random weights; its critic
-        begins from random weights. Both keys are consumed.
+        """Make a learner that starts from a copy of a network, or from random weights; its critic,
+        two layers as wide as the network's, begins from random weights. Both keys are consumed.
         """
         first = network or make_network(
             self.observation, self.width, self.depth, network_key, self.symmetric
         )
         own = jax.tree.map(jnp.copy, first)
-        critic = make_layers([first.observation.size, *_HIDDEN, 1], critic_key)
+        critic = make_layers([first.observation.size, self.width, self.width, 1], critic_key)
         return PPOLearner(
             own,
             critic,
+            jax.tree.map(jnp.copy, first) if self.magnet else None,
             _adam.init(eqx.filter(own, eqx.is_array)),
             _critic_adam.init(eqx.filter(critic, eqx.is_array)),
             jnp.zeros((), jnp.int32),
         )
 
-    def explorer(self, network: QNetwork, clearance_margin: float) -> SamplingPolicy:
+    def explorer(self, network: QNetwork, exploration: Scalar) -> SamplingPolicy:
+        return self.sampler(network)
+
+    def sampler(self, network: QNetwork, clearance_margin: float = 0.0) -> SamplingPolicy:
         """Return the player that draws its actions."""
         return SamplingPolicy(network, clearance_margin, self.loss_value, self.hold)
 
     def learning_rates(
-        self, iterations: Int[Array, ""], env_steps: Int[Array, ""], stage_env_steps: int
+        self, rounds: Int[Array, ""], env_steps: Int[Array, ""], stage_env_steps: int
     ) -> tuple[Scalar, Scalar]:
         """Return the learning rates of the network, which waits for the critic at first, and of the
-        critic.
+        critic, after some rounds and env steps.
         """
         last = self.final_learning_rate
         rate = interpolate_linearly(self.learning_rate, last, stage_env_steps, env_steps)
         critic_rate = interpolate_linearly(
             self.critic_learning_rate, last, stage_env_steps, env_steps
         )
-        return jnp.where(iterations < self.critic_first, 0.0, rate), critic_rate
+        return jnp.where(rounds < self.critic_first, 0.0, rate), critic_rate
 
     def learn(
+        self,
+        side: LearningSide[PPOLearner],
+        rows: Row,
+        stage_env_steps: int,
+        env_steps: Int[Array, ""],
+        key: PRNGKeyArray,
+    ) -> tuple[LearningSide[PPOLearner], Scalar]:
+        rounds = env_steps // self.env_steps_per_iteration - 1
+        rates = self.learning_rates(rounds, env_steps, stage_env_steps)
+        learner, errors = self.learn_round(side.learner, rows, rates, 0.0, key)
+        return LearningSide(learner), errors
+
+    def learn_round(
         self,
         learner: PPOLearner,
         rows: Row,
@@ -233,7 +222,7 @@ class PPOConfig(Algorithm):
         flat = jax.tree.map(lambda leaf: leaf.reshape(rows.reward.size, *leaf.shape[2:]), rows)
         values = apply_to_batch(learner.critic, flat.observation)[:, 0]
         gained = advantages(self, rows, values.reshape(rows.reward.shape)).ravel()
-        logarithms = self.explorer(learner.network, clearance_margin).log_probabilities(
+        logarithms = self.sampler(learner.network, clearance_margin).log_probabilities(
             flat.observation
         )
         round_batch = LearnBatch(
@@ -243,6 +232,7 @@ class PPOConfig(Algorithm):
             advantage=gained,
             value=gained + values,
             counts=flat.active,
+            magnet=self._log_probabilities_of(learner.magnet, clearance_margin, flat.observation),
         )
         keys = jax.random.split(key, self.epochs)
         order = jnp.concatenate([jax.random.permutation(key, len(values)) for key in keys])
@@ -251,8 +241,26 @@ class PPOConfig(Algorithm):
             batch = jax.tree.map(lambda leaf: leaf[rows], round_batch)
             return self.update(learner, batch, learning_rates, clearance_margin)
 
-        learner, errors = jax.lax.scan(update, learner, order.reshape(-1, self.batch))
-        return learner, jnp.sum(errors)
+        batches = order.reshape(-1, self.batch)
+        learner, errors = jax.lax.scan(update, learner, batches)
+        return self._renew_magnet(learner, len(batches)), jnp.sum(errors)
+
+    def _log_probabilities_of(
+        self,
+        magnet: QNetwork | None,
+        clearance_margin: float,
+        observations: Float[Array, "rows size"],
+    ) -> Float[Array, "rows 9"] | None:
+        if magnet is None:
+            return None
+        return self.sampler(magnet, clearance_margin).log_probabilities(observations)
+
+    def _renew_magnet(self, learner: PPOLearner, updates_per_round: int) -> PPOLearner:
+        """Copy the network to the magnet where that is due."""
+        if learner.magnet is None:
+            return learner
+        is_due = learner.updates % (self.magnet_rounds * updates_per_round) == 0
+        return replace(learner, magnet=tree_where(is_due, learner.network, learner.magnet))
 
     def update(
         self,
@@ -280,7 +288,10 @@ class PPOConfig(Algorithm):
         critic = eqx.apply_updates(
             learner.critic, jax.tree.map(lambda step: -critic_rate * step, critic_direction)
         )
-        return PPOLearner(network, critic, optimiser, critic_optimiser, learner.updates + 1), error
+        after = PPOLearner(
+            network, critic, learner.magnet, optimiser, critic_optimiser, learner.updates + 1
+        )
+        return after, error
 
 
 def advantages(
@@ -307,7 +318,8 @@ def advantages(
 
 class LearnBatch(eqx.Module):
     """The rows that updates learn from: observations and actions, their logarithmic probabilities
-    in the games, their advantages, the critic's targets, and whether they count.
+    in the games, their advantages, the critic's targets, whether they count, and the logarithmic
+    probabilities of all actions by the magnet, if there is one.
     """
 
     observation: Float[Array, "rows size"]
@@ -316,6 +328,7 @@ class LearnBatch(eqx.Module):
     advantage: Float[Array, " rows"]
     value: Float[Array, " rows"]
     counts: Bool[Array, " rows"]
+    magnet: Float[Array, "rows 9"] | None = None
 
 
 def clipped_loss(
@@ -323,16 +336,21 @@ def clipped_loss(
 ) -> tuple[Scalar, Scalar]:
     """Return the loss of both networks on a batch, and the critic's mean squared error in it."""
     network, critic = networks
-    logarithms = config.explorer(network, clearance_margin).log_probabilities(batch.observation)
+    logarithms = config.sampler(network, clearance_margin).log_probabilities(batch.observation)
     ratio = jnp.exp(_of_actions(logarithms, batch.action) - batch.probability)
     mean = functools.partial(jnp.mean, where=batch.counts)
     spread = jnp.std(batch.advantage, where=batch.counts) + 1e-6
     gain = (batch.advantage - mean(batch.advantage)) / spread
     clipped = jnp.clip(ratio, 1 - config.clip, 1 + config.clip)
     gains = mean(jnp.minimum(ratio * gain, clipped * gain))
-    entropy = -mean(jnp.sum(jnp.exp(logarithms) * logarithms, axis=1))
+    probabilities = jnp.exp(logarithms)
+    entropy = -mean(jnp.sum(probabilities * logarithms, axis=1))
     error = mean((apply_to_batch(critic, batch.observation)[:, 0] - batch.value) ** 2)
-    return error - gains - config.entropy * entropy, error
+    loss = error - gains - config.entropy * entropy
+    if batch.magnet is not None:
+        divergence = mean(jnp.sum(probabilities * (logarithms - batch.magnet), axis=1))
+        loss = loss + config.magnet * divergence
+    return loss, error
 
 
 def _of_actions(

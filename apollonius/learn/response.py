@@ -29,7 +29,7 @@ from apollonius.learn.one_side import (
     resolve_players,
 )
 from apollonius.learn.ppo import PPOConfig
-from apollonius.learn.replay_buffer import Row, rows_of
+from apollonius.learn.replay_buffer import rows_of
 from apollonius.learn.restarts import RestartBuffer, add_losses, empty_restarts, mix_in_restarts
 from apollonius.learn.stage import NO_NETWORKS, Metrics, TrainState, end_iteration, zero_counters
 from apollonius.observe.registry import find_observation
@@ -177,7 +177,7 @@ def _players(
 ) -> BySide[AbstractPlayers]:
     """Return the learner and its opponents, each in games of its own."""
     games = equal_parts(algorithm.games, len(task.opponents))
-    learner = single_player(algorithm.explorer(network, config.clearance_margin))
+    learner = single_player(algorithm.sampler(network, config.clearance_margin))
     opponents = PartitionedPlayers(task.opponents, tuple(games))
     return BySide[AbstractPlayers].of(config.side, learner, opponents)
 
@@ -220,9 +220,10 @@ def train_round(
         game, players, before.games, starts, play_key, algorithm.steps, with_next_obs=False
     )
     env_steps = state.env_steps + algorithm.env_steps_per_iteration
-    after, error = algorithm.learn(
+    rows = rows_of(played, side, config.limit_terminates)
+    after, error = algorithm.learn_round(
         learner,
-        _in_units_of_a_capture(game, rows_of(played, side, config.limit_terminates)),
+        replace(rows, reward=rows.reward / algorithm.reward_unit(game)),
         algorithm.learning_rates(state.iterations, env_steps, config.env_steps),
         config.clearance_margin,
         learn_key,
@@ -230,9 +231,3 @@ def train_round(
     lost = add_losses(before.lost_states, game, before.games.state, played.outcome, side)
     learners = {side: (LearningSide(after), error)}
     return end_iteration(state, RestartBuffer(games, lost), played, env_steps, learners)
-
-
-def _in_units_of_a_capture(game: Game, rows: Row) -> Row:
-    """Return transitions with rewards in units of a capture's."""
-    unit = game.reward.capture if game.reward.profile == "paper" else 1.0
-    return replace(rows, reward=rows.reward / unit)

@@ -24,7 +24,7 @@ from apollonius.agents.network import (
 from apollonius.agents.trained import SquashedGaussian
 from apollonius.game.types import Scalar
 from apollonius.io.errors import require, require_positive, require_within
-from apollonius.learn.algorithm import ReplayAlgorithm
+from apollonius.learn.replay_algorithm import ReplayAlgorithm
 from apollonius.learn.replay_buffer import TransitionBatch
 from apollonius.observe.registry import find_observation
 

@@ -17,7 +17,7 @@ from apollonius.game.game import Game
 from apollonius.game.types import ROLES, BySide, GameState, Role
 from apollonius.io.errors import require, require_positive, require_within
 from apollonius.io.limits import require_memory
-from apollonius.learn.algorithm import Algorithm, ReplayAlgorithm
+from apollonius.learn.algorithm import Algorithm
 from apollonius.learn.earlier_versions import (
     SCHEMES,
     EarlierVersions,
@@ -27,7 +27,7 @@ from apollonius.learn.earlier_versions import (
     learner_and_earlier,
     record_results,
 )
-from apollonius.learn.replay_stage import ReplayStage
+from apollonius.learn.rollout_stage import RolloutStage
 from apollonius.learn.stage import (
     NO_NETWORKS,
     Metrics,
@@ -92,9 +92,7 @@ class SelfPlayConfig(StageConfig):
         bound = f"at least games x max_steps = {longest:,}, so that games end between two draws"
         require(self.renewal >= longest, "renewal", self.renewal, bound)
 
-    def make(
-        self, algorithm: ReplayAlgorithm, game: Game, folder: Path | None = None
-    ) -> "SelfPlay":
+    def make(self, algorithm: Algorithm, game: Game, folder: Path | None = None) -> "SelfPlay":
         return SelfPlay(self, algorithm, self.game_of_training(game), game)
 
     def chunks_per_draw(self, algorithm: Algorithm) -> int:
@@ -110,11 +108,11 @@ class SelfPlayState(TrainState):
     earlier: BySide[EarlierVersions] | None = None
 
 
-class SelfPlay(ReplayStage):
+class SelfPlay(RolloutStage):
     """Stage 2 in its game."""
 
     config: SelfPlayConfig = eqx.field(static=True)
-    algorithm: ReplayAlgorithm = eqx.field(static=True)
+    algorithm: Algorithm = eqx.field(static=True)
     game: Game
     evaluation_game: Game
 

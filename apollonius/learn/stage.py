@@ -25,12 +25,7 @@ from apollonius.game.scenario import Spread
 from apollonius.game.types import ROLES, BySide, Outcome, Role, Scalar
 from apollonius.io.errors import require, require_positive, require_within
 from apollonius.io.limits import GAMES
-from apollonius.learn.algorithm import (
-    Algorithm,
-    LearningSide,
-    ReplayAlgorithm,
-    require_reward_in_play,
-)
+from apollonius.learn.algorithm import Algorithm, LearningSide, require_reward_in_play
 from apollonius.play.playout import play_out
 from apollonius.play.rollout import Transition
 
@@ -42,7 +37,7 @@ _EVALUATION_SEED = 20_200
 class StageConfig:
     """Length, exploration, rewards and evaluations of a stage."""
 
-    algorithm_class: ClassVar[type[Algorithm]] = ReplayAlgorithm
+    algorithm_class: ClassVar[type[Algorithm]] = Algorithm
     """Class of the algorithms that it can be trained by."""
     keeps_best: ClassVar[bool] = False
     """True to save the best agents of its evaluations at its end, in place of the last ones."""

@@ -22,12 +22,11 @@ from apollonius.io.document import to_json
 from apollonius.io.errors import InvalidInput, require
 from apollonius.io.interrupts import should_stop, stopping_on_signals
 from apollonius.io.limits import TRANSITIONS
-from apollonius.learn.algorithm import ReplayAlgorithm
 from apollonius.learn.config import RunConfig
 from apollonius.learn.fixed_target import FixedTargetConfig
 from apollonius.learn.folder import end_checkpoint, load_config
 from apollonius.learn.progress import record_status
-from apollonius.learn.replay_stage import ReplayStage, train_chunk
+from apollonius.learn.rollout_stage import RolloutStage, train_chunk
 from apollonius.learn.run import CHECKPOINT_SECONDS, TrainingRun
 from apollonius.learn.self_play import SelfPlayConfig
 from apollonius.learn.stage import Metrics, TrainState
@@ -46,10 +45,9 @@ def require_side_by_side(config: RunConfig, seeds: int) -> None:
         )
         bound = "fixed-target, or self-play against the latest opponents; train the others alone"
         require(is_mapped, "stage side by side", stage.kind, bound)
-    assert isinstance(config.algorithm, ReplayAlgorithm), "as these stages require"
     sides = max(len(stage.roles) for stage in config.stages)
-    transitions = seeds * sides * config.algorithm.replay_capacity
-    TRANSITIONS.require("seeds x transitions in replay buffers", transitions)
+    transitions = seeds * sides * config.algorithm.transitions
+    TRANSITIONS.require("seeds x transitions kept", transitions)
 
 
 def train_side_by_side(
@@ -112,7 +110,7 @@ class SideBySide:
         resumed = self.first.progress.stage if self.first.is_resumed else None
         for name in self.first.stages_left():
             stage = self.first.make_stage(name)
-            assert isinstance(stage, ReplayStage), "as `require_side_by_side` has checked"
+            assert isinstance(stage, RolloutStage), "as `require_side_by_side` has checked"
             states = self._load(stage) if name == resumed else self._begin(name, stage)
             states, is_finished = self._train_stage(stage, states)
             if not is_finished:
@@ -123,7 +121,7 @@ class SideBySide:
             end_checkpoint(run.checkpoint, run.config)
         return True
 
-    def _begin(self, name: str, stage: ReplayStage) -> TrainState:
+    def _begin(self, name: str, stage: RolloutStage) -> TrainState:
         keys = jnp.stack([run.stage_key(name) for run in self.runs])
         networks = _stack([run.networks for run in self.runs])
         states = jax.jit(jax.vmap(stage.init))(keys, networks)
@@ -131,10 +129,10 @@ class SideBySide:
             run.begin_stage(name, stage, _of_seed(stage.agents(states), number))
         return states
 
-    def _load(self, stage: ReplayStage) -> TrainState:
+    def _load(self, stage: RolloutStage) -> TrainState:
         return _stack([run.load(stage) for run in self.runs])
 
-    def _train_stage(self, stage: ReplayStage, states: TrainState) -> tuple[TrainState, bool]:
+    def _train_stage(self, stage: RolloutStage, states: TrainState) -> tuple[TrainState, bool]:
         """Train one stage from here. Returns its last states, and whether it ended by itself."""
         last_save, interval = time.monotonic(), CHECKPOINT_SECONDS
         while self.first.progress.chunks < stage.chunks:
@@ -154,7 +152,7 @@ class SideBySide:
         return states, True
 
     def _record(
-        self, stage: ReplayStage, states: TrainState, metrics: Metrics, seconds: float
+        self, stage: RolloutStage, states: TrainState, metrics: Metrics, seconds: float
     ) -> None:
         """Record a chunk in each run. The agents are due at evaluations and, where they may be
         saved, at whole percentages of the stage.
@@ -172,7 +170,7 @@ class SideBySide:
 
 
 @partial(jax.jit, donate_argnames="states")
-def train_chunks(stage: ReplayStage, states: TrainState) -> tuple[TrainState, Metrics]:
+def train_chunks(stage: RolloutStage, states: TrainState) -> tuple[TrainState, Metrics]:
     """Train a chunk of all runs. The states are consumed."""
     return jax.vmap(partial(train_chunk, stage))(states)
 

@@ -104,7 +104,6 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
         (DQNConfig, {"exploration_steps": 0}, "exploration_steps = 0"),
         (RunConfig, {"stages": (DistillationConfig(),), "algorithm": SACConfig()}, "algorithm = sac .*'distillation'"),
         (RunConfig, {"stages": (ResponseConfig(),)}, "algorithm = dqn .*'response'"),
-        (RunConfig, {"stages": STAGE_1, "algorithm": PPOConfig()}, "algorithm = ppo .*'fixed-target'"),
         (
             RunConfig,
             {"stages": (DistillationConfig(),), "algorithm": DQNConfig(games=256)},

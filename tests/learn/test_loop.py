@@ -21,7 +21,7 @@ from apollonius.game.presets import in_teams
 from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import dqn, replay_buffer
-from apollonius.learn.replay_stage import train_chunk
+from apollonius.learn.rollout_stage import train_chunk
 from apollonius.learn.run import load_first_network
 from tests.acting import identical
 from tests.learn.tiny import CHUNK, DQN, GAME, RUN, SELF_PLAY, STAGE, make_stage, start

@@ -20,7 +20,7 @@ from apollonius.learn import ppo
 from apollonius.learn.config import RunConfig
 from apollonius.learn.ppo import LearnBatch, PPOConfig, SamplingPolicy, advantages
 from apollonius.learn.replay_buffer import Row
-from apollonius.learn.response import ResponseConfig, Task, _in_units_of_a_capture, train_round, training_tasks
+from apollonius.learn.response import ResponseConfig, Task, train_round, training_tasks
 from apollonius.learn.run import TrainingRun, load_first_network, require_agents
 from apollonius.observe.egocentric import BRAKING, EGOCENTRIC, ROOM
 from apollonius.observe.registry import find_observation
@@ -57,9 +57,9 @@ def learner():
 
 
 @eqx.filter_jit
-def update_learner(learner, row, algorithm=PPO, iterations=0):
-    rates = algorithm.learning_rates(jnp.int32(iterations), jnp.int32(0), STAGE.env_steps)
-    return algorithm.learn(learner, row, rates, 0.0, jax.random.key(2))
+def update_learner(learner, row, algorithm=PPO, rounds=0):
+    rates = algorithm.learning_rates(jnp.int32(rounds), jnp.int32(0), STAGE.env_steps)
+    return algorithm.learn_round(learner, row, rates, 0.0, jax.random.key(2))
 
 
 def test_unknown_opponents_are_refused_in_every_task():
@@ -161,7 +161,7 @@ def test_update_raises_the_rewarded_action_less_with_a_narrow_clip(learner):
     row = replace(row, reward=(row.action == 3).astype(jnp.float32))
 
     def share(learner):
-        logarithms = PPO.explorer(learner.network, 0.0).log_probabilities(row.observation.reshape(-1, SIZE))
+        logarithms = PPO.sampler(learner.network, 0.0).log_probabilities(row.observation.reshape(-1, SIZE))
         return np.exp(np.asarray(logarithms))[:, 3]
 
     after, _ = update_learner(learner, row)
@@ -177,10 +177,10 @@ def test_update_raises_the_rewarded_action_less_with_a_narrow_clip(learner):
 
 def test_critic_learns_first_and_inactive_robots_teach_nothing(learner):
     row, patient = random_row(jax.random.key(5)), replace(PPO, critic_first=2)
-    waits, _ = update_learner(learner, row, patient, iterations=1)
+    waits, _ = update_learner(learner, row, patient, rounds=1)
     assert eqx.tree_equal(waits.network, learner.network)
     assert not eqx.tree_equal(waits.critic, learner.critic)
-    assert not eqx.tree_equal(update_learner(learner, row, patient, iterations=2)[0].network, learner.network)
+    assert not eqx.tree_equal(update_learner(learner, row, patient, rounds=2)[0].network, learner.network)
     active = jnp.arange(32) % 2 == 0
     halves = [
         replace(row, active=jnp.broadcast_to(active, (16, 32)), reward=jnp.where(active, row.reward, other))
@@ -211,10 +211,51 @@ def test_games_restart_from_states_of_lost_games():
 
 
 @pytest.mark.parametrize(("profile", "unit"), [("paper", 8.0), ("zero-sum", 1.0)])
-def test_rewards_are_scaled_to_units_of_a_capture(profile, unit):
-    row, reward = random_row(jax.random.key(6)), replace(RUN.game.reward, profile=profile, capture=8.0)
-    found = _in_units_of_a_capture(replace(RUN.game, reward=reward), row)
-    np.testing.assert_allclose(found.reward, row.reward / unit, rtol=1e-6)
+def test_rewards_count_in_units_of_a_capture(profile, unit):
+    reward = replace(RUN.game.reward, profile=profile, capture=8.0)
+    assert float(PPO.reward_unit(replace(RUN.game, reward=reward))) == unit
+
+
+def test_magnet_costs_its_divergence_over_active_rows(learner):
+    """Kullback and Leibler's, from the policy to the magnet."""
+    batch, pulled = batch_of(jax.random.key(3)), replace(PPO, magnet=0.3)
+    networks = learner.network, learner.critic
+    magnet = jax.nn.log_softmax(jax.random.normal(jax.random.key(4), (64, 9)))
+    plain, _ = ppo.clipped_loss(networks, pulled, batch, 0.0)
+    found, _ = ppo.clipped_loss(networks, pulled, replace(batch, magnet=magnet), 0.0)
+    values, some = np.asarray(learner.network.batch(batch.observation), float), np.asarray(batch.counts)
+    odds = np.exp(values) / np.exp(values).sum(axis=1, keepdims=True)
+    divergence = (odds * (np.log(odds) - np.asarray(magnet, float))).sum(axis=1)[some].mean()
+    np.testing.assert_allclose(found - plain, 0.3 * divergence, rtol=1e-4)
+
+
+def test_magnet_is_renewed_when_its_rounds_are_over(learner):
+    pulled = replace(PPO, magnet=0.1, magnet_rounds=2)
+    first = pulled.init_learner(*jax.random.split(jax.random.key(1)))
+    row = random_row(jax.random.key(7))
+    one, _ = update_learner(first, row, pulled)
+    assert eqx.tree_equal(one.magnet, first.network)
+    assert not eqx.tree_equal(one.network, first.network)
+    two, _ = update_learner(one, row, pulled)
+    assert eqx.tree_equal(two.magnet, two.network)
+    three, _ = update_learner(two, row, pulled)
+    assert eqx.tree_equal(three.magnet, two.network)
+    assert learner.magnet is None
+
+
+def test_strong_magnet_holds_the_policy(learner):
+    row = random_row(jax.random.key(4), terminated=jnp.ones((16, 32), bool))
+    row = replace(row, reward=(row.action == 3).astype(jnp.float32))
+
+    def share(algorithm):
+        after = algorithm.init_learner(*jax.random.split(jax.random.key(1)))
+        for _ in range(10):
+            after, _ = update_learner(after, row, algorithm)
+        values = after.network.batch(row.observation.reshape(-1, SIZE))
+        return float(jnp.mean(jax.nn.softmax(values)[:, 3]))
+
+    freely, held = share(PPO), share(replace(PPO, magnet=10.0, magnet_rounds=1000))
+    assert held < 0.5 * freely
 
 
 def test_initial_values_of_a_response_become_logits():

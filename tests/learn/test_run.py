@@ -24,7 +24,7 @@ from apollonius.learn import run as run_module
 from apollonius.learn import stage as stage_module
 from apollonius.learn.folder import FORMAT, create_run, load_checkpoint_meta, load_config, lock_run
 from apollonius.learn.progress import ProcessStatus, progress_of, runs_below
-from apollonius.learn.replay_stage import ReplayStage
+from apollonius.learn.rollout_stage import RolloutStage
 from apollonius.learn.run import TrainingRun, load_first_network
 from apollonius.learn.self_play import SelfPlay
 from apollonius.learn.stage import Metrics
@@ -224,13 +224,13 @@ def script_evaluations(monkeypatch):
 
 def test_self_play_starts_from_the_best_pursuer_of_stage_1(self_play_starts, script_evaluations, tmp_path, monkeypatch):
     """Of its four evaluations, the third is the first of the best. Progress weighs less from then on."""
-    evaluated, weights, play_and_learn = script_evaluations(3, 4, 9, 9, 0), [], ReplayStage.step
+    evaluated, weights, play_and_learn = script_evaluations(3, 4, 9, 9, 0), [], RolloutStage.step
 
     def recorded(stage, state):
         weights.append(stage.game.reward.progress)
         return play_and_learn(stage, state)
 
-    monkeypatch.setattr(ReplayStage, "step", recorded)
+    monkeypatch.setattr(RolloutStage, "step", recorded)
     folder = begin(tmp_path / "run")
     assert (progress_of(folder).state, progress_of(folder).share) == (ProcessStatus(), 0.0)
     assert not TrainingRun(RUN, folder, should_stop=stop_after(5)).execute()
@@ -262,7 +262,7 @@ def test_given_pursuer_trains_against_several_evaders(uninterrupted, script_eval
         seen.append(stage.evaders.size)
         return state, nothing
 
-    monkeypatch.setattr(ReplayStage, "step", step)
+    monkeypatch.setattr(RolloutStage, "step", step)
     mine = uninterrupted / "agents"
     evaders = (str(mine / "E_curriculum.safetensors"), str(mine / "E_curriculum-25.safetensors"))
     stage_1 = replace(STAGE, evaders=evaders, env_steps=2 * CHUNK, evaluations=2)

@@ -11,7 +11,7 @@ from apollonius.game.starts import Starts
 from apollonius.learn.config import RunConfig
 from apollonius.learn.dqn import DQNConfig
 from apollonius.learn.fixed_target import FixedTarget, FixedTargetConfig
-from apollonius.learn.replay_stage import ReplayStage
+from apollonius.learn.rollout_stage import RolloutStage
 from apollonius.learn.self_play import SelfPlayConfig
 from apollonius.learn.stage import NO_NETWORKS
 
@@ -20,7 +20,7 @@ CHUNK = 8192
 
 
 @jax.jit
-def start(stage: ReplayStage, key, networks=NO_NETWORKS):
+def start(stage: RolloutStage, key, networks=NO_NETWORKS):
     """The state before the first step: of many small parts, which are compiled as one."""
     return stage.init(key, networks)
 

@@ -140,7 +140,7 @@ def test_trainings_that_cannot_be_side_by_side_are_refused():
     versions = replace(SHORT, stages=(replace(SELF_PLAY, opponents="uniform"),))
     with pytest.raises(InvalidInput, match="latest"):
         require_side_by_side(versions, 2)
-    with pytest.raises(InvalidInput, match="seeds x transitions in replay buffers"):
+    with pytest.raises(InvalidInput, match="seeds x transitions kept"):
         require_side_by_side(SHORT, 10**9)
 
 

@@ -1,4 +1,4 @@
-"""Stages whose sides learn from the transitions of their games, stored in replay buffers."""
+"""Stages whose sides learn from the transitions of the games that they play."""
 
 import functools
 from abc import abstractmethod
@@ -15,7 +15,7 @@ from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.pool import AbstractPlayers, Pool, single_player
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import BySide, GameState, Role, Scalar
-from apollonius.learn.algorithm import LearningSide, ReplayAlgorithm
+from apollonius.learn.algorithm import Algorithm, LearningSide
 from apollonius.learn.replay_buffer import rows_of
 from apollonius.learn.stage import Metrics, Stage, TrainState
 from apollonius.play.autoreset import row_at_turn
@@ -27,17 +27,20 @@ _STARTS_IN_ARENAS = 1024
 """Initial states drawn in games of several arenas, where each takes as long to draw as some ten
 steps to play.
 """
+_MOST_STARTS = 32
+"""Initial states drawn for each game of an iteration; one that begins more often takes some again.
+"""
 S = TypeVar("S", bound=TrainState)
 
 
-class ReplayStage(Stage):
-    """A stage whose sides learn from the transitions of their games, stored in replay buffers.
+class RolloutStage(Stage):
+    """A stage whose sides learn from the transitions of the games that they play.
 
     Attributes:
         game: the game of training.
     """
 
-    algorithm: eqx.AbstractVar[ReplayAlgorithm]
+    algorithm: eqx.AbstractVar[Algorithm]
     game: eqx.AbstractVar[Game]
 
     @abstractmethod
@@ -46,7 +49,7 @@ class ReplayStage(Stage):
 
     @abstractmethod
     def iterate(self, state: Any, starts: GameState) -> tuple[Any, Metrics]:
-        """Play some steps of every game, store the transitions, update each learning side."""
+        """Play some steps of every game, and let each learning side learn from them."""
 
     def step(self, state: Any) -> tuple[Any, Metrics]:
         return train_chunk(self, state)
@@ -55,8 +58,15 @@ class ReplayStage(Stage):
         self, state: TrainState, starts: GameState, key: PRNGKeyArray
     ) -> tuple[Games, Transition]:
         """Play some steps of every game; one that is over begins again from a start."""
-        players, steps = self.players(state), self.algorithm.steps_per_iteration
-        return collect(self.game, players, state.games, starts, key, steps)
+        return collect(
+            self.game,
+            self.players(state),
+            state.games,
+            starts,
+            key,
+            self.algorithm.steps_per_iteration,
+            with_next_obs=self.algorithm.reads_next_observation,
+        )
 
     def learn(
         self,
@@ -66,17 +76,18 @@ class ReplayStage(Stage):
         env_steps: Int[Array, ""],
         key: PRNGKeyArray,
     ) -> tuple[LearningSide[Any], Scalar]:
-        """Store the transitions of a side and update it; return it, and the losses of its updates,
-        added up.
+        """Let a side learn from its transitions; return it, and the losses of its updates, added
+        up.
         """
         rows = rows_of(played, role, self.config.limit_terminates)
+        rows = replace(rows, reward=rows.reward / self.algorithm.reward_unit(self.game))
         side = state.learners[role]
         return self.algorithm.learn(side, rows, self.config.env_steps, env_steps, key)
 
     def init_side(
         self, role: Role, key: PRNGKeyArray, network: Network | None
     ) -> LearningSide[Any]:
-        """Make a side that learns, with an empty replay buffer. The key is consumed."""
+        """Make a side that learns. The key is consumed."""
         robots = len(self.game.bodies[role])
         return self.algorithm.init_side(key, network, robots)
 
@@ -115,10 +126,11 @@ class ReplayStage(Stage):
 
 
 @functools.partial(jax.jit, donate_argnames="state")
-def train_chunk(stage: ReplayStage, state: S) -> tuple[S, Metrics]:
+def train_chunk(stage: RolloutStage, state: S) -> tuple[S, Metrics]:
     """Train a chunk. The state is consumed: replay buffers are updated in place."""
     algorithm = stage.algorithm
-    games, steps = algorithm.games, algorithm.steps_per_iteration
+    games = algorithm.games
+    steps = min(algorithm.steps_per_iteration, _MOST_STARTS)
     drawn_at_once = _STARTS_PER_CHUNK if stage.game.scenario is None else _STARTS_IN_ARENAS
     rows = max(1, drawn_at_once // (games * steps))
     drawn = reset_batch(stage.game, state.iteration_key(0), rows * steps * games)
