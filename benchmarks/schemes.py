@@ -11,6 +11,7 @@ does those that are missing.
 """
 
 import argparse
+import itertools
 import json
 import tempfile
 import time
@@ -28,40 +29,32 @@ from apollonius.agents.trained import greedy_policy, load_network
 from apollonius.arenas.charting import with_chart
 from apollonius.evaluate.match import play_games
 from apollonius.evaluate.solved import measure_card
+from apollonius.evaluate.statistics import predict
 from apollonius.exploit.attack import losses_of
 from apollonius.exploit.attackers import planner_against
 from apollonius.game.game import Game
 from apollonius.io.document import write_atomically
 from apollonius.learn.config import RunConfig
-from apollonius.learn.fixed_target import FixedTargetConfig
-from apollonius.learn.folder import agent_file, create_run
+from apollonius.learn.folder import agent_file, create_run, load_config
 from apollonius.learn.ppo import PPOConfig
 from apollonius.learn.response import ResponseConfig
 from apollonius.learn.run import train
-from apollonius.learn.self_play import SelfPlayConfig
+from apollonius.show import palette, style
 from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.solving import cached_tables
 
-STAGE_1, SELF_PLAY, RESPONSE = 2_000_000, 4_000_000, 500_000
-"""Env steps of the first stage, of self-play, and of a response."""
+RECIPE = load_config(Path(__file__).parents[1] / "examples" / "recipes" / "magnet.toml")
+"""The two stages of all trainings, and the numbers by which they learn."""
+RESPONSE = 500_000
+"""Env steps of a response."""
 GAMES, PLANNED, SOLVED = 500, 20, 200
 """Games against a response, against the planner, and against the player by the solved game."""
 GRID = (13, 13, 5, 8)
 """Nodes of the solved game."""
-PPO = PPOConfig(
-    observation="encoded",
-    width=64,
-    depth=3,
-    gamma=0.99,
-    learning_rate=1e-3,
-    final_learning_rate=1e-4,
-    critic_learning_rate=1e-3,
-    steps=64,
-    entropy=0.01,
-    hold=8.0,
-    temperature=0.1,
-    critic_first=5,
-)
+MAGNET = RECIPE.algorithm
+assert isinstance(MAGNET, PPOConfig), "as the recipe says"
+PPO = replace(MAGNET, magnet=0.0)
+STAGE_1, SELF_PLAY = RECIPE.stages
 
 
 @dataclass(frozen=True)
@@ -76,7 +69,7 @@ SCHEMES = {
     "latest": Scheme(PPO, "latest"),
     "uniform": Scheme(PPO, "uniform"),
     "prioritised-hard": Scheme(PPO, "prioritised-hard"),
-    "magnet": Scheme(replace(PPO, magnet=0.2), "latest"),
+    "magnet": Scheme(MAGNET, "latest"),
 }
 
 
@@ -84,14 +77,12 @@ def train_scheme(scheme: Scheme, seed: int, folder: Path) -> dict[Role, Path]:
     """Train both sides by a scheme; return the files of the agents."""
     first, run = folder / f"stage1-{seed}", folder / "self-play"
     if not agent_file(first, "P_stage1").exists():
-        stage_1 = FixedTargetConfig(env_steps=STAGE_1, evaluations=4)
-        create_run(RunConfig(seed, algorithm=PPO, stages=(stage_1,)), first)
+        create_run(RunConfig(seed, algorithm=PPO, stages=(STAGE_1,)), first)
         train(first)
-    stage_2 = SelfPlayConfig(env_steps=SELF_PLAY, evaluations=4, opponents=scheme.opponents)
     config = RunConfig(
         seed,
         algorithm=scheme.algorithm,
-        stages=(stage_2,),
+        stages=(replace(SELF_PLAY, opponents=scheme.opponents),),
         pursuer=str(agent_file(first, "P_stage1")),
     )
     create_run(config, run, force=True)
@@ -186,20 +177,54 @@ def read_rows(file: Path) -> list[dict[str, Any]]:
 def write_rows(file: Path, rows: list[dict[str, Any]]) -> None:
     """Write the trainings, one a line."""
     lines = ",\n  ".join(json.dumps(row) for row in rows)
-    head = f'"stage 1": {STAGE_1}, "self-play": {SELF_PLAY}, "response": {RESPONSE}'
+    head = f'"response": {RESPONSE}, "games": {[GAMES, PLANNED, SOLVED]}'
     write_atomically(file, f'{{\n {head},\n "trainings": [\n  {lines}\n ]\n}}\n'.encode())
+
+
+def rates(rows: list[dict[str, Any]], side: str, judge: str) -> dict[str, list[float]]:
+    """Return the shares of games that the trainings of each scheme lose to a judge."""
+    return {
+        name: [row[side][judge]["loses"] for row in rows if row["scheme"] == name]
+        for name in SCHEMES
+    }
+
+
+def draw(rows: list[dict[str, Any]], picture: Path) -> None:
+    """Draw what agents of both sides lose to a response and to the table; print it as a table."""
+    panels = list(itertools.product(("pursuer", "evader"), ("response", "table")))
+    with style.picture(picture, columns=len(panels), width=3.4, height=2.8) as axes:
+        for panel, (side, judge) in zip(axes, panels, strict=True):
+            lost = rates(rows, side, judge)
+            columns = [[[value] for value in values] for values in lost.values()]
+            intervals = [predict(np.array(column), 0.0, 1.0).interval for column in columns]
+            colour = palette.SIDES[side == "evader"]
+            names = [name.replace("-", "\n") for name in lost]
+            style.draw_strips(panel, names, columns, intervals, [colour] * len(names))
+            panel.set(title=f"{side} loses to the {judge}")
+    judges = ("response", "planner", "table")
+    for name in SCHEMES:
+        cells = list[str]()
+        for side, judge in itertools.product(("pursuer", "evader"), judges):
+            values = np.array(rates(rows, side, judge)[name])[:, None]
+            low, high = predict(values, 0.0, 1.0).interval
+            cells.append(f"{100 * values.mean():.0f} % [{100 * low:.0f}, {100 * high:.0f}]")
+        print(f"| `{name}` | {' | '.join(cells)} |")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("task", choices=("train", "draw"))
     parser.add_argument("file", type=Path)
     parser.add_argument("--seeds", default="0-4")
-    parser.add_argument("--schemes", nargs="*", default=list(SCHEMES), choices=list(SCHEMES))
     parser.add_argument("--folder", type=Path, default=Path(tempfile.gettempdir()) / "schemes")
+    parser.add_argument("--out", type=Path, default=Path("schemes.png"))
     options = parser.parse_args()
+    if options.task == "draw":
+        draw(read_rows(options.file), options.out)
+        return
     first, _, last = options.seeds.partition("-")
     seeds = range(int(first), int(last or first) + 1)
-    train_all(options.file, seeds, options.schemes, options.folder)
+    train_all(options.file, seeds, list(SCHEMES), options.folder)
 
 
 if __name__ == "__main__":

@@ -149,30 +149,34 @@ def write_sources(folder: Path) -> None:
         (folder / name).write_text(f"{page}\n{_contents(name)}", encoding="utf-8")
 
 
+INSTALL = """\
+import importlib.util
+import os
+import sysconfig
+
+SOURCE = "./apollonius"  # a checkout or a wheel
+if importlib.util.find_spec("apollonius") is None:
+    %pip install --quiet "{SOURCE}[plot]"
+os.environ["PATH"] = sysconfig.get_path("scripts") + os.pathsep + os.environ["PATH"]"""
+"""First cell of each notebook: its commands are those of the package that it imports."""
+
+
 def notebook(text: str) -> str:
     """Return a tutorial as a Jupyter notebook, in which Python, commands and named files are cells
-    to run.
+    to run, and the first one installs the package where it is missing.
 
     What waits for a person, `apollonius play`, and what a program prints stay text, and links
     become their words. A cell of commands stops where one fails.
     """
     magic = {"python": "", "sh": "%%sh -e\n", "toml": "%%writefile {}\n"}
-    cells: list[dict[str, object]] = []
+    cells = [_code_cell(INSTALL)]
     for part in filter(str.strip, _BLOCK.split(text)):
         language, _, code = part.removeprefix("```").removesuffix("```\n").partition("\n")
         file_name = re.match(r"# (\S+)\n", code)
         runs = part.startswith("```") and language in magic and (language != "toml" or file_name)
         if runs and "apollonius play" not in code:
             source = magic[language].format(file_name and file_name[1]) + code.rstrip("\n")
-            cells += [
-                {
-                    "cell_type": "code",
-                    "execution_count": None,
-                    "metadata": {},
-                    "outputs": [],
-                    "source": source,
-                }
-            ]
+            cells += [_code_cell(source)]
         else:
             words = _LINK.sub(lambda link: link[0] if "://" in link[2] else link[1], part)
             cells += [{"cell_type": "markdown", "metadata": {}, "source": words.strip("\n")}]
@@ -180,6 +184,11 @@ def notebook(text: str) -> str:
     return json.dumps(
         {"cells": cells, "metadata": kernel, "nbformat": 4, "nbformat_minor": 4}, indent=1
     )
+
+
+def _code_cell(source: str) -> dict[str, object]:
+    empty = {"execution_count": None, "metadata": {}, "outputs": []}
+    return {"cell_type": "code", "source": source} | empty
 
 
 def _contents(name: str) -> str:

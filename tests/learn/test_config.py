@@ -157,7 +157,7 @@ def test_config_survives_its_file(config, tmp_path):
 def test_example_recipes_load_as_configs(monkeypatch):
     few = find_scenario("suite-v1/discs-00,discs-01")
     monkeypatch.setattr("apollonius.arenas.file.find_scenario", lambda name: few)  # hundreds take their time
-    for name in ("any_chase", "evader", "optimal_evader", "pursuer", "response", "robust"):
+    for name in ("any_chase", "evader", "magnet", "optimal_evader", "pursuer", "response", "robust"):
         assert load_config(REPOSITORY / "examples" / "recipes" / f"{name}.toml") != RunConfig()
     tasks = load_config(REPOSITORY / "examples" / "recipes" / "pursuer.toml").stages[0].tasks
     assert make_game("zero-sum") in [task.game for task in tasks], "with its discs"

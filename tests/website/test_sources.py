@@ -6,7 +6,7 @@ import re
 import pytest
 
 from tests.documents import REPOSITORY, blocks
-from website.sources import PARTS, at_home, documents, notebook, write_sources
+from website.sources import INSTALL, PARTS, at_home, documents, notebook, write_sources
 
 HOME = REPOSITORY / "README.md"
 DOCUMENT = REPOSITORY / "docs" / "how-to" / "jax.md"
@@ -54,7 +54,7 @@ def test_notebook_has_a_cell_for_each_block_of_its_tutorial(name):
             continue
         first = {"python": "", "sh": "%%sh -e\n", "toml": f"%%writefile {block.code.split()[1]}\n"}[block.language]
         expected += [first + block.code.rstrip("\n")] * ("apollonius play" not in block.code)
-    assert [cell["source"] for cell in run] == expected
+    assert [cell["source"] for cell in run] == [INSTALL, *expected]
     text = "\n\n".join(cell["source"] for cell in book["cells"] if cell["cell_type"] == "markdown")
     assert text.startswith("# ")
     assert "](" not in text.replace("](https:", "")
@@ -67,7 +67,7 @@ def test_notebook_has_a_cell_for_each_block_of_its_tutorial(name):
 def test_toml_block_without_a_name_becomes_text():
     page = "# Page\n\n```toml\nmax_steps = 3\n```\n\nSee [here](a.md), [there](https://b.org).\n"
     cells = json.loads(notebook(page))["cells"]
-    assert [cell["cell_type"] for cell in cells] == ["markdown"] * 3
+    assert [cell["cell_type"] for cell in cells] == ["code"] + ["markdown"] * 3
     assert "".join(cell["source"] for cell in cells).endswith("See here, [there](https://b.org).")
 
 
@@ -86,3 +86,19 @@ def test_tutorial_links_its_notebook_below_its_title(tmp_path):
         title, _, offer, *_ = (tutorials / f"{name}.md").read_text().splitlines()
         assert title.startswith("# ")
         assert f"({name}.ipynb)" in offer
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+def test_first_tutorial_runs_as_a_notebook(tmp_path):
+    """It plays, trains for some minutes and evaluates. Jupyter's own client runs it."""
+    nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
+    pytest.importorskip("ipykernel")
+    text = (REPOSITORY / "docs" / "tutorials" / "play.md").read_text()
+    book = nbformat.reads(notebook(text), as_version=4)
+    nbclient.NotebookClient(book, timeout=1200, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    printed = ["".join(output.get("text", "") for output in cell.get("outputs", [])) for cell in book.cells]
+    assert (tmp_path / "chase.gif").stat().st_size > 10_000
+    assert (tmp_path / "runs" / "first" / "agents" / "P_curriculum-25.safetensors").is_file()
+    evaluated = [text for text in printed if "flee-aware (evader) wins" in text]
+    assert evaluated, "the last cell has been run"
