@@ -150,14 +150,17 @@ def write_sources(folder: Path) -> None:
 
 
 INSTALL = """\
-import importlib.util
 import os
 import sysconfig
+from importlib.metadata import PackageNotFoundError, distribution
 
 SOURCE = "./apollonius"  # a checkout or a wheel
-if importlib.util.find_spec("apollonius") is None:
+try:
+    distribution("apollonius")
+except PackageNotFoundError:
     %pip install --quiet "{SOURCE}[plot]"
-os.environ["PATH"] = sysconfig.get_path("scripts") + os.pathsep + os.environ["PATH"]"""
+os.environ["PATH"] = sysconfig.get_path("scripts") + os.pathsep + os.environ["PATH"]
+os.environ.pop("FORCE_COLOR", None)  # no moving bars, which a notebook cannot show"""
 """First cell of each notebook: its commands are those of the package that it imports."""
 
 
