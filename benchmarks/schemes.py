@@ -29,7 +29,7 @@ from apollonius.agents.trained import greedy_policy, load_network
 from apollonius.arenas.charting import with_chart
 from apollonius.evaluate.match import play_games
 from apollonius.evaluate.solved import measure_card
-from apollonius.evaluate.statistics import predict
+from apollonius.evaluate.statistics import mean_interval, predict
 from apollonius.exploit.attack import losses_of
 from apollonius.exploit.attackers import planner_against
 from apollonius.game.game import Game
@@ -121,7 +121,7 @@ def tables() -> BySide[SaddlePolicy]:
 
 
 def judge(role: Role, files: dict[Role, Path], seed: int) -> dict[str, Any]:
-    """Return how the agent of a side fares against each judge, and its regret."""
+    """Return the losses of the agent of a side to each judge, and its regret."""
     game = judged_game()
     agent = find_player(str(files[role]), role, game)
 
@@ -190,7 +190,7 @@ def rates(rows: list[dict[str, Any]], side: str, judge: str) -> dict[str, list[f
 
 
 def draw(rows: list[dict[str, Any]], picture: Path) -> None:
-    """Draw what agents of both sides lose to a response and to the table; print it as a table."""
+    """Draw what agents of both sides lose to a response and to the table."""
     panels = list(itertools.product(("pursuer", "evader"), ("response", "table")))
     with style.picture(picture, columns=len(panels), width=3.4, height=2.8) as axes:
         for panel, (side, judge) in zip(axes, panels, strict=True):
@@ -201,14 +201,29 @@ def draw(rows: list[dict[str, Any]], picture: Path) -> None:
             names = [name.replace("-", "\n") for name in lost]
             style.draw_strips(panel, names, columns, intervals, [colour] * len(names))
             panel.set(title=f"{side} loses to the {judge}")
-    judges = ("response", "planner", "table")
+
+
+def summary(rows: list[dict[str, Any]]) -> list[str]:
+    """Return a table: the mean of each scheme's losses with the prediction interval of another
+    training, and its mean difference to `latest` over the seeds, with a 95 % interval.
+    """
+    lines = list[str]()
     for name in SCHEMES:
         cells = list[str]()
-        for side, judge in itertools.product(("pursuer", "evader"), judges):
-            values = np.array(rates(rows, side, judge)[name])[:, None]
-            low, high = predict(values, 0.0, 1.0).interval
-            cells.append(f"{100 * values.mean():.0f} % [{100 * low:.0f}, {100 * high:.0f}]")
-        print(f"| `{name}` | {' | '.join(cells)} |")
+        for side, judge in itertools.product(("pursuer", "evader"), ("response", "table")):
+            lost = rates(rows, side, judge)
+            percents = 100 * np.array(lost[name])
+            differences = percents - 100 * np.array(lost["latest"])
+            prediction = predict(percents[:, None], 0.0, 100.0)
+            cells.append(with_interval(prediction.mean, prediction.interval))
+            cells.append(with_interval(differences.mean(), mean_interval(differences), "+"))
+        lines.append(f"| `{name}` | {' | '.join(cells)} |")
+    return lines
+
+
+def with_interval(mean: float, interval: tuple[float, float], sign: str = "") -> str:
+    low, high = interval
+    return f"{mean:{sign}.0f} [{low:{sign}.0f}, {high:{sign}.0f}]"
 
 
 def main() -> None:
@@ -220,7 +235,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("schemes.png"))
     options = parser.parse_args()
     if options.task == "draw":
-        draw(read_rows(options.file), options.out)
+        rows = read_rows(options.file)
+        draw(rows, options.out)
+        print("\n".join(summary(rows)))
         return
     first, _, last = options.seeds.partition("-")
     seeds = range(int(first), int(last or first) + 1)
