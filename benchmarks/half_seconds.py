@@ -10,7 +10,7 @@ from jaxtyping import Array, Int
 
 from apollonius.agents.policy import AbstractPolicy, Memory
 from apollonius.game.game import Game
-from apollonius.game.types import GameState, Outcome, RobotState, Role
+from apollonius.game.types import BySide, GameState, Outcome, RobotState, Role
 from apollonius.solve.players import batch_actions
 
 HOLD = 5
@@ -65,7 +65,7 @@ def filled(numbers: np.ndarray, count: int) -> np.ndarray:
 
 
 class Played(NamedTuple):
-    """A batch of games after some steps, and the memories of the evader."""
+    """A batch of games after some steps, and the memories of the policy that answers."""
 
     robots: tuple[RobotState, RobotState]
     outcome: Int[Array, " games"]
@@ -77,8 +77,9 @@ def play(
     played: Played,
     actions: Int[Array, "games steps"],
     answer: AbstractPolicy | Int[Array, "games steps"],
+    role: Role = Role.PURSUER,
 ) -> Played:
-    """Play actions of the pursuer against a policy or actions of the evader."""
+    """Play actions of a side against a policy or actions of the other one."""
     states = jax.vmap(GameState.of_two)(*played.robots, steps=jnp.zeros_like(played.outcome))
     bits = jnp.zeros(len(actions), jnp.uint32)
 
@@ -86,10 +87,10 @@ def play(
         states, outcome, memories = carry
         action, number = step
         if isinstance(answer, AbstractPolicy):
-            answers, memories = batch_actions(answer, game, states, Role.EVADER, memories, bits)
+            answers, memories = batch_actions(answer, game, states, role.other, memories, bits)
         else:
             answers = answer[:, number]
-        after = jax.vmap(game.step)(states, action, answers)
+        after = jax.vmap(game.step)(states, *BySide.of(role, action, answers))
         is_on = outcome == Outcome.ONGOING
         states = jax.tree.map(lambda new, old: jnp.where(is_on, new, old), after.state, states)
         return (states, jnp.where(is_on, after.outcome, outcome), memories), None

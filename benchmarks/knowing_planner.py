@@ -71,14 +71,15 @@ def plan_and_play(
     bits = jax.random.bits(key, (games,), jnp.uint32)
 
     def some_plans(rows: tuple[Any, ...]) -> Array:
-        (own, other), memories, previous, bits = rows
+        robots, memories, previous, bits = rows
         knowing = replace(planner, opponent_memories=memories)
+        own, other = robots[planner.role], robots[planner.role.other]
         return knowing.best_course(own, other, previous, bits)
 
     rows = played.robots, played.memories, previous, bits
     blocks = jax.tree.map(lambda leaf: leaf.reshape(-1, TOGETHER, *leaf.shape[1:]), rows)
     course = jax.lax.map(some_plans, blocks).reshape(games, -1)
-    played = play(planner.game, played, course[:, :HOLD], planner.opponent)
+    played = play(planner.game, played, course[:, :HOLD], planner.opponent, planner.role)
     rest = jnp.roll(course, -HOLD, axis=1).at[:, -HOLD:].set(course[:, -1:])
     return played, rest
 

@@ -126,13 +126,20 @@ const answers = {
     states.forEach((now, index) => late({ dt: 0.5 }, now, { role: "pursuer", number: 0 }, states.slice(0, index + 1)));
     return seen;
   },
-  /** Of the games that one side has lost: the last second at which another would have done better, and from which on it does. */
+  /**
+   * Of the games that one side has lost: the last half second at which another would have done better, and from which on it does;
+   * the first tries the other alone, and the second an evader's actions for a second, too.
+   */
   hindsight({ me, stand, count, ...sides }) {
     const match = matchOf(sides);
     const other = findPlayer(stand, me);
-    const doesBetter = (number) => {
+    const isBetter = (number, first) => {
       const tried = match.from(number, { ...match.players, [me]: [other] });
-      for (let left = me === "evader" ? 100 : 200; left && !tried.isOver; left--) tried.step();
+      const held = { ...match.players, [me]: [{ act: () => first }] };
+      for (let left = 0; left < (me === "evader" ? 100 : 200) && !tried.isOver; left++) {
+        if (first !== null) tried.players = left < 10 ? held : { ...match.players, [me]: [other] };
+        tried.step();
+      }
       return tried.isOver ? tried.winner === me : me === "evader";
     };
     const lost = [];
@@ -143,8 +150,14 @@ const answers = {
       let answer = search.next();
       while (!answer.done) answer = search.next();
       const last = match.states.length - 1;
-      const seconds = Array.from({ length: Math.min(20, Math.floor(last / 10)) }, (_, index) => last - 10 * (index + 1));
-      lost.push({ found: answer.value, better: seconds.filter((number) => number >= (answer.value ?? 0) && doesBetter(number)) });
+      const moments = Array.from({ length: Math.min(40, Math.floor(last / 5)) }, (_, index) => last - 5 * (index + 1));
+      const after = moments.filter((number) => number >= (answer.value ?? 0));
+      const first = me === "evader" ? [null, ...game.ACTIONS] : [null];
+      lost.push({
+        found: answer.value,
+        alone: after.filter((number) => isBetter(number, null)),
+        better: after.filter((number) => first.some((action) => isBetter(number, action))),
+      });
     }
     return lost;
   },

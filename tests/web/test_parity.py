@@ -307,7 +307,8 @@ def test_delayed_view_shows_the_past_of_the_other_side_only():
     ],
 )
 def test_hindsight_finds_the_last_way_out(me, own, theirs, stand, finds):
-    rules = to_dict(make_game("paper")) | ({"max_steps": 150} if me == "pursuer" else {})
+    game = make_game("paper") if finds else Game(arena=Arena(x_max=3.0, y_max=3.0))
+    rules = to_dict(game) | ({"max_steps": 150} if me == "pursuer" else {})
     sides = {me: {"name": own}, "pursuer" if me == "evader" else "evader": theirs}
     match = {"game": rules, "seed": 1, "me": me, "count": 8, "stand": {"name": f"shielded:{stand}"}} | sides
     lost = ask(hindsight=match)
@@ -315,6 +316,8 @@ def test_hindsight_finds_the_last_way_out(me, own, theirs, stand, finds):
     for game in lost:
         assert game["better"] == ([] if game["found"] is None else [game["found"]])
     assert any(game["found"] is not None for game in lost) == finds
+    steered = [game for game in lost if game["found"] is not None and not game["alone"]]
+    assert bool(steered) == (stand == "flee"), "an evader is saved by an action that it does not choose"
 
 
 def test_page_survey_reports_a_passage_too_narrow_for_a_robot():

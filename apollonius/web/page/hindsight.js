@@ -1,6 +1,6 @@
 // A game that is over, looked back at: it ends once more and slowly, from the last moment at which it could have been saved.
 
-import { EVADER, PURSUER, ROLES, clip, isActive, robotOf } from "./game.js";
+import { ACTIONS, EVADER, PURSUER, ROLES, clip, isActive, robotOf } from "./game.js";
 import { ANYWHERE, findPlayer } from "./players.js";
 import { stoppable } from "./why.js";
 import { SHIELDED, bare } from "./words.js";
@@ -11,7 +11,8 @@ const FASTER = 3; // times faster, in a film
 export const IMPACT = 1.1; // for how long a game that is over stands still before it is replayed [s]
 const AFTERWARDS = 1.5; // the end of a film, which stands still [s]
 const GIVEN = { [PURSUER]: 20, [EVADER]: 10 }; // how long a pursuer has to win, and an evader to stay free [s]
-const STRIDE = 1; // between moments that are tried [s]
+const STRIDE = 0.5; // between moments that are tried [s]
+const HOLD = 1; // for how long an evader holds each action where it finds no way out by itself [s]
 const FARTHEST = 20; // before the end [s]
 
 /** The replay of a game that is over: it plays slowly to the end, or holds a moment. */
@@ -74,9 +75,9 @@ export async function standIn(catalogue, match, role) {
 }
 
 /**
- * Look for the last state of a match, second by second before its end, from which a stand-in for a robot would have stayed free
+ * Look for the last state of a match, each half second before its end, from which a stand-in for a robot would have stayed free
  * for ten seconds or, a pursuer, have won: the recorded game is played on by the rules and against the very players of the match.
- * It goes on by one step of a game whenever it is asked.
+ * Where an evader fails it tries again, each action for a second first. The search goes on by one step of a game whenever it is asked.
  *
  * @returns the number of the state, or null
  */
@@ -86,14 +87,21 @@ export function* lastChance(match, who, stand) {
   const end = gone < 0 ? match.states.length - 1 : gone;
   for (let back = STRIDE; back <= Math.min(FARTHEST, end * dt); back += STRIDE) {
     const number = end - Math.round(back / dt);
-    if (yield* doesBetter(match, number, who, stand)) return number;
+    const holding = who.role === EVADER ? ACTIONS.map((action) => holds(stand, action, number + Math.round(HOLD / dt))) : [];
+    for (const player of [stand, ...holding]) if (yield* doesBetter(match, number, who, player)) return number;
   }
   return null;
 }
 
-/** Return whether a stand-in does better from a state on. */
-function* doesBetter(match, number, who, stand) {
-  const players = { ...match.players, [who.role]: match.players[who.role].with(who.number, stand) };
+/** A player that holds an action up to a state, by its number. */
+const holds = (player, action, until) => ({
+  ...player,
+  act: (game, state, who, states) => (states.length <= until ? action : player.act(game, state, who, states)),
+});
+
+/** Return whether a player does better in a robot's place from a state on. */
+function* doesBetter(match, number, who, player) {
+  const players = { ...match.players, [who.role]: match.players[who.role].with(who.number, player) };
   const tried = match.from(number, players);
   const last = number + Math.round(GIVEN[who.role] / match.game.dt);
   const isCaught = () => who.role === EVADER && !isActive(robotOf(tried.state, who));
