@@ -88,10 +88,8 @@ class SeesLate(AbstractWrapper[AbstractPolicy]):
     def __call__(
         self, view: View, memory: Float[Array, "steps 4"], bits: RandomBits
     ) -> tuple[Int[Array, ""], Float[Array, "steps 4"]]:
-        late_view = view
-        if self.steps:
-            oldest = RobotState(*memory[0])
-            late_view = eqx.tree_at(lambda view: view.opponents[0].state, view, oldest)
+        oldest = RobotState(*memory[0])
+        late_view = eqx.tree_at(lambda view: view.opponents[0].state, view, oldest)
         action, _ = self.policy(self.policy.observation(late_view), (), bits)
         latest = jnp.stack(jax.tree.leaves(view.opponent.state))
         return action, jnp.concatenate([memory, latest[None]])[1:]
@@ -106,11 +104,11 @@ class LostGame:
         self.end = len(self.rows) - 1
         self.steps_late = steps_late
 
-    def at(self, number: int) -> tuple[tuple[RobotState, RobotState], Float[Array, "steps 4"]]:
+    def at(self, number: int) -> tuple[tuple[RobotState, RobotState], Memory]:
         """Return the robots in a state, and what the opponent remembers then."""
         row = jnp.asarray(self.rows[number])
         before = np.arange(number - self.steps_late, number)
-        memory = jnp.asarray(self.rows[np.maximum(before, 0), 4:])
+        memory = jnp.asarray(self.rows[np.maximum(before, 0), 4:]) if self.steps_late else ()
         return (RobotState(*row[:4]), RobotState(*row[4:])), memory
 
     @property
@@ -137,7 +135,8 @@ def make_planner(game: Game, late: float, more: int) -> KnowingPlanner:
     times as many courses as usual, and follows the page's stand-in, too.
     """
     policy = find_player(OPPONENT, Role.PURSUER, game).policy
-    agent = NamedPlayer(OPPONENT, SeesLate(policy, round(late / float(game.dt))))
+    steps = round(late / float(game.dt))
+    agent = NamedPlayer(OPPONENT, SeesLate(policy, steps) if steps else policy)
     followed = [*FOLLOWED.evader, "shielded:evader"]
     bare = planner_against(agent, Role.PURSUER, game, followed)
     parts = bare.game, bare.opponent, bare.followed, bare.role, more * bare.drawn

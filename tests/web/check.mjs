@@ -128,16 +128,16 @@ const answers = {
   },
   /**
    * Of the games that one side has lost: the last half second at which another would have done better, and from which on it does;
-   * the first tries the other alone, and the second an evader's actions for a second, too.
+   * the first tries the other alone, and the second an evader's actions for a second or two, too.
    */
   hindsight({ me, stand, count, ...sides }) {
     const match = matchOf(sides);
     const other = findPlayer(stand, me);
-    const isBetter = (number, first) => {
+    const isBetter = (number, first, steps) => {
       const tried = match.from(number, { ...match.players, [me]: [other] });
       const held = { ...match.players, [me]: [{ act: () => first }] };
       for (let left = 0; left < (me === "evader" ? 100 : 200) && !tried.isOver; left++) {
-        if (first !== null) tried.players = left < 10 ? held : { ...match.players, [me]: [other] };
+        if (first !== null) tried.players = left < steps ? held : { ...match.players, [me]: [other] };
         tried.step();
       }
       return tried.isOver ? tried.winner === me : me === "evader";
@@ -156,7 +156,7 @@ const answers = {
       lost.push({
         found: answer.value,
         alone: after.filter((number) => isBetter(number, null)),
-        better: after.filter((number) => first.some((action) => isBetter(number, action))),
+        better: after.filter((number) => first.some((action) => [10, 20].some((steps) => isBetter(number, action, steps)))),
       });
     }
     return lost;

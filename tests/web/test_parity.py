@@ -307,7 +307,7 @@ def test_delayed_view_shows_the_past_of_the_other_side_only():
     ],
 )
 def test_hindsight_finds_the_last_way_out(me, own, theirs, stand, finds):
-    game = make_game("paper") if finds else Game(arena=Arena(x_max=3.0, y_max=3.0))
+    game = make_game("paper") if finds else Game(arena=Arena(x_max=2.2, y_max=2.2))
     rules = to_dict(game) | ({"max_steps": 150} if me == "pursuer" else {})
     sides = {me: {"name": own}, "pursuer" if me == "evader" else "evader": theirs}
     match = {"game": rules, "seed": 1, "me": me, "count": 8, "stand": {"name": f"shielded:{stand}"}} | sides

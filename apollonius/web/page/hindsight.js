@@ -12,7 +12,7 @@ export const IMPACT = 1.1; // for how long a game that is over stands still befo
 const AFTERWARDS = 1.5; // the end of a film, which stands still [s]
 const GIVEN = { [PURSUER]: 20, [EVADER]: 10 }; // how long a pursuer has to win, and an evader to stay free [s]
 const STRIDE = 0.5; // between moments that are tried [s]
-const HOLD = 1; // for how long an evader holds each action where it finds no way out by itself [s]
+const HOLDS = [1, 2]; // for how long an evader holds each action where it finds no way out by itself [s]
 const FARTHEST = 20; // before the end [s]
 
 /** The replay of a game that is over: it plays slowly to the end, or holds a moment. */
@@ -77,7 +77,8 @@ export async function standIn(catalogue, match, role) {
 /**
  * Look for the last state of a match, each half second before its end, from which a stand-in for a robot would have stayed free
  * for ten seconds or, a pursuer, have won: the recorded game is played on by the rules and against the very players of the match.
- * Where an evader fails it tries again, each action for a second first. The search goes on by one step of a game whenever it is asked.
+ * Where an evader fails it tries again, each action for some time first. The search goes on by one step of a game whenever it is
+ * asked.
  *
  * @returns the number of the state, or null
  */
@@ -87,8 +88,8 @@ export function* lastChance(match, who, stand) {
   const end = gone < 0 ? match.states.length - 1 : gone;
   for (let back = STRIDE; back <= Math.min(FARTHEST, end * dt); back += STRIDE) {
     const number = end - Math.round(back / dt);
-    const holding = who.role === EVADER ? ACTIONS.map((action) => holds(stand, action, number + Math.round(HOLD / dt))) : [];
-    for (const player of [stand, ...holding]) if (yield* doesBetter(match, number, who, player)) return number;
+    const holding = HOLDS.flatMap((time) => ACTIONS.map((action) => holds(stand, action, number + Math.round(time / dt))));
+    for (const player of who.role === EVADER ? [stand, ...holding] : [stand]) if (yield* doesBetter(match, number, who, player)) return number;
   }
   return null;
 }
