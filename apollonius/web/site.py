@@ -13,7 +13,15 @@ from apollonius.agents.built_in import BY_CHART, PLAYERS, BuiltIn
 from apollonius.agents.names import SEARCHING
 from apollonius.agents.store import load_header
 from apollonius.agents.trained import ANY, ZOO, find_trained, zoo_names
-from apollonius.arenas.file import find_game, game_in_one_arena, game_names, split_team, to_dict
+from apollonius.arenas.file import (
+    find_game,
+    game_in_one_arena,
+    game_names,
+    load_game,
+    split_team,
+    to_dict,
+)
+from apollonius.benchmark.scenarios import FOLDER, NAMES
 from apollonius.catalogue import SHIELDED, find_player
 from apollonius.game.arena import Disc
 from apollonius.game.game import Game
@@ -187,6 +195,7 @@ def write_site(folder: Path, choice: FirstMatch | None = None) -> None:
         "agents": agents.names,
         "anywhere": agents.anywhere,
         "files": agents.files,
+        "scenarios": [_scenario_level(name) for name in NAMES],
         "learning": parse_json(LEARNING.read_bytes(), str(LEARNING)),
         "chosen": {
             name: value
@@ -195,6 +204,19 @@ def write_site(folder: Path, choice: FirstMatch | None = None) -> None:
         },
     }
     (folder / "catalogue.json").write_text(to_json(catalogue), encoding="utf-8")
+
+
+def _scenario_level(name: str) -> dict[str, Any]:
+    """Return what a level of the page needs of a scenario."""
+    path = FOLDER / f"{name}.json"
+    scenario = parse_json(path.read_bytes(), str(path))
+    robots = scenario["pursuers"] + scenario["evaders"]
+    return {
+        "name": name,
+        **{key: scenario[key] for key in ("task", "side", "line", "hold")},
+        "start": [number for robot in robots for number in robot],
+        "rules": to_dict(load_game(path.with_suffix(".toml"))),
+    }
 
 
 @dataclass(frozen=True)

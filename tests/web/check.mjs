@@ -168,10 +168,30 @@ const answers = {
     const opponent = findPlayer({ name: `shielded:${against}`, late: players.DIFFICULTIES[level.difficulty].late }, game.other(level.side));
     const played = levels.ofLevel(level.game === "rush-hour" ? levels.inRushHour(rules) : rules, level);
     const sides = game.bySide((role) => [role === level.side ? own : opponent]);
-    const match = new Match(played, sides, level.seed, level.start && starts.startAt(played, level.start));
+    const match = new Match(played, sides, level.seed, levels.startOf(played, level));
     while (!match.isOver) match.step();
     return [match.outcome, match.seconds];
   }),
+  /** The levels of scenarios, with who wins if somebody plays their lines, or others, against an agent of a file. */
+  scenarios({ scenarios, plays, opponents }) {
+    const catalogue = { scenarios, games: {} };
+    const before = levels.LEVELS.length;
+    levels.addScenarios(catalogue);
+    const found = levels.LEVELS.slice(before).map((level) => {
+      const [rules, rival] = [catalogue.games[level.game], game.other(level.side)];
+      const opponent = findPlayer({ name: `shielded:${opponents[rival]}` }, rival);
+      const winners = [level, ...plays[level.game]].map(({ hold, line }) => {
+        const own = line.map((actions) => ({ act: (...seen) => actions[Math.floor((seen[3].length - 1) / hold)] ?? game.HOLD }));
+        const sides = game.bySide((role) => (role === level.side ? own : [opponent]));
+        const match = new Match(levels.ofLevel(rules, level), sides, level.seed, levels.startOf(rules, level));
+        while (!match.isOver) match.step();
+        return match.winner;
+      });
+      return { level, start: levels.startOf(rules, level), played: levels.ofLevel(rules, level), winners };
+    });
+    levels.LEVELS.length = before;
+    return found;
+  },
   read: (texts) => Promise.all(texts.map((text) => tried(Promise.resolve(text).then(file.readGame)))),
   survey: (texts) => texts.map((text) => survey(file.readGame(text))),
   links: (fragments) => Promise.all(fragments.map((fragment) => tried(file.fromFragment("#game=", fragment)))),

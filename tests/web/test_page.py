@@ -127,7 +127,7 @@ def test_person_who_survives_wins_the_level(desk):
     colours = "[getComputedStyle(document.getElementById('message')).backgroundColor, document.body.dataset.result]"
     assert page.evaluate(colours) == ["rgb(43, 108, 163)", "won"], "the colour of who has won"
     page.click("#menu")
-    assert page.inner_text("#games-title") == "Levels: 1 of 14 won"
+    assert page.inner_text("#games-title") == "Levels: 1 of 22 won"
     assert page.inner_text("#levels li:first-child").endswith("won\nEndless")
     phase = page.evaluate(
         """() => {
@@ -139,6 +139,46 @@ def test_person_who_survives_wins_the_level(desk):
     assert phase == "loading", "keys are the game's at once when the list closes"
     playwright.expect(page.locator("#goal")).to_have_text(re.compile("^2. You are blue: survive 40"), timeout=30_000)
     assert page.url.endswith("?level=2")
+
+
+def test_scenario_is_lost_and_won_and_its_line_shown(desk):
+    page = desk.open("?level=22")
+    start = desk.match("start")
+    begins = "Pillar\nKeep the pillar between the two robots. It plays at half speed.\nSpace to begin"
+    assert page.inner_text("#message").startswith(begins)
+    assert page.is_hidden("#next")
+    assert desk.match("game.evader.radius") == 0, "its line is proved for the rules as they are"
+    desk.let_pass(6)
+    assert page.evaluate("apollonius.page.attract") is None, "a person sees how it begins"
+    desk.play(1)
+    assert 0.3 < desk.match("seconds") < 0.6
+    assert page.is_hidden("#line")
+    desk.let_pass(4)
+    assert page.inner_text("#message").startswith("Red caught you after")
+    page.click("#line")
+    assert page.inner_text("#goal") == "22. A line that wins. Then it is your turn"
+    assert page.inner_text("#evader-name") == "the proved line"
+    desk.let_pass(8)
+    assert page.inner_text("#go") == "Your turn"
+    page.click("#go")
+    playwright.expect(page.locator("#goal")).to_have_text("22. You are blue: survive 3\u00a0s")
+    page.wait_for_selector("#go:enabled")
+    assert page.url.endswith("?level=22")
+    assert desk.match("start") == start
+    page.keyboard.down("ArrowUp")
+    desk.play(1.25)
+    page.keyboard.down("ArrowLeft")
+    desk.let_pass(7)
+    for key in ("ArrowUp", "ArrowLeft"):
+        page.keyboard.up(key)
+    assert page.inner_text("#message") == "You survived for 3.0\u00a0s. You win! Your best so far."
+    assert page.inner_text("#go") == "Next level"
+    page.keyboard.press("KeyN")
+    desk.let_pass(0.25)
+    assert desk.match("start") == start
+    page.click("#menu")
+    assert page.inner_text("#levels li:nth-child(22)").endswith("won")
+    page.keyboard.press("Escape")
 
 
 def test_endless_level_counts_how_long_a_person_survives(desk):

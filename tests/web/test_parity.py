@@ -20,6 +20,7 @@ from apollonius.agents.trained import ZOO
 from apollonius.agents.wrappers.backup import MARGIN, brakes
 from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import find_game, from_dict, game_names, load_game, to_dict
+from apollonius.benchmark.scenarios import FOLDER, NAMES, load_scenario
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.chart import COARSE
 from apollonius.game.dynamics import Unicycle
@@ -38,6 +39,7 @@ from apollonius.observe.registry import find_observation
 from apollonius.observe.view import look
 from apollonius.play.replay import as_rows, as_state, load_replay, play_actions
 from apollonius.web.site import DOORS, PAGE, READS, SHUTTLES, WALKERS
+from tests.web.test_server import publish_site
 
 PEOPLE = Path(__file__).parents[2] / "examples/games/office_people.toml"
 GOLDEN = sorted((Path(__file__).parents[1] / "golden").glob("*.json"))
@@ -490,3 +492,19 @@ def test_walls_join_without_slits():
     moves = ask(moves=1)
     assert moves["joined"] == [[0, 3], [10, 6.9], [4, 4.1], [5, 5]]
     assert moves["corner"] == [[8.1, 3.9], [8.1, 7], [7.9, 7], [7.9, 3.9]]
+
+
+def test_scenarios_are_levels_that_are_won_by_their_lines(tmp_path):
+    """On the page their games and starts are the package's, and who only brakes to the left loses."""
+    scenarios = [load_scenario(FOLDER / f"{name}.json") for name in NAMES]
+    nothing = {scenario.name: [{"hold": 99, "line": [[0]] * len(scenario.line)}] for scenario in scenarios}
+    agents = {side: str(ZOO / f"{side}.safetensors") for side in ("pursuer", "evader")}
+    levels = ask(scenarios={"scenarios": publish_site(tmp_path)["scenarios"], "plays": nothing, "opponents": agents})
+    for number, (scenario, level) in enumerate(zip(scenarios, levels, strict=True), 16):
+        assert level["level"]["number"] == number
+        assert level["level"]["task"] == scenario.task
+        assert from_dict(Game, level["played"], scenario.name).packed() == scenario.game
+        robots = [*level["start"]["pursuer"], *level["start"]["evader"]]
+        row = [robot[key] for robot in robots for key in ("x", "y", "v", "heading")]
+        np.testing.assert_allclose(row, jax.tree.leaves(scenario.start.robots), rtol=1e-6)
+        assert level["winners"] == [scenario.side, scenario.role.other.name.lower()]

@@ -5,9 +5,9 @@ import { MOST_ROBOTS } from "./calls.js";
 import { drawGround, drawRobots, scaled } from "./draw.js";
 import { make } from "./files.js";
 import { EVADER, ROLES, countsOf, inTeams, other, partsOf, teamName } from "./game.js";
-import { LEVELS, bestOf, endless, ofLevel } from "./levels.js";
+import { LEVELS, bestOf, canBeEndless, endless, ofLevel, startOf } from "./levels.js";
 import { ANYWHERE, DIFFICULTIES, ruleNames } from "./players.js";
-import { drawStart, makeRandom, startAt, withMovers } from "./starts.js";
+import { drawStart, makeRandom, withMovers } from "./starts.js";
 import { SHIELDED, YOU, bare, inWords } from "./words.js";
 
 const AT_HOME = ["paper", "zero-sum"]; // games in the arena that most agents were trained in
@@ -121,7 +121,7 @@ export class Choices {
     if ("level" in values && !level) missing.unshift("level");
     const name = missing.find((one) => one in values);
     const said = name ? `There is no ${name} "${values[name].slice(0, 60)}": Start plays another game, or choose under Games.` : null;
-    return [level ? asChoice(values.endless && level.side === EVADER ? endless(level) : level) : this.read(), said];
+    return [level ? asChoice(values.endless && canBeEndless(level) ? endless(level) : level) : this.read(), said];
   }
 }
 
@@ -145,7 +145,7 @@ function drawLevel(canvas, games, level, colours) {
   const context = scaled(canvas, game.arena);
   drawGround(context, game.arena, colours);
   const random = makeRandom(level.seed);
-  const start = level.start ? startAt(game, level.start) : drawStart(game, random);
+  const start = startOf(game, level) ?? drawStart(game, random);
   drawRobots(context, game, withMovers(game, start, random), colours, SIGN);
 }
 
@@ -180,7 +180,7 @@ export function levelButtons(games, colours, current, onChoice) {
     if (level === current) button.setAttribute("aria-current", "true");
     const longest = bestOf(endless(level));
     const ever = `Endless${longest === null ? "" : `: ${longest.toFixed(1)} s so far`}`;
-    const more = isFlight && best !== null ? [make("button", { onclick: () => onChoice(endless(level)) }, ever)] : [];
+    const more = canBeEndless(level) && best !== null ? [make("button", { onclick: () => onChoice(endless(level)) }, ever)] : [];
     return make("li", {}, button, ...more);
   });
 }

@@ -1,19 +1,21 @@
-// Levels: challenges over arenas, each harder than the one before, then two of teams, and one among people. What a person has
-// won is stored in this browser alone.
+// Levels: challenges over arenas, each harder than the one before, then two of teams, one among people, and the scenarios of the
+// benchmark. What a person has won is stored in this browser alone.
 
 import { inFog } from "./fog.js";
-import { EVADER, PURSUER } from "./game.js";
+import { EVADER, PURSUER, fromRow, other } from "./game.js";
+import { ANYWHERE } from "./players.js";
 
 /**
  * In their order: what it is called, whom a person plays, against whom, how hard, where, for how long [s]; in the first one
  * the person starts with open floor ahead, and a shield brakes for the robot; opponents have one; in fog nobody
- * sees through walls. A lesson is watched.
+ * sees through walls. A lesson is watched. A start is a row: x, y, v, heading of each pursuer, then of each evader. A scenario
+ * has one start only, a task, and for each robot of its side a line of actions that wins, each held for some steps.
  */
 export const LEVELS = [
-  { name: "Open floor", side: EVADER, against: "pursuer", difficulty: "gentle", game: "open", seconds: 20, shields: Infinity, start: { pursuer: [9.2, 0.8, 1.6], evader: [5.5, 5.5, 2.4] } },
-  { name: "Three pillars", side: EVADER, against: "pursuer", difficulty: "gentle", game: "paper", seconds: 40, shields: 2, start: { pursuer: [9.4, 5.1, 3.1], evader: [6, 5.5, 3.1] } },
+  { name: "Open floor", side: EVADER, against: "pursuer", difficulty: "gentle", game: "open", seconds: 20, shields: Infinity, start: [9.2, 0.8, 0, 1.6, 5.5, 5.5, 0, 2.4] },
+  { name: "Three pillars", side: EVADER, against: "pursuer", difficulty: "gentle", game: "paper", seconds: 40, shields: 2, start: [9.4, 5.1, 0, 3.1, 6, 5.5, 0, 3.1] },
   { name: "Watch it learn", side: null, difficulty: "sharp", game: "paper", seconds: 20, isLesson: true },
-  { name: "The hunter", side: PURSUER, against: "flee-aware", difficulty: "gentle", game: "paper", seconds: 60, shields: 2, start: { pursuer: [1.5, 5.5, 0], evader: [5.5, 5.5, 1.6] } },
+  { name: "The hunter", side: PURSUER, against: "flee-aware", difficulty: "gentle", game: "paper", seconds: 60, shields: 2, start: [1.5, 5.5, 0, 0, 5.5, 5.5, 0, 1.6] },
   { name: "A courtyard", side: EVADER, against: "pursuer", difficulty: "gentle", game: "courtyard", seconds: 60 },
   { name: "Nine houses", side: EVADER, against: "pursuer", difficulty: "fair", game: "blocks", seconds: 60 },
   { name: "Hunting in the office", side: PURSUER, against: "flee-aware", difficulty: "fair", game: "office", seconds: 100 },
@@ -27,6 +29,16 @@ export const LEVELS = [
   { name: "Rush hour", side: EVADER, against: "pursuer", difficulty: "fair", game: "rush-hour", seconds: 60, shields: 2, seed: 6 },
 ].map((level, index) => ({ seed: index + 1, ...level, number: index + 1 }));
 
+/** Append the scenarios of a catalogue to the levels, and their games to its games. */
+export function addScenarios({ scenarios, games }) {
+  for (const { name, rules, ...scenario } of scenarios) {
+    const words = name.replaceAll("_", " ");
+    const level = { ...scenario, name: words[0].toUpperCase() + words.slice(1), game: name, against: ANYWHERE[other(scenario.side)] };
+    games[name] = rules;
+    LEVELS.push({ ...level, difficulty: "sharp", seed: 0, number: LEVELS.length + 1 });
+  }
+}
+
 const ENDLESS = 600; // [s]
 
 /** The level after the one that the person of a session has won or watched, or null. */
@@ -35,13 +47,20 @@ export function levelWonBy({ choice, match, me, lesson }) {
   return me && choice?.level && match?.isOver && match.winner === me ? (LEVELS[choice.level.number] ?? null) : null;
 }
 
+/** Return whether a level has an endless version. */
+export const canBeEndless = ({ side, task }) => side === EVADER && !task;
+
 /** Return a level of an evader in which it plays for as long as it lasts, and not only up to a limit. */
 export const endless = (level) => ({ ...level, name: `${level.name}, endless`, seconds: ENDLESS, isEndless: true });
 
 const RADIUS = 0.15; // of robots at least, so that what is seen to touch a wall does [m]
 
-/** Return a game with the time limit of a level, its fog, and robots that are as large as they look. */
-export function ofLevel(game, { seconds, isFoggy }) {
+/** Return the start of a level of a game, or null where it is drawn. */
+export const startOf = (game, { start }) => (start ? fromRow(game, start, 0, () => "active") : null);
+
+/** Return a game with the time limit of a level, its fog, and robots that are as large as they look; a scenario's as it is. */
+export function ofLevel(game, { seconds, isFoggy, task }) {
+  if (task) return game;
   const wide = (body) => ({ ...body, radius: Math.max(body.radius, RADIUS) });
   const { pursuers = [], evaders = [] } = game.teams ?? {};
   const teams = game.teams && { ...game.teams, pursuers: pursuers.map(wide), evaders: evaders.map(wide) };

@@ -4,7 +4,7 @@ import { BLUES } from "./lesson.js";
 import { Choices, asChoice, describeProgress, levelButtons, levelStrip } from "./choices.js";
 import { copyLink, make, saveAs } from "./files.js";
 import { ROLES } from "./game.js";
-import { inRushHour, levelWonBy, withOpenFloor } from "./levels.js";
+import { addScenarios, inRushHour, levelWonBy, withOpenFloor } from "./levels.js";
 import { Session } from "./session.js";
 import { Six } from "./six.js";
 import { asReplayLink, drawCard, fromReplayLink, isLocal, record } from "./share.js";
@@ -14,6 +14,8 @@ import { Steering } from "./steering.js";
 import { LAYERS } from "./why.js";
 import { YOU, asTime, describeGoal, wordsOf } from "./words.js";
 import { Workshop } from "./workshop.js";
+
+const FLAT = 2; // times as wide as high: an arena that leaves a message no room
 
 const element = (id) => document.getElementById(id);
 const steering = new Steering();
@@ -34,6 +36,8 @@ function showPhase(message) {
   element("go").textContent = page.label;
   element("go").disabled = element("again").disabled = element("next").disabled = phase === "loading";
   element("download").disabled = phase !== "over";
+  element("line").hidden = phase !== "over" || !me || !choice.level?.task;
+  element("next").hidden = Boolean(choice?.level?.task); // which has one start
   const share = pupils().findIndex(({ name }) => name === choice?.pursuer);
   element("learning").hidden = share < 0;
   element("six").hidden = element("let-blue").hidden = element("next-level").hidden = !lesson;
@@ -48,7 +52,8 @@ function showPhase(message) {
     six.showCurve({ ...page.catalogue.learning, blue: Object.hasOwn(BLUES, choice.evader) ? choice.evader : "flee-aware" });
   }
   const { arena } = match.game;
-  document.body.style.setProperty("--aspect", (arena.x_max - arena.x_min) / (arena.y_max - arena.y_min));
+  const aspect = (arena.x_max - arena.x_min) / (arena.y_max - arena.y_min);
+  document.body.style.setProperty("--aspect", aspect > FLAT ? 1.2 : aspect);
   element("goal").textContent = (choice.level ? `${choice.level.number}. ` : "") + describeGoal(match, me, choice.level?.isEndless);
   for (const role of ROLES) {
     element(`${role}-name`).textContent = wordsOf(match.players[role]);
@@ -81,6 +86,7 @@ const actions = {
   again: () => page.begins("again"),
   next: () => page.begins("next"),
   "let-blue": () => page.changeBlue(),
+  line: () => page.watchLine(),
   "next-level": () => page.begin(asChoice(levelWonBy(page))),
   menu() {
     page.pause();
@@ -219,6 +225,7 @@ async function main() {
   page.catalogue = await (await fetch("catalogue.json")).json();
   const { games } = page.catalogue;
   Object.assign(games, { open: withOpenFloor(games.paper), "rush-hour": inRushHour(games.office) });
+  addScenarios(page.catalogue);
   choices = new Choices(element("choices"), page.catalogue);
   workshop = new Workshop(element, page, choices);
   wire();

@@ -8,16 +8,16 @@ import { Guard } from "./guard.js";
 import { endOf, isCalm } from "./effects.js";
 import { IMPACT, SlowReplay, hasCrashed, lastBrake, lastChance, standIn } from "./hindsight.js";
 import { BLUES, openLesson } from "./lesson.js";
-import { keepBest, levelWonBy, ofLevel } from "./levels.js";
+import { canBeEndless, keepBest, levelWonBy, ofLevel, startOf } from "./levels.js";
 import { Match } from "./match.js";
 import { findTeam } from "./players.js";
 import { sound } from "./sound.js";
-import { startAt } from "./starts.js";
 import { YOU, asTime, describeBrake, describeChance, describeEnd, describeReady } from "./words.js";
 
 const LONGEST_PAUSE = 0.25; // of the clock, when a browser held frames back [s]
 const COUNTDOWN = 1.5; // before a person's game continues [s]
 const MOST_STEPS = 30; // in a frame
+const SLOW = 0.5; // pace of scenarios, which last some seconds
 const BEAT = 0.5; // of the countdown [s]
 const SPARE = 12; // of a frame after the game, to look back at it [ms]
 const SHARED = "shared"; // the name of the game of a link, among the games
@@ -69,7 +69,8 @@ export class Session {
       const [pursuer, evader] = await Promise.all(players);
       if (this.choice !== choice) return;
       const game = choice.level ? ofLevel(found, choice.level) : found;
-      this.match = new Match(game, { pursuer, evader }, choice.seed, start ?? (choice.level?.start && startAt(game, choice.level.start)));
+      this.match = new Match(game, { pursuer, evader }, choice.seed, start ?? (choice.level && startOf(game, choice.level)));
+      if (choice.level?.task) this.match.next = this.match.again;
       this.guard = guard;
       this.#makeReady();
     } catch (error) {
@@ -93,8 +94,8 @@ export class Session {
   }
 
   /** Begin a game that has been played, to be played again. */
-  watch(match) {
-    Object.assign(this, { match, choice: { level: null } });
+  watch(match, level = null) {
+    Object.assign(this, { match, choice: { level } });
     this.#makeReady();
     if (!isCalm()) this.go();
   }
@@ -105,16 +106,26 @@ export class Session {
     return this.begin({ ...challenge.choice, game: SHARED }, start);
   }
 
+  /** Watch the line that wins a scenario, against the opponent of the match; then it is the person's turn again. */
+  watchLine() {
+    const { match, choice, me } = this;
+    const { line, hold } = choice.level;
+    const act = (_game, _state, { number }, states) => line[number][Math.floor((states.length - 1) / hold)];
+    const own = line.map(() => ({ name: "line", words: "the proved line", values: null, act }));
+    const shown = new Match(match.game, { ...match.players, [me]: own }, 0, match.start);
+    this.watch(Object.assign(shown, { next: shown.again, challenge: { choice, me, seconds: null } }), choice.level);
+  }
+
   #beginGame() {
     Object.assign(this, { time: 0, counted: 0, ending: null, end: null, lostAt: null, hindsight: null, attract: null });
   }
 
   #makeReady() {
     this.#beginGame();
-    const { me, match, guard, people } = this;
+    const { me, match, guard, people, choice } = this;
     match.decide(); // so that no move waits for the arena's chart
-    this.enter("ready", describeReady({ me, people: people.length, isFoggy: Boolean(match.game.sensors), isBusy: Boolean(match.game.movers), shields: guard.times }));
-    if (people.length && !isCalm()) this.#attract(match);
+    this.enter("ready", describeReady({ me, people: people.length, isFoggy: Boolean(match.game.sensors), isBusy: Boolean(match.game.movers), shields: guard.times, level: choice.level }));
+    if (people.length && !isCalm() && !choice.level?.task) this.#attract(match);
   }
 
   /** Let agents play behind the start's card; where they cannot be loaded, nothing is seen. */
@@ -149,7 +160,7 @@ export class Session {
     const { phase, match, me, lesson } = this;
     if (lesson) return lesson.isPaused ? "Resume" : "Pause";
     if (phase !== "over") return { counting: "Pause", playing: "Pause", paused: "Resume" }[phase] ?? "Start";
-    if (match.challenge) return `Beat this: ${asTime(match.challenge.seconds)}`;
+    if (match.challenge) return match.challenge.seconds === null ? "Your turn" : `Beat this: ${asTime(match.challenge.seconds)}`;
     if (levelWonBy(this)) return "Next level";
     return me && match.winner !== me ? "Try again" : "Next game";
   }
@@ -175,7 +186,7 @@ export class Session {
     if (this.phase === "lesson") this.lesson.pass(seconds);
     else if (this.phase === "ready") this.attract?.pass(seconds);
     else if (this.phase === "counting") this.#countDown(seconds);
-    else if (this.phase === "playing") this.#advance(this.pace * Math.min(seconds, LONGEST_PAUSE));
+    else if (this.phase === "playing") this.#advance((this.choice.level?.task ? SLOW : 1) * this.pace * Math.min(seconds, LONGEST_PAUSE));
     else if (this.phase === "over") this.#goBack();
   }
 
@@ -226,7 +237,7 @@ export class Session {
     const now = performance.now() / 1000;
     const left = Math.max(0, IMPACT - (this.ending.sinceEnd(now) ?? IMPACT)); // of the time for which the end stands still
     if (lostAt !== null && !this.ending.held && !this.ending.isFilmed) this.ending.play(lostAt, now, left);
-    const best = isBest && (me === EVADER && !choice.level.isEndless ? "New under Games: this level, endless." : "Your best so far.");
+    const best = isBest && (canBeEndless(choice.level) && !choice.level.isEndless ? "New under Games: this level, endless." : "Your best so far.");
     this.enter("over", [describeEnd(match, me, choice.level?.isEndless), loss, best].filter(Boolean).join(" "));
   }
 

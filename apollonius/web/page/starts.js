@@ -15,12 +15,6 @@ export function makeRandom(seed) {
   };
 }
 
-/** A start by hand: of either side [x, y, heading], at rest. */
-export function startAt(game, places) {
-  const robot = ([x, y, heading], body) => ({ x, y, v: Math.max(body.v_min, 0), heading, status: "active" });
-  return { ...bySide((role) => [robot(places[role], game[role])]), steps: 0 };
-}
-
 const [PAIRS, DRAWS, STARTS] = [20_000, 1000, 100]; // of the first robots, of a team mate, and of those before it
 
 /**

@@ -44,6 +44,7 @@ export const asTime = (seconds) => `${seconds.toFixed(1)}\u00a0s`;
 
 /** Return the goal of a match. `me` is the side of the one person who plays, or null; who plays an endless level has no limit. */
 export function describeGoal({ game, players, start, challenge }, me, isEndless = false) {
+  if (challenge?.seconds === null) return "A line that wins. Then it is your turn";
   if (challenge) return `Somebody ${challenge.me === EVADER ? "fled" : "hunted"} for ${asTime(challenge.seconds)}. Then it is your turn`;
   if (!me) {
     const [red, blue] = ROLES.map((role) => wordsOf(players[role]));
@@ -101,14 +102,16 @@ const SHIELDS = {
  * @param isFoggy whether walls hide the opponent
  * @param isBusy whether people or other things move in the arena
  * @param shields how often a shield brakes for the person
+ * @param level that is played, or null; a scenario has a task
  */
-export function describeReady({ people, me, isFoggy, isBusy, shields }) {
+export function describeReady({ people, me, isFoggy, isBusy, shields, level }) {
   const touch = matchMedia("(pointer: coarse)").matches;
-  const first = { [EVADER]: "Red is hunting you.", [PURSUER]: "Blue flees: cut it off." }[me];
+  const first = level?.task ? level.name : { [EVADER]: "Red is hunting you.", [PURSUER]: "Blue flees: cut it off." }[me];
+  const task = level?.task ? `${level.task} It plays at half speed.\n` : "";
   const both = touch ? "red has the left pad, blue the right one" : "red steers by W A S D, blue by the arrow keys";
   const alone = touch ? "hold the pad to steer" : "↑ speeds up, ↓ brakes, ← → turn";
   const how = { 0: "agents play", 1: alone, 2: both }[people];
-  const begin = `${touch || self !== top ? "Start" : "Space"} to begin; ${how}.`;
+  const begin = `${task}${touch || self !== top ? "Start" : "Space"} to begin; ${how}.`;
   const fog = isFoggy ? "Hatched is where the other may be." : "";
   const busy = isBusy ? "Touch no one: only who stands still may be walked into." : "";
   return [first, [begin, SHIELDS[shields], fog, busy].filter(Boolean).join(" ")].filter(Boolean).join("\n");
