@@ -207,7 +207,7 @@ def write_site(folder: Path, choice: FirstMatch | None = None) -> None:
 
 
 def _scenario_level(name: str) -> dict[str, Any]:
-    """Return what a level of the page needs of a scenario."""
+    """Return the level of the page for a scenario: its game, start, task and line."""
     path = FOLDER / f"{name}.json"
     scenario = parse_json(path.read_bytes(), str(path))
     robots = scenario["pursuers"] + scenario["evaders"]
