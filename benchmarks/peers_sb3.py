@@ -15,25 +15,34 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
+from apollonius import Reward
+
 HIDDEN = [96, 96, 96]
-SCALE = 0.1
-"""Of rewards: a game then pays about two."""
 STEPS = 100_000_000
 """More than any training takes."""
 
 
-class Games(VecEnv):
-    """Many games of pursuers with standing evaders, by Stable-Baselines3's own interface."""
-
-    def __init__(self, games: int) -> None:
-        self.games: Any = gymnasium.make_vec(
+def still_evaders(games: int) -> "Games":
+    """Make many games of pursuers with standing evaders."""
+    return Games(
+        gymnasium.make_vec(
             "apollonius.envs.gymnasium:apollonius/Pursuit-v0",
             num_envs=games,
             vectorization_mode="vector_entry_point",
             opponent="still",
             observation="encoded",
+            reward=Reward(capture=1.0, failure=1.0, progress=0.3),
         )
-        super().__init__(games, self.games.single_observation_space, self.games.single_action_space)
+    )
+
+
+class Games(VecEnv):
+    """Games of a vector environment, by Stable-Baselines3's own interface."""
+
+    def __init__(self, games: Any) -> None:
+        self.games = games
+        spaces = games.single_observation_space, games.single_action_space
+        super().__init__(games.num_envs, *spaces)
 
     def reset(self) -> np.ndarray:
         observations, _ = self.games.reset(seed=self.first)
@@ -55,7 +64,7 @@ class Games(VecEnv):
         for index in np.flatnonzero(over):
             details[index]["terminal_observation"] = np.asarray(infos["final_obs"][index])
             details[index]["TimeLimit.truncated"] = bool(truncated[index] and not terminated[index])
-        return np.asarray(observations), SCALE * np.asarray(rewards), over, details
+        return np.asarray(observations), np.asarray(rewards), over, details
 
     def close(self) -> None:
         self.games.close()
@@ -115,7 +124,7 @@ def train_dqn(seed: int, watch: Any) -> None:
     torch.set_num_threads(1)
     learner = DQN(
         "MlpPolicy",
-        Games(32),
+        still_evaders(32),
         learning_rate=1e-3,
         buffer_size=500_000,
         batch_size=256,
@@ -138,7 +147,7 @@ def train_ppo(seed: int, watch: Any) -> None:
     torch.set_num_threads(1)
     learner = PPO(
         "MlpPolicy",
-        Games(256),
+        still_evaders(256),
         learning_rate=1e-3,
         n_steps=32,
         batch_size=2_048,
