@@ -40,7 +40,8 @@ PARTS = {
         "architecture",
     ),
     "Benchmarks": _folder(
-        "benchmarks", "as_printed replication leaderboard scenarios generalisation buildings speed"
+        "benchmarks",
+        "as_printed replication leaderboard entrants scenarios generalisation buildings speed",
     ),
     "Project": ("contributing", "changelog", "security", "licence", "report"),
 }

@@ -4,17 +4,17 @@ beats whom.
     python -m benchmarks.entrants.ladder FOLDER --out FILE --plot FILE
 
 FOLDER has the agents that `benchmarks.entrants.train` made. A challenger, given by `--pursuers` or
-`--evaders` as a name or a file, plays them all. With `--planner` each learner's best training also
-meets a planner that knows it, in as many games as it says.
+`--evaders` as a name or a file, plays them all.
 """
 
 import argparse
 import re
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +25,9 @@ from apollonius import BySide, MatchResult, Role, find_player, load_agent
 from apollonius.agents.source import NamedPlayer
 from apollonius.evaluate.statistics import predict
 from apollonius.evaluate.tournament import Tournament, play_tournament
-from apollonius.exploit.attack import Attack
-from apollonius.exploit.attackers import PLANNER, AttackResources, attackers_of
 from apollonius.game.types import ROLES
 from apollonius.io.document import to_json, write_atomically
-from apollonius.show.matches import draw_tournament
+from apollonius.show import palette, style
 from benchmarks.entrants.game import ENV_STEPS, GAME, HIDDEN, OPPONENTS
 
 OURS = BySide(
@@ -37,6 +35,8 @@ OURS = BySide(
     ("evader", "E_curriculum", "flee-aware", "flee", "still", "random"),
 )
 """The package's agents, and the rules."""
+SCORE = BySide("wins against ours", "undefeated against ours")
+"""The share by which a side is ranked: of games against the same opponents for all."""
 FILE = re.compile(r"(?P<learner>.+)-(?P<side>pursuer|evader)-(?P<seed>\d+)")
 OWN_FAILURES = BySide(
     ("pursuer_hit_obstacle", "pursuer_out_of_range"), ("evader_hit_obstacle", "evader_out_of_range")
@@ -81,25 +81,33 @@ def groups_of(names: Sequence[str]) -> dict[str, list[int]]:
 
 
 def shares_of(tournament: Tournament, role: Role) -> dict[str, Float[np.ndarray, " players"]]:
-    """Return for each player of a side the shares of its games that it won, did not lose, lost by
-    its own failure, and that ended by the time limit; means over all opponents.
+    """Return shares of the games of each player of a side, means over opponents.
+
+    `undefeated` is of the games that it did not lose; `own failures`, `captures` and `time-outs`
+    are of the games against `OURS`.
     """
-    side_winning = (
-        tournament.matches if role is Role.PURSUER else zip(*tournament.matches, strict=True)
-    )
-    rows = [[*row] for row in side_winning]
+    rows, opponents = tournament.matches, tournament.evaders
+    if role is Role.EVADER:
+        rows, opponents = tuple(zip(*rows, strict=True)), tournament.pursuers
+    everyone = range(len(opponents))
+    panel = [number for number in everyone if opponents[number] in OURS[role.other]]
 
-    def share(count: Any) -> Float[np.ndarray, " players"]:
-        return np.array([np.mean([count(match) / match.games for match in row]) for row in rows])
+    def share(
+        count: Callable[[MatchResult], int], columns: Sequence[int]
+    ) -> Float[np.ndarray, " players"]:
+        shares = [[count(row[column]) / row[column].games for column in columns] for row in rows]
+        return np.mean(shares, axis=1)
 
-    wins = BySide(lambda match: match.pursuer_wins, lambda match: match.evader_wins)
+    counts = BySide(attrgetter("pursuer_wins"), attrgetter("evader_wins"))
     return {
-        "wins": share(wins[role]),
-        "undefeated": 1 - share(wins[role.other]),
+        "wins against ours": share(counts[role], panel),
+        "undefeated against ours": 1 - share(counts[role.other], panel),
+        "undefeated": 1 - share(counts[role.other], everyone),
         "own failures": share(
-            lambda match: sum(match.outcomes[name] for name in OWN_FAILURES[role])
+            lambda match: sum(match.outcomes[name] for name in OWN_FAILURES[role]), panel
         ),
-        "time-outs": share(lambda match: match.outcomes["no_result"]),
+        "captures": share(lambda match: match.outcomes["captured"], panel),
+        "time-outs": share(lambda match: match.outcomes["no_result"], panel),
     }
 
 
@@ -123,7 +131,7 @@ def standings(tournament: Tournament, role: Role) -> dict[str, dict[str, Any]]:
                 row["next"] = [round(end, digits) for end in interval]
                 row["trainings"] = [round(value, digits) for value in own.tolist()]
             rows[learner][column] = row
-    return dict(sorted(rows.items(), key=lambda row: -row[1]["elo"]["mean"]))
+    return dict(sorted(rows.items(), key=lambda row: -row[1][SCORE[role]]["mean"]))
 
 
 def trainings_in(folder: Path) -> dict[str, dict[str, Any]]:
@@ -163,28 +171,22 @@ def play(
     return tournament, time.process_time() - start
 
 
-def planned_losses(
-    folder: Path, ladder: Mapping[str, dict[str, Any]], role: Role, games: int
-) -> dict[str, Any]:
-    """Measure what the best training of each learner loses to a planner that knows it."""
-    losses: dict[str, Any] = {}
-    for learner, row in ladder.items():
-        if "trainings" not in row["elo"]:
-            continue
-        best = int(np.argmax(row["elo"]["trainings"]))
-        path = folder / f"{learner}-{role.name.lower()}-{best}.safetensors"
-        attack = Attack(role, str(path))
-        (planner,) = attackers_of(PLANNER, attack, AttackResources(None, folder))
-        measured = planner.measure(attack, games, seed=0)
-        losses[learner] = {
-            "seed": best,
-            "games": games,
-            "loses": measured.loses,
-            "interval": [round(end, 3) for end in measured.interval],
-            "own failures": measured.fails,
-        }
-        print(f"{path.stem} against the planner: {measured}", flush=True)
-    return losses
+def draw(result: dict[str, Any], path: Path) -> None:
+    """Save the pursuers' win rates [%], a row each, both sides in the order of the ladder."""
+    sides = BySide("pursuer", "evader").map(lambda side: [*result["ladder"][side]])
+    rows = [result["pursuers"].index(name) for name in sides.pursuer]
+    columns = [result["evaders"].index(name) for name in sides.evader]
+    rates = 100 * np.array(result["pursuer's win rates"])[np.ix_(rows, columns)]
+    with style.picture(path, width=6.4, height=5.4) as (axes,):
+        axes.imshow(rates, cmap="RdBu_r", vmin=0, vmax=100, aspect="auto")
+        axes.set_xticks(range(len(columns)), sides.evader, rotation=45, ha="right")
+        axes.set_yticks(range(len(rows)), sides.pursuer)
+        axes.grid(visible=False)
+        for (row, column), rate in np.ndenumerate(rates):
+            colour = "white" if abs(rate - 50) > 35 else palette.INK
+            axes.text(column, row, f"{rate:.0f}", ha="center", va="center", color=colour)
+        title = "games that the pursuer wins [%]; the best players are first"
+        axes.set(title=title, xlabel="evader", ylabel="pursuer")
 
 
 def main() -> None:
@@ -196,7 +198,6 @@ def main() -> None:
     parser.add_argument("--evaders", nargs="+", default=[], help="challengers")
     parser.add_argument("--games", type=int, default=100, help="(default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="(default: %(default)s)")
-    parser.add_argument("--planner", type=int, default=0, help="games (default: %(default)s)")
     parser.add_argument("--out", type=Path, help="the ladder as JSON")
     parser.add_argument("--plot", type=Path, help="who beats whom as PNG")
     options = parser.parse_args()
@@ -206,7 +207,8 @@ def main() -> None:
     ladder = {role.name.lower(): standings(tournament, role) for role in Role}
     for side, rows in ladder.items():
         for learner, row in rows.items():
-            print(f"{side:8} {learner:20} {row['elo']['mean']:5.0f} {row['wins']['mean']:6.1%}")
+            shares = [f"{name} {row[name]['mean']:.1%}" for name in row if name != "elo"]
+            print(f"{side} {learner}: {row['elo']['mean']:.0f}, {', '.join(shares)}")
     result = {
         "date": f"{datetime.now(UTC):%Y-%m-%d}",
         "command": "python -m benchmarks.entrants.ladder FOLDER",
@@ -227,17 +229,10 @@ def main() -> None:
             [round(rate, 3) for rate in row] for row in pooled.win_rates.tolist()
         ],
     }
-    if options.planner:
-        result["planner"] = {
-            role.name.lower(): planned_losses(
-                options.folder, ladder[role.name.lower()], role, options.planner
-            )
-            for role in Role
-        }
     if options.out:
         write_atomically(options.out, f"{to_json(result, indent=1)}\n".encode())
     if options.plot:
-        draw_tournament(pooled, options.plot)
+        draw(result, options.plot)
 
 
 if __name__ == "__main__":

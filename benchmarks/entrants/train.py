@@ -2,8 +2,8 @@
 
     python -m benchmarks.entrants.train sb3-ppo --out FOLDER
 
-The libraries: pip install stable-baselines3 sb3-contrib tianshou torchrl skrl rejax open_spiel
-ray[rllib]
+The libraries: pip install stable-baselines3 skrl rejax tfp-nightly open_spiel tianshou. Rejax 0.1.3
+needs the nightly TensorFlow Probability for JAX 0.10.
 """
 
 import argparse

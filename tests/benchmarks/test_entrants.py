@@ -103,37 +103,43 @@ def result(captured, evader_fails, pursuer_fails, out_of_time):
 
 @pytest.fixture
 def tournament():
-    """Two trainings of an entrant and a rule, against one evader's two trainings."""
+    """Two trainings of a learner and a rule, against one evader's two trainings and a rule."""
     rows = (
-        (result(6, 2, 1, 1), result(4, 2, 3, 1)),
-        (result(2, 0, 8, 0), result(2, 2, 2, 4)),
-        (result(10, 0, 0, 0), result(10, 0, 0, 0)),
+        (result(6, 2, 1, 1), result(4, 2, 3, 1), result(1, 0, 9, 0)),
+        (result(2, 0, 8, 0), result(2, 2, 2, 4), result(5, 0, 2, 3)),
+        (result(10, 0, 0, 0), result(10, 0, 0, 0), result(2, 1, 7, 0)),
     )
-    return Tournament(("a-pursuer-0", "a-pursuer-1", "intercept"), ("b-evader-0", "b-evader-1"), rows)
+    pursuers = "a-pursuer-0", "a-pursuer-1", "intercept"
+    return Tournament(pursuers, ("b-evader-0", "b-evader-1", "flee"), rows)
 
 
-def test_trainings_of_an_entrant_are_counted_as_one_player(tournament):
+def test_trainings_of_a_learner_are_counted_as_one_player(tournament):
     pooled = ladder.pool_trainings(tournament)
-    assert (pooled.pursuers, pooled.evaders) == (("a", "intercept"), ("b",))
-    np.testing.assert_allclose(pooled.win_rates, [[20 / 40], [1.0]])
+    assert (pooled.pursuers, pooled.evaders) == (("a", "intercept"), ("b", "flee"))
+    np.testing.assert_allclose(pooled.win_rates, [[20 / 40, 6 / 20], [1.0, 0.3]])
     assert pooled.matches[0][0].outcomes["pursuer_out_of_range"] == 14
 
 
 def test_standings_are_means_of_trainings_with_the_interval_of_the_next(tournament):
     rows = ladder.standings(tournament, Role.PURSUER)
-    assert list(rows) == ["intercept", "a"]
-    wins = rows["a"]["wins"]
-    assert wins["trainings"] == [0.7, 0.3]
-    assert wins["mean"] == 0.5
+    assert list(rows) == ["a", "intercept"]
+    wins = rows["a"]["wins against ours"]
+    assert wins["trainings"] == [0.1, 0.5]
+    assert wins["mean"] == 0.3
     assert wins["next"] == [0.0, 1.0]  # two trainings say little of a third
-    assert rows["a"]["own failures"]["trainings"] == [0.2, 0.5]
-    assert rows["a"]["undefeated"]["trainings"] == [0.8, 0.5]
-    assert rows["a"]["time-outs"]["mean"] == pytest.approx(0.15)
-    assert "next" not in rows["intercept"]["wins"]
-    evaders = ladder.standings(tournament, Role.EVADER)["b"]
-    assert evaders["wins"]["trainings"] == [0.3, round(5 / 30, 4)]
-    assert evaders["own failures"]["trainings"] == [round(2 / 30, 4), round(4 / 30, 4)]
-    assert evaders["undefeated"]["trainings"] == [round(1 - 20 / 30, 4), round(1 - 20 / 30, 4)]
+    assert rows["a"]["undefeated"]["trainings"] == [round(1 - 13 / 30, 4), round(1 - 12 / 30, 4)]
+    assert rows["a"]["own failures"]["trainings"] == [0.9, 0.2]
+    assert rows["a"]["time-outs"]["trainings"] == [0.0, 0.3]
+    assert rows["a"]["captures"]["mean"] == 0.3
+    assert "next" not in rows["intercept"]["own failures"]
+
+
+def test_evaders_are_ranked_by_the_games_that_they_do_not_lose(tournament):
+    rows = ladder.standings(tournament, Role.EVADER)
+    assert list(rows) == ["flee", "b"]
+    assert rows["flee"]["undefeated against ours"]["mean"] == 0.7
+    assert rows["flee"]["own failures"]["mean"] == 0.1
+    assert rows["b"]["undefeated"]["trainings"] == [round(1 - 20 / 30, 4)] * 2
 
 
 def test_every_learner_has_its_function():
