@@ -173,7 +173,7 @@ def notebook(text: str) -> str:
     become their words. A cell of commands stops where one fails.
     """
     magic = {"python": "", "sh": "%%sh -e\n", "toml": "%%writefile {}\n"}
-    cells = [_code_cell(INSTALL)]
+    cells: list[dict[str, object]] = [_code_cell(INSTALL)]
     for part in filter(str.strip, _BLOCK.split(text)):
         language, _, code = part.removeprefix("```").removesuffix("```\n").partition("\n")
         file_name = re.match(r"# (\S+)\n", code)
@@ -191,8 +191,13 @@ def notebook(text: str) -> str:
 
 
 def _code_cell(source: str) -> dict[str, object]:
-    empty = {"execution_count": None, "metadata": {}, "outputs": []}
-    return {"cell_type": "code", "source": source} | empty
+    return {
+        "cell_type": "code",
+        "execution_count": None,
+        "metadata": {},
+        "outputs": [],
+        "source": source,
+    }
 
 
 def _contents(name: str) -> str:
