@@ -1,6 +1,6 @@
 """Players by name: all kinds of players, and the shield that each can have."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import cast
 
@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from apollonius.agents.built_in import BuiltIn
 from apollonius.agents.classical import Still, Uniform
 from apollonius.agents.extension import Extension
-from apollonius.agents.names import IDENTIFYING, SEARCHING, SHIELDED
+from apollonius.agents.names import FLANKING, IDENTIFYING, SEARCHING, SHIELDED
 from apollonius.agents.network import QNetwork, one_action_network
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
 from apollonius.agents.pool import Pool, single_player, stack
@@ -18,6 +18,7 @@ from apollonius.agents.source import NamedPlayer, PlayerSource, unknown_player
 from apollonius.agents.trained import EpsilonGreedy, Greedy, SquashedGaussian, SquashedMean, Trained
 from apollonius.agents.wrappers.clearance_penalty import ClearancePenalty
 from apollonius.agents.wrappers.departure import Departing
+from apollonius.agents.wrappers.flanking import Flanking
 from apollonius.agents.wrappers.identification import Identifying
 from apollonius.agents.wrappers.searching import Searching
 from apollonius.agents.wrappers.shield import with_shield
@@ -32,6 +33,8 @@ SOURCES: tuple[PlayerSource, ...] = (BuiltIn(), SolvedGame(), Trained(), Extensi
 """All kinds of players; a name is of the first that knows it. A new kind is a file of its own and
 its name here.
 """
+WRAPPERS_OF_VIEWS = {SEARCHING: Searching, FLANKING: Flanking}
+"""The pursuers that play as another one in a changed view, by prefix."""
 TABLE = "table"
 """Instead of a player's name, where both sides are solved anyway: the player by the game solved for
 that side.
@@ -46,7 +49,8 @@ def find_player(name: str | AbstractPolicy, role: Role, game: Game) -> NamedPlay
         name: `identifying:` before it makes the player learn its robot's drive and limits
             (`apollonius.agents.wrappers.identification`), then `shielded:` puts the player behind a
             shield (`apollonius.agents.wrappers.shield`), then `searching:` makes a pursuer search
-            (`apollonius.agents.wrappers.searching`). `RUN/NAME` is an agent of a training run, by
+            (`apollonius.agents.wrappers.searching`), then `flanking:` makes one of a team flank
+            (`apollonius.agents.wrappers.flanking`). `RUN/NAME` is an agent of a training run, by
             the run's folder or its name among `runs`; `zoo/NAME` is one of the zoo, `PACKAGE:NAME`
             one of another package (`apollonius.agents.extension`).
 
@@ -62,7 +66,7 @@ def find_player(name: str | AbstractPolicy, role: Role, game: Game) -> NamedPlay
         name,
         "a name, the path of a file, or an AbstractPolicy",
     )
-    prefixes = IDENTIFYING, SHIELDED, SEARCHING
+    prefixes = IDENTIFYING, SHIELDED, SEARCHING, FLANKING
     is_once = max(map(name.count, prefixes)) <= 1
     listed = ", ".join(f"'{prefix}'" for prefix in prefixes)
     is_first = name.find(IDENTIFYING) <= 0
@@ -71,31 +75,45 @@ def find_player(name: str | AbstractPolicy, role: Role, game: Game) -> NamedPlay
         return _identifying(name.removeprefix(IDENTIFYING), role, game)
     if name.startswith(SHIELDED):
         return _shielded(name.removeprefix(SHIELDED), role, game, is_uncertain=False)
-    if name.startswith(SEARCHING):
-        bare = find_player(name.removeprefix(SEARCHING), role, game)
-        bound = (
-            "followed by a player that values the nine actions and finds its way by the chart, "
-            "as pursuer does"
-        )
-        require(
-            role is Role.PURSUER,
-            SEARCHING,
-            bare.name,
-            "left out for an evader: the pursuer only searches",
-        )
-        require(
-            bare.policy.needs_chart and isinstance(bare.policy, AbstractActionValuePolicy),
-            SEARCHING,
-            bare.name,
-            bound,
-        )
-        assert isinstance(bare.policy, AbstractActionValuePolicy)
-        return replace(bare, name=SEARCHING + bare.name, policy=Searching(bare.policy))
+    for prefix, wrapper in WRAPPERS_OF_VIEWS.items():
+        if name.startswith(prefix):
+            return _with_view_changed(prefix, wrapper, name.removeprefix(prefix), role, game)
     for kind in SOURCES:
         player = kind.find(name, role, game)
         if player:
             return player
     raise unknown_player(name, *SOURCES)
+
+
+def _with_view_changed(
+    prefix: str,
+    wrapper: Callable[[AbstractActionValuePolicy], AbstractPolicy],
+    name: str,
+    role: Role,
+    game: Game,
+) -> NamedPlayer:
+    """Return the pursuer of a name within a wrapper that changes its view.
+
+    Args:
+        prefix: the wrapper's.
+        wrapper: makes the pursuer from the one inside.
+        name: the name of the one inside.
+        role: its side.
+        game: the rules.
+    """
+    bare = find_player(name, role, game)
+    is_pursuer = role is Role.PURSUER
+    require(is_pursuer, prefix, bare.name, "left out for an evader: only pursuers do that")
+    has_mates = prefix != FLANKING or len(game.bodies.pursuer) > 1
+    require(has_mates, prefix, bare.name, "left out for a single pursuer, as it flanks with a mate")
+    bound = (
+        "followed by a player that values the nine actions and finds its way by the chart, "
+        "as pursuer does"
+    )
+    finds_way = bare.policy.needs_chart and isinstance(bare.policy, AbstractActionValuePolicy)
+    require(finds_way, prefix, bare.name, bound)
+    assert isinstance(bare.policy, AbstractActionValuePolicy)
+    return replace(bare, name=prefix + bare.name, policy=wrapper(bare.policy))
 
 
 def _shielded(name: str, role: Role, game: Game, is_uncertain: bool) -> NamedPlayer:

@@ -36,11 +36,13 @@ IDENTIFYING = "identifying:"
 """Prefix that makes the player of a name learn its robot's drive while it drives."""
 SEARCHING = "searching:"
 """Prefix that makes the pursuer of a name search while it does not see its opponent."""
+FLANKING = "flanking:"
+"""Prefix that makes the pursuer of a name, in a team, go round to the evader's other side."""
 
 
 def bare_name(name: str) -> str:
     """Return a player's name without the prefixes of wrappers."""
-    for prefix in (IDENTIFYING, SHIELDED, SEARCHING):
+    for prefix in (IDENTIFYING, SHIELDED, SEARCHING, FLANKING):
         name = name.removeprefix(prefix)
     return name
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from apollonius.agents.classical import AbstractSteering, direction
 from apollonius.agents.guidance import arc_speed
@@ -181,10 +181,14 @@ def path_lengths_from(view: View, robot: Robot) -> Float[Array, " places"]:
     cannot be.
     """
     chart = view.chart
-    numbers = jnp.arange(0, chart.columns, _stride(chart))
     cells, weights = chart.cell_weights(robot.state.x, robot.state.y)
-    places = (numbers[:, None] * chart.columns + numbers[None, :]).ravel()
-    return weights @ (chart.lengths_between(cells, places) / 100)
+    return weights @ (chart.lengths_between(cells, place_cells(chart)) / 100)
+
+
+def place_cells(chart: Chart) -> Int[Array, " places"]:
+    """Return the coarse cells in whose middles these points are."""
+    numbers = jnp.arange(0, chart.columns, _stride(chart))
+    return (numbers[:, None] * chart.columns + numbers[None, :]).ravel()
 
 
 def _stride(chart: Chart) -> int:

@@ -194,6 +194,7 @@ OTHERS = {
     "searching:NAME": (
         "a pursuer of limited sight that searches while it does not see the evader; after shielded:"
     ),
+    "flanking:NAME": "a pursuer of a team that goes round to the evader's other side",
 }
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from apollonius.agents.built_in import BY_CHART, PLAYERS, BuiltIn
-from apollonius.agents.names import SEARCHING
+from apollonius.agents.names import FLANKING, SEARCHING
 from apollonius.agents.store import load_header
 from apollonius.agents.trained import ANY, ZOO, find_trained, zoo_names
 from apollonius.arenas.file import (
@@ -123,7 +123,7 @@ def _page_agent(bare: str, side: Role, rules: Game, opponent: str) -> tuple[str,
         require(is_there, "opponent", bare, bound)
         return path.stem, {path.stem: path}
     header = find_player(opponent, side, rules).header
-    if header is None or bare.startswith(SEARCHING):
+    if header is None or bare.startswith((SEARCHING, FLANKING)):
         rule_names = [
             rule for rule in PLAYERS if rule not in BY_CHART and BuiltIn().fits(rule, side, rules)
         ]
