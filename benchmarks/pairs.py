@@ -8,6 +8,7 @@ continued.
 
 import argparse
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 from time import process_time
@@ -34,7 +35,7 @@ SETTINGS = tuple(
 )
 """Games in which cooperation must pay, named before any pair had played them to the end."""
 FLANKING, TEAM, ALONE = "flanking:pursuer", "pursuer", "alone:pursuer"
-SLOTS = 64
+SLOTS = 20
 """Games that are played at once."""
 
 
@@ -65,7 +66,12 @@ def play(setting: str, pursuer: str, evader: str, games: int, seed: int) -> dict
     game = find_game(setting)
     players = BySide(find_pursuer(pursuer, game), find_player(evader, Role.EVADER, game))
     start = process_time()
-    results = play_games(Match(game, players, games, seed), slots=min(games, SLOTS))
+
+    def report(done: int, total: int) -> None:
+        print(f"\r{setting} {pursuer}: {done} of {total}", end="", file=sys.stderr, flush=True)
+
+    match = Match(game, players, games, seed)
+    results = play_games(match, slots=min(games, SLOTS), report=report)
     outcome, steps = np.asarray(results.outcome), np.asarray(results.steps)
     captured = outcome == Outcome.CAPTURED
     failed = ~np.isin(outcome, PURSUER_WINS) & (outcome != Outcome.NO_RESULT)

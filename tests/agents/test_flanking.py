@@ -84,7 +84,7 @@ def test_place_is_on_the_way_round_until_it_is_near():
         ((LEFT, 9.0), (10.0, 1.5), (RIGHT, 2.5)),
         ((4.0, RIGHT), (12.0, 1.5), (RIGHT, 5.0)),
     ):
-        view, flanking = views_of([own, mate], evader)
+        _, flanking = views_of([own, mate], evader)
         target = np.array(place_of(flanking))
         assert target[1] > own[1] or target[0] > own[0] + 1, (own, target)
 

@@ -21,8 +21,8 @@ lengths below, on the scale of the paper's robots.
 """
 _APART = 3.0
 """Detour through the evader [m] from which on a place is reached past it."""
-_LONGEST = 60.0
-"""Length of the longest way round [m]."""
+_LEAST, _MOST = 16.0, 60.0
+"""Lengths of the loops [m] that it goes round; in shorter ones it does without."""
 _FAR = 1e3
 """Length of a way that does not lead round [m]."""
 
@@ -64,9 +64,9 @@ def flanking_view(view: View) -> View:
         is_beyond = mate_length + from_evader - path_lengths_from(view, mate) <= _BEYOND
         is_round &= ~is_nearer | is_beyond
         is_behind |= is_nearer & (mate_length + own_length - between > _BEYOND)
-    meeting = jnp.where(is_round, jnp.maximum(from_own, from_evader), _FAR)
-    best = jnp.argmin(meeting)
-    flanks = is_behind & (meeting[best] < _LONGEST / 2)
+    best = jnp.argmin(jnp.where(is_round, jnp.maximum(from_own, from_evader), _FAR))
+    loop = own_length + from_own[best] + from_evader[best]
+    flanks = is_behind & is_round[best] & (loop > _LEAST) & (loop < _MOST)
     place = cell_middle(chart, cells[best])
     opponents = tuple(
         replace(robot, state=tree_where(flanks, place, robot.state)) for robot in view.opponents
