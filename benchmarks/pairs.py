@@ -30,7 +30,7 @@ from apollonius.game.outcome import PURSUER_WINS
 from apollonius.game.types import BySide, Outcome, RandomBits, Role
 from apollonius.observe.view import View
 
-SETTINGS = tuple(
+GAMES = tuple(
     f"team-2v1/examples/games/{name}.toml" for name in ("ring_road", "two_blocks", "two_halls")
 )
 """Games in which cooperation must pay, named before any pair had played them to the end."""
@@ -61,14 +61,14 @@ def find_pursuer(name: str, game: Game) -> NamedPlayer:
     return NamedPlayer(name, with_shield(policy, game, Role.PURSUER))
 
 
-def play(setting: str, pursuer: str, evader: str, games: int, seed: int) -> dict[str, Any]:
+def play(game_name: str, pursuer: str, evader: str, games: int, seed: int) -> dict[str, Any]:
     """Play the games of a pair; a letter of `captured` for each, 1 for a capture."""
-    game = find_game(setting)
+    game = find_game(game_name)
     players = BySide(find_pursuer(pursuer, game), find_player(evader, Role.EVADER, game))
     start = process_time()
 
     def report(done: int, total: int) -> None:
-        print(f"\r{setting} {pursuer}: {done} of {total}", end="", file=sys.stderr, flush=True)
+        print(f"\r{game_name} {pursuer}: {done} of {total}", end="", file=sys.stderr, flush=True)
 
     match = Match(game, players, games, seed)
     results = play_games(match, slots=min(games, SLOTS), report=report)
@@ -86,7 +86,7 @@ def play(setting: str, pursuer: str, evader: str, games: int, seed: int) -> dict
 
 
 def captures(result: dict[str, Any]) -> Bool[np.ndarray, " games"]:
-    """Return which games of a result ended with a capture."""
+    """Return the games of a result that ended with a capture, as a mask."""
     return np.array([letter == "1" for letter in result["captured"]])
 
 
@@ -96,17 +96,17 @@ def main() -> None:
     parser.add_argument("--games", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--evader", default="evader")
-    parser.add_argument("--settings", nargs="+", default=SETTINGS)
+    parser.add_argument("--game", nargs="+", default=GAMES)
     parser.add_argument("--pursuers", nargs="+", default=(TEAM, ALONE, FLANKING))
     options = parser.parse_args()
     text = options.out.read_text(encoding="utf-8") if options.out.exists() else "{}"
     table = json.loads(text)
-    for setting in options.settings:
-        key = f"{setting} {options.evader} {options.games} {options.seed}"
+    for game_name in options.game:
+        key = f"{game_name} {options.evader} {options.games} {options.seed}"
         results = table.setdefault(key, {})
         for name in options.pursuers:
             if name not in results:
-                results[name] = play(setting, name, options.evader, options.games, options.seed)
+                results[name] = play(game_name, name, options.evader, options.games, options.seed)
                 text = json.dumps(table, indent=1) + "\n"
                 options.out.write_text(text, encoding="utf-8")
             facts = {fact: value for fact, value in results[name].items() if fact != "captured"}
