@@ -18,7 +18,7 @@ import yaml
 from apollonius.agents.built_in import PLAYERS
 from apollonius.agents.names import SHIELDED, bare_name
 from apollonius.agents.trained import zoo_names
-from apollonius.arenas.file import find_game, to_dict
+from apollonius.arenas.file import find_game, split_team, to_dict
 from apollonius.arenas.suite import is_scenario
 from apollonius.cli import values
 from apollonius.cli.main import main
@@ -105,7 +105,7 @@ def check_command(words, document):
             assert bare in {*PLAYERS, *zoo_names()} or (trained["run"] if trained else bare) in made, name
     game = options.get("game")
     if game and game.endswith(GAME_FILES):
-        assert game in made or (REPOSITORY / game).exists(), game
+        assert game in made or (REPOSITORY / split_team(game)[1]).exists(), game
     elif game:
         assert is_scenario(game) or find_game(game)
 
