@@ -33,7 +33,7 @@ from apollonius.observe.view import View
 GAMES = tuple(
     f"team-2v1/examples/games/{name}.toml" for name in ("ring_road", "two_blocks", "two_halls")
 )
-"""Games in which cooperation must pay, named before any pair had played them to the end."""
+"""Games in which cooperation must pay; in the first two, pilots had shown that pairs lose there."""
 FLANKING, TEAM, ALONE = "flanking:pursuer", "pursuer", "alone:pursuer"
 SLOTS = 20
 """Games that are played at once."""
