@@ -190,6 +190,7 @@ def _without_experience(states: TrainState) -> TrainState:
         lambda states: [states.games, *(side.buffer for side in states.learners.values())],
         states,
         replace_fn=lambda _: None,
+        is_leaf=lambda leaf: leaf is None,
     )
 
 

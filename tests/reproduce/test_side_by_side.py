@@ -20,7 +20,8 @@ from apollonius.learn.response import ResponseConfig
 from apollonius.learn.run import TrainingRun
 from apollonius.reproduce import side_by_side
 from apollonius.reproduce.side_by_side import require_side_by_side, train_side_by_side
-from tests.learn.tiny import CHUNK, DQN, GAME, SELF_PLAY, STAGE
+from tests.learn.test_ppo_self_play import PPO
+from tests.learn.tiny import CHUNK, DQN, GAME, RUN, SELF_PLAY, STAGE
 
 SEEDS = (0, 1)
 SHORT = RunConfig(
@@ -131,6 +132,18 @@ def test_diverged_run_is_named(tmp_path, monkeypatch):
     with pytest.raises(InvalidInput, match=r"seed-0': the training has diverged"):
         train_side_by_side(folders)
     assert json.loads((folders[1] / "state.json").read_text())["state"] == "failed"
+
+
+def test_policies_learn_side_by_side(tmp_path):
+    """They keep no replay buffer."""
+    folders = [tmp_path / f"seed-{seed}" for seed in SEEDS]
+    for seed, folder in zip(SEEDS, folders, strict=True):
+        create_run(replace(RUN, algorithm=PPO, stages=(SELF_PLAY,), seed=seed), folder)
+    train_side_by_side(folders)
+    first, second = map(agents_of, folders)
+    assert list(first) == list(second)
+    for name, weights in first.items():
+        assert any(np.abs(second[name][layer] - values).max() > 0.05 for layer, values in weights.items())
 
 
 def test_trainings_that_cannot_be_side_by_side_are_refused():
