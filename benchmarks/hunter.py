@@ -67,7 +67,7 @@ class LeftTurns(AbstractWatcher):
 
 
 def play(game: Game, pursuer: str, games: int, seed: int) -> dict[str, Any]:
-    """Return which games of a seed a pursuer wins, and how it loses the others."""
+    """Return the games of a seed that a pursuer wins, and the kinds of the others."""
     players = BySide(
         find_player(pursuer, Role.PURSUER, game), find_player("evader", Role.EVADER, game)
     )
