@@ -535,7 +535,7 @@ def test_find_player_refuses_searching_for_players_that_cannot_search():
     for name, role, words in (
         ("searching:P_smooth", Role.PURSUER, "nine actions"),
         ("searching:intercept", Role.PURSUER, "finds its way by the chart"),
-        ("searching:flee", Role.EVADER, "the pursuer only"),
+        ("searching:flee", Role.EVADER, "only pursuers do that"),
         ("searching:P_none", Role.PURSUER, "P_none"),
     ):
         with pytest.raises(InvalidInput, match=words):
