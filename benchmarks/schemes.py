@@ -1,6 +1,6 @@
 """Which self-play makes agents that lose least? Four schemes, as many trainings of each.
 
-    python benchmarks/schemes.py train FILE --seeds 0-4      # three minutes of a core a training
+    python benchmarks/schemes.py train FILE --seeds 0-9      # 90 s of a core a training
     python benchmarks/schemes.py draw FILE --out docs/figures/schemes.png
 
 All trainings of a seed go on from the same pursuer, which has learned to reach a standing evader,

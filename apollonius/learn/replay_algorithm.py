@@ -1,6 +1,4 @@
-"""What algorithms that learn from a replay buffer share: their numbers, what is stored, when they
-update.
-"""
+"""The base of algorithms that learn from a replay buffer: its size, n-step returns, when to update."""
 
 from abc import abstractmethod
 from dataclasses import dataclass
