@@ -1,4 +1,4 @@
-"""The base of algorithms that learn from a replay buffer: its size, n-step returns, when to update."""
+"""The base of algorithms that learn from a replay buffer: size, n-step returns, times of updates."""
 
 from abc import abstractmethod
 from dataclasses import dataclass
