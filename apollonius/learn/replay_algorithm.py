@@ -1,4 +1,4 @@
-"""The base of algorithms that learn from a replay buffer: size, n-step returns, times of updates."""
+"""The base of algorithms that learn from a replay buffer: size, n-step returns, update times."""
 
 from abc import abstractmethod
 from dataclasses import dataclass
