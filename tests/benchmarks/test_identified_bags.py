@@ -1,22 +1,9 @@
 """Drives of robots whose numbers are known, and the count of those that are identified."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from apollonius.simulate.identification import Estimate, identify
-
-FILE = Path(__file__).parents[2] / "benchmarks" / "identified_bags.py"
-
-
-@pytest.fixture(scope="module")
-def benchmark():
-    spec = importlib.util.spec_from_file_location(FILE.stem, FILE)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def test_count_tells_misses_from_what_is_not_identified(benchmark):

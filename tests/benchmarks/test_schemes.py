@@ -1,20 +1,5 @@
 """The study of schemes: which trainings it does, and what its table says of them."""
 
-import importlib.util
-from pathlib import Path
-
-import pytest
-
-FILE = Path(__file__).parents[2] / "benchmarks" / "schemes.py"
-
-
-@pytest.fixture(scope="module")
-def benchmark():
-    spec = importlib.util.spec_from_file_location(FILE.stem, FILE)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
 
 def row(scheme, seed, lost=0.5):
     judges = {judge: {"loses": lost} for judge in ("response", "planner", "table")}

@@ -1,22 +1,10 @@
 """The posterior of settings on which the paper is silent, by outcomes of which the settings are known."""
 
-import importlib.util
 import math
 from dataclasses import astuple
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-FILE = Path(__file__).parents[2] / "benchmarks" / "silent_settings.py"
-
-
-@pytest.fixture(scope="module")
-def benchmark():
-    spec = importlib.util.spec_from_file_location(FILE.stem, FILE)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def outcomes_at(benchmark, settings, random):
