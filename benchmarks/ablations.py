@@ -43,17 +43,22 @@ class Ablation:
     workload: Callable[[], Run]
 
 
-def without_for(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Return the replacement of a decorator that leaves functions of these names as they are."""
+@dataclass
+class WithoutFor:
+    """The replacement of a decorator, which leaves the functions of a name as they are."""
 
-    def replacement(decorator: Callable[..., Any]) -> Callable[..., Any]:
+    name: str
+    is_met: bool = False
+    """Whether there is such a function: without one, nothing is left out."""
+
+    def __call__(self, decorator: Callable[..., Any]) -> Callable[..., Any]:
         def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
-            name = getattr(function, "func", function).__name__
-            return function if name in names else decorator(function)
+            if getattr(function, "func", function).__name__ != self.name:
+                return decorator(function)
+            self.is_met = True
+            return function
 
         return decorate
-
-    return replacement
 
 
 def without_any(_: Callable[..., Any]) -> Callable[..., Any]:
@@ -126,21 +131,19 @@ BARRIER = ("fusion_barrier", "fusion_barrier")
 SHIELDED = partial(match, "office", "shielded:P_smooth", "still", 64)
 ABLATIONS = {
     "barriers": Ablation(BARRIER, without_any, partial(random_play, "paper", 4096)),
-    "judge": Ablation(BARRIER, without_for("judge"), partial(random_play, "paper", 4096)),
-    "rewards": Ablation(BARRIER, without_for("_rewards"), partial(random_play, "team-3v1", 1024)),
+    "judge": Ablation(BARRIER, WithoutFor("judge"), partial(random_play, "paper", 4096)),
+    "rewards": Ablation(BARRIER, WithoutFor("_rewards"), partial(random_play, "team-3v1", 1024)),
     "rows": Ablation(
-        BARRIER, without_for("_concatenate_states"), partial(random_play, "team-3v1", 1024, "team")
+        BARRIER, WithoutFor("_concatenate"), partial(random_play, "team-3v1", 1024, "team")
     ),
     "cosine": Ablation(
-        BARRIER, without_for("cos_sin"), partial(random_play, "paper", 4096, "encoded")
+        BARRIER, WithoutFor("cos_sin"), partial(random_play, "paper", 4096, "encoded")
     ),
-    "sight": Ablation(
-        BARRIER, without_for("reaches"), partial(random_play, "lidar", 1024, "paper")
-    ),
+    "sight": Ablation(BARRIER, WithoutFor("reaches"), partial(random_play, "lidar", 1024, "paper")),
     "belief": Ablation(
-        BARRIER, without_for("visible"), partial(match, "lidar", "search", "still", 64)
+        BARRIER, WithoutFor("visible"), partial(match, "lidar", "search", "still", 64)
     ),
-    "words": Ablation(BARRIER, without_for("_words"), partial(random_play, "paper", 4096)),
+    "words": Ablation(BARRIER, WithoutFor("_words"), partial(random_play, "paper", 4096)),
     "threefry": Ablation(
         ("threefry", "threefry_bits"), plain_bits, partial(random_play, "paper", 4096)
     ),
@@ -157,6 +160,8 @@ def serve(name: str, is_left_out: bool) -> None:
         setattr(module, function_name, ablation.plain(getattr(module, function_name)))
     run = ablation.workload()
     jax.block_until_ready(run(0))
+    if is_left_out and isinstance(ablation.plain, WithoutFor):
+        assert ablation.plain.is_met, f"no function {ablation.plain.name}"
     for number, _ in enumerate(sys.stdin):
         start = time.process_time()
         jax.block_until_ready(run(number + 1))

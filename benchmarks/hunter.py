@@ -63,7 +63,7 @@ class LeftTurns(AbstractWatcher):
         return jnp.zeros((), jnp.int32)
 
     def update(self, statistic: Int[Array, ""], transition: Transition) -> Int[Array, ""]:
-        return statistic + 1 - transition.sides.evader.action % 3
+        return statistic + transition.sides.evader.action % 3 - 1
 
 
 def play(game: Game, pursuer: str, games: int, seed: int) -> dict[str, Any]:

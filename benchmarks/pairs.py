@@ -33,8 +33,9 @@ from apollonius.observe.view import View
 GAMES = tuple(
     f"team-2v1/examples/games/{name}.toml" for name in ("ring_road", "two_blocks", "fast_evader")
 )
-"""Games in which cooperation must pay; in the first two, pilots had shown that pairs lose there, the
-third was named before a game of it was played."""
+"""Games in which cooperation must pay. Pilots had shown that pairs lose in the first two; the third
+was named before a game of it was played.
+"""
 FLANKING, TEAM, ALONE = "flanking:pursuer", "pursuer", "alone:pursuer"
 SLOTS = 20
 """Games that are played at once."""

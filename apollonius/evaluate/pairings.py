@@ -1,5 +1,6 @@
 """The matches by which the agents at the end of a training run are judged."""
 
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -16,9 +17,11 @@ JUDGED_GAMES = 2000
 
 
 def last_agents(run: Path) -> dict[str, Path]:
-    """Return the files of a run's final agents by name, without earlier snapshots."""
+    """Return the files of a run's final agents by name, without earlier snapshots, whose names end
+    with a percentage.
+    """
     files = sorted(run.glob("agents/*.safetensors"))
-    return {path.stem: path for path in files if "-" not in path.stem}
+    return {path.stem: path for path in files if not re.search(r"-\d+$", path.stem)}
 
 
 def pairings(agents: Mapping[str, Path]) -> list[tuple[str, str]]:

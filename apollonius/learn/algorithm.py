@@ -19,10 +19,12 @@ from apollonius.agents.network import (
     GaussianActor,
     Network,
     QNetwork,
+    scale_outputs,
     widen_inputs,
 )
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.trained import load_network
+from apollonius.catalogue import find_player, loss_value
 from apollonius.game.game import Game
 from apollonius.game.types import Real, Role, Scalar
 from apollonius.io.errors import require, require_positive, require_within
@@ -94,6 +96,8 @@ class Algorithm:
     """True for actions that are pairs of levels, False for the nine."""
     reads_next_observation: ClassVar[bool] = True
     """False if it learns from observations before actions alone."""
+    on_policy: ClassVar[bool] = False
+    """True if it learns only from actions that its own network has just chosen."""
     observation: str = "encoded"
     """Name of the observation that the network reads (`apollonius.observe`)."""
     width: int = 256
@@ -199,6 +203,12 @@ class Algorithm:
         """Return the reward that counts as one."""
         return 1.0
 
+    def loss_value(self, failure: float) -> float | None:
+        """Return the value of a lost game in the units of its networks, for what a failure costs in
+        training; None where that is nothing, and for networks that do not value games.
+        """
+        return failure or None
+
     @abstractmethod
     def init_side(
         self, key: PRNGKeyArray, network: Network | None, robots: int
@@ -229,19 +239,25 @@ class Algorithm:
             The side after that, and the losses of its updates, added up.
         """
 
-    def first_network(self, name: str, role: Role, game: Game, field: str = "") -> Network:
-        """Load the network that a side starts from, an agent's.
+    def first_network(
+        self, name: str, role: Role, game: Game, lost: float | None, field: str = ""
+    ) -> Network:
+        """Load the network that a side starts from, an agent's, in the units of the training.
 
         Args:
             name: name or file of the agent.
             role: the side.
             game: the game of the training.
+            lost: value of a lost game in these units; None for the agent's own.
             field: what messages call the agent; the side where it is left out.
 
         Raises:
             InvalidInput: for an unknown agent, and one that does not fit (`fit_network`).
         """
-        return self.fit_network(load_network(name, role), field or role.name.lower(), name)
+        network = self.fit_network(load_network(name, role), field or role.name.lower(), name)
+        if lost is None or not isinstance(network, QNetwork):
+            return network
+        return scale_outputs(network, lost / loss_value(find_player(name, role, game), game))
 
     def fit_network(self, network: Network, name: str, value: object) -> Network:
         """Return a network to go on from; one that reads a part of the observation has weights of 0

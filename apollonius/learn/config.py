@@ -5,7 +5,6 @@ sweeps.
 import difflib
 import itertools
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -86,13 +85,9 @@ class RunConfig:
     @property
     def by_name(self) -> dict[str, StageConfig]:
         """The stages by their names: their kinds, with numbers where several are of one kind."""
-        counts = Counter[str]()
-        stages: dict[str, StageConfig] = {}
-        for stage in self.stages:
-            counts[stage.kind] += 1
-            number = counts[stage.kind]
-            stages[stage.kind if number == 1 else f"{stage.kind}-{number}"] = stage
-        return stages
+        return dict(
+            zip(_stage_names([stage.kind for stage in self.stages]), self.stages, strict=True)
+        )
 
     def agent_name(self, name: str, role: Role) -> str:
         """Return the name of the agent of a side that a stage trains, as P_curriculum."""
@@ -131,6 +126,15 @@ class RunConfig:
         before = sum(work[earlier] for earlier in names[: names.index(name)])
         done = work[name] * stages[name].share(self.algorithm, env_steps)
         return (before + done) / sum(work.values())
+
+
+def _stage_names(kinds: Sequence[str]) -> list[str]:
+    """Return the names of stages: their kinds, with numbers where several are of one kind."""
+    numbers = [kinds[: index + 1].count(kind) for index, kind in enumerate(kinds)]
+    return [
+        kind if number == 1 else f"{kind}-{number}"
+        for kind, number in zip(kinds, numbers, strict=True)
+    ]
 
 
 def register_algorithm(algorithm: type[Algorithm]) -> None:
@@ -225,8 +229,8 @@ def with_profile(config: RunConfig, profile: str) -> RunConfig:
 
 def sweep(config: RunConfig, values: Mapping[str, Sequence[Any]]) -> dict[str, RunConfig]:
     """Return the trainings of a sweep by name, as `algorithm.batch=64,seed=3`: all combinations of
-    the values of fields, by their dotted paths, in which a stage goes by its kind
-    (`stages.self-play.renewal`).
+    the values of fields, by their dotted paths, in which a stage goes by its name
+    (`stages.self-play.renewal`, `stages.self-play-2.renewal`).
 
     Raises InvalidInput for an unknown field, an impossible value, and too many trainings.
     """
@@ -262,9 +266,9 @@ def _set(data: dict[str, Any], field: str, value: Any) -> None:
 
 
 def _tables_in(record: Any) -> dict[str, Any]:
-    """Return the tables within a table, or of a list of stages by their kinds."""
+    """Return the tables within a table, or of a list of stages by their names."""
     if isinstance(record, list):
-        return {table["kind"]: table for table in record if "kind" in table}
+        return dict(zip(_stage_names([table["kind"] for table in record]), record, strict=True))
     return {
         name: value
         for name, value in record.items()

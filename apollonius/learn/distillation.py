@@ -141,7 +141,16 @@ class DistillationConfig(OneSideConfig):
 
     def make(self, algorithm: DQNConfig, game: Game, folder: Path | None = None) -> "Distillation":
         tasks = distillation_tasks(self, game, folder and folder / TABLES)
-        return Distillation(self, algorithm, tasks[0].game, tuple(tasks))
+        first = tasks[0].game
+        if self.solves:
+            evaluation_game = replace(first, reward=game.reward, max_steps=game.max_steps)
+        else:
+            evaluation_game = replace(game, chart=first.chart)
+        return Distillation(self, algorithm, evaluation_game, tuple(tasks))
+
+    def loss_value(self, algorithm: Algorithm) -> None:
+        """Return None: a student values games in its teacher's units."""
+        return
 
     def line_ups(self, game: Game) -> list[LineUp]:
         return [
@@ -187,6 +196,10 @@ class Distillation(OneSideStage[DistillationTask]):
     def train_task(self, state: TrainState, task: DistillationTask) -> tuple[TrainState, Metrics]:
         return train_task_chunk(self.config, self.algorithm, state, task)
 
+    @property
+    def loss_value(self) -> float:
+        return float(self.tasks[0].loss_value)
+
 
 def distillation_tasks(
     config: DistillationConfig, game: Game, folder: Path | None
@@ -214,8 +227,8 @@ def distillation_tasks(
     counts = tuple(np.max([grid.counts for grid, _ in grids], axis=0).tolist())
 
     def task_in(number: int, arena_game: Game) -> DistillationTask:
-        task_game = game if scenario is None else game.with_variant(jnp.asarray(number))
-        task_game, players = resolve_players(task_game, names)
+        one_arena = game if scenario is None else game.with_variant(jnp.asarray(number))
+        task_game, players = resolve_players(config.game_of_training(one_arena), names)
         tables = cached_tables(arena_game, config.grid, folder, played=task_game)
         players |= {(TABLE, side): NamedPlayer(TABLE, tables[side]) for side in Role}
         task = _distillation_task(config, players, task_game, tables[role.other])
@@ -244,7 +257,7 @@ def _distillation_task(
     require(isinstance(policy, AbstractActionValuePolicy), "teacher", config.teacher, bound)
     assert isinstance(policy, AbstractActionValuePolicy)
     opponents = tuple(players[name, other].policy for name in config.opponents)
-    return DistillationTask(game, opponents, loss_value(teacher, game), policy, None, table)
+    return DistillationTask(game, opponents, policy, loss_value(teacher, game), None, table)
 
 
 def _rows_per_round(config: DistillationConfig, task: DistillationTask, games: Games) -> int:

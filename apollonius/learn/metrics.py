@@ -22,8 +22,8 @@ from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import CheckpointMeta, Evaluation
 from apollonius.learn.stage import Metrics, TrainState
 
-_MOST_BYTES = 2**24
-"""Largest `metrics.jsonl` [bytes]: some 40,000 chunks."""
+_MOST_BYTES = 2**27
+"""Largest `metrics.jsonl` [bytes]: some 360,000 chunks."""
 _LARGEST_MEAN = 1e12
 """Bound on mean returns and losses, beyond which a training has diverged."""
 

@@ -13,7 +13,7 @@ from apollonius.agents.source import NamedPlayer
 from apollonius.arenas.charting import with_chart
 from apollonius.catalogue import TABLE, find_player
 from apollonius.game.game import Game
-from apollonius.game.types import Real, Role
+from apollonius.game.types import Role
 from apollonius.io.errors import require, require_within
 from apollonius.learn.algorithm import Algorithm
 from apollonius.learn.stage import Metrics, Stage, StageConfig, TrainState
@@ -82,13 +82,10 @@ class OneSideConfig(StageConfig):
 
 
 class TrainingTask(eqx.Module):
-    """A game, the learner's opponents in it, each in an equal part of the games, and the value of a
-    lost game in the learner's units.
-    """
+    """A game, and the learner's opponents in it, each in an equal part of the games."""
 
     game: Game
     opponents: tuple[AbstractPolicy, ...]
-    loss_value: Real
 
 
 T = TypeVar("T", bound=TrainingTask)
@@ -120,10 +117,6 @@ class OneSideStage(Stage, Generic[T]):
     @property
     def clearance_margin(self) -> float:
         return self.config.clearance_margin
-
-    @property
-    def loss_value(self) -> float:
-        return float(self.tasks[0].loss_value)
 
 
 def equal_parts(games: int, kinds: int) -> list[int]:

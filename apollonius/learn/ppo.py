@@ -26,12 +26,10 @@ from apollonius.agents.network import (
     apply_to_batch,
     make_layers,
     make_network,
-    scale_outputs,
 )
 from apollonius.agents.trained import SamplingPolicy
-from apollonius.catalogue import find_player, loss_value
 from apollonius.game.game import Game
-from apollonius.game.types import Real, Role, Scalar, tree_where
+from apollonius.game.types import Real, Scalar, tree_where
 from apollonius.io.errors import require, require_positive, require_within
 from apollonius.io.limits import TRANSITIONS
 from apollonius.learn.algorithm import Algorithm, LearningSide, interpolate_linearly
@@ -69,6 +67,7 @@ class PPOConfig(Algorithm):
     kind: Literal["ppo"] = "ppo"
     network = QNetwork
     reads_next_observation = False
+    on_policy = True
     observation: str = "egocentric"
     gamma: float = 0.998
     learning_rate: float = 2e-4
@@ -118,11 +117,6 @@ class PPOConfig(Algorithm):
         )
 
     @property
-    def loss_value(self) -> float:
-        """The value of a lost game in the logits."""
-        return 1 / self.temperature
-
-    @property
     def steps_per_iteration(self) -> int:
         return self.steps
 
@@ -130,15 +124,13 @@ class PPOConfig(Algorithm):
     def iterations_per_chunk(self) -> int:
         return 1
 
-    def first_network(self, name: str, role: Role, game: Game, field: str = "") -> Network:
-        """Load the network that a side starts from, an agent's: its values become logits."""
-        network = super().first_network(name, role, game, field)
-        value = loss_value(find_player(name, role, game), game)
-        return scale_outputs(network, self.loss_value / value)
-
     def reward_unit(self, game: Game) -> Real:
         """Return the reward of a capture."""
         return game.reward.capture if game.reward.profile == "paper" else 1.0
+
+    def loss_value(self, failure: float) -> float:
+        """Return the value of a lost game in the logits, whatever it costs in training."""
+        return 1 / self.temperature
 
     def init_side(
         self, key: PRNGKeyArray, network: Network | None, robots: int
@@ -171,7 +163,7 @@ class PPOConfig(Algorithm):
 
     def sampler(self, network: QNetwork, clearance_margin: float = 0.0) -> SamplingPolicy:
         """Return the player that draws its actions."""
-        return SamplingPolicy(network, clearance_margin, self.loss_value, self.hold)
+        return SamplingPolicy(network, clearance_margin, 1 / self.temperature, self.hold)
 
     def learning_rates(
         self, rounds: Int[Array, ""], env_steps: Int[Array, ""], stage_env_steps: int
@@ -193,32 +185,24 @@ class PPOConfig(Algorithm):
         stage_env_steps: int,
         env_steps: Int[Array, ""],
         key: PRNGKeyArray,
+        clearance_margin: float = 0.0,
     ) -> tuple[LearningSide[PPOLearner], Scalar]:
-        rounds = env_steps // self.env_steps_per_iteration - 1
-        rates = self.learning_rates(rounds, env_steps, stage_env_steps)
-        learner, errors = self.learn_round(side.learner, rows, rates, 0.0, key)
-        return LearningSide(learner), errors
-
-    def learn_round(
-        self,
-        learner: PPOLearner,
-        rows: Row,
-        learning_rates: tuple[Scalar, Scalar],
-        clearance_margin: float,
-        key: PRNGKeyArray,
-    ) -> tuple[PPOLearner, Scalar]:
         """Learn from a round, several times from each of its transitions.
 
         Args:
-            learner: the learner before.
+            side: the side before.
             rows: the transitions, leaves `[steps, games]`.
-            learning_rates: of the network and of the critic.
-            clearance_margin: clearance that actions keep in the games [m].
+            stage_env_steps: length of the stage, over which step sizes change.
+            env_steps: env steps of the stage, these transitions included.
             key: draws the order; it is consumed.
+            clearance_margin: clearance that actions keep in the games [m].
 
         Returns:
-            The learner after it, and the critic's errors, added up over the updates.
+            The side after it, and the critic's errors, added up over the updates.
         """
+        learner = side.learner
+        rounds = env_steps // self.env_steps_per_iteration - 1
+        learning_rates = self.learning_rates(rounds, env_steps, stage_env_steps)
         flat = jax.tree.map(lambda leaf: leaf.reshape(rows.reward.size, *leaf.shape[2:]), rows)
         values = apply_to_batch(learner.critic, flat.observation)[:, 0]
         gained = advantages(self, rows, values.reshape(rows.reward.shape)).ravel()
@@ -228,11 +212,13 @@ class PPOConfig(Algorithm):
         round_batch = LearnBatch(
             observation=flat.observation,
             action=flat.action,
-            probability=_of_actions(logarithms, flat.action),
+            log_probability=_of_actions(logarithms, flat.action),
             advantage=gained,
             value=gained + values,
-            counts=flat.active,
-            magnet=self._log_probabilities_of(learner.magnet, clearance_margin, flat.observation),
+            active=flat.active,
+            log_magnet=self._log_probabilities_of(
+                learner.magnet, clearance_margin, flat.observation
+            ),
         )
         keys = jax.random.split(key, self.epochs)
         order = jnp.concatenate([jax.random.permutation(key, len(values)) for key in keys])
@@ -243,7 +229,7 @@ class PPOConfig(Algorithm):
 
         batches = order.reshape(-1, self.batch)
         learner, errors = jax.lax.scan(update, learner, batches)
-        return self._renew_magnet(learner, len(batches)), jnp.sum(errors)
+        return LearningSide(self._renew_magnet(learner, len(batches))), jnp.sum(errors)
 
     def _log_probabilities_of(
         self,
@@ -324,11 +310,11 @@ class LearnBatch(eqx.Module):
 
     observation: Float[Array, "rows size"]
     action: Int[Array, " rows"]
-    probability: Float[Array, " rows"]
+    log_probability: Float[Array, " rows"]
     advantage: Float[Array, " rows"]
     value: Float[Array, " rows"]
-    counts: Bool[Array, " rows"]
-    magnet: Float[Array, "rows 9"] | None = None
+    active: Bool[Array, " rows"]
+    log_magnet: Float[Array, "rows 9"] | None = None
 
 
 def clipped_loss(
@@ -337,9 +323,9 @@ def clipped_loss(
     """Return the loss of both networks on a batch, and the critic's mean squared error in it."""
     network, critic = networks
     logarithms = config.sampler(network, clearance_margin).log_probabilities(batch.observation)
-    ratio = jnp.exp(_of_actions(logarithms, batch.action) - batch.probability)
-    mean = functools.partial(jnp.mean, where=batch.counts)
-    spread = jnp.std(batch.advantage, where=batch.counts) + 1e-6
+    ratio = jnp.exp(_of_actions(logarithms, batch.action) - batch.log_probability)
+    mean = functools.partial(jnp.mean, where=batch.active)
+    spread = jnp.std(batch.advantage, where=batch.active) + 1e-6
     gain = (batch.advantage - mean(batch.advantage)) / spread
     clipped = jnp.clip(ratio, 1 - config.clip, 1 + config.clip)
     gains = mean(jnp.minimum(ratio * gain, clipped * gain))
@@ -347,8 +333,8 @@ def clipped_loss(
     entropy = -mean(jnp.sum(probabilities * logarithms, axis=1))
     error = mean((apply_to_batch(critic, batch.observation)[:, 0] - batch.value) ** 2)
     loss = error - gains - config.entropy * entropy
-    if batch.magnet is not None:
-        divergence = mean(jnp.sum(probabilities * (logarithms - batch.magnet), axis=1))
+    if batch.log_magnet is not None:
+        divergence = mean(jnp.sum(probabilities * (logarithms - batch.log_magnet), axis=1))
         loss = loss + config.magnet * divergence
     return loss, error
 

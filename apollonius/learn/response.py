@@ -16,6 +16,7 @@ from jaxtyping import PRNGKeyArray
 from apollonius.agents.network import Network, QNetwork, interpolate_weights
 from apollonius.agents.pool import AbstractPlayers, PartitionedPlayers, single_player
 from apollonius.arenas.charting import largest_radius, with_chart
+from apollonius.catalogue import TABLE
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import BySide, Role
 from apollonius.io.errors import require, require_within
@@ -74,6 +75,8 @@ class ResponseConfig(OneSideConfig):
         alike = all(len(task.opponents) in (0, len(self.opponents)) for task in self.tasks)
         bound = f"{len(self.opponents)} names, as those of the stage, or left out"
         require(alike, "tasks: opponents", "given", bound)
+        names = *self.opponents, *(name for task in self.tasks for name in task.opponents)
+        require(TABLE not in names, "opponents", TABLE, "players that need no solved game")
 
     def agent_kind(self, is_first: bool) -> str:
         return "response"
@@ -83,14 +86,16 @@ class ResponseConfig(OneSideConfig):
         return [(task.game, {self.side.other: task.opponents or self.opponents}) for task in tasks]
 
     def check(self, algorithm: Algorithm, game: Game) -> None:
-        """Refuse fewer games than opponents, too."""
-        super().check(algorithm, game)
+        """Refuse fewer games than opponents, too, and a task in which it cannot be trained."""
+        for task_game in (game, *(task.game for task in self.tasks)):
+            super().check(algorithm, task_game)
         bound = "as many at least as opponents, so that each has one"
         require(algorithm.games >= len(self.opponents), "games", algorithm.games, bound)
 
     def make(self, algorithm: PPOConfig, game: Game, folder: Path | None = None) -> "Response":
         tasks = training_tasks(self, algorithm, game)
-        return Response(replace(self, tasks=()), algorithm, tasks[0].game, tuple(tasks))
+        evaluation_game = replace(game, chart=tasks[0].game.chart)
+        return Response(replace(self, tasks=()), algorithm, evaluation_game, tuple(tasks))
 
 
 def training_tasks(config: ResponseConfig, algorithm: PPOConfig, game: Game) -> list[TrainingTask]:
@@ -106,7 +111,7 @@ def training_tasks(config: ResponseConfig, algorithm: PPOConfig, game: Game) -> 
         task_game, players = resolve_players(config.game_of_training(charted), names)
         other = config.side.other
         opponents = tuple(players[name, other].policy for name in names[other])
-        tasks.append(TrainingTask(task_game, opponents, algorithm.loss_value))
+        tasks.append(TrainingTask(task_game, opponents))
     return tasks
 
 
@@ -205,7 +210,7 @@ def train_round(
     side, game, before = config.side, task.game, state.games
     key = jax.random.fold_in(state.key, state.iterations)
     play_key, start_key, restart_key, learn_key = jax.random.split(key, 4)
-    learner = state.learners[side].learner
+    network = state.learners[side].learner.network
     drawn = mix_in_restarts(
         config.restart_fraction,
         reset_batch(game, start_key, _STARTS * algorithm.games),
@@ -215,19 +220,19 @@ def train_round(
     starts = jax.tree.map(
         lambda leaf: leaf.reshape(_STARTS, algorithm.games, *leaf.shape[1:]), drawn
     )
-    players = _players(config, algorithm, learner.network, task)
+    players = _players(config, algorithm, network, task)
     games, played = collect(
         game, players, before.games, starts, play_key, algorithm.steps, with_next_obs=False
     )
     env_steps = state.env_steps + algorithm.env_steps_per_iteration
     rows = rows_of(played, side, config.limit_terminates)
-    after, error = algorithm.learn_round(
-        learner,
+    after = algorithm.learn(
+        state.learners[side],
         replace(rows, reward=rows.reward / algorithm.reward_unit(game)),
-        algorithm.learning_rates(state.iterations, env_steps, config.env_steps),
-        config.clearance_margin,
+        config.env_steps,
+        env_steps,
         learn_key,
+        config.clearance_margin,
     )
     lost = add_losses(before.lost_states, game, before.games.state, played.outcome, side)
-    learners = {side: (LearningSide(after), error)}
-    return end_iteration(state, RestartBuffer(games, lost), played, env_steps, learners)
+    return end_iteration(state, RestartBuffer(games, lost), played, env_steps, {side: after})

@@ -16,7 +16,7 @@ from apollonius.agents.pool import AbstractPlayers, Pool, single_player
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import BySide, GameState, Role, Scalar
 from apollonius.learn.algorithm import Algorithm, LearningSide
-from apollonius.learn.replay_buffer import rows_of
+from apollonius.learn.replay_buffer import Row, rows_of
 from apollonius.learn.stage import Metrics, Stage, TrainState
 from apollonius.play.autoreset import row_at_turn
 from apollonius.play.rollout import Games, Transition, collect, init_games
@@ -81,6 +81,8 @@ class RolloutStage(Stage):
         """
         rows = rows_of(played, role, self.config.limit_terminates)
         rows = replace(rows, reward=rows.reward / self.algorithm.reward_unit(self.game))
+        if self.algorithm.on_policy:
+            rows = without_earlier_versions(rows, played.sides[role].member)
         side = state.learners[role]
         return self.algorithm.learn(side, rows, self.config.env_steps, env_steps, key)
 
@@ -123,6 +125,13 @@ class RolloutStage(Stage):
             return None
         key = jax.random.fold_in(jax.random.fold_in(state.key, 4 + role), noise_block)
         return jax.random.bits(key, (self.algorithm.games,), jnp.uint32)
+
+
+def without_earlier_versions(rows: Row, member: Int[Array, "steps games"]) -> Row:
+    """Return a side's transitions, of which those do not count that earlier versions played."""
+    robots = rows.active.shape[1] // member.shape[1]
+    is_own = jnp.repeat(member == 0, robots, axis=1)
+    return replace(rows, active=rows.active & is_own)
 
 
 @functools.partial(jax.jit, donate_argnames="state")

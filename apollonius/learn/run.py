@@ -283,7 +283,11 @@ def load_first_network(config: RunConfig, role: Role) -> Network | None:
     it does not fit.
     """
     name = config.first_agents[role]
-    return None if name is None else config.algorithm.first_network(name, role, config.game)
+    if name is None:
+        return None
+    learns = [stage for stage in config.stages if role in stage.roles]
+    lost = learns[0].loss_value(config.algorithm) if learns else None
+    return config.algorithm.first_network(name, role, config.game, lost)
 
 
 def require_agents(config: RunConfig) -> None:

@@ -153,6 +153,10 @@ class SACConfig(ReplayAlgorithm):
         bound = f"a multiple of env_steps_per_update / games = {self.steps_per_iteration}"
         require(whole, "noise_steps", self.noise_steps, bound)
 
+    def loss_value(self, failure: float) -> None:
+        """Return None: an actor does not value games."""
+        return
+
     def explorer(self, network: GaussianActor, exploration: Scalar) -> SquashedGaussian:
         """Return the player that draws from the actor's distributions."""
         return SquashedGaussian(network, exploration)

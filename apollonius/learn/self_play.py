@@ -56,8 +56,8 @@ class SelfPlayConfig(StageConfig):
     (`apollonius.learn.earlier_versions.SCHEMES`).
     """
     past_share: float = 0.5
-    """Share of the games with an earlier version, half with one of either side, unless the scheme
-    is `latest`.
+    """Share of the games with an earlier version, of one side or of both, unless the scheme is
+    `latest`.
     """
     versions: int = 16
     """Earlier versions kept of each side, taken evenly over the stage."""
@@ -138,7 +138,8 @@ class SelfPlay(RolloutStage):
 
         def of_side(role: Role) -> Pool:
             explorer = self.explorer_policy(state, role)
-            share = self.config.past_share / len(Role)
+            # Each side draws by itself.
+            share = 1 - (1 - self.config.past_share) ** (1 / len(Role))
             pool = learner_and_earlier(explorer, self.algorithm.frozen, earlier[role], share)
             return replace(pool, bits=self.noise(state, role))
 

@@ -111,6 +111,12 @@ class StageConfig:
         for role in self.roles:
             require_reward_in_play(game, role)
 
+    def loss_value(self, algorithm: Algorithm) -> float | None:
+        """Return the value of a lost game in the units of its networks; None where nobody knows it
+        before the stage is made.
+        """
+        return algorithm.loss_value(self.failure)
+
     def games_to_solve(self, game: Game) -> list[tuple[Game, tuple[int, ...] | None]]:
         """Return the games whose tables the stage needs, each with the numbers of nodes of its
         grid, None for the usual ones.
@@ -228,10 +234,9 @@ class Stage(eqx.Module):
 
     @property
     def loss_value(self) -> float | None:
-        """Value of a lost game in the units of its networks; None for that of the game's
-        rewards.
-        """
-        return None
+        """Value of a lost game in the units of its networks, if they have one."""
+        value: float | None = self.config.loss_value(self.algorithm)
+        return value
 
     @property
     def chunks(self) -> int:

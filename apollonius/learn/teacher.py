@@ -68,14 +68,15 @@ def motion_of_clearance(game: Game, role: Role) -> Motion:
 
 
 class DistillationTask(TrainingTask):
-    """A setting with a teacher, which values all nine actions, and the clearance that they leave,
-    or None.
+    """A game with a teacher, which values all nine actions, the value of a lost game in its units,
+    and the clearance that actions leave, or None.
 
     Some games are those of attackers, who look ahead by a table, the other side's player by the
     game solved in this one arena; None without any.
     """
 
     teacher: AbstractActionValuePolicy
+    loss_value: Real
     clearance: Clearance | None
     table: SaddlePolicy | None
 

@@ -153,9 +153,9 @@ def test_pairings_give_each_pursuer_all_evaders_and_stage_1_a_still_one(tmp_path
 
 def test_last_agents_omits_intermediate_snapshots(tmp_path):
     (tmp_path / "agents").mkdir()
-    for name in ("P_scratch", "P_scratch-25", "E_scratch"):
+    for name in ("P_scratch", "P_scratch-25", "E_scratch", "P_flee-aware", "P_flee-aware-5"):
         (tmp_path / "agents" / f"{name}.safetensors").touch()
-    assert list(last_agents(tmp_path)) == ["E_scratch", "P_scratch"]
+    assert list(last_agents(tmp_path)) == ["E_scratch", "P_flee-aware", "P_scratch"]
 
 
 @pytest.fixture(scope="module")

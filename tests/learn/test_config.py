@@ -3,7 +3,7 @@
 import math
 import os
 import platform
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 
 import jax.numpy as jnp
@@ -204,6 +204,15 @@ def test_sweep_has_every_combination_and_changes_nothing_else():
     assert (last.algorithm.batch, last.stages[1].progress, last.seed) == (32, 2.0, 3)
     same = runs["algorithm.batch=16,stages.self-play.progress=1.5,seed=0"]
     assert same == change_stages(RUN, SELF_PLAY, progress=1.5)
+
+
+@pytest.mark.parametrize(("name", "changed"), [("self-play", 1), ("self-play-2", 2)])
+def test_sweep_changes_one_of_two_stages_of_a_kind(name, changed):
+    longer = replace(RUN, stages=(*RUN.stages, replace(RUN.stages[1], env_steps=4096)))
+    (run,) = sweep(longer, {f"stages.{name}.snapshots": [3]}).values()
+    stages = list(longer.stages)
+    stages[changed] = replace(stages[changed], snapshots=3)
+    assert run.stages == tuple(stages)
 
 
 @pytest.mark.parametrize(

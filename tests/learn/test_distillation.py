@@ -56,12 +56,15 @@ def visited_states():
 
 
 def test_opponents_of_unequal_shares_play_all_games(monkeypatch):
-    """109 for two, and those of both attackers."""
+    """109 for two, and those of both attackers; games of training have their own time limit."""
     for part in ("joint", "safety"):  # the tables' values do not matter here
         monkeypatch.setattr(
             f"apollonius.solve.{part}.iterate_values", lambda sweep, table, *rest: Solved(table, 1, 0.0)
         )
-    (task,) = distillation_tasks(STAGE, GAME, None)
+    stage = replace(STAGE, time_limit=20).make(FITTING, GAME)
+    (task,) = stage.tasks
+    assert (task.game.max_steps, stage.evaluation_game.max_steps) == (20, GAME.max_steps)
+    assert stage.evaluation_game.reward == GAME.reward
     config = replace(STAGE, near_sighted=15)
     network = make_network("encoded", 32, 1, jax.random.key(0))
     players = distillation._players(config, FITTING, network, task, jax.random.key(1))
@@ -103,7 +106,7 @@ def values_of(lessons, states):
 def test_teacher_values_are_those_of_its_player_clipped_below(student, visited_states):
     blank, says = jax.tree.map(np.zeros_like, student), jnp.array([5, 4, 3, 2, 1, 0, -1, -10, 4.5])
     player = eqx.tree_at(lambda one: one.network.layers[-1].bias, blank, says)
-    values = values_of(DistillationTask(GAME, (), 10.0, player, None, None), visited_states)
+    values = values_of(DistillationTask(GAME, (), player, 10.0, None, None), visited_states)
     expected = 5 - np.minimum(np.array([0, 1, 2, 3, 4, 5, 6, 15, 0.5]), 10 * DEEPEST)
     np.testing.assert_allclose(values, np.tile(expected, (400, 1)), atol=1e-6)
 

@@ -17,6 +17,7 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import BySide, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import ppo
+from apollonius.learn.algorithm import LearningSide
 from apollonius.learn.config import RunConfig
 from apollonius.learn.ppo import LearnBatch, PPOConfig, SamplingPolicy, advantages
 from apollonius.learn.replay_buffer import Row
@@ -32,6 +33,8 @@ PPO = PPOConfig(
 )  # fmt: skip
 STAGE = ResponseConfig(opponents=("still", "random"), env_steps=2048, evaluations=1, evaluation_games=8)
 RUN = RunConfig(stages=(STAGE,), game=replace(make_game("paper"), max_steps=40), algorithm=PPO)
+LONG = 10**9
+"""Length of a stage in which step sizes hardly change."""
 SIZE = find_observation("encoded").size
 
 
@@ -58,8 +61,9 @@ def learner():
 
 @eqx.filter_jit
 def update_learner(learner, row, algorithm=PPO, rounds=0):
-    rates = algorithm.learning_rates(jnp.int32(rounds), jnp.int32(0), STAGE.env_steps)
-    return algorithm.learn_round(learner, row, rates, 0.0, jax.random.key(2))
+    env_steps = jnp.int32((rounds + 1) * algorithm.env_steps_per_iteration)
+    side, error = algorithm.learn(LearningSide(learner), row, LONG, env_steps, jax.random.key(2))
+    return side.learner, error
 
 
 def test_unknown_opponents_are_refused_in_every_task():
@@ -131,10 +135,10 @@ def batch_of(key, **changes):
     batch = LearnBatch(
         observation=jax.random.normal(keys[0], (64, SIZE)),
         action=jax.random.randint(keys[1], (64,), 0, 9),
-        probability=-2.2 + 0.3 * jax.random.normal(keys[2], (64,)),
+        log_probability=-2.2 + 0.3 * jax.random.normal(keys[2], (64,)),
         advantage=2 + 3 * jax.random.normal(keys[3], (64,)),
         value=jnp.linspace(-1, 1, 64),
-        counts=jnp.arange(64) % 4 > 0,
+        active=jnp.arange(64) % 4 > 0,
     )
     return replace(batch, **changes)
 
@@ -142,9 +146,9 @@ def batch_of(key, **changes):
 def test_ppo_loss_matches_schulman_et_al_over_active_rows(learner):
     batch = batch_of(jax.random.key(3))
     found, error = ppo.clipped_loss((learner.network, learner.critic), PPO, batch, 0.0)
-    values, some = np.asarray(learner.network.batch(batch.observation), float), np.asarray(batch.counts)
+    values, some = np.asarray(learner.network.batch(batch.observation), float), np.asarray(batch.active)
     odds = np.exp(values) / np.exp(values).sum(axis=1, keepdims=True)
-    ratio = odds[np.arange(64), batch.action] / np.exp(np.asarray(batch.probability, float))
+    ratio = odds[np.arange(64), batch.action] / np.exp(np.asarray(batch.log_probability, float))
     gained = np.asarray(batch.advantage, float)
     gained = (gained - gained[some].mean()) / gained[some].std()
     gains = np.minimum(ratio * gained, np.clip(ratio, 0.9, 1.1) * gained)[some].mean()
@@ -222,8 +226,8 @@ def test_magnet_costs_its_divergence_over_active_rows(learner):
     networks = learner.network, learner.critic
     magnet = jax.nn.log_softmax(jax.random.normal(jax.random.key(4), (64, 9)))
     plain, _ = ppo.clipped_loss(networks, pulled, batch, 0.0)
-    found, _ = ppo.clipped_loss(networks, pulled, replace(batch, magnet=magnet), 0.0)
-    values, some = np.asarray(learner.network.batch(batch.observation), float), np.asarray(batch.counts)
+    found, _ = ppo.clipped_loss(networks, pulled, replace(batch, log_magnet=magnet), 0.0)
+    values, some = np.asarray(learner.network.batch(batch.observation), float), np.asarray(batch.active)
     odds = np.exp(values) / np.exp(values).sum(axis=1, keepdims=True)
     divergence = (odds * (np.log(odds) - np.asarray(magnet, float))).sum(axis=1)[some].mean()
     np.testing.assert_allclose(found - plain, 0.3 * divergence, rtol=1e-4)
@@ -329,6 +333,27 @@ def test_training_tasks_have_their_own_games_and_opponents():
     kinds = [[type(one).__name__ for one in task.opponents] for task in tasks_]
     assert kinds == [["Still", "Uniform"], ["Still", "Uniform"], ["Flee", "Still"]]
     assert tasks_[2].game.arena.x_max > tasks_[1].game.arena.x_max == tasks_[0].game.arena.x_max
+
+
+def test_evaluations_keep_the_rules_of_the_run():
+    stage = replace(STAGE, time_limit=20, failure=3.0).make(PPO, RUN.game)
+    assert (stage.tasks[0].game.max_steps, stage.tasks[0].game.reward.failure) == (20, 3.0)
+    assert (stage.evaluation_game.max_steps, stage.evaluation_game.reward) == (40, RUN.game.reward)
+
+
+def test_tasks_in_which_a_response_cannot_learn_are_refused():
+    team = find_game("team-2v1")
+    zero_sum = replace(team, reward=replace(team.reward, profile="zero-sum"))
+    with pytest.raises(InvalidInput, match=r"reward.profile = zero-sum .*'paper'"):
+        replace(RUN, stages=(replace(STAGE, role="pursuer", tasks=(Task(zero_sum),)),))
+
+
+@pytest.mark.parametrize(
+    "change", [{"opponents": ("table", "still")}, {"tasks": (Task(RUN.game, ("still", "table")),)}]
+)
+def test_response_to_a_solved_game_is_refused(change):
+    with pytest.raises(InvalidInput, match=r"opponents = table .*no solved game"):
+        replace(STAGE, **change)
 
 
 @pytest.mark.parametrize(
