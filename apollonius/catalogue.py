@@ -10,7 +10,14 @@ import jax.numpy as jnp
 from apollonius.agents.built_in import BuiltIn
 from apollonius.agents.classical import Still, Uniform
 from apollonius.agents.extension import Extension
-from apollonius.agents.names import FLANKING, IDENTIFYING, SEARCHING, SHIELDED
+from apollonius.agents.names import (
+    FLANKING,
+    IDENTIFYING,
+    PREFIXES,
+    SEARCHING,
+    SHIELDED,
+    prefixes_of,
+)
 from apollonius.agents.network import QNetwork, one_action_network
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
 from apollonius.agents.pool import Pool, single_player, stack
@@ -66,11 +73,10 @@ def find_player(name: str | AbstractPolicy, role: Role, game: Game) -> NamedPlay
         name,
         "a name, the path of a file, or an AbstractPolicy",
     )
-    prefixes = IDENTIFYING, SHIELDED, SEARCHING, FLANKING
-    is_once = max(map(name.count, prefixes)) <= 1
-    listed = ", ".join(f"'{prefix}'" for prefix in prefixes)
-    is_first = name.find(IDENTIFYING) <= 0
-    require(is_once and is_first, "player", name, f"one with {listed} in this order, each once")
+    prefixes = prefixes_of(name)
+    is_in_order = prefixes == [prefix for prefix in PREFIXES if prefix in prefixes]
+    listed = ", ".join(f"'{prefix}'" for prefix in PREFIXES)
+    require(is_in_order, "player", name, f"one with {listed} in this order, each once")
     if name.startswith(IDENTIFYING):
         return _identifying(name.removeprefix(IDENTIFYING), role, game)
     if name.startswith(SHIELDED):

@@ -17,14 +17,12 @@ import numpy as np
 from jaxtyping import Array, Int
 
 from apollonius.arenas.file import find_game
-from apollonius.catalogue import find_player
 from apollonius.evaluate.match import Match, draw_starts
 from apollonius.evaluate.statistics import paired_difference_interval
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
-from apollonius.game.outcome import PURSUER_WINS
+from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
 from apollonius.game.polygon import Polygon
-from apollonius.game.types import BySide, Outcome, Role
 from apollonius.io.document import write_atomically
 from apollonius.play.playout import AbstractWatcher, play_out
 from apollonius.play.rollout import Transition
@@ -68,18 +66,13 @@ class LeftTurns(AbstractWatcher):
 
 def play(game: Game, pursuer: str, games: int, seed: int) -> dict[str, Any]:
     """Return the games of a seed that a pursuer wins, and the kinds of the others."""
-    players = BySide(
-        find_player(pursuer, Role.PURSUER, game), find_player("evader", Role.EVADER, game)
-    )
-    match = Match(game, players, games, seed)
+    match = Match.of_names(game, pursuer, "evader", games, seed)
     starts, key = draw_starts(match)
     results = play_out(match.rules, match.pools, starts, key, slots=64, watcher=LeftTurns())
     has_won = np.isin(results.outcome, PURSUER_WINS)
     a_turn = 2 * np.pi / (float(game.evader.u2_max) * float(game.dt))  # [steps]
     goes_round = np.abs(np.asarray(results.watched)) > ROUND * a_turn
-    has_failed = np.isin(
-        results.outcome, [Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE]
-    )
+    has_failed = np.isin(results.outcome, PURSUER_FAILS)
     return {
         "wins": int(has_won.sum()),
         "lost in a loop": int((~has_won & goes_round).sum()),

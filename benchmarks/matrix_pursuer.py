@@ -23,7 +23,7 @@ from jaxtyping import Array, Float, Int
 
 from apollonius.agents.policy import AbstractPolicy, Memory
 from apollonius.game.game import Game
-from apollonius.game.outcome import PURSUER_WINS
+from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
 from apollonius.game.types import Outcome, RobotState, Role
 
 LEVELS = 40
@@ -125,7 +125,7 @@ def search_answers(
         own = jnp.asarray(np.tile(HALF_SECONDS, (width, 1)))
         played = play_courses(game, start, repeated_actions, own)
         outcome = np.asarray(played.outcome)[: count * ways]
-        if np.isin(outcome, (Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE)).any():
+        if np.isin(outcome, PURSUER_FAILS).any():
             return Answers("pursuer fails", level + 1)
         ongoing = np.flatnonzero(outcome == Outcome.ONGOING)
         if len(ongoing) == 0:

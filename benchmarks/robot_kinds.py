@@ -15,12 +15,12 @@ import numpy as np
 
 from apollonius.arenas.charting import with_chart
 from apollonius.arenas.file import find_game
-from apollonius.catalogue import find_player
 from apollonius.evaluate.match import Match, play_games
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.game import Game
 from apollonius.game.models import MODELS
-from apollonius.game.types import BySide, Outcome, Role
+from apollonius.game.outcome import EVADER_FAILS, PURSUER_FAILS
+from apollonius.game.types import Outcome
 
 ARENAS = "paper", "suite-v2/held-out"
 REAL = "turtlebot4", "jackal", "f1tenth", "ridgeback"
@@ -48,10 +48,7 @@ def count(outcomes: np.ndarray) -> dict[str, Any]:
     captured = int(np.sum(outcomes == Outcome.CAPTURED))
     counts: dict[str, Any] = {"games": games, "captured": captured}
     counts["captured, 95 %"] = [round(end, 4) for end in wilson_interval(captured, games)]
-    for side, kinds in (
-        ("pursuer", (Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE)),
-        ("evader", (Outcome.EVADER_HIT_OBSTACLE, Outcome.EVADER_OUT_OF_RANGE)),
-    ):
+    for side, kinds in (("pursuer", PURSUER_FAILS), ("evader", EVADER_FAILS)):
         failed = int(np.sum(np.isin(outcomes, [*kinds, Outcome.BOTH_FAILED])))
         counts[f"{side}'s own failures"] = failed
         interval = wilson_interval(failed, games)
@@ -72,12 +69,8 @@ def main() -> None:
     for pair in options.pairs:
         for name, rules in games():
             game = with_chart(rules)
-            names = BySide(*pair.split())
-            players = BySide(
-                find_player(names.pursuer, Role.PURSUER, game),
-                find_player(names.evader, Role.EVADER, game),
-            )
-            results = play_games(Match(game, players, options.games, seed=0))
+            pursuer, evader = pair.split()
+            results = play_games(Match.of_names(game, pursuer, evader, options.games, seed=0))
             record[f"{name}: {pair}"] = count(np.asarray(results.outcome))
             print(name, pair, record[f"{name}: {pair}"], flush=True)
             options.out.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")

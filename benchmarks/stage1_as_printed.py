@@ -12,7 +12,6 @@ agent gets from it by the rewards, the discount and the time limit of its traini
 import argparse
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -71,14 +70,12 @@ def values_and_returns(
 
 
 def look_at(run: Path, games: int) -> list[dict[str, float]]:
-    """Return a row for each agent that a run saved in stage 1."""
+    """Return a row for each agent that a run saved in the course of stage 1."""
     config = load_config(run / "config.toml")
     stage = config.stages[0]
     assert isinstance(stage, FixedTargetConfig)
     name = config.agent_name(stage.kind, Role.PURSUER)
-    reward = replace(config.game.reward, progress=stage.progress, failure=stage.failure)
-    limit = stage.time_limit or config.game.max_steps
-    game = replace(config.game, reward=reward, max_steps=jnp.int32(limit))
+    game = stage.game_of_training(config.game)
     lines = load_metrics(run / "metrics.jsonl")
     rows: list[dict[str, float]] = []
     for percent in saved_percentages(run, name):

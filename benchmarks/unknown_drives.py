@@ -24,6 +24,7 @@ from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.drive import Drive, Drives
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
+from apollonius.game.outcome import EVADER_FAILS, PURSUER_FAILS
 from apollonius.game.presets import randomised
 from apollonius.game.scenario import Spread
 from apollonius.game.types import Action, BySide, Outcome, RandomBits, Role
@@ -114,10 +115,7 @@ def count(outcomes: np.ndarray, steps: np.ndarray) -> dict[str, Any]:
         for outcome in np.unique(outcomes)
     }
     late = steps > LEARNING
-    for side, kinds in (
-        ("pursuer", (Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE)),
-        ("evader", (Outcome.EVADER_HIT_OBSTACLE, Outcome.EVADER_OUT_OF_RANGE)),
-    ):
+    for side, kinds in (("pursuer", PURSUER_FAILS), ("evader", EVADER_FAILS)):
         failed = int(np.sum(np.isin(outcomes, [*kinds, Outcome.BOTH_FAILED]) & late))
         low, high = wilson_interval(failed, int(late.sum()))
         counts[f"{side}'s own failures after 2 s"] = failed

@@ -40,11 +40,21 @@ FLANKING = "flanking:"
 """Prefix that makes the pursuer of a name, in a team, go round to the evader's other side."""
 
 
+PREFIXES = IDENTIFYING, SHIELDED, SEARCHING, FLANKING
+"""Prefixes of wrappers, in their order."""
+
+
+def prefixes_of(name: str) -> list[str]:
+    """Return the prefixes of wrappers with which a player's name begins, in whatever order."""
+    for prefix in PREFIXES:
+        if name.startswith(prefix):
+            return [prefix, *prefixes_of(name.removeprefix(prefix))]
+    return []
+
+
 def bare_name(name: str) -> str:
     """Return a player's name without the prefixes of wrappers."""
-    for prefix in (IDENTIFYING, SHIELDED, SEARCHING, FLANKING):
-        name = name.removeprefix(prefix)
-    return name
+    return name[len("".join(prefixes_of(name))) :]
 
 
 def zoo_names() -> list[str]:
@@ -52,7 +62,7 @@ def zoo_names() -> list[str]:
     return sorted(path.stem for path in ZOO.glob("*.safetensors"))
 
 
-def side_of(name: str) -> tuple[str, ...]:
+def sides_of(name: str) -> tuple[str, ...]:
     """Return the sides that a built-in player or an agent of the zoo plays; either for one of
     another package.
     """

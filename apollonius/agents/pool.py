@@ -142,9 +142,7 @@ class Pool(AbstractPlayers):
 
 
 class PartitionedPlayers(AbstractPlayers):
-    """Players of several kinds, for a side of one robot: each has some games of a batch, the first
-    those in front.
-    """
+    """Players of several kinds: each has some games of a batch, the first those in front."""
 
     policies: tuple[AbstractPolicy, ...]
     games: tuple[int, ...] = eqx.field(static=True)

@@ -25,6 +25,7 @@ from apollonius.game.game import Game
 from apollonius.game.outcome import PURSUER_WINS, evader_winning
 from apollonius.game.teams import separation
 from apollonius.game.types import ROLES, BySide, GameState, RobotState, Role
+from apollonius.game.validation import MAX_SIZE
 from apollonius.io.document import parse_json, read_bytes
 from apollonius.io.errors import InvalidInput, require, require_printable
 from apollonius.observe.observation import RAW_VIEW, RawView
@@ -83,6 +84,9 @@ class BenchmarkScenario:
         require(self.coarse_hold % self.hold == 0, "coarse_hold", self.coarse_hold, bound)
         counts = f"{len(self.pursuers)} v {len(self.evaders)}"
         require(counts == self.game.size, "robots", counts, f"{self.game.size}, as in its game")
+        numbers = [number for robot in (*self.pursuers, *self.evaders) for number in robot]
+        farthest, bound = max(numbers, key=abs), f"within {MAX_SIZE:g} of 0"
+        require(abs(farthest) <= MAX_SIZE, "a robot's number", farthest, bound)
         _require_possible_start(self.game, self.start)
         robots = len(self.game.bodies[self.role])
         holds = steps // self.hold

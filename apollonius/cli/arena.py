@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from apollonius.agents.names import BUILT_IN, SIDES, side_of, zoo_names
+from apollonius.agents.names import BUILT_IN, SIDES, sides_of, zoo_names
 from apollonius.arenas.names import KINDS
 from apollonius.cli.options import add_json, print_next_step, print_result, shell_command
 from apollonius.cli.terminal import advice_table
@@ -211,14 +211,14 @@ def run_players(options: argparse.Namespace) -> int:
     for sides in (SIDES[:1], SIDES[1:], SIDES):
         lines += [
             f"{' or '.join(sides)}:",
-            *_rows({name: words[name] for name in words if side_of(name) == sides}),
+            *_rows({name: words[name] for name in words if sides_of(name) == sides}),
         ]
     extensions = dict.fromkeys(extension_names(PLAYERS), "")
     words |= extensions
     lines += ["of other packages:", *_rows(extensions)] if extensions else []
     lines += ["your own:", *_rows(OTHERS), "more about each: docs/reference/agents.md"]
     facts = [
-        {"name": name, "sides": side_of(name), "about": about} for name, about in words.items()
+        {"name": name, "sides": sides_of(name), "about": about} for name, about in words.items()
     ]
     print_result(options, {"players": facts, "forms": OTHERS}, "\n".join(lines))
     return 0

@@ -21,6 +21,7 @@ from apollonius.cli.options import (
     print_sweep,
     print_with_replays,
     requested_match,
+    require_replays,
     shell_command,
     warn,
 )
@@ -75,6 +76,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
     if options.vary:
         return print_sweep(options, play_match)
     require(options.out is None, "--out", options.out, "given with --vary, whose values it draws")
+    require_replays(options)
     match = requested_match(options, in_one_arena=options.record > 0)  # of which a replay is
     options.display.begin_task(f"playing {match.games:,} games")
     results = play_games(match, report=options.display.report)
@@ -100,6 +102,7 @@ def run_simulate(options: argparse.Namespace) -> int:
                 match, simulate_match(match, drive, report).results
             ),
         )
+    require_replays(options)
     match = requested_match(options, in_one_arena=True)
     display.begin_task("playing with bodies")
     simulated = simulate_match(match, drive, display.report)

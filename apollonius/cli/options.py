@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 AGENT = "a player's name or file; apollonius players lists them"
 """Help for an argument that names a player."""
+REPLAYS = Path("replays")
+"""Folder of replays unless another one is asked for."""
 LENGTHS = ("quick", "standard", "paper")
 """Names of the presets of a training."""
 
@@ -111,9 +113,7 @@ def add_match_options(parser: argparse.ArgumentParser, games: CountLimit = GAMES
     about = "write K games as replays, lost ones first"
     parser.add_argument("--record", type=whole_number(RECORDS), default=0, metavar="K", help=about)
     about = "folder of the replays (default: replays)"
-    parser.add_argument(
-        "--replays", type=new_folder, default=Path("replays"), metavar="DIR", help=about
-    )
+    parser.add_argument("--replays", type=new_folder, default=REPLAYS, metavar="DIR", help=about)
     about = (
         "play a match for each value of a number of the game, as pursuer.v_max=0.8:1.6:5; "
         "twice for pairs"
@@ -128,23 +128,26 @@ def add_match_options(parser: argparse.ArgumentParser, games: CountLimit = GAMES
     )
 
 
-def requested_match(options: argparse.Namespace, in_one_arena: bool) -> "Match":
-    """Make the match that the options describe, and warn about unusual choices.
+def require_replays(options: argparse.Namespace) -> None:
+    """Refuse more replays than games, a folder of replays that cannot be written to, and one for
+    none.
+    """
+    bound = f"from 0 to --games = {options.games}"
+    require(options.record <= options.games, "--record", options.record, bound)
+    if options.record:
+        require_writable("--replays", options.replays)
+    bound = "left out without --record, which says how many"
+    is_needed = options.record or options.replays == REPLAYS
+    require(is_needed, "--replays", options.replays, bound)
 
-    Raises InvalidInput for an impossible match, for more replays than games, and for a folder of
-    replays that cannot be written to.
+
+def requested_match(options: argparse.Namespace, in_one_arena: bool) -> "Match":
+    """Make the match that the options describe, and warn about unusual choices; raises InvalidInput
+    for an impossible one.
     """
     from apollonius.arenas.file import find_game, game_in_one_arena
     from apollonius.evaluate.match import Match
 
-    require(
-        options.record <= options.games,
-        "--record",
-        options.record,
-        f"from 0 to --games = {options.games}",
-    )
-    if options.record:
-        require_writable("--replays", options.replays)
     game = (
         game_in_one_arena(options.game, options.command)
         if in_one_arena

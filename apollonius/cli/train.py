@@ -38,9 +38,6 @@ def add_train(parser: argparse.ArgumentParser) -> None:
     _add_learning_options(parser)
     _add_sweep_options(parser)
     parser.add_argument(
-        "--config", type=existing_file, help="a config.toml to start from instead of a preset"
-    )
-    parser.add_argument(
         "--opponents",
         choices=SCHEMES,
         help="of both sides in self-play (default: latest, each other)",
@@ -59,8 +56,12 @@ def add_train(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_learning_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
+    beginning = parser.add_mutually_exclusive_group()
+    beginning.add_argument(
         "--preset", choices=LENGTHS, default="quick", help="length of training (default: quick)"
+    )
+    beginning.add_argument(
+        "--config", type=existing_file, help="a config.toml to start from instead of a preset"
     )
     parser.add_argument("--stage", choices=STAGES, help="which stage to train (default: both)")
     parser.add_argument(
@@ -179,7 +180,7 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
 
     config = load_config(options.config) if options.config else PRESETS[options.preset]
     kind = options.algorithm or config.algorithm.kind
-    bound = "left out with --algorithm sac, whose numbers a --config says"
+    bound = f"left out with {kind}, whose numbers a --config says"
     require(options.profile is None or kind == "dqn", "--profile", options.profile, bound)
     if kind != config.algorithm.kind:
         config = replace(config, algorithm=SACConfig() if kind == "sac" else DQNConfig())
@@ -188,6 +189,8 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
     if options.stage in (FIXED_TARGET, SELF_PLAY):
         config = replace(config, stages=_chosen_stages(config, options.stage))
     if options.opponents:
+        is_met = any(stage.kind == SELF_PLAY for stage in config.stages)
+        require(is_met, "--opponents", options.opponents, "left out where no side plays itself")
         config = change_stages(config, SELF_PLAY, opponents=options.opponents)
     changes: dict[str, Any] = {
         "seed": options.seed,

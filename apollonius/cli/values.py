@@ -20,7 +20,7 @@ from apollonius.agents.names import (
     LISTED,
     agents_folders,
     bare_name,
-    side_of,
+    sides_of,
     zoo_names,
 )
 from apollonius.arenas.names import game_names, unknown_game
@@ -186,16 +186,16 @@ def existing_agent(text: str, side: str | None = None) -> str:
     names = [*BUILT_IN, *zoo_names()]
     name = bare.removeprefix(FROM_ZOO)
     in_run = [*agents_in_run(bare), *agents_in_run(bare.rpartition("/")[0])]
-    if name in names and side and side not in side_of(name):
+    if name in names and side and side not in sides_of(name):
         raise argparse.ArgumentTypeError(
-            f"'{text}' plays the {side_of(name)[0]}, not the {side}: take another there."
+            f"'{text}' plays the {sides_of(name)[0]}, not the {side}: take another there."
         )
     if name in names or bare in in_run or _path_fact(Path(bare).is_file):
         return text
     extensions = extension_names(PLAYERS)
     if bare in extensions:
         return text
-    names = [candidate for candidate in names if not side or side in side_of(candidate)]
+    names = [candidate for candidate in names if not side or side in sides_of(candidate)]
     suggestion = closest_names(bare, in_run or [*names, *extensions]) or next(iter(in_run), None)
     files = (
         "a .safetensors file, RUN/NAME for an agent of a training run, or PACKAGE:NAME for one "

@@ -4,6 +4,7 @@ the compiled code.
 
 import difflib
 import itertools
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -68,8 +69,8 @@ def variable_numbers(game: Game) -> dict[str, float]:
 
 
 def with_numbers(game: Game, numbers: dict[str, float]) -> Game:
-    """Return a game with other numbers at some dotted paths; raises InvalidInput for impossible
-    paths and values.
+    """Return a game with other numbers at some dotted paths, those of a side's first robot also at
+    its mates that are like it; raises InvalidInput for impossible paths and values.
     """
     numbers_by_path = variable_numbers(game)
     for field in numbers:
@@ -78,7 +79,8 @@ def with_numbers(game: Game, numbers: dict[str, float]) -> Game:
             raise InvalidInput(f"the game has no number '{field}'; did you mean '{near}'?")
 
     leaves = _leaves(game)
-    for name, number in numbers.items():
+    of_mates = {mate: numbers[name] for name in numbers for mate in _like_mates(name, leaves)}
+    for name, number in (of_mates | numbers).items():
         is_count = isinstance(leaves[name], int) and number.is_integer()
         leaves[name] = int(number) if is_count else number
     varied = jax.tree.unflatten(jax.tree.structure(game), leaves.values())
@@ -88,6 +90,15 @@ def with_numbers(game: Game, numbers: dict[str, float]) -> Game:
         assignments = ", ".join(f"{name} = {number:g}" for name, number in numbers.items())
         raise InvalidInput(f"with {assignments}: {error}") from error
     return varied
+
+
+def _like_mates(name: str, leaves: dict[str, Any]) -> list[str]:
+    """Return the paths of a number of a side's first robot at those of its mates that have the
+    same.
+    """
+    side, _, limit = name.partition(".")
+    mates = re.compile(rf"teams\.{side}s\.\d+\.{re.escape(limit)}")
+    return [path for path in leaves if mates.fullmatch(path) and leaves[path] == leaves[name]]
 
 
 def _leaves(game: Game) -> dict[str, Any]:

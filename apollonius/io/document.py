@@ -7,6 +7,7 @@ import os
 import secrets
 import tempfile
 import tomllib
+from collections import Counter
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -106,17 +107,26 @@ def parse_json(content: str | bytes, about: str) -> dict[str, Any]:
         about: Beginning of the message.
 
     Raises:
-        InvalidInput: If the text is no JSON object, is nested too deeply, or has a number that is
-            not finite.
+        InvalidInput: If the text is no JSON object, is nested too deeply, has a key twice in one
+            object, or a number that is not finite.
     """
     try:
-        data = json.loads(content)
+        data = json.loads(content, object_pairs_hook=_without_duplicates)
     # also integers of thousands of digits, and what is no Unicode
     except (ValueError, RecursionError) as error:
         raise InvalidInput(f"{about} ({str(error) or 'nested too deeply'}).") from error
     if not isinstance(data, dict):
         raise InvalidInput(f"{about} (no JSON object).")
     _check(data, about)
+    return data
+
+
+def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object of JSON as a dictionary; raises ValueError where a key comes twice."""
+    data = dict(pairs)
+    if len(data) < len(pairs):
+        twice = next(key for key, count in Counter(key for key, _ in pairs).items() if count > 1)
+        raise ValueError(f"'{twice}' comes twice: remove one")
     return data
 
 

@@ -51,9 +51,9 @@ def read_record(
         InvalidInput: For an unknown key, a value of the wrong kind, or an impossible one.
     """
     try:
-        _require_lists(kind, data)
+        _require_lists(kind, data, "")
         config = dacite.Config(
-            strict=True, cast=[tuple], type_hooks={float: _real, int: _whole} | dict(hooks)
+            strict=True, cast=[tuple], type_hooks={float: _real, int: _no_truth} | dict(hooks)
         )
         return dacite.from_dict(kind, data, config)
     except dacite.UnexpectedDataError as error:
@@ -61,6 +61,8 @@ def read_record(
         raise InvalidInput(f"{source}: {_unknown_key(unknown, kind, named)}") from error
     except dacite.WrongTypeError as error:  # and where none of several types fits
         raise InvalidInput(f"{source}: {_wrong_kind(error, data)}") from error
+    except dacite.MissingValueError as error:
+        raise InvalidInput(f"{source}: {error.field_path} is missing: add it.") from error
     except dacite.DaciteError as error:
         raise InvalidInput(f"{source}: {error}; correct the value.") from error
     except InvalidInput as error:
@@ -76,14 +78,16 @@ def _real(value: Any) -> Any:
     """Accept a whole number for a real one, as people write 1 for 1.0; leave the rest for the type
     check.
     """
-    return float(value) if type(value) is int and abs(value) < _LARGEST_WHOLE else value
+    if type(value) is int and abs(value) < _LARGEST_WHOLE:
+        return float(value)
+    return _no_truth(value)
 
 
-def _whole(value: Any) -> Any:
-    """Refuse True and False, which Python counts among the whole numbers."""
-    if isinstance(value, bool):
-        raise InvalidInput(f"{value} is not possible: it must be a whole number.")
-    return value
+def _no_truth(value: Any) -> Any:
+    """Return a value that the type check refuses for True and False, which Python counts among the
+    numbers.
+    """
+    return str(value) if isinstance(value, bool) else value
 
 
 def _kinds(kind: Any) -> list[Any]:
@@ -92,16 +96,20 @@ def _kinds(kind: Any) -> list[Any]:
     return [member for member in members if member is not NoneType]
 
 
-def _require_lists(kind: Any, data: dict[str, Any], within: str = "") -> None:
-    """Refuse anything but lists for tuples: dacite takes text for a list of letters."""
-    for name in kind.__dataclass_fields__.keys() & data.keys():
-        value = data[name]
-        kinds = _kinds(kind.__dataclass_fields__[name].type)
-        if all(get_origin(alternative) is tuple for alternative in kinds) and value is not None:
-            require(isinstance(value, list | tuple), within + name, value, "a list")
-        for inner in kinds:
-            if is_dataclass(inner) and isinstance(value, dict):
-                _require_lists(inner, value, f"{within}{name}.")
+def _require_lists(kind: Any, value: Any, path: str) -> None:
+    """Refuse anything but lists for tuples, at a path and within: dacite takes text for a list of
+    letters.
+    """
+    kinds = _kinds(kind)
+    if all(get_origin(alternative) is tuple for alternative in kinds) and value is not None:
+        require(isinstance(value, list | tuple), path, _quoted(value), "a list")
+        for item in value:
+            _require_lists(get_args(kinds[0])[0], item, path)
+    for inner in kinds:
+        if is_dataclass(inner) and isinstance(value, dict):
+            for name in inner.__dataclass_fields__.keys() & value.keys():
+                type_of_field = inner.__dataclass_fields__[name].type
+                _require_lists(type_of_field, value[name], f"{path}.{name}" if path else name)
 
 
 def _wrong_kind(error: dacite.WrongTypeError, data: Any) -> str:
@@ -110,7 +118,13 @@ def _wrong_kind(error: dacite.WrongTypeError, data: Any) -> str:
     for part in str(error.field_path).split("."):
         value = value.get(part, error.value) if isinstance(value, dict) else error.value
     bound = _in_words(error.field_type)
-    return f"{error.field_path} = {format_value(value)} is not possible: it must be {bound}."
+    shown = format_value(_quoted(value))
+    return f"{error.field_path} = {shown} is not possible: it must be {bound}."
+
+
+def _quoted(value: Any) -> Any:
+    """Return text with its quotation marks, so that "1" is not taken for 1."""
+    return f'"{value}"' if isinstance(value, str) else value
 
 
 def _in_words(kind: Any) -> str:
@@ -119,7 +133,12 @@ def _in_words(kind: Any) -> str:
         return f"one of {', '.join(map(str, get_args(first)))}"
     if get_origin(first) is tuple:
         inner = get_args(first)[0]
-        return f"a list of {'tables' if is_dataclass(inner) else _PLURAL.get(inner, 'lists')}"
+        if is_dataclass(inner):
+            return "a list of tables"
+        parts = get_args(inner)
+        if get_origin(inner) is tuple and ... not in parts:
+            return f"a list of lists of {len(parts)} {_PLURAL.get(_kinds(parts[0])[0], 'values')}"
+        return f"a list of {_PLURAL.get(inner, 'lists')}"
     return "a table" if is_dataclass(first) else _SINGULAR.get(first, "of another kind")
 
 

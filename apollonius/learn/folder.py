@@ -82,7 +82,7 @@ def lock_run(folder: Path) -> Generator[None, None, None]:
     """
 
     def opener(path: str, flags: int) -> int:
-        return os.open(path, flags | os.O_NOFOLLOW)
+        return os.open(path, flags | os.O_NOFOLLOW, 0o666)
 
     with open(
         folder / METRICS, "a+b", opener=opener

@@ -106,7 +106,7 @@ class PPOConfig(Algorithm):
         require_positive(self, "steps", "epochs", "clip", "critic_learning_rate", "magnet_rounds")
         require_within(self, 0, 10**9, "magnet")
         require_within(self, 0, 1, "clip", "trace", "entropy", "critic_learning_rate")
-        require_within(self, 0, 2**31, "critic_first")
+        require_within(self, 0, 2**31 - 1, "critic_first")
         TRANSITIONS.require("games x steps", self.env_steps_per_iteration)
         whole = self.env_steps_per_iteration % self.batch == 0
         require(
@@ -245,7 +245,7 @@ class PPOConfig(Algorithm):
         """Copy the network to the magnet where that is due."""
         if learner.magnet is None:
             return learner
-        is_due = learner.updates % (self.magnet_rounds * updates_per_round) == 0
+        is_due = learner.updates // updates_per_round % self.magnet_rounds == 0
         return replace(learner, magnet=tree_where(is_due, learner.network, learner.magnet))
 
     def update(

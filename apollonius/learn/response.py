@@ -31,7 +31,7 @@ from apollonius.learn.one_side import (
 )
 from apollonius.learn.ppo import PPOConfig
 from apollonius.learn.replay_buffer import rows_of
-from apollonius.learn.restarts import RestartBuffer, add_losses, empty_restarts, mix_in_restarts
+from apollonius.learn.restarts import GamesAndLosses, add_losses, empty_restarts, mix_in_restarts
 from apollonius.learn.stage import NO_NETWORKS, Metrics, TrainState, end_iteration, zero_counters
 from apollonius.observe.registry import find_observation
 from apollonius.play.rollout import collect, init_games
@@ -194,12 +194,12 @@ def _first_games(
     network: QNetwork,
     task: TrainingTask,
     key: PRNGKeyArray,
-) -> RestartBuffer:
+) -> GamesAndLosses:
     bits = jnp.zeros((2, algorithm.games), jnp.uint32)
     starts = reset_batch(task.game, key, algorithm.games)
     players = _players(config, algorithm, network, task)
     games = init_games(task.game, starts, players, bits)
-    return RestartBuffer(games, empty_restarts(starts))
+    return GamesAndLosses(games, empty_restarts(starts))
 
 
 @functools.partial(jax.jit, static_argnames=("config", "algorithm"), donate_argnames="state")
@@ -235,4 +235,4 @@ def train_round(
         config.clearance_margin,
     )
     lost = add_losses(before.lost_states, game, before.games.state, played.outcome, side)
-    return end_iteration(state, RestartBuffer(games, lost), played, env_steps, {side: after})
+    return end_iteration(state, GamesAndLosses(games, lost), played, env_steps, {side: after})

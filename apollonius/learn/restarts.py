@@ -1,4 +1,4 @@
-"""Practice: games that begin where others were lost."""
+"""Games that begin where others were lost."""
 
 import equinox as eqx
 import jax
@@ -17,7 +17,7 @@ _TOO_LATE = 1.5
 """Time [s] before the end of a lost game from which on it is not begun again."""
 
 
-class RestartBuffer(eqx.Module):
+class GamesAndLosses(eqx.Module):
     """The running games of a task, and states from which the learner lost within a round."""
 
     games: Games

@@ -148,7 +148,7 @@ class SACConfig(ReplayAlgorithm):
         require_within(
             self, -1_000, 1.38, "target_entropy"
         )  # of uniformly random actions it is 2 log(2) = 1.386
-        require_within(self, 0, 2**31, "critics_first")
+        require_within(self, 0, 2**31 - 1, "critics_first")
         whole = self.noise_steps >= 1 and self.noise_steps % self.steps_per_iteration == 0
         bound = f"a multiple of env_steps_per_update / games = {self.steps_per_iteration}"
         require(whole, "noise_steps", self.noise_steps, bound)

@@ -45,8 +45,7 @@ class Track(eqx.Module):
             middle of the arena, at rest.
         ages: for how long they have been hidden [s].
         pending: what they saw in the latest steps and do not know yet, the newest first; None
-            without
-            a delay.
+            without a delay.
         belief: as old as what they know; None without a chart.
         sightings: in the game so far; None where nobody counts them.
     """

@@ -43,8 +43,7 @@ class Robot(eqx.Module):
         active: whether it is in play.
         age: for how long the robot has been hidden [s].
         predicted_state: its state when a command that is given now takes effect; None if that is
-            now, or not
-            known.
+            now, or not known.
         turn_time: in which its drive changes the turn rate by u2_max [s]; None for one that does so
             at once.
         turn_rate: when a command that is given now takes effect [rad/s]; None without a turn time.

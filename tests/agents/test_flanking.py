@@ -109,7 +109,7 @@ def test_flanking_prefix_finds_its_player_and_refuses_others():
         ("flanking:evader", Role.EVADER, PAIR, "only pursuers"),
         ("flanking:pursuer", Role.PURSUER, with_chart(ROAD), "single pursuer"),
         ("flanking:intercept", Role.PURSUER, PAIR, "values the nine actions"),
-        ("flanking:shielded:pursuer", Role.PURSUER, PAIR, "values the nine actions"),
+        ("flanking:shielded:pursuer", Role.PURSUER, PAIR, "in this order, each once"),
     ):
         with pytest.raises(InvalidInput, match=message):
             find_player(name, role, game)

@@ -177,6 +177,7 @@ WRONG = {
     "line": {"line": [[0, 0, 0]]},
     "lists of 6 actions": {"line": [[0, 0, 0, 0, 0, 9]]},
     "robots": {"evaders": []},
+    r"robot's number = 1e\+39 .* within 1e\+06": {"evaders": [[1e39, 0.5, 0.0, 0.0]]},
     "side": {"side": "referee"},
     "task": {"task": "two\nlines"},
     "in free space": {"evaders": [[9.0, 0.5, 0.0, 0.0]]},

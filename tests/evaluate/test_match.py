@@ -341,6 +341,17 @@ def test_with_numbers_changes_only_the_named_numbers():
     assert variable_numbers(other) == variable_numbers(PAPER) | {"evader.u2_max": 0.4, "max_steps": 70}
 
 
+def test_mates_change_with_the_first_robot_if_they_are_like_it():
+    """Unless they are named themselves."""
+    alike = find_game("team-3v1")
+    slow = with_numbers(alike, {"pursuer.v_max": 0.5})
+    assert [body.v_max for body in slow.bodies.pursuer] == [0.5, 0.5, 0.5]
+    assert slow.evader == alike.evader
+    one = with_numbers(alike, {"pursuer.v_max": 0.5, "teams.pursuers.0.v_max": 0.7})
+    assert [body.v_max for body in one.bodies.pursuer] == [0.5, 0.7, 0.5]
+    assert [body.v_max for body in with_numbers(one, {"pursuer.v_max": 0.9}).bodies.pursuer] == [0.9, 0.7, 0.9]
+
+
 @pytest.mark.parametrize(
     ("numbers", "named"),
     [

@@ -31,6 +31,7 @@ from apollonius.game.outcome import counts_by_name
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
+from apollonius.io.document import parse_json
 from apollonius.io.errors import InvalidInput
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import FORMAT as CHECKPOINT
@@ -330,3 +331,9 @@ def test_pipe_in_place_of_a_file_is_refused_without_waiting(kind, file):
     path.unlink()
     os.mkfifo(path)
     assert refusal_of(kind, path) is not None
+
+
+def test_key_that_comes_twice_is_refused():
+    with pytest.raises(InvalidInput, match=r"a record .*'dt' comes twice: remove one"):
+        parse_json('{"dt": 0.1, "pursuer": {"radius": 1}, "dt": 0.2}', "a record")
+    assert parse_json('{"a": {"dt": 1}, "b": {"dt": 2}}', "a record") == {"a": {"dt": 1}, "b": {"dt": 2}}

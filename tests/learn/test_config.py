@@ -238,6 +238,8 @@ def test_sweep_refuses_unknown_fields_and_bad_values(field, values, naming):
     [
         ("[algorithm]\nbatch = 3", "algorithm: kind = nothing .*one of dqn, sac, ppo"),
         ('[algorithm]\nkind = "dnq"', "algorithm: kind = dnq .*one of dqn, sac, ppo"),
+        ('[algorithm]\nkind = "ppo"\nmagnet = true', "magnet = true .* a number"),
+        ('[algorithm]\nkind = "ppo"\ncritic_first = 2147483648', "critic_first = 2147483648 .* 2,147,483,647"),
         ('[algorithm]\nkind = "dqn"\nbatsh = 3', "algorithm, dqn: unknown key 'batsh'; did you mean 'batch'"),
         ('[[stages]]\nkind = "selfplay"', "stages: kind = selfplay .*one of fixed-target, self-play"),
         ('[[stages]]\nkind = "self-play"\nevaders = ["still"]', "stages, self-play: unknown key 'evaders'"),

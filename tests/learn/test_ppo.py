@@ -244,6 +244,8 @@ def test_magnet_is_renewed_when_its_rounds_are_over(learner):
     assert eqx.tree_equal(two.magnet, two.network)
     three, _ = update_learner(two, row, pulled)
     assert eqx.tree_equal(three.magnet, two.network)
+    never, _ = update_learner(two, row, replace(pulled, magnet_rounds=2**31 - 1))
+    assert eqx.tree_equal(never.magnet, two.magnet)
     assert learner.magnet is None
 
 
