@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Generic, Protocol, TypeVar, runtime_checkable
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
@@ -32,12 +33,19 @@ from apollonius.io.limits import PARALLEL_GAMES, TRANSITIONS
 from apollonius.learn.replay_buffer import Row
 from apollonius.observe.registry import find_observation
 
+T = TypeVar("T")
+
 
 def interpolate_linearly(start: Real, end: Real, over: Real, env_steps: Int[Array, ""]) -> Scalar:
     """Interpolate from `start` to `end` over the first `over` env steps; constant from then on."""
     fraction = jnp.clip(env_steps.astype(jnp.float32) / jnp.maximum(over, 1), 0.0, 1.0)
     value: Real = start + (end - start) * fraction
     return value
+
+
+def descend(weights: T, direction: Any, rate: Real) -> T:
+    """Return weights after a step of a size against a direction, a tree like theirs."""
+    return eqx.apply_updates(weights, jax.tree.map(lambda step: -rate * step, direction))
 
 
 def require_reward_in_play(game: Game, role: Role) -> None:

@@ -13,7 +13,7 @@ from apollonius.agents.network import QNetwork, interpolate_weights, make_networ
 from apollonius.agents.trained import EpsilonGreedy, Greedy
 from apollonius.game.types import Scalar, tree_where
 from apollonius.io.errors import require_positive, require_within
-from apollonius.learn.algorithm import interpolate_linearly
+from apollonius.learn.algorithm import descend, interpolate_linearly
 from apollonius.learn.replay_algorithm import ReplayAlgorithm
 from apollonius.learn.replay_buffer import TransitionBatch
 
@@ -65,9 +65,7 @@ def adam_step(
     the network.
     """
     direction, optimiser = _adam.update(gradient, learner.optimiser)
-    network = eqx.apply_updates(
-        learner.network, jax.tree.map(lambda step: -learning_rate * step, direction)
-    )
+    network = descend(learner.network, direction, learning_rate)
     average = network
     if averaging < 1:
         average = interpolate_weights(learner.average, network, averaging)

@@ -82,7 +82,7 @@ class FixedTarget(RolloutStage):
         return BySide(self.explorer(state, Role.PURSUER), self.evaders)
 
     def iterate(self, state: TrainState, starts: GameState) -> tuple[TrainState, Metrics]:
-        play_key, learn_key, _ = jax.random.split(state.iteration_key(1), 3)
+        play_key, learn_key = jax.random.split(state.iteration_key(1))
         # Algorithm 1, lines 4 to 7: actions are executed; games that are over begin again.
         games, played = self.play(state, starts, play_key)
         env_steps = state.env_steps + self.algorithm.env_steps_per_iteration

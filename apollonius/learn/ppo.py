@@ -32,7 +32,7 @@ from apollonius.game.game import Game
 from apollonius.game.types import Real, Scalar, tree_where
 from apollonius.io.errors import require, require_positive, require_within
 from apollonius.io.limits import TRANSITIONS
-from apollonius.learn.algorithm import Algorithm, LearningSide, interpolate_linearly
+from apollonius.learn.algorithm import Algorithm, LearningSide, descend, interpolate_linearly
 from apollonius.learn.replay_buffer import Row
 
 _adam, _critic_adam = (
@@ -268,12 +268,8 @@ class PPOConfig(Algorithm):
         critic_direction, critic_optimiser = _critic_adam.update(
             of_critic, learner.critic_optimiser
         )
-        network = eqx.apply_updates(
-            learner.network, jax.tree.map(lambda step: -rate * step, direction)
-        )
-        critic = eqx.apply_updates(
-            learner.critic, jax.tree.map(lambda step: -critic_rate * step, critic_direction)
-        )
+        network = descend(learner.network, direction, rate)
+        critic = descend(learner.critic, critic_direction, critic_rate)
         after = PPOLearner(
             network, critic, learner.magnet, optimiser, critic_optimiser, learner.updates + 1
         )

@@ -24,6 +24,7 @@ from apollonius.agents.network import (
 from apollonius.agents.trained import SquashedGaussian
 from apollonius.game.types import Scalar
 from apollonius.io.errors import require, require_positive, require_within
+from apollonius.learn.algorithm import descend
 from apollonius.learn.replay_algorithm import ReplayAlgorithm
 from apollonius.learn.replay_buffer import TransitionBatch
 from apollonius.observe.registry import find_observation
@@ -217,12 +218,8 @@ class SACConfig(ReplayAlgorithm):
         direction, optimiser = _adam.update(gradient, learner.optimiser)
         of_actor, of_critics, of_temperature = direction
         acts = (learner.updates >= self.critics_first).astype(jnp.float32)
-        network = eqx.apply_updates(
-            learner.network, jax.tree.map(lambda step: -acts * learning_rate * step, of_actor)
-        )
-        critics = eqx.apply_updates(
-            learner.critics, jax.tree.map(lambda step: -learning_rate * step, of_critics)
-        )
+        network = descend(learner.network, of_actor, acts * learning_rate)
+        critics = descend(learner.critics, of_critics, learning_rate)
         average = interpolate_weights(learner.average, network, self.averaging)
         target = interpolate_weights(learner.target, critics, self.target_averaging)
         log_temperature = learner.log_temperature - acts * learning_rate * of_temperature

@@ -79,12 +79,12 @@ def states_near(game: Game, visited: GameState, key: PRNGKeyArray) -> GameState:
     An opponent that knows the student forces it into states that its own games do not visit. The
     key is consumed.
     """
-    around_key, close_key, anywhere_key = jax.random.split(key, 3)
+    around_key, far_key, close_key, anywhere_key = jax.random.split(key, 4)
     games, some = len(visited.steps), len(visited.steps) // 4
     around = jax.vmap(_around, in_axes=(None, 0, 0))(
         game, visited, jax.random.split(around_key, games)
     )
-    far = _anywhere(game, some, close_key)
+    far = _anywhere(game, some, far_key)
     close = jax.vmap(_closer, in_axes=(None, 0, 0))(game, far, jax.random.split(close_key, some))
     parts = visited, around, close, _anywhere(game, some, anywhere_key)
     return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
