@@ -221,6 +221,8 @@ REFUSED = {
     "train --stage fixed-target --opponents uniform": "--opponents = uniform is not possible: it must be left out",
     f"train --config {RESPONSE} --preset quick": "not allowed with argument",
     f"train --config {RESPONSE} --profile fast": "left out with ppo",
+    "exploit evader still --attackers zoo --responses 2": "--responses = 2 is not possible: it must be left out",
+    "exploit evader still --attackers planner --grid 5x5x3x4": "left out without the attacker table",
     "exploit evader still --attackers zoo planner --games 1 --game team-2v1": "it must be 1 v 1: the planner",
     "evaluate random still --vary dt": "FIELD=FROM:TO:COUNT", "evaluate random still --vary dt=0.1:x:2": "= x",
     "evaluate random still --vary dt=1:1.0:2": "different ends",
