@@ -13,7 +13,7 @@ Three questions about each start, in the game `paper`:
 A start is `forced` if that pursuer catches all these and no policy survives the planner;
 `not forced` if a policy survives these four games. Neither is a proof. The fourteen lost
 starts of seed 0 are those of `docs/results/any/lost.json`; those of other seeds are lost within
-15 s. OUT is read first, so that a stopped run is continued. About an hour of a core.
+15 s. OUT is read first, so that a stopped run is continued. Two minutes of a core a start.
 """
 
 import argparse
