@@ -9,7 +9,6 @@ network, renewed now and then, from which the policy departs at a price (Yu et a
 policy gradient method with iteratively refined regularization for finding Nash equilibria", 2026).
 """
 
-import functools
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -320,9 +319,13 @@ def clipped_loss(
     network, critic = networks
     logarithms = config.sampler(network, clearance_margin).log_probabilities(batch.observation)
     ratio = jnp.exp(_of_actions(logarithms, batch.action) - batch.log_probability)
-    mean = functools.partial(jnp.mean, where=batch.active)
-    spread = jnp.std(batch.advantage, where=batch.active) + 1e-6
-    gain = (batch.advantage - mean(batch.advantage)) / spread
+    count = jnp.maximum(jnp.sum(batch.active), 1)
+
+    def mean(values: Float[Array, " rows"]) -> Scalar:
+        return jnp.sum(values, where=batch.active) / count
+
+    above_mean = batch.advantage - mean(batch.advantage)
+    gain = above_mean / (jnp.sqrt(mean(above_mean**2)) + 1e-6)
     clipped = jnp.clip(ratio, 1 - config.clip, 1 + config.clip)
     gains = mean(jnp.minimum(ratio * gain, clipped * gain))
     probabilities = jnp.exp(logarithms)

@@ -159,6 +159,15 @@ def test_ppo_loss_matches_schulman_et_al_over_active_rows(learner):
     np.testing.assert_allclose(found, expected - gains - 0.01 * entropy, rtol=1e-4, atol=1e-5)
 
 
+def test_batch_in_which_nobody_is_in_play_changes_nothing(learner):
+    batch = batch_of(jax.random.key(3), active=jnp.zeros(64, bool))
+    (loss, error), gradient = eqx.filter_value_and_grad(ppo.clipped_loss, has_aux=True)(
+        (learner.network, learner.critic), PPO, batch, 0.0
+    )
+    assert float(loss) == float(error) == 0.0
+    assert all(not np.any(leaf) for leaf in jax.tree.leaves(gradient))
+
+
 def test_update_raises_the_rewarded_action_less_with_a_narrow_clip(learner):
     """Here action 3 ends a game well."""
     row = random_row(jax.random.key(4), terminated=jnp.ones((16, 32), bool))
