@@ -65,6 +65,7 @@ def package_folder(tmp_path, monkeypatch):
     monkeypatch.setattr(arenas, "_KINDS", {})
     for name in list(registry.OBSERVATIONS):
         monkeypatch.setitem(registry.OBSERVATIONS, name, registry.OBSERVATIONS[name])
+    registry.OBSERVATIONS.pop("camera", None)
     yield tmp_path
     registry.OBSERVATIONS.pop("camera", None)
     for module in [name for name in sys.modules if name.partition(".")[0] == "mine"]:

@@ -46,10 +46,11 @@ PREFIXES = IDENTIFYING, SHIELDED, SEARCHING, FLANKING
 
 def prefixes_of(name: str) -> list[str]:
     """Return the prefixes of wrappers with which a player's name begins, in whatever order."""
-    for prefix in PREFIXES:
-        if name.startswith(prefix):
-            return [prefix, *prefixes_of(name.removeprefix(prefix))]
-    return []
+    found, rest = list[str](), name
+    while rest.startswith(PREFIXES):
+        found.append(next(prefix for prefix in PREFIXES if rest.startswith(prefix)))
+        rest = rest.removeprefix(found[-1])
+    return found
 
 
 def bare_name(name: str) -> str:

@@ -291,7 +291,7 @@ def test_movers_of_a_file_come_back_from_their_record(tmp_path):
     ("[5, 1]]", "[11, 1]]", "movers.shuttles[0].waypoints[1]"),
     ("[[1, 1], [5, 1]]", "[[1, 1]]", "movers.shuttles[0].waypoints"),
     ("[5, 1]]", "[1, 1]]", "movers.shuttles[0].waypoints"),
-    ("[[1, 1], [5, 1]]", "7", "wrong kind"),
+    ("[[1, 1], [5, 1]]", "7", "movers.shuttles.waypoints = 7 is not possible: it must be a list"),
     ("[5, 1]]", "[5, 1]]\nradius = 0", "movers.shuttles[0].radius"),
     ("[5, 1]]", "[5, 1]]\na_max = 0", "movers.shuttles[0].a_max"),
     ("[5, 1]]", "[5, 1]]\npause = -1", "movers.shuttles[0].pause"),
