@@ -46,11 +46,11 @@ PREFIXES = IDENTIFYING, SHIELDED, SEARCHING, FLANKING
 
 def prefixes_of(name: str) -> list[str]:
     """Return the prefixes of wrappers with which a player's name begins, in whatever order."""
-    found, rest = list[str](), name
+    prefixes, rest = list[str](), name
     while rest.startswith(PREFIXES):
-        found.append(next(prefix for prefix in PREFIXES if rest.startswith(prefix)))
-        rest = rest.removeprefix(found[-1])
-    return found
+        prefixes.append(next(prefix for prefix in PREFIXES if rest.startswith(prefix)))
+        rest = rest.removeprefix(prefixes[-1])
+    return prefixes
 
 
 def bare_name(name: str) -> str:
