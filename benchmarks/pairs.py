@@ -17,16 +17,14 @@ from typing import Any
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from apollonius.agents.names import SHIELDED
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractValueWrapper, Memory
 from apollonius.agents.source import NamedPlayer
-from apollonius.agents.wrappers.shield import with_shield
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
 from apollonius.evaluate.match import Match, play_games
 from apollonius.evaluate.statistics import paired_difference_interval
 from apollonius.game.game import Game
-from apollonius.game.outcome import PURSUER_WINS
+from apollonius.game.outcome import EVADER_FAILS, PURSUER_WINS
 from apollonius.game.types import BySide, Outcome, RandomBits, Role
 from apollonius.observe.view import View
 
@@ -51,16 +49,12 @@ class Alone(AbstractValueWrapper):
 
 
 def find_pursuer(name: str, game: Game) -> NamedPlayer:
-    """Return the pursuer of a name, which may be `alone:` after `shielded:`."""
-    bare = name.removeprefix(SHIELDED)
-    if not bare.startswith("alone:"):
+    """Return the pursuer of a name, which may begin with `alone:`."""
+    if not name.startswith("alone:"):
         return find_player(name, Role.PURSUER, game)
-    inner = find_player(bare.removeprefix("alone:"), Role.PURSUER, game).policy
+    inner = find_player(name.removeprefix("alone:"), Role.PURSUER, game).policy
     assert isinstance(inner, AbstractActionValuePolicy)
-    policy = Alone(inner)
-    if name == bare:
-        return NamedPlayer(name, policy)
-    return NamedPlayer(name, with_shield(policy, game, Role.PURSUER))
+    return NamedPlayer(name, Alone(inner))
 
 
 def play(game_name: str, pursuer: str, evader: str, games: int, seed: int) -> dict[str, Any]:
@@ -75,14 +69,14 @@ def play(game_name: str, pursuer: str, evader: str, games: int, seed: int) -> di
     match = Match(game, players, games, seed)
     results = play_games(match, slots=min(games, SLOTS), report=report)
     outcome, steps = np.asarray(results.outcome), np.asarray(results.steps)
-    captured = outcome == Outcome.CAPTURED
-    failed = ~np.isin(outcome, PURSUER_WINS) & (outcome != Outcome.NO_RESULT)
+    is_capture = outcome == Outcome.CAPTURED
+    is_failure = ~np.isin(outcome, PURSUER_WINS) & (outcome != Outcome.NO_RESULT)
     return {
-        "captures": int(captured.sum()),
-        "evader_failed": int(np.isin(outcome, PURSUER_WINS).sum() - captured.sum()),
-        "pursuers_failed": int(failed.sum()),
-        "mean_seconds": round(float(np.mean(steps[captured]) * game.dt), 1),
-        "captured": "".join("01"[int(flag)] for flag in captured),
+        "captures": int(is_capture.sum()),
+        "evader_failed": int(np.isin(outcome, EVADER_FAILS).sum()),
+        "pursuers_failed": int(is_failure.sum()),
+        "mean_seconds": round(float(np.mean(steps[is_capture]) * game.dt), 1),
+        "captured": "".join(map(str, is_capture.astype(int))),
         "processor_seconds": round(process_time() - start),
     }
 

@@ -32,7 +32,7 @@ PLAYERS = {
 """By name, and the sides that they can play. Classical ones have to know the game."""
 
 BY_CHART = "search", "hide"
-"""Players that find their way by the arena's chart, alone too."""
+"""Players that find their way by the arena's chart in games of two, too."""
 
 
 class BuiltIn(PlayerSource):

@@ -38,8 +38,6 @@ SEARCHING = "searching:"
 """Prefix that makes the pursuer of a name search while it does not see its opponent."""
 FLANKING = "flanking:"
 """Prefix that makes the pursuer of a name, in a team, go round to the evader's other side."""
-
-
 PREFIXES = IDENTIFYING, SHIELDED, SEARCHING, FLANKING
 """Prefixes of wrappers, in their order."""
 

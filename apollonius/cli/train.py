@@ -189,8 +189,9 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
     if options.stage in (FIXED_TARGET, SELF_PLAY):
         config = replace(config, stages=_chosen_stages(config, options.stage))
     if options.opponents:
-        is_met = any(stage.kind == SELF_PLAY for stage in config.stages)
-        require(is_met, "--opponents", options.opponents, "left out where no side plays itself")
+        has_self_play = any(stage.kind == SELF_PLAY for stage in config.stages)
+        bound = "left out where no stage is self-play"
+        require(has_self_play, "--opponents", options.opponents, bound)
         config = change_stages(config, SELF_PLAY, opponents=options.opponents)
     changes: dict[str, Any] = {
         "seed": options.seed,

@@ -105,11 +105,12 @@ def _require_lists(kind: Any, value: Any, path: str) -> None:
         require(isinstance(value, list | tuple), path, _quoted(value), "a list")
         for item in value:
             _require_lists(get_args(kinds[0])[0], item, path)
-    for inner in kinds:
-        if is_dataclass(inner) and isinstance(value, dict):
-            for name in inner.__dataclass_fields__.keys() & value.keys():
-                type_of_field = inner.__dataclass_fields__[name].type
-                _require_lists(type_of_field, value[name], f"{path}.{name}" if path else name)
+    if not isinstance(value, dict):
+        return
+    for table in filter(is_dataclass, kinds):
+        for name in table.__dataclass_fields__.keys() & value.keys():
+            type_of_field = table.__dataclass_fields__[name].type
+            _require_lists(type_of_field, value[name], f"{path}.{name}" if path else name)
 
 
 def _wrong_kind(error: dacite.WrongTypeError, data: Any) -> str:

@@ -44,7 +44,7 @@ def interpolate_linearly(start: Real, end: Real, over: Real, env_steps: Int[Arra
 
 
 def descend(weights: T, direction: Any, rate: Real) -> T:
-    """Return weights after a step of a size against a direction, a tree like theirs."""
+    """Return weights less a direction, a tree like theirs, times the rate."""
     return eqx.apply_updates(weights, jax.tree.map(lambda step: -rate * step, direction))
 
 
@@ -248,7 +248,7 @@ class Algorithm:
         """
 
     def first_network(
-        self, name: str, role: Role, game: Game, lost: float | None, field: str = ""
+        self, name: str, role: Role, game: Game, unit: float | None, field: str = ""
     ) -> Network:
         """Load the network that a side starts from, an agent's, in the units of the training.
 
@@ -256,16 +256,16 @@ class Algorithm:
             name: name or file of the agent.
             role: the side.
             game: the game of the training.
-            lost: value of a lost game in these units; None for the agent's own.
+            unit: value of a lost game in these units; None for the agent's own.
             field: what messages call the agent; the side where it is left out.
 
         Raises:
             InvalidInput: for an unknown agent, and one that does not fit (`fit_network`).
         """
         network = self.fit_network(load_network(name, role), field or role.name.lower(), name)
-        if lost is None or not isinstance(network, QNetwork):
+        if unit is None or not isinstance(network, QNetwork):
             return network
-        return scale_outputs(network, lost / loss_value(find_player(name, role, game), game))
+        return scale_outputs(network, unit / loss_value(find_player(name, role, game), game))
 
     def fit_network(self, network: Network, name: str, value: object) -> Network:
         """Return a network to go on from; one that reads a part of the observation has weights of 0

@@ -142,7 +142,7 @@ class DistillationConfig(OneSideConfig):
     def make(self, algorithm: DQNConfig, game: Game, folder: Path | None = None) -> "Distillation":
         tasks = distillation_tasks(self, game, folder and folder / TABLES)
         first = tasks[0].game
-        if self.solves:
+        if self.solves:  # in the arena of the first tables
             evaluation_game = replace(first, reward=game.reward, max_steps=game.max_steps)
         else:
             evaluation_game = replace(game, chart=first.chart)

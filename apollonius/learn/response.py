@@ -226,7 +226,7 @@ def train_round(
     )
     env_steps = state.env_steps + algorithm.env_steps_per_iteration
     rows = rows_of(played, side, config.limit_terminates)
-    after = algorithm.learn(
+    side_and_error = algorithm.learn(
         state.learners[side],
         replace(rows, reward=rows.reward / algorithm.reward_unit(game)),
         config.env_steps,
@@ -235,4 +235,5 @@ def train_round(
         config.clearance_margin,
     )
     lost = add_losses(before.lost_states, game, before.games.state, played.outcome, side)
-    return end_iteration(state, GamesAndLosses(games, lost), played, env_steps, {side: after})
+    after = GamesAndLosses(games, lost)
+    return end_iteration(state, after, played, env_steps, {side: side_and_error})

@@ -285,9 +285,9 @@ def load_first_network(config: RunConfig, role: Role) -> Network | None:
     name = config.first_agents[role]
     if name is None:
         return None
-    learns = [stage for stage in config.stages if role in stage.roles]
-    lost = learns[0].loss_value(config.algorithm) if learns else None
-    return config.algorithm.first_network(name, role, config.game, lost)
+    stages = [stage for stage in config.stages if role in stage.roles]
+    unit = stages[0].loss_value(config.algorithm) if stages else None
+    return config.algorithm.first_network(name, role, config.game, unit)
 
 
 def require_agents(config: RunConfig) -> None:

@@ -9,8 +9,7 @@ from stable_baselines3 import A2C, DQN, PPO
 
 from apollonius import Role
 from benchmarks.entrants.game import BATCH, ENV_STEPS, GAMES, HIDDEN, ROLLOUT, Layers, make_games
-from benchmarks.entrants.torch_networks import layers_of
-from benchmarks.peers_sb3 import Games
+from benchmarks.peers_sb3 import Games, layers_of
 
 
 def _train(algorithm: Any, role: Role, seed: int, net_arch: Any, **options: Any) -> Any:

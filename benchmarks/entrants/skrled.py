@@ -27,7 +27,8 @@ from benchmarks.entrants.game import (
     Layers,
     make_games,
 )
-from benchmarks.entrants.torch_networks import layers_of, make_layers
+from benchmarks.entrants.torch_networks import make_layers
+from benchmarks.peers_sb3 import layers_of
 
 
 class Actor(CategoricalMixin, Model):

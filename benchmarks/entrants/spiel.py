@@ -11,7 +11,8 @@ from open_spiel.python.pytorch.ppo import PPO, PPOAgent, layer_init
 from apollonius import Role
 from apollonius.game.types import NUM_ACTIONS
 from benchmarks.entrants.game import ENV_STEPS, GAMES, OBSERVATION, ROLLOUT, Layers, make_games
-from benchmarks.entrants.torch_networks import layers_of, make_layers
+from benchmarks.entrants.torch_networks import make_layers
+from benchmarks.peers_sb3 import layers_of
 
 LEARNING_RATE = 2.5e-4
 

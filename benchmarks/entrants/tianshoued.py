@@ -25,7 +25,7 @@ from benchmarks.entrants.game import (
     Layers,
     make_games,
 )
-from benchmarks.entrants.torch_networks import layers_of
+from benchmarks.peers_sb3 import layers_of
 
 
 class Games(BaseVectorEnv):

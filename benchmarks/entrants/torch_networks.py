@@ -1,4 +1,4 @@
-"""Networks of PyTorch as wide as all entrants, and their weights."""
+"""Networks of PyTorch as wide as all entrants."""
 
 # pyright: reportMissingImports=false
 
@@ -7,7 +7,7 @@ from typing import Any
 
 import torch
 
-from benchmarks.entrants.game import HIDDEN, OBSERVATION, Layers
+from benchmarks.entrants.game import HIDDEN, OBSERVATION
 
 
 def make_layers(
@@ -27,17 +27,3 @@ def make_layers(
         size = units
     last_gain = 0.01 if outputs > 1 else 1.0
     return torch.nn.Sequential(*modules, start(torch.nn.Linear(size, outputs), last_gain))
-
-
-def layers_of(*modules: Any) -> Layers:
-    """Return the weights of all linear layers of some modules, in their order."""
-    linear = [
-        layer
-        for module in modules
-        for layer in module.modules()
-        if isinstance(layer, torch.nn.Linear)
-    ]
-    return [
-        (layer.weight.detach().numpy().copy(), layer.bias.detach().numpy().copy())
-        for layer in linear
-    ]
